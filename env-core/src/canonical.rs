@@ -1,0 +1,34 @@
+//! The canonical binary form behind ids: one value, one sequence of bytes.
+
+/// Appends values in the canonical form: little-endian, lengths before contents, `−0.0` as `0.0`.
+#[derive(Default)]
+pub(crate) struct Canonical(Vec<u8>);
+
+impl Canonical {
+    pub(crate) fn new(magic: &str) -> Self {
+        let mut canonical = Self::default();
+        canonical.text(magic);
+        canonical
+    }
+
+    pub(crate) fn count(&mut self, value: usize) {
+        self.0.extend_from_slice(&(value as u64).to_le_bytes());
+    }
+
+    pub(crate) fn whole(&mut self, value: u64) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub(crate) fn number(&mut self, value: f64) {
+        self.0.extend_from_slice(&(value + 0.0).to_bits().to_le_bytes());
+    }
+
+    pub(crate) fn text(&mut self, value: &str) {
+        self.count(value.len());
+        self.0.extend_from_slice(value.as_bytes());
+    }
+
+    pub(crate) fn finish(self) -> Vec<u8> {
+        self.0
+    }
+}

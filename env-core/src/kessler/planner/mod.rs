@@ -1,0 +1,75 @@
+//! The reference planner: panel, floor, reference and witness of a scenario, without the agent.
+//!
+//! It works with hindsight: it knows rogues to come and debris no radar sees. What it earns is a lower bound on the
+//! best, never the best.
+
+mod avoid;
+pub mod panel;
+pub(in crate::kessler) mod table;
+pub(in crate::kessler) mod transfer;
+
+use self::table::{Path, Table, judge};
+use super::constants::SATELLITES;
+use super::reward::Objective;
+use super::setup::Setup;
+use crate::bracket::{Bracket, Flown};
+use crate::chance::Seeded;
+use crate::error::ScenarioError;
+use crate::log::{ActionLog, Precision};
+use crate::scenario::Scenario;
+
+/// Version of the planner: any change that moves a bracket raises it.
+pub const VERSION: u32 = 1;
+
+/// Panel, floor, reference and witness.
+///
+/// # Errors
+/// A scenario whose start is not fair.
+pub fn bracket(objective: Objective, scenario: &Scenario) -> Result<Bracket, ScenarioError> {
+    let setup = Setup::read(scenario.recipe())?;
+    let mut chance = Seeded::new(scenario.seed());
+    let start = setup.start(&mut chance)?;
+    let table = Table::of(&setup, &start);
+    let judged = |paths: [&Path; SATELLITES]| judge(objective, &setup, scenario.seed(), &table, paths);
+
+    let panels = start.satellites.map(|body| panel::fly(&table, body, setup.fuel));
+    let flown: Vec<Flown> =
+        (0..panel::PANEL).map(|i| judged([&panels[0][i], &panels[1][i], &panels[2][i]])).collect();
+
+    let mut planned: [Path; SATELLITES] =
+        std::array::from_fn(|i| avoid::search(objective, &table, &panels[i], &mut chance));
+    if objective == Objective::Rendezvous {
+        planned[0] = transfer::search(&table, start.satellites[0], setup.fuel, &planned[0], &mut chance);
+    }
+    let planned_flown = judged([&planned[0], &planned[1], &planned[2]]);
+
+    let best_blind =
+        (0..panel::PANEL).rev().max_by(|&a, &b| flown[a].score.total_cmp(&flown[b].score)).unwrap_or(0);
+    let (reference, paths) = if planned_flown.score >= flown[best_blind].score {
+        (planned_flown, [&planned[0], &planned[1], &planned[2]])
+    } else {
+        (flown[best_blind], [&panels[0][best_blind], &panels[1][best_blind], &panels[2][best_blind]])
+    };
+    let floor = match objective {
+        Objective::Survival | Objective::EcoStation => {
+            flown.iter().map(|f| f.score).sum::<f64>() / panel::PANEL as f64
+        }
+        Objective::Rendezvous => flown[0].score,
+    };
+    Ok(Bracket { planner: VERSION, floor, witness: witness(paths, reference.steps), reference, panel: flown })
+}
+
+fn witness(paths: [&Path; SATELLITES], steps: u32) -> ActionLog {
+    let mut log = ActionLog::new(2, Precision::F64);
+    let mut next = [0; SATELLITES];
+    for step in 1..=steps {
+        for (i, path) in paths.iter().enumerate() {
+            if let Some(burn) = path.burns.get(next[i]).filter(|b| b.step == step) {
+                log.act(i as u32, &[burn.dvx, burn.dvy]);
+                next[i] += 1;
+            }
+        }
+        log.end_step();
+    }
+    log
+}

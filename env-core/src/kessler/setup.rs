@@ -1,0 +1,283 @@
+//! A recipe read into kessler's own terms, and the start of an episode.
+
+use super::constants::CONTACT_2;
+use super::constants::{
+    DEBRIS_RADII, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, HORIZON, RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII,
+    SATELLITES,
+};
+use super::kernel::{Body, distance_2};
+use crate::chance::{Chance, Stream};
+use crate::error::ScenarioError;
+use crate::scenario::{LayoutMode, MAX_LAYOUT_ROWS, Recipe};
+
+const TAU: f64 = std::f64::consts::TAU;
+/// Positions and speeds a layout may give, LU and LU/TU: far beyond anything that matters in 50 steps.
+const MAX_COORDINATE: f64 = 1000.0;
+const MAX_SPEED: f64 = 100.0;
+
+/// A recipe in kessler's terms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// Debris the generator draws.
+    pub debris: usize,
+    /// Fuel of each satellite.
+    pub fuel: f64,
+    /// Velocity spread of debris, LU/TU.
+    pub spread: f64,
+    /// Chance of a rogue per step.
+    pub rogue_probability: f64,
+    /// Speed of a rogue over circular.
+    pub rogue_speed: f64,
+    /// Radar range, LU; `None` sees everything.
+    pub radar_range: Option<f64>,
+    /// Starts are made fair.
+    pub fair: bool,
+    /// The public original's arithmetic.
+    pub upstream: bool,
+    /// Satellites given by the layout.
+    satellites: Option<[Body; SATELLITES]>,
+    /// Debris given by the layout.
+    layout_debris: Vec<Body>,
+    /// Rogues given by the layout: (step, body), by step.
+    layout_rogues: Vec<(u32, Body)>,
+    /// The layout's rogues stand instead of random ones.
+    rogues_replaced: bool,
+}
+
+/// Bodies at the start, and rogues to come.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// The satellites.
+    pub satellites: [Body; SATELLITES],
+    /// Debris in order.
+    pub debris: Vec<Body>,
+    /// (step, body) by step: a rogue that arrives before the motion of that step (counted from 1).
+    pub rogues: Vec<(u32, Body)>,
+}
+
+impl Setup {
+    /// Reads a recipe.
+    ///
+    /// # Errors
+    /// A layout kessler does not understand, or that contradicts the params.
+    pub fn read(recipe: &Recipe) -> Result<Self, ScenarioError> {
+        let param = |name: &str| recipe.param(name).unwrap_or(0.0);
+        let radar = param("radar_range");
+        let mut setup = Self {
+            debris: param("debris") as usize,
+            fuel: param("fuel"),
+            spread: param("spread"),
+            rogue_probability: param("rogue_probability"),
+            rogue_speed: param("rogue_speed"),
+            radar_range: (radar < RADAR_NONE).then_some(radar),
+            fair: recipe.option("start") == Some("fair"),
+            upstream: recipe.option("compat") == Some("upstream"),
+            satellites: None,
+            layout_debris: Vec::new(),
+            layout_rogues: Vec::new(),
+            rogues_replaced: false,
+        };
+        if let Some(layout) = recipe.layout() {
+            setup.read_layout(layout)?;
+        }
+        Ok(setup)
+    }
+
+    fn read_layout(&mut self, layout: &crate::scenario::Layout) -> Result<(), ScenarioError> {
+        let rows: usize = layout.bodies.values().map(Vec::len).sum();
+        if rows > MAX_LAYOUT_ROWS {
+            return Err(fault("layout.bodies", format!("{rows} rows; at most {MAX_LAYOUT_ROWS} are taken")));
+        }
+        let replace = layout.mode == LayoutMode::Replace;
+        for (table, rows) in &layout.bodies {
+            let at = |i: usize| format!("layout.bodies.{table}.{i}");
+            match table.as_str() {
+                "satellites" => {
+                    let bodies: Result<Vec<Body>, _> =
+                        rows.iter().enumerate().map(|(i, r)| body(&at(i), r)).collect();
+                    let bodies: [Body; SATELLITES] = bodies?.try_into().map_err(|given: Vec<Body>| {
+                        fault(
+                            "layout.bodies.satellites",
+                            format!("{} rows; give all {SATELLITES}", given.len()),
+                        )
+                    })?;
+                    self.satellites = Some(bodies);
+                }
+                "debris" => {
+                    for (i, row) in rows.iter().enumerate() {
+                        self.layout_debris.push(body(&at(i), row)?);
+                    }
+                    if replace {
+                        if self.debris != rows.len() {
+                            return Err(fault(
+                                "params.debris",
+                                format!(
+                                    "it is {}, but the layout replaces debris by {}",
+                                    self.debris,
+                                    rows.len()
+                                ),
+                            ));
+                        }
+                        self.debris = 0;
+                    }
+                }
+                "rogues" => {
+                    for (i, row) in rows.iter().enumerate() {
+                        self.layout_rogues.push(rogue(&at(i), row)?);
+                    }
+                    self.layout_rogues.sort_by_key(|(step, _)| *step);
+                    self.rogues_replaced = replace;
+                }
+                _ => {
+                    return Err(ScenarioError::UnknownField {
+                        field: format!("layout.bodies.{table}"),
+                        known: "satellites, debris, rogues".to_owned(),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws what the layout does not give.
+    ///
+    /// # Errors
+    /// `Unfair`, where `start: fair` cannot be had: by a layout's body, or after 64 tries at one that is drawn.
+    pub fn start(&self, chance: &mut impl Chance) -> Result<Start, ScenarioError> {
+        let satellites = self.satellites.unwrap_or_else(|| {
+            [(); SATELLITES].map(|()| {
+                let radius = chance.between(Stream::Agents, SATELLITE_RADII.0, SATELLITE_RADII.1);
+                Body::circular(radius, TAU * chance.uniform(Stream::Agents), 1.0)
+            })
+        });
+        let early = EarlyPaths::of(&satellites);
+        let mut debris = Vec::with_capacity(self.debris + self.layout_debris.len());
+        for index in 0..self.debris {
+            let mut drawn = self.draw_debris(chance, Stream::Bodies);
+            let mut tries = 0;
+            while self.fair && early.touched_by(drawn).is_some() {
+                if tries == FAIR_TRIES {
+                    return Err(unfair(
+                        "params.debris",
+                        format!("debris {index} touched a satellite before step 3 in {FAIR_TRIES} tries"),
+                    ));
+                }
+                tries += 1;
+                drawn = self.draw_debris(chance, Stream::Redraw(index as u32));
+            }
+            debris.push(drawn);
+        }
+        for (index, &body) in self.layout_debris.iter().enumerate() {
+            if let (true, Some((satellite, step))) = (self.fair, early.touched_by(body)) {
+                return Err(unfair(
+                    &format!("layout.bodies.debris.{index}"),
+                    format!(
+                        "it touches satellite {satellite} at step {step} under hold, before anybody could act"
+                    ),
+                ));
+            }
+            debris.push(body);
+        }
+        Ok(Start { satellites, debris, rogues: self.rogues(chance) })
+    }
+
+    /// Angle, radius and both velocity offsets are always drawn, so that the same body is drawn at any spread.
+    fn draw_debris(&self, chance: &mut impl Chance, stream: Stream) -> Body {
+        let radius = chance.between(stream, DEBRIS_RADII.0, DEBRIS_RADII.1);
+        let mut body = Body::circular(radius, TAU * chance.uniform(stream), 1.0);
+        body.vx += chance.between(stream, -1.0, 1.0) * self.spread;
+        body.vy += chance.between(stream, -1.0, 1.0) * self.spread;
+        body
+    }
+
+    /// Rogues do not depend on what anybody does, so all of them are drawn at the start.
+    fn rogues(&self, chance: &mut impl Chance) -> Vec<(u32, Body)> {
+        let mut rogues = self.layout_rogues.clone();
+        if self.rogue_probability > 0.0 && !self.rogues_replaced {
+            for step in 1..=HORIZON {
+                if chance.uniform(Stream::Arrivals) < self.rogue_probability {
+                    let angle = TAU * chance.uniform(Stream::ArrivalPlace);
+                    rogues.push((step, Body::circular(ROGUE_RADIUS, angle, self.rogue_speed)));
+                }
+            }
+            rogues.sort_by_key(|(step, _)| *step);
+        }
+        rogues
+    }
+}
+
+/// Where the satellites are under hold at steps 0 to 2.
+struct EarlyPaths([[Body; SATELLITES]; FAIR_STEPS as usize + 1]);
+
+impl EarlyPaths {
+    fn of(satellites: &[Body; SATELLITES]) -> Self {
+        let mut paths = [*satellites; FAIR_STEPS as usize + 1];
+        for step in 1..paths.len() {
+            paths[step] = paths[step - 1].map(Body::coasted);
+        }
+        Self(paths)
+    }
+
+    /// The first satellite this body touches, and when.
+    fn touched_by(&self, mut body: Body) -> Option<(usize, usize)> {
+        for (step, satellites) in self.0.iter().enumerate() {
+            if step > 0 {
+                body = body.coasted();
+            }
+            let touched = satellites.iter().position(|s| distance_2(s.x, s.y, body.x, body.y) < CONTACT_2);
+            if let Some(satellite) = touched {
+                return Some((satellite, step));
+            }
+        }
+        None
+    }
+}
+
+fn body(field: &str, row: &[f64]) -> Result<Body, ScenarioError> {
+    let &[x, y, vx, vy] = row else {
+        return Err(fault(field, format!("{} numbers; a body is x, y, vx, vy", row.len())));
+    };
+    for (column, value, max) in
+        [(0, x, MAX_COORDINATE), (1, y, MAX_COORDINATE), (2, vx, MAX_SPEED), (3, vy, MAX_SPEED)]
+    {
+        if !(value.abs() <= max) {
+            return Err(ScenarioError::OutOfRange {
+                field: format!("{field}.{column}"),
+                value,
+                min: -max,
+                max,
+            });
+        }
+    }
+    let body = Body { x, y, vx, vy };
+    if body.radius() < EARTH_RADIUS {
+        return Err(fault(
+            field,
+            format!("it starts inside the Earth, {:.1} LU from its centre", body.radius()),
+        ));
+    }
+    Ok(body)
+}
+
+fn rogue(field: &str, row: &[f64]) -> Result<(u32, Body), ScenarioError> {
+    let Some((&step, rest)) = row.split_first() else {
+        return Err(fault(field, "a rogue is step, x, y, vx, vy".to_owned()));
+    };
+    if !(step >= 1.0 && step <= f64::from(HORIZON)) || libm::floor(step) != step {
+        return Err(ScenarioError::OutOfRange {
+            field: format!("{field}.0"),
+            value: step,
+            min: 1.0,
+            max: f64::from(HORIZON),
+        });
+    }
+    Ok((step as u32, body(field, rest)?))
+}
+
+fn fault(field: &str, reason: String) -> ScenarioError {
+    ScenarioError::Layout { field: field.to_owned(), reason }
+}
+
+fn unfair(field: &str, reason: String) -> ScenarioError {
+    ScenarioError::Unfair { field: field.to_owned(), reason }
+}

@@ -1,0 +1,152 @@
+//! kessler's parameter spaces, options and levels, as data.
+
+use std::sync::LazyLock;
+
+use super::constants::RADAR_NONE;
+use crate::space::{Harder, Levels, OptionSpec, ParamSpec};
+
+/// Most debris a generator draws.
+pub const MAX_DEBRIS: f64 = 300.0;
+
+const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; 6] {
+    [
+        ParamSpec {
+            name: "debris",
+            unit: "",
+            min: 0.0,
+            max: MAX_DEBRIS,
+            step: 5.0,
+            whole: true,
+            default: debris,
+            harder: Harder::Up,
+            about: "bodies the generator draws at radii 40 to 90 LU",
+        },
+        ParamSpec {
+            name: "fuel",
+            unit: "fuel",
+            min: 0.1,
+            max: 1000.0,
+            step: 0.5,
+            whole: false,
+            default: fuel,
+            harder: Harder::Down,
+            about: "fuel of each satellite at the start; a change of speed by 1 LU/TU costs 5",
+        },
+        ParamSpec {
+            name: "spread",
+            unit: "LU/TU",
+            min: 0.0,
+            max: 3.0,
+            step: 0.1,
+            whole: false,
+            default: spread,
+            harder: Harder::Up,
+            about: "each velocity component of debris is off circular by U(−spread, spread)",
+        },
+        ParamSpec {
+            name: "rogue_probability",
+            unit: "1/TU",
+            min: 0.0,
+            max: 1.0,
+            step: 0.02,
+            whole: false,
+            default: rogue,
+            harder: Harder::Up,
+            about: "chance in each step that rogue debris arrives at radius 95 LU",
+        },
+        ParamSpec {
+            name: "rogue_speed",
+            unit: "",
+            min: 0.3,
+            max: 1.3,
+            step: 0.05,
+            whole: false,
+            default: 1.2,
+            harder: Harder::Down,
+            about: "speed of a rogue over circular speed at 95 LU; 1.2 never comes below 95, 0.7 crosses the satellites' band",
+        },
+        ParamSpec {
+            name: "radar_range",
+            unit: "LU",
+            min: 1.0,
+            max: RADAR_NONE,
+            step: 1.0,
+            whole: false,
+            default: RADAR_NONE,
+            harder: Harder::Down,
+            about: "debris farther than this from every active satellite is hidden, but flies and kills; 300 hides nothing",
+        },
+    ]
+}
+
+/// Parameters of survival.
+pub static SURVIVAL_SPACE: [ParamSpec; 6] = space(25.0, 100.0, 0.0, 0.0);
+/// Parameters of eco_station.
+pub static ECO_STATION_SPACE: [ParamSpec; 6] = space(35.0, 50.0, 0.8, 0.0);
+/// Parameters of rendezvous.
+pub static RENDEZVOUS_SPACE: [ParamSpec; 6] = space(50.0, 100.0, 1.0, 0.06);
+
+/// Physics options of kessler.
+pub static OPTIONS: [OptionSpec; 2] = [
+    OptionSpec {
+        name: "start",
+        choices: &["fair", "upstream"],
+        about: "fair: a generated body that would touch a satellite before step 3 under hold is drawn again; \
+                upstream: bodies stay as first drawn",
+    },
+    OptionSpec {
+        name: "compat",
+        choices: &["none", "upstream"],
+        about: "upstream: burns are clamped and charged one by one, unknown satellites are ignored, debris inside \
+                the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
+    },
+];
+
+const RADAR: [f64; 10] = [300.0, 300.0, 300.0, 300.0, 300.0, 300.0, 20.0, 12.0, 8.0, 6.0];
+
+fn table(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Levels {
+    let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
+    Levels::new(space, names, rows)
+        .expect("the committed tables are within their spaces: a test reads them all")
+}
+
+/// Levels of survival.
+pub static SURVIVAL_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    table(
+        &SURVIVAL_SPACE,
+        &[
+            ("debris", [25.0, 35.0, 50.0, 75.0, 100.0, 100.0, 125.0, 150.0, 175.0, 200.0]),
+            ("spread", [0.0, 0.0, 0.4, 0.8, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
+            ("fuel", [100.0, 100.0, 50.0, 20.0, 10.0, 5.0, 4.0, 3.0, 2.0, 1.5]),
+            ("radar_range", RADAR),
+        ],
+    )
+});
+
+/// Levels of eco_station.
+pub static ECO_STATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    table(
+        &ECO_STATION_SPACE,
+        &[
+            ("debris", [35.0, 50.0, 60.0, 75.0, 100.0, 125.0, 125.0, 150.0, 175.0, 200.0]),
+            ("spread", [0.8, 0.8, 0.8, 0.8, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
+            ("fuel", [50.0, 50.0, 40.0, 30.0, 25.0, 20.0, 15.0, 10.0, 8.0, 5.0]),
+            ("radar_range", RADAR),
+        ],
+    )
+});
+
+/// Levels of rendezvous.
+pub static RENDEZVOUS_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    table(
+        &RENDEZVOUS_SPACE,
+        &[
+            ("debris", [10.0, 20.0, 35.0, 50.0, 50.0, 60.0, 75.0, 100.0, 125.0, 150.0]),
+            ("spread", [0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
+            ("fuel", [100.0, 100.0, 100.0, 100.0, 70.0, 50.0, 40.0, 30.0, 22.0, 16.0]),
+            ("rogue_probability", [0.0, 0.0, 0.0, 0.0, 0.06, 0.06, 0.1, 0.1, 0.2, 0.2]),
+            ("radar_range", RADAR),
+        ],
+    )
+});

@@ -1,0 +1,167 @@
+//! What the agents see, in the wire form of the public kessler-env.
+
+use serde::{Deserialize, Serialize};
+
+use super::constants::{RADAR_NONE, TARGET_RADIUS};
+use super::event::Event;
+use super::flight::{Flight, Status};
+use super::kernel::Body;
+use super::reward::Objective;
+use crate::chance::Chance;
+
+/// The observation of all satellites together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Telemetry {
+    /// The goal in words.
+    pub mission_objective: String,
+    /// The radius satellite 0 should reach, LU; 0 if none.
+    pub target_radius: f64,
+    /// The agents' own satellites.
+    pub satellites: Vec<SatelliteTelemetry>,
+    /// Debris that some active satellite's radar sees.
+    pub radar_debris: Vec<DebrisTelemetry>,
+    /// Radar range, LU; 0 sees everything.
+    pub radar_range: f64,
+    /// What happened in the last step, in words.
+    pub critical_alerts: Vec<String>,
+    /// The sum of rewards.
+    pub total_score: f64,
+    /// Reward of the last step.
+    pub reward: f64,
+    /// The episode is over.
+    pub done: bool,
+}
+
+/// One satellite as seen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SatelliteTelemetry {
+    /// 0 to 2.
+    pub id: u32,
+    /// LU.
+    pub x: f64,
+    /// LU.
+    pub y: f64,
+    /// LU/TU.
+    pub vx: f64,
+    /// LU/TU.
+    pub vy: f64,
+    /// Fuel left.
+    pub fuel: f64,
+    /// `active` or `destroyed`.
+    pub status: String,
+}
+
+impl SatelliteTelemetry {
+    /// Whether it flies.
+    #[must_use]
+    pub fn active(&self) -> bool {
+        self.status == "active"
+    }
+
+    /// Position and velocity.
+    #[must_use]
+    pub const fn body(&self) -> Body {
+        Body { x: self.x, y: self.y, vx: self.vx, vy: self.vy }
+    }
+}
+
+/// One piece of debris as seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DebrisTelemetry {
+    /// Stable over the episode.
+    pub id: u32,
+    /// LU.
+    pub x: f64,
+    /// LU.
+    pub y: f64,
+    /// LU/TU.
+    pub vx: f64,
+    /// LU/TU.
+    pub vy: f64,
+}
+
+impl DebrisTelemetry {
+    /// Position and velocity.
+    #[must_use]
+    pub const fn body(&self) -> Body {
+        Body { x: self.x, y: self.y, vx: self.vx, vy: self.vy }
+    }
+}
+
+impl Objective {
+    /// The goal in the public kessler-env's words.
+    #[must_use]
+    pub const fn mission(self) -> &'static str {
+        match self {
+            Self::Survival => "SURVIVAL: Keep all satellites alive for 50 steps.",
+            Self::EcoStation => {
+                "ECO-STATION: Survive, but fuel usage heavily reduces your score. Do not over-correct."
+            }
+            Self::Rendezvous => {
+                "RENDEZVOUS: Navigate Satellite 0 to reach and hold an orbital radius of exactly 100.0."
+            }
+        }
+    }
+}
+
+impl<C: Chance> Flight<C> {
+    /// What the agents see; with `all`, hidden debris too.
+    #[must_use]
+    pub fn telemetry(&self, reward: f64, all: bool) -> Telemetry {
+        let debris = self.debris();
+        Telemetry {
+            mission_objective: self.objective().mission().to_owned(),
+            target_radius: if self.objective() == Objective::Rendezvous { TARGET_RADIUS } else { 0.0 },
+            satellites: (0u32..)
+                .zip(self.satellites())
+                .map(|(id, s)| SatelliteTelemetry {
+                    id,
+                    x: s.body.x,
+                    y: s.body.y,
+                    vx: s.body.vx,
+                    vy: s.body.vy,
+                    fuel: s.fuel,
+                    status: if s.status == Status::Active { "active" } else { "destroyed" }.to_owned(),
+                })
+                .collect(),
+            radar_debris: (0..debris.len())
+                .filter(|&i| all || self.sees(debris.x[i], debris.y[i]))
+                .map(|i| {
+                    let Body { x, y, vx, vy } = debris.body(i);
+                    DebrisTelemetry { id: debris.id(i), x, y, vx, vy }
+                })
+                .collect(),
+            radar_range: self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0),
+            critical_alerts: self.events().iter().filter_map(Event::alert).collect(),
+            total_score: self.total(),
+            reward,
+            done: self.done(),
+        }
+    }
+
+    /// Writes the observation as f32 columns into the caller's buffer: per satellite x, y, vx, vy, fuel, active; then
+    /// per debris x, y, vx, vy, visible (hidden ones are zero), in order. What does not fit is left out, what is left
+    /// of the buffer is zeroed.
+    #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
+    pub fn observe_into(&self, out: &mut [f32]) {
+        let mut rows = out.iter_mut();
+        let mut put = |value: f64| {
+            if let Some(cell) = rows.next() {
+                *cell = value as f32;
+            }
+        };
+        for s in self.satellites() {
+            for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, f64::from(s.active())] {
+                put(value);
+            }
+        }
+        let d = self.debris();
+        for i in 0..d.len() {
+            let seen = f64::from(self.sees(d.x[i], d.y[i]));
+            for value in [d.x[i] * seen, d.y[i] * seen, d.vx[i] * seen, d.vy[i] * seen, seen] {
+                put(value);
+            }
+        }
+        rows.for_each(|cell| *cell = 0.0);
+    }
+}

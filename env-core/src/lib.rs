@@ -1,0 +1,30 @@
+//! The worlds Sparring trains in.
+//!
+//! Pure: no I/O, no async, no clock, no ambient randomness. `(scenario, actions)` decides every bit of an episode, on
+//! any IEEE-754 platform. Therefore the dynamics use only `+ − × ÷ √`, transcendental functions come from the `libm`
+//! crate, and every random draw goes through [`chance::Chance`].
+//!
+//! A *task* is one [`task::TaskSpec`]; a *world* is a module of them ([`kessler`] is the first). Nothing outside a
+//! world's own module knows its columns: the service reads parameter spaces, levels and outcomes as data.
+
+pub mod bracket;
+mod canonical;
+pub mod chance;
+pub mod error;
+pub mod kessler;
+pub mod log;
+pub mod policy;
+pub mod registry;
+pub mod rollout;
+pub mod scenario;
+pub mod seed;
+pub mod space;
+pub mod task;
+
+pub use bracket::{Admission, Bracket, Flown, SuccessRule};
+pub use error::{LogError, ScenarioError, StepError};
+pub use log::{ActionLog, JointAction, Stopped};
+pub use registry::{task, tasks};
+pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
+pub use seed::{Seed, SeedSpace};
+pub use task::{Episode, TaskSpec};

@@ -1,0 +1,28 @@
+//! Policies without a model.
+
+use std::any::Any;
+
+use crate::error::ScenarioError;
+use crate::log::ActionLog;
+
+/// Something that acts on observations.
+pub trait Policy: Send {
+    /// Appends this step's actions to `log`, closing the step.
+    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog);
+}
+
+/// A policy that cannot be had.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PolicyError {
+    /// No policy of this name.
+    #[error("policy {name:?} is unknown; choose one of {known}")]
+    Unknown {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// The scenario cannot be flown.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+}

@@ -1,0 +1,94 @@
+//! Flying whole episodes: by a policy, or by a log.
+
+use serde_json::Value;
+
+use crate::bracket::Flown;
+use crate::error::{LogError, ScenarioError};
+use crate::log::{ActionLog, JointAction, MAX_STEPS, Precision, Stopped};
+use crate::policy::Policy;
+use crate::scenario::Scenario;
+use crate::task::StepReport;
+
+/// A log that was flown on a scenario where it cannot be.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ReplayError {
+    /// The scenario cannot start.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The log is not one of this scenario.
+    #[error(transparent)]
+    Log(#[from] LogError),
+}
+
+/// Flies a scenario by a policy to its end: how it went, and the log.
+///
+/// # Errors
+/// A scenario whose start is not fair, or a policy whose action the environment refuses.
+pub fn fly(scenario: &Scenario, policy: &mut dyn Policy) -> Result<(Flown, ActionLog), ReplayError> {
+    let task = scenario.task();
+    let mut episode = task.start(scenario)?;
+    let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
+    let mut report = StepReport::default();
+    while !episode.done() {
+        policy.act(episode.observation(), &mut log);
+        let step = log.len();
+        let action = log.step(step.saturating_sub(1));
+        episode.step(action, &mut report).map_err(|source| LogError::Step { step, source })?;
+    }
+    Ok((episode.flown(), log))
+}
+
+/// Flies a scenario by a log: what was earned by these actions, whoever claims them.
+///
+/// # Errors
+/// A log that is too long, too short without a word why, or refused by the environment.
+pub fn replay(scenario: &Scenario, log: &ActionLog) -> Result<Flown, ReplayError> {
+    let mut episode = scenario.task().start(scenario)?;
+    let mut report = StepReport::default();
+    for (index, action) in log.steps().enumerate() {
+        if episode.done() {
+            return Err(LogError::TooLong { steps: log.len(), ended: episode.steps() }.into());
+        }
+        episode.step(action, &mut report).map_err(|source| LogError::Step { step: index + 1, source })?;
+    }
+    if !episode.done() && log.stopped.is_none() {
+        return Err(LogError::TooShort { steps: log.len() }.into());
+    }
+    while !episode.done() {
+        let step = episode.steps() as usize + 1;
+        episode.step(JointAction::HOLD, &mut report).map_err(|source| LogError::Step { step, source })?;
+    }
+    Ok(episode.flown())
+}
+
+/// Reads a log in the wire form: a list of steps in the task's own form, `"f32"` or `"f64"`, and why it stopped.
+///
+/// # Errors
+/// What is malformed, by field.
+pub fn read_log(
+    scenario: &Scenario,
+    steps: &[Value],
+    precision: Precision,
+    stopped: Option<Stopped>,
+) -> Result<ActionLog, LogError> {
+    let task = scenario.task();
+    let horizon = task.horizon(scenario.recipe()) as usize;
+    if steps.len() > horizon.min(MAX_STEPS) {
+        return Err(LogError::TooLong {
+            steps: steps.len(),
+            ended: u32::try_from(horizon).unwrap_or(u32::MAX),
+        });
+    }
+    let mut log = ActionLog::new(task.action_space().columns.len(), precision);
+    log.stopped = stopped;
+    for (index, step) in steps.iter().enumerate() {
+        task.read_step(step, &mut log).map_err(|error| match error {
+            LogError::Malformed { field, reason } => {
+                LogError::Malformed { field: format!("actions.{index}{field}"), reason }
+            }
+            other => other,
+        })?;
+        log.end_step();
+    }
+    Ok(log)
+}

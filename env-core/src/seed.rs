@@ -1,0 +1,93 @@
+//! Seeds: integers below 2⁵³, so that every JSON reader keeps them whole, split into disjoint spaces.
+
+use crate::error::ScenarioError;
+
+/// Bits 52–51 of a seed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum SeedSpace {
+    /// `00`: chosen by people and their programs.
+    User,
+    /// `01`: drawn by a curriculum.
+    Training,
+    /// `10`: held out; no run can be given one.
+    Evaluation,
+}
+
+/// A seed below 2⁵³ whose bits 52–51 are not `11`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Seed(u64);
+
+/// Bits of a seed that are free within its space.
+const FREE_BITS: u32 = 51;
+const FREE_MASK: u64 = (1 << FREE_BITS) - 1;
+/// Largest valid seed: the last evaluation seed.
+const MAX: u64 = (0b11 << FREE_BITS) - 1;
+
+impl Seed {
+    /// Any valid seed.
+    ///
+    /// # Errors
+    /// `OutOfRange` at 2⁵³ and above, and where bits 52–51 are `11`.
+    pub fn new(value: u64) -> Result<Self, ScenarioError> {
+        if value <= MAX { Ok(Self(value)) } else { Err(out_of_range(value, MAX)) }
+    }
+
+    /// A seed that a caller may choose.
+    ///
+    /// # Errors
+    /// `OutOfRange` for a training or evaluation seed.
+    pub fn user(value: u64) -> Result<Self, ScenarioError> {
+        if value <= FREE_MASK { Ok(Self(value)) } else { Err(out_of_range(value, FREE_MASK)) }
+    }
+
+    /// The seed of `space` with these free bits; higher bits of `bits` are dropped.
+    #[must_use]
+    pub const fn in_space(space: SeedSpace, bits: u64) -> Self {
+        let tag = match space {
+            SeedSpace::User => 0b00,
+            SeedSpace::Training => 0b01,
+            SeedSpace::Evaluation => 0b10,
+        };
+        Self((tag << FREE_BITS) | (bits & FREE_MASK))
+    }
+
+    /// Which space this seed is of.
+    #[must_use]
+    pub const fn space(self) -> SeedSpace {
+        match self.0 >> FREE_BITS {
+            0 => SeedSpace::User,
+            1 => SeedSpace::Training,
+            _ => SeedSpace::Evaluation,
+        }
+    }
+
+    /// The integer.
+    #[must_use]
+    pub const fn get(self) -> u64 {
+        self.0
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "for a message only; bounds are below 2^53")]
+fn out_of_range(value: u64, max: u64) -> ScenarioError {
+    ScenarioError::OutOfRange { field: "seed".to_owned(), value: value as f64, min: 0.0, max: max as f64 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spaces_are_disjoint_and_the_fourth_is_refused() {
+        for (space, tag) in [(SeedSpace::User, 0u64), (SeedSpace::Training, 1), (SeedSpace::Evaluation, 2)] {
+            let seed = Seed::in_space(space, u64::MAX);
+            assert_eq!(seed.space(), space);
+            assert_eq!(seed.get() >> 51, tag);
+            assert_eq!(Seed::new(seed.get()), Ok(seed));
+        }
+        assert!(Seed::new(3 << 51).is_err());
+        assert!(Seed::new(1 << 53).is_err());
+        assert!(Seed::user(1 << 51).is_err());
+        assert!(Seed::user((1 << 51) - 1).is_ok());
+    }
+}

@@ -1,0 +1,119 @@
+//! What every task of every world answers to.
+
+use std::any::Any;
+
+use serde_json::Value;
+
+use crate::bracket::{Bracket, Flown};
+use crate::error::{LogError, ScenarioError, StepError};
+use crate::log::{ActionLog, JointAction};
+use crate::policy::{Policy, PolicyError};
+use crate::scenario::{Recipe, Scenario};
+use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
+
+/// One task: its spaces as data, its episodes, its panel, reference, success rule and action codec. Object-safe: the
+/// service knows tasks only through it.
+pub trait TaskSpec: Send + Sync {
+    /// `world/task`.
+    fn id(&self) -> &'static str;
+    /// The world and its version, as `kessler@1`.
+    fn world(&self) -> &'static str;
+    /// One sentence for people.
+    fn about(&self) -> &'static str;
+    /// The parameter space.
+    fn params(&self) -> &'static [ParamSpec];
+    /// The physics options.
+    fn options(&self) -> &'static [OptionSpec];
+    /// The default table of levels.
+    fn levels(&self) -> &'static Levels;
+    /// Steps after which an episode is truncated.
+    fn horizon(&self, recipe: &Recipe) -> u32;
+    /// Agents at the start.
+    fn agents(&self, recipe: &Recipe) -> u32;
+    /// What an agent does in a step.
+    fn action_space(&self) -> ActionSpace;
+    /// The range of the score.
+    fn score_range(&self) -> ScoreRange;
+    /// Checks what parameter bounds cannot: contradictions and layouts.
+    ///
+    /// # Errors
+    /// The field at fault.
+    fn check(&self, recipe: &Recipe) -> Result<(), ScenarioError>;
+    /// The episode at its start.
+    ///
+    /// # Errors
+    /// A scenario whose start is not fair.
+    fn start(&self, scenario: &Scenario) -> Result<Box<dyn Episode>, ScenarioError>;
+    /// Panel, floor, reference and witness.
+    ///
+    /// # Errors
+    /// A scenario whose start is not fair.
+    fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError>;
+    /// The same scenario with threats planted until it is contested, or `None` where that does not work out.
+    fn plant_contested(&self, scenario: &Scenario, rule: crate::SuccessRule) -> Option<(Scenario, Bracket)>;
+    /// The task's own success rule.
+    fn success(&self, flown: &Flown, skill: Option<f64>) -> bool;
+    /// Whether a blind plan can succeed at all, so that a contested scenario must show that most do not.
+    fn blind_can_succeed(&self) -> bool;
+    /// Reads one step of an action log in the world's wire form into `log`.
+    ///
+    /// # Errors
+    /// Something that is not an action of this task.
+    fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError>;
+    /// A built-in policy by name for this scenario; `seed` feeds those with chance in them.
+    ///
+    /// # Errors
+    /// An unknown name, or a scenario that cannot be planned on.
+    fn policy(&self, name: &str, scenario: &Scenario, seed: u64) -> Result<Box<dyn Policy>, PolicyError>;
+}
+
+/// What one agent is told after a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AgentReport {
+    /// Who.
+    pub agent: u32,
+    /// Its reward.
+    pub reward: f64,
+    /// It has left the episode by the rules of the task.
+    pub terminated: bool,
+    /// The episode was cut off by its horizon.
+    pub truncated: bool,
+    /// It waits for a new action. A world whose actions last many steps says no until one is over.
+    pub needs_action: bool,
+}
+
+/// What a step did, for every agent that was alive before it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct StepReport {
+    /// One entry per agent alive before the step.
+    pub agents: Vec<AgentReport>,
+    /// The team's reward: what the score sums.
+    pub reward: f64,
+    /// Time that passed, in the world's unit.
+    pub elapsed: f64,
+    /// The episode is over.
+    pub done: bool,
+}
+
+/// One attempt at a scenario.
+pub trait Episode: Send {
+    /// One step of the world.
+    ///
+    /// # Errors
+    /// An action the environment does not take; the environment is then unchanged.
+    fn step(&mut self, action: JointAction<'_>, report: &mut StepReport) -> Result<(), StepError>;
+    /// Steps taken.
+    fn steps(&self) -> u32;
+    /// Whether it is over.
+    fn done(&self) -> bool;
+    /// What the agents see now; the world's own type, for its own policies.
+    fn observation(&self) -> &dyn Any;
+    /// What the agents see now, in the wire form.
+    fn telemetry(&self) -> Value;
+    /// The whole truth now, hidden bodies included, in the wire form: for people looking at a replay.
+    fn truth(&self) -> Value;
+    /// How it went so far.
+    fn flown(&self) -> Flown;
+    /// A digest of every bit of the state: for tests that a change moved nothing.
+    fn state_hash(&self) -> [u8; 32];
+}

@@ -1,0 +1,184 @@
+//! What goes out of the curriculum and what comes back: proposals, outcomes, moves, and the events of the fold.
+
+use serde::{Deserialize, Serialize};
+
+use super::settings::StoredSettings;
+
+/// What a proposal is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Finds the level at which a new run starts.
+    Placement,
+    /// The current level: its contested outcomes fill the blocks that a move rests on.
+    Frontier,
+    /// A level already passed, so that it is not forgotten.
+    Rehearsal,
+    /// Drawn by a strategy without levels to climb (uniform, fixed).
+    Sample,
+}
+
+/// What an agent should face next.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Proposal {
+    /// The task's id.
+    pub task: String,
+    /// The row of the task's table; none where the task's default params are used (fixed).
+    pub level: Option<u32>,
+    /// How many moves, steps of placement included, the task has had. An outcome of an old epoch fills no block.
+    pub epoch: u32,
+    /// What it is for.
+    pub role: Role,
+    /// The scenario must be contested: drawn until admitted, planted otherwise. False: as it comes.
+    pub contested: bool,
+    /// The params, the task's defaults included.
+    pub params: Vec<(String, f64)>,
+    /// A short sentence for people.
+    pub why: String,
+}
+
+impl Proposal {
+    /// Whether two proposals ask for the same thing. The sentence for people is left out: its wording may change
+    /// between versions without a stored run becoming unreadable.
+    #[must_use]
+    pub fn same_decision(&self, other: &Self) -> bool {
+        self.task == other.task
+            && self.level == other.level
+            && self.epoch == other.epoch
+            && self.role == other.role
+            && self.contested == other.contested
+            && self.params == other.params
+    }
+}
+
+/// How the episodes of one scenario went.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupOutcome {
+    /// The seq of the proposal.
+    pub proposal: u64,
+    /// The proposal's task.
+    pub task: String,
+    /// The proposal's level.
+    pub level: Option<u32>,
+    /// The proposal's epoch.
+    pub epoch: u32,
+    /// The proposal's role.
+    pub role: Role,
+    /// Whether the scenario is contested, as its bracket found, not as was asked.
+    pub contested: bool,
+    /// Episodes that finished.
+    pub finished: u32,
+    /// Finished episodes that succeeded.
+    pub successes: u32,
+    /// Episodes lost to infrastructure: never a low score.
+    pub failed: u32,
+    /// Episodes whose lease ran out: never a low score.
+    pub expired: u32,
+    /// False for what may be counted but moves nothing: an old policy version, a late result, an evaluation, an
+    /// unaudited report. It does not speak of failed episodes: a group that failed as a whole is still evidence (that
+    /// episodes are being lost).
+    pub evidence: bool,
+    /// Mean score of the finished episodes.
+    pub mean_score: f64,
+    /// Mean skill of the finished episodes, where the scenario defines one.
+    pub mean_skill: Option<f64>,
+}
+
+impl GroupOutcome {
+    /// The share of finished episodes that succeeded; none where none finished.
+    #[must_use]
+    pub fn value(&self) -> Option<f64> {
+        (self.finished > 0)
+            .then(|| f64::from(self.successes.min(self.finished)) / f64::from(self.finished))
+    }
+
+    /// Episodes that ended without a score.
+    #[must_use]
+    pub const fn lost(&self) -> u32 {
+        self.failed.saturating_add(self.expired)
+    }
+}
+
+/// Which way a level went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MoveKind {
+    /// Placement ended.
+    Placement,
+    /// One level up.
+    Up,
+    /// One level down.
+    Down,
+}
+
+/// A change of level, with what it rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Move {
+    /// The task's id.
+    pub task: String,
+    /// Which way.
+    pub kind: MoveKind,
+    /// The level before; none before placement.
+    pub from: Option<u32>,
+    /// The level now.
+    pub to: u32,
+    /// Why.
+    pub evidence: Evidence,
+}
+
+/// What a move rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// For people.
+    pub sentence: String,
+    /// The full blocks, oldest first; empty for a placement.
+    pub blocks: Vec<BlockEvidence>,
+    /// The probes of a placement, in order; empty otherwise.
+    pub probes: Vec<ProbeEvidence>,
+}
+
+/// A full block of contested scenarios.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BlockEvidence {
+    /// Scenarios.
+    pub n: u32,
+    /// Sum of their success shares.
+    pub sum: f64,
+    /// Mean of their success shares.
+    pub mean: f64,
+    /// 10 % quantile of Beta(1 + sum, 1 + n − sum).
+    pub q10: f64,
+    /// 90 % quantile of the same.
+    pub q90: f64,
+    /// Episodes that finished.
+    pub finished: u32,
+    /// Episodes that failed or expired.
+    pub lost: u32,
+}
+
+/// One probed level of a placement.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ProbeEvidence {
+    /// The level probed.
+    pub level: u32,
+    /// Scenarios.
+    pub n: u32,
+    /// Sum of their success shares.
+    pub sum: f64,
+    /// Mean of their success shares.
+    pub mean: f64,
+    /// Whether the level passed.
+    pub passed: bool,
+}
+
+/// What is stored, in the order of seq; the curriculum is the fold over it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", content = "data", rename_all = "snake_case")]
+pub enum CurriculumEvent {
+    /// The curriculum proposed.
+    Proposed(Proposal),
+    /// The outcome of a group was observed.
+    Outcome(GroupOutcome),
+    /// The settings changed.
+    Settings(StoredSettings),
+}

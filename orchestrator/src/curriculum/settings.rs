@@ -1,0 +1,317 @@
+//! What a run's curriculum is told to do.
+
+use env_core::space::Levels;
+use serde::{Deserialize, Serialize};
+
+/// How proposals are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StrategyKind {
+    /// Climbs each task's table of levels on evidence. The default.
+    Ladder,
+    /// Levels drawn uniformly: domain randomisation (Tobin et al. 2017).
+    Uniform,
+    /// The tasks in turn, at their default params.
+    Fixed,
+}
+
+impl std::fmt::Display for StrategyKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Ladder => "ladder",
+            Self::Uniform => "uniform",
+            Self::Fixed => "fixed",
+        })
+    }
+}
+
+/// What the ladder climbs by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// A level is left when it is mastered.
+    Mastery,
+    /// Success is kept near one half, where a group's rewards vary most. Claims no mastery.
+    Half,
+}
+
+impl Target {
+    /// What a run of this group size climbs by unless told: groups learn from differences between siblings, which
+    /// are greatest at one half.
+    #[must_use]
+    pub const fn default_for(group_size: u32) -> Self {
+        if group_size > 1 { Self::Half } else { Self::Mastery }
+    }
+}
+
+/// One task of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(into = "StoredTaskPlan", try_from = "StoredTaskPlan")]
+pub struct TaskPlan {
+    /// The task's id.
+    pub task: String,
+    /// Its share of proposals against the others'; each gets at least 5 %.
+    pub weight: f64,
+    /// Its table.
+    pub levels: Levels,
+    /// Params that hold where the table does not say otherwise.
+    pub default_params: Vec<(String, f64)>,
+}
+
+impl TaskPlan {
+    /// A task by its own table and defaults, weight 1.
+    ///
+    /// # Errors
+    /// A task nobody knows.
+    pub fn standard(task: &str) -> Result<Self, SettingsError> {
+        let spec = env_core::task(task).ok_or_else(|| SettingsError::unknown_task("task", task))?;
+        Ok(Self {
+            task: task.to_owned(),
+            weight: 1.0,
+            levels: spec.levels().clone(),
+            default_params: spec.params().iter().map(|p| (p.name.to_owned(), p.default)).collect(),
+        })
+    }
+
+    /// The hardest level.
+    #[must_use]
+    pub fn top(&self) -> u32 {
+        u32::try_from(self.levels.len() - 1).unwrap_or(u32::MAX)
+    }
+
+    /// The params at a level: its row over the defaults. Without a level the defaults.
+    #[must_use]
+    pub fn params(&self, level: Option<u32>) -> Vec<(String, f64)> {
+        let mut params = self.default_params.clone();
+        let Some(level) = level else { return params };
+        for (name, value) in self.levels.params(level as usize) {
+            match params.iter_mut().find(|(known, _)| known == name) {
+                Some((_, held)) => *held = value,
+                None => params.push((name.to_owned(), value)),
+            }
+        }
+        params
+    }
+
+    /// Whether the same level means the same params under both: else what is known of one says nothing of the other.
+    pub(super) fn same_course(&self, other: &Self) -> bool {
+        self.task == other.task
+            && self.levels == other.levels
+            && self.default_params == other.default_params
+    }
+
+    fn validate(&self, field: &str) -> Result<(), SettingsError> {
+        let Some(spec) = env_core::task(&self.task) else {
+            return Err(SettingsError::unknown_task(&format!("{field}.task"), &self.task));
+        };
+        if !(self.weight.is_finite() && self.weight > 0.0) {
+            let reason = format!("is {}, but must be a number above 0", self.weight);
+            return Err(SettingsError::new(format!("{field}.weight"), reason));
+        }
+        let columns = self.levels.columns();
+        if let Some(twice) = (1..columns.len()).find(|&at| columns[..at].contains(&columns[at])) {
+            let reason = format!("names the column {} twice", columns[twice]);
+            return Err(SettingsError::new(format!("{field}.levels"), reason));
+        }
+        Levels::new(spec.params(), columns.to_vec(), self.rows())
+            .map_err(|error| SettingsError::new(format!("{field}.levels"), error.to_string()))?;
+        for (at, (name, value)) in self.default_params.iter().enumerate() {
+            let here = || format!("{field}.default_params.{name}");
+            let Some(param) = spec.params().iter().find(|param| param.name == name) else {
+                let known = env_core::space::names(spec.params());
+                return Err(SettingsError::new(here(), format!("is not a param of the task; known are {known}")));
+            };
+            param.check(*value).map_err(|error| SettingsError::new(here(), error.to_string()))?;
+            if self.default_params[..at].iter().any(|(earlier, _)| earlier == name) {
+                return Err(SettingsError::new(here(), "is given twice"));
+            }
+        }
+        Ok(())
+    }
+
+    fn rows(&self) -> Vec<Vec<f64>> {
+        (0..self.levels.len())
+            .map(|level| self.levels.params(level).map(|(_, value)| value).collect())
+            .collect()
+    }
+}
+
+/// What a run's curriculum is told to do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(into = "StoredSettings", try_from = "StoredSettings")]
+pub struct Settings {
+    /// How proposals are chosen.
+    pub strategy: StrategyKind,
+    /// What the ladder climbs by.
+    pub target: Target,
+    /// Whether the ladder first finds where a task should start. Changed later, it holds for tasks that start then.
+    pub placement: bool,
+    /// The share of ladder proposals whose scenario must be contested; the others come as they come.
+    pub contested_share: f64,
+    /// The share of ladder proposals at the current level; the others rehearse the four levels below it.
+    pub frontier_share: f64,
+    /// The tasks.
+    pub tasks: Vec<TaskPlan>,
+}
+
+impl Settings {
+    /// A ladder over these tasks with everything else at its default.
+    #[must_use]
+    pub const fn ladder(tasks: Vec<TaskPlan>) -> Self {
+        Self {
+            strategy: StrategyKind::Ladder,
+            target: Target::Mastery,
+            placement: true,
+            contested_share: 0.5,
+            frontier_share: 0.7,
+            tasks,
+        }
+    }
+
+    /// The plan of a task.
+    #[must_use]
+    pub fn task(&self, task: &str) -> Option<&TaskPlan> {
+        self.tasks.iter().find(|plan| plan.task == task)
+    }
+
+    /// Checks what the types cannot.
+    ///
+    /// # Errors
+    /// The field at fault and what is wrong with it.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        for (field, share) in
+            [("contested_share", self.contested_share), ("frontier_share", self.frontier_share)]
+        {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(SettingsError::new(field, format!("is {share}, outside 0 to 1")));
+            }
+        }
+        if self.tasks.is_empty() {
+            return Err(SettingsError::new("tasks", "is empty; a run needs at least one task"));
+        }
+        for (at, plan) in self.tasks.iter().enumerate() {
+            if self.tasks[..at].iter().any(|earlier| earlier.task == plan.task) {
+                return Err(SettingsError::new(
+                    format!("tasks.{at}.task"),
+                    format!("{} is listed twice", plan.task),
+                ));
+            }
+            plan.validate(&format!("tasks.{at}"))?;
+        }
+        Ok(())
+    }
+}
+
+/// Settings that cannot be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{field} {reason}")]
+pub struct SettingsError {
+    /// The field at fault, as a dotted path.
+    pub field: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+impl SettingsError {
+    fn new(field: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self { field: field.into(), reason: reason.into() }
+    }
+
+    fn unknown_task(field: &str, task: &str) -> Self {
+        let known = env_core::tasks().map(|spec| spec.id()).collect::<Vec<_>>().join(", ");
+        Self::new(field, format!("{task:?} is not a task; known are {known}"))
+    }
+}
+
+/// [`Settings`] as they are stored and sent: plain columns and rows, which become a table only when the task's
+/// parameter space accepts them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StoredSettings {
+    /// See [`Settings`].
+    pub strategy: StrategyKind,
+    /// See [`Settings`].
+    pub target: Target,
+    /// See [`Settings`].
+    pub placement: bool,
+    /// See [`Settings`].
+    pub contested_share: f64,
+    /// See [`Settings`].
+    pub frontier_share: f64,
+    /// See [`Settings`].
+    pub tasks: Vec<StoredTaskPlan>,
+}
+
+/// [`TaskPlan`] as it is stored and sent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StoredTaskPlan {
+    /// The task's id.
+    pub task: String,
+    /// See [`TaskPlan`].
+    pub weight: f64,
+    /// The names of the table's columns.
+    pub columns: Vec<String>,
+    /// The table, easy to hard.
+    pub rows: Vec<Vec<f64>>,
+    /// See [`TaskPlan`].
+    pub default_params: Vec<(String, f64)>,
+}
+
+impl From<Settings> for StoredSettings {
+    fn from(settings: Settings) -> Self {
+        Self {
+            strategy: settings.strategy,
+            target: settings.target,
+            placement: settings.placement,
+            contested_share: settings.contested_share,
+            frontier_share: settings.frontier_share,
+            tasks: settings.tasks.into_iter().map(StoredTaskPlan::from).collect(),
+        }
+    }
+}
+
+impl From<TaskPlan> for StoredTaskPlan {
+    fn from(plan: TaskPlan) -> Self {
+        let (columns, rows) = (plan.levels.columns().to_vec(), plan.rows());
+        Self { task: plan.task, weight: plan.weight, columns, rows, default_params: plan.default_params }
+    }
+}
+
+impl TryFrom<StoredSettings> for Settings {
+    type Error = SettingsError;
+
+    fn try_from(stored: StoredSettings) -> Result<Self, SettingsError> {
+        let tasks = stored
+            .tasks
+            .into_iter()
+            .enumerate()
+            .map(|(at, plan)| {
+                TaskPlan::try_from(plan).map_err(|error| SettingsError {
+                    field: format!("tasks.{at}.{}", error.field),
+                    reason: error.reason,
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        let settings = Self {
+            strategy: stored.strategy,
+            target: stored.target,
+            placement: stored.placement,
+            contested_share: stored.contested_share,
+            frontier_share: stored.frontier_share,
+            tasks,
+        };
+        settings.validate()?;
+        Ok(settings)
+    }
+}
+
+impl TryFrom<StoredTaskPlan> for TaskPlan {
+    type Error = SettingsError;
+
+    fn try_from(stored: StoredTaskPlan) -> Result<Self, SettingsError> {
+        let spec = env_core::task(&stored.task)
+            .ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
+        let levels = Levels::new(spec.params(), stored.columns, stored.rows)
+            .map_err(|error| SettingsError::new("levels", error.to_string()))?;
+        Ok(Self { task: stored.task, weight: stored.weight, levels, default_params: stored.default_params })
+    }
+}

@@ -1,0 +1,2 @@
+//! sparring
+fn main() {}
