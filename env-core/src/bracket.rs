@@ -81,13 +81,13 @@ pub struct Admission {
 /// Answers fair, solvable, contested, with the bracket. The one question that the curriculum, layout edits and the
 /// designer's gate all ask.
 #[must_use]
-pub fn admit(scenario: &Scenario, rule: SuccessRule) -> Admission {
+pub fn admit(scenario: &Scenario) -> Admission {
     match scenario.task().bracket(scenario) {
         Err(error) => Admission { fair: Err(error), bracket: None, solvable: false, contested: false },
         Ok(bracket) => Admission {
             fair: Ok(()),
-            solvable: solvable(scenario, rule, &bracket),
-            contested: contested(scenario, rule, &bracket),
+            solvable: solvable(scenario, &bracket),
+            contested: contested(scenario, &bracket),
             bracket: Some(bracket),
         },
     }
@@ -104,23 +104,23 @@ pub fn success(scenario: &Scenario, rule: SuccessRule, bracket: &Bracket, flown:
 
 /// Whether the reference succeeds.
 #[must_use]
-pub fn solvable(scenario: &Scenario, rule: SuccessRule, bracket: &Bracket) -> bool {
-    success(scenario, rule, bracket, &bracket.reference)
+pub fn solvable(scenario: &Scenario, bracket: &Bracket) -> bool {
+    success(scenario, SuccessRule::Task, bracket, &bracket.reference)
 }
 
 /// How many blind plans succeed.
 #[must_use]
-pub fn panel_success(scenario: &Scenario, rule: SuccessRule, bracket: &Bracket) -> usize {
-    bracket.panel.iter().filter(|flown| success(scenario, rule, bracket, flown)).count()
+pub fn panel_success(scenario: &Scenario, bracket: &Bracket) -> usize {
+    bracket.panel.iter().filter(|flown| success(scenario, SuccessRule::Task, bracket, flown)).count()
 }
 
-/// Whether acting well matters on this scenario.
+/// Whether acting well matters on this scenario: by the task's own rule, whatever rule a run judges its episodes by.
 #[must_use]
-pub fn contested(scenario: &Scenario, rule: SuccessRule, bracket: &Bracket) -> bool {
-    if !solvable(scenario, rule, bracket) {
+pub fn contested(scenario: &Scenario, bracket: &Bracket) -> bool {
+    if !solvable(scenario, bracket) {
         return false;
     }
     !scenario.task().blind_can_succeed()
         || (bracket.reference.score - bracket.floor >= MIN_GAP
-            && panel_success(scenario, rule, bracket) <= MAX_BLIND_SUCCESSES)
+            && panel_success(scenario, bracket) <= MAX_BLIND_SUCCESSES)
 }

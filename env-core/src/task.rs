@@ -50,7 +50,7 @@ pub trait TaskSpec: Send + Sync {
     /// A scenario whose start is not fair.
     fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError>;
     /// The same scenario with threats planted until it is contested, or `None` where that does not work out.
-    fn plant_contested(&self, scenario: &Scenario, rule: crate::SuccessRule) -> Option<(Scenario, Bracket)>;
+    fn plant_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)>;
     /// The task's own success rule.
     fn success(&self, flown: &Flown, skill: Option<f64>) -> bool;
     /// Whether a blind plan can succeed at all, so that a contested scenario must show that most do not.

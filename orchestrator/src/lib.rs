@@ -1,1 +1,10 @@
 //! Sparring.
+pub mod cli;
+pub mod curriculum;
+pub mod clock;
+pub mod http;
+pub mod ids;
+pub mod service;
+pub mod store;
+pub mod training;
+pub mod workers;

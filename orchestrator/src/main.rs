@@ -1,2 +1,7 @@
-//! sparring
-fn main() {}
+//! `sparring`: the service and its command line, which live in the library.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    orchestrator::cli::main()
+}

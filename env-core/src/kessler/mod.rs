@@ -25,7 +25,7 @@ use self::constants::{EPSILON, GOAL, HORIZON, MAX_BURN, SATELLITES};
 use self::episode::KesslerEpisode;
 use self::reward::Objective;
 use self::setup::Setup;
-use crate::bracket::{Bracket, Flown, SuccessRule};
+use crate::bracket::{Bracket, Flown};
 use crate::error::{LogError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError};
@@ -134,8 +134,8 @@ impl TaskSpec for Kessler {
         planner::bracket(self.objective, scenario)
     }
 
-    fn plant_contested(&self, scenario: &Scenario, rule: SuccessRule) -> Option<(Scenario, Bracket)> {
-        plant::plant_contested(scenario, rule)
+    fn plant_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)> {
+        plant::plant_contested(scenario)
     }
 
     fn success(&self, flown: &Flown, skill: Option<f64>) -> bool {

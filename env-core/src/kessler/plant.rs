@@ -3,7 +3,7 @@
 use super::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES};
 use super::kernel::Body;
 use super::setup::Setup;
-use crate::bracket::{Bracket, SuccessRule, admit};
+use crate::bracket::{Bracket, admit};
 use crate::chance::{Chance, Seeded, Stream};
 use crate::error::ScenarioError;
 use crate::scenario::{Layout, LayoutMode, Recipe, Scenario};
@@ -64,17 +64,17 @@ fn backwards(mut satellite: Body, threat: Threat) -> Result<Body, ScenarioError>
     for step in (0..threat.step).rev() {
         body = body.uncoasted();
         if body.radius_2() < EARTH_RADIUS_2 {
-            return Err(fault(&threat, format!("it would come out of the Earth at step {step}")));
+            return Err(fault(&threat, &format!("it would come out of the Earth at step {step}")));
         }
     }
     let radius = body.radius();
     if radius < START_RADII.0 || radius > START_RADII.1 {
-        return Err(fault(&threat, format!("it would start at radius {radius:.0} LU, outside 22 to 150")));
+        return Err(fault(&threat, &format!("it would start at radius {radius:.0} LU, outside 22 to 150")));
     }
     Ok(body)
 }
 
-fn fault(threat: &Threat, reason: String) -> ScenarioError {
+fn fault(threat: &Threat, reason: &str) -> ScenarioError {
     ScenarioError::Layout {
         field: "threat".to_owned(),
         reason: format!(
@@ -110,7 +110,7 @@ fn with_debris(recipe: &Recipe, body: Body) -> Result<Recipe, ScenarioError> {
 
 /// Threats planted at random until the scenario is contested; every draw comes from the scenario's seed.
 #[must_use]
-pub fn plant_contested(scenario: &Scenario, rule: SuccessRule) -> Option<(Scenario, Bracket)> {
+pub fn plant_contested(scenario: &Scenario) -> Option<(Scenario, Bracket)> {
     let mut chance = Seeded::new(scenario.seed());
     let mut draw = |low: f64, high: f64| chance.between(Stream::Plant, low, high);
     for _ in 0..TRIES {
@@ -121,7 +121,7 @@ pub fn plant_contested(scenario: &Scenario, rule: SuccessRule) -> Option<(Scenar
             speed: draw(1.5, 8.0),
         };
         let Ok(planted) = plant(scenario, threat) else { continue };
-        let admission = admit(&planted, rule);
+        let admission = admit(&planted);
         if let (true, Some(bracket)) = (admission.contested, admission.bracket) {
             return Some((planted, bracket));
         }

@@ -240,7 +240,7 @@ fn body(field: &str, row: &[f64]) -> Result<Body, ScenarioError> {
     for (column, value, max) in
         [(0, x, MAX_COORDINATE), (1, y, MAX_COORDINATE), (2, vx, MAX_SPEED), (3, vy, MAX_SPEED)]
     {
-        if !(value.abs() <= max) {
+        if value.is_nan() || value.abs() > max {
             return Err(ScenarioError::OutOfRange {
                 field: format!("{field}.{column}"),
                 value,

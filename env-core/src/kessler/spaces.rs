@@ -8,6 +8,7 @@ use crate::space::{Harder, Levels, OptionSpec, ParamSpec};
 /// Most debris a generator draws.
 pub const MAX_DEBRIS: f64 = 300.0;
 
+#[expect(clippy::too_many_lines, reason = "a table: one entry a param")]
 const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; 6] {
     [
         ParamSpec {

@@ -16,8 +16,6 @@ pub(super) const BLOCK: u32 = 32;
 pub(super) const MASTERED: f64 = 0.70;
 /// Out of reach: the 90 % quantile of a block is at most this (6 of 32).
 pub(super) const OUT_OF_REACH: f64 = 0.30;
-/// Blocks running that a mastery move needs.
-pub(super) const BLOCKS_RUNNING: u32 = 2;
 /// `target: half`: up above this mean.
 pub(super) const HALF_UP: f64 = 0.7;
 /// `target: half`: down below this mean.
@@ -118,13 +116,13 @@ pub(super) fn verdict(target: Target, before: Option<&Tally>, full: &Tally) -> V
 const LOST_WORTH_A_WARNING: u32 = 8;
 
 /// What the status says of lost episodes: of the tallies discarded for them, and of the one that fills.
-pub(super) fn loss_warnings(what: &str, discarded: &Discarded, filling: &Tally) -> Vec<String> {
+pub(super) fn loss_warnings(noun: &str, discarded: &Discarded, filling: &Tally) -> Vec<String> {
     let mut warnings = Vec::new();
     if discarded.count > 0 {
-        let blocks = if discarded.count == 1 { "has been" } else { "have been" };
+        let (plural, were) = if discarded.count == 1 { ("", "was") } else { ("s", "were") };
         warnings.push(format!(
-            "{} {what} {blocks} discarded, because more than 10 % of the episodes failed or expired ({} of {} the last \
-             time); nothing moves on such evidence",
+            "{} {noun}{plural} at this level {were} discarded, because more than 10 % of the episodes failed or expired \
+             ({} of {} the last time); nothing moves on such evidence",
             discarded.count,
             discarded.lost,
             u64::from(discarded.lost) + u64::from(discarded.finished),

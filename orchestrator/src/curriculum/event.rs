@@ -88,8 +88,7 @@ impl GroupOutcome {
     /// The share of finished episodes that succeeded; none where none finished.
     #[must_use]
     pub fn value(&self) -> Option<f64> {
-        (self.finished > 0)
-            .then(|| f64::from(self.successes.min(self.finished)) / f64::from(self.finished))
+        (self.finished > 0).then(|| f64::from(self.successes.min(self.finished)) / f64::from(self.finished))
     }
 
     /// Episodes that ended without a score.

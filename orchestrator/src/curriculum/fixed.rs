@@ -43,9 +43,7 @@ impl Strategy for Fixed {
         Vec::new()
     }
 
-    fn adopt(&mut self, _afresh: &[&str], _ctx: &Context<'_>) {
-        self.proposed = 0;
-    }
+    fn adopt(&mut self, _afresh: &[&str], _ctx: &Context<'_>) {}
 
     fn epoch(&self, _task: &str) -> u32 {
         0

@@ -35,7 +35,5 @@ pub use explain::{BlockFill, Explanation, TaskExplanation, TaskStatus, Threshold
 pub use fold::Curriculum;
 pub use mastery::{Mastery, StoredMastery};
 pub use restore::{RestoreError, Snapshot};
-pub use settings::{
-    Settings, SettingsError, StoredSettings, StoredTaskPlan, StrategyKind, Target, TaskPlan,
-};
+pub use settings::{Settings, SettingsError, StoredSettings, StoredTaskPlan, StrategyKind, Target, TaskPlan};
 pub use strategy::{Context, Strategy};

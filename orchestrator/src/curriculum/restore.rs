@@ -45,12 +45,6 @@ pub enum RestoreError {
         /// The version of this program.
         wanted: u32,
     },
-    /// The snapshot contradicts the settings it is restored under.
-    #[error("the snapshot is not of these settings: {reason}")]
-    OtherSettings {
-        /// In what they differ.
-        reason: String,
-    },
     /// Settings that cannot be.
     #[error("the stored settings cannot be used: {0}")]
     Settings(#[from] SettingsError),
@@ -71,7 +65,9 @@ pub enum RestoreError {
         wanted: u64,
     },
     /// The stored proposal is not what these settings and events lead to.
-    #[error("event {seq}: the store says {stored:?} was proposed, but the events before it lead to {proposed:?}")]
+    #[error(
+        "event {seq}: the store says {stored:?} was proposed, but the events before it lead to {proposed:?}"
+    )]
     OtherProposal {
         /// The event's seq.
         seq: u64,

@@ -95,9 +95,7 @@ impl TaskPlan {
 
     /// Whether the same level means the same params under both: else what is known of one says nothing of the other.
     pub(super) fn same_course(&self, other: &Self) -> bool {
-        self.task == other.task
-            && self.levels == other.levels
-            && self.default_params == other.default_params
+        self.task == other.task && self.levels == other.levels && self.default_params == other.default_params
     }
 
     fn validate(&self, field: &str) -> Result<(), SettingsError> {
@@ -119,7 +117,10 @@ impl TaskPlan {
             let here = || format!("{field}.default_params.{name}");
             let Some(param) = spec.params().iter().find(|param| param.name == name) else {
                 let known = env_core::space::names(spec.params());
-                return Err(SettingsError::new(here(), format!("is not a param of the task; known are {known}")));
+                return Err(SettingsError::new(
+                    here(),
+                    format!("is not a param of the task; known are {known}"),
+                ));
             };
             param.check(*value).map_err(|error| SettingsError::new(here(), error.to_string()))?;
             if self.default_params[..at].iter().any(|(earlier, _)| earlier == name) {
@@ -308,8 +309,8 @@ impl TryFrom<StoredTaskPlan> for TaskPlan {
     type Error = SettingsError;
 
     fn try_from(stored: StoredTaskPlan) -> Result<Self, SettingsError> {
-        let spec = env_core::task(&stored.task)
-            .ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
+        let spec =
+            env_core::task(&stored.task).ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
         let levels = Levels::new(spec.params(), stored.columns, stored.rows)
             .map_err(|error| SettingsError::new("levels", error.to_string()))?;
         Ok(Self { task: stored.task, weight: stored.weight, levels, default_params: stored.default_params })

@@ -1,16 +1,18 @@
 //! The built-in learner's policy: a reflex with a dozen numbers, and nothing that searches.
 //!
-//! For each satellite it predicts the closest approach of every visible debris under hold, and at the first that comes
-//! nearer than a threshold, soon enough, burns in a direction given by a 2×2 map of where the debris will pass. Which
-//! look-ahead, threshold, wait, size and map are good is what it has to learn. For rendezvous the gains of the transfer
-//! are learnt too.
+//! For each satellite it predicts the first visible debris that would come nearer than a threshold under hold, and once
+//! that is soon enough burns in a direction given by a 2×2 map of where the debris will pass. Which look-ahead,
+//! threshold, wait, size and map are good is what it has to learn. For rendezvous the gains of the transfer are learnt
+//! too.
+
+use std::collections::VecDeque;
 
 use super::Pilot;
 use crate::chance::{Chance, Seeded, Stream};
-use crate::kessler::kernel::Body;
-use crate::kessler::planner::table::Table;
+use crate::kessler::constants::{EARTH_RADIUS_2, SATELLITES};
+use crate::kessler::kernel::{Body, distance_2};
 use crate::kessler::planner::transfer::{affordable, feedback};
-use crate::kessler::telemetry::{SatelliteTelemetry, Telemetry};
+use crate::kessler::telemetry::{DebrisTelemetry, SatelliteTelemetry, Telemetry};
 use crate::log::ActionLog;
 use crate::seed::Seed;
 
@@ -50,9 +52,9 @@ impl Parameters {
         let within = |i: usize, low: f64, high: f64| low + (high - low) * p[i];
         // Sizes from 0.02 to 1 LU/TU, evenly by ratio: 0.02·50^p by repeated square roots would be exact, libm's pow is.
         Gains {
-            look_ahead: within(0, 1.0, 25.0) as u32,
+            look_ahead: within(0, 1.0, 25.0) as usize,
             threshold: within(1, 1.0, 6.0),
-            wait: within(2, 1.0, 25.0) as u32,
+            wait: within(2, 1.0, 25.0) as usize,
             size: 0.02 * libm::pow(50.0, p[3]),
             map: [within(4, -1.0, 1.0), within(5, -1.0, 1.0), within(6, -1.0, 1.0), within(7, -1.0, 1.0)],
             gain: within(8, 0.0, 1.0),
@@ -64,9 +66,9 @@ impl Parameters {
 }
 
 struct Gains {
-    look_ahead: u32,
+    look_ahead: usize,
     threshold: f64,
-    wait: u32,
+    wait: usize,
     size: f64,
     map: [f64; 4],
     gain: f64,
@@ -75,46 +77,50 @@ struct Gains {
     deadband: f64,
 }
 
-pub(super) struct Learner(Gains);
+pub(super) struct Learner {
+    gains: Gains,
+    forecast: Forecast,
+    /// Per satellite, where it would be at the end of the steps known to be clear under hold, and how many those are.
+    clear: [Option<(Body, usize)>; SATELLITES],
+}
 
 impl Learner {
     pub(super) fn new(parameters: Parameters) -> Self {
-        Self(parameters.read())
+        Self { gains: parameters.read(), forecast: Forecast::default(), clear: [None; SATELLITES] }
     }
 
     /// The burn that dodges the first close approach ahead, if there is one.
-    fn dodge(&self, satellite: &Body, ahead: &Table) -> Option<(f64, f64)> {
-        let gains = &self.0;
-        let mut nearest = vec![(f64::INFINITY, 0u32, (0.0, 0.0)); ahead.len()];
-        let mut body = *satellite;
-        for step in 1..=gains.look_ahead {
-            body = body.coasted();
-            for (column, near) in nearest.iter_mut().enumerate() {
-                let d2 = ahead.clear_of(column, step as usize, body.x, body.y);
-                if d2 < near.0 {
-                    let (x, y) = ahead.place(column, step as usize);
-                    *near = (d2, step, (x - body.x, y - body.y));
-                }
-            }
-        }
-        let limit = gains.threshold * gains.threshold;
-        let (d2, _, miss) = *nearest
-            .iter()
-            .filter(|(d2, step, _)| *d2 < limit && *step <= gains.wait)
-            .min_by_key(|(_, step, _)| *step)?;
-        let distance = d2.sqrt().max(1e-9);
+    fn dodge(&mut self, index: usize, satellite: &Body) -> Option<(f64, f64)> {
+        let miss = self.approach(index, satellite)?;
+        let distance = (miss.0 * miss.0 + miss.1 * miss.1).sqrt().max(1e-9);
         let ((rx, ry), (tx, ty)) = satellite.frame();
         let radial = (miss.0 * rx + miss.1 * ry) / distance;
         let in_track = (miss.0 * tx + miss.1 * ty) / distance;
-        let [rr, rt, tr, tt] = gains.map;
+        let [rr, rt, tr, tt] = self.gains.map;
         let (dr, dt) = (rr * radial + rt * in_track, tr * radial + tt * in_track);
         let length = (dr * dr + dt * dt).sqrt().max(1e-9);
-        let (dr, dt) = (gains.size * dr / length, gains.size * dt / length);
+        let (dr, dt) = (self.gains.size * dr / length, self.gains.size * dt / length);
         Some((dr * rx + dt * tx, dr * ry + dt * ty))
     }
 
+    /// Where debris will pass, seen from the satellite, that is the first to come nearer than the threshold.
+    fn approach(&mut self, index: usize, satellite: &Body) -> Option<(f64, f64)> {
+        let limit = self.gains.threshold * self.gains.threshold;
+        let last = self.gains.look_ahead.min(self.gains.wait).min(self.forecast.ahead.len());
+        let (mut body, mut step) = self.clear[index].take().unwrap_or((*satellite, 0));
+        while step < last {
+            let next = body.coasted();
+            if let Some(column) = self.forecast.ahead[step].nearest(&next, limit) {
+                return Some(self.forecast.miss(column, step, next));
+            }
+            (body, step) = (next, step + 1);
+        }
+        self.clear[index] = Some((body, step));
+        None
+    }
+
     fn transfer(&self, satellite: &Body) -> Option<(f64, f64)> {
-        let gains = &self.0;
+        let gains = &self.gains;
         let ((rx, ry), (tx, ty)) = satellite.frame();
         let (dr, dt) = feedback(satellite, satellite.radius(), gains.gain, gains.circularise, gains.climb);
         ((dr * dr + dt * dt).sqrt() >= gains.deadband).then_some((dr * rx + dt * tx, dr * ry + dt * ty))
@@ -123,16 +129,119 @@ impl Learner {
 
 impl Pilot for Learner {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
-        let debris: Vec<Body> = seen.radar_debris.iter().map(|d| d.body()).collect();
-        let ahead = Table::propagate(&debris, &[], self.0.look_ahead, false);
-        for s in seen.satellites.iter().filter(|s| s.active()) {
-            let wanted = self.dodge(&s.body(), &ahead).or_else(|| {
+        let horizon = self.gains.look_ahead;
+        if self.forecast.move_on(&seen.radar_debris, horizon) {
+            // One step has passed as foreseen: what was clear is one step nearer.
+            for known in &mut self.clear {
+                *known = known.take().and_then(|(body, steps)| Some((body, steps.checked_sub(1)?)));
+            }
+        } else {
+            self.clear = [None; SATELLITES];
+        }
+        for (index, s) in seen.satellites.iter().enumerate().take(SATELLITES).filter(|(_, s)| s.active()) {
+            let wanted = self.dodge(index, &s.body()).or_else(|| {
                 (s.id == 0 && seen.target_radius > 0.0).then(|| self.transfer(&s.body())).flatten()
             });
+            if wanted.is_some() {
+                self.clear[index] = None;
+            }
             burn(s, wanted, log);
         }
     }
 }
+
+/// Where the visible debris will be. Debris keeps its course whatever satellites do, so one step later the forecast
+/// needs one row more, not all of them again.
+#[derive(Default)]
+struct Forecast {
+    ids: Vec<u32>,
+    /// One row per step ahead.
+    ahead: VecDeque<Row>,
+    /// The bodies at the last row.
+    end: Vec<Body>,
+}
+
+#[derive(Default)]
+struct Row {
+    x: Vec<f64>,
+    y: Vec<f64>,
+}
+
+impl Row {
+    fn at(&self, column: usize) -> (f64, f64) {
+        (self.x[column], self.y[column])
+    }
+
+    /// The column nearest to a body, if it is nearer than `limit` (squared).
+    fn nearest(&self, body: &Body, limit: f64) -> Option<usize> {
+        let (x, y) = (&self.x[..], &self.y[..self.x.len()]);
+        let mut any = 0u64;
+        for i in 0..x.len() {
+            any |= u64::from(distance_2(body.x, body.y, x[i], y[i]) < limit);
+        }
+        if any == 0 {
+            return None;
+        }
+        let distance = |i: &usize| distance_2(body.x, body.y, x[*i], y[*i]);
+        (0..x.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    }
+}
+
+impl Forecast {
+    /// Where `column` will be, seen from a body that is at `body` after `step` rows, when it passes nearest.
+    fn miss(&self, column: usize, step: usize, mut body: Body) -> (f64, f64) {
+        let mut nearest = ((0.0, 0.0), f64::INFINITY);
+        for row in self.ahead.range(step..) {
+            let (x, y) = row.at(column);
+            let d2 = distance_2(body.x, body.y, x, y);
+            if d2 >= nearest.1 {
+                break;
+            }
+            nearest = ((x - body.x, y - body.y), d2);
+            body = body.coasted();
+        }
+        nearest.0
+    }
+
+    /// Takes what is seen now. True where it is what was foreseen for this step, nothing more and nothing less.
+    fn move_on(&mut self, seen: &[DebrisTelemetry], horizon: usize) -> bool {
+        let foreseen = self.ahead.front().is_some_and(|row| {
+            seen.len() == self.ids.len()
+                && seen.iter().enumerate().all(|(i, d)| d.id == self.ids[i] && (d.x, d.y) == row.at(i))
+        });
+        let row = if foreseen {
+            self.ahead.pop_front().unwrap_or_default()
+        } else {
+            self.ids.clear();
+            self.ids.extend(seen.iter().map(|d| d.id));
+            self.ahead.clear();
+            self.end.clear();
+            self.end.extend(seen.iter().map(DebrisTelemetry::body));
+            Row::default()
+        };
+        self.extend(row, horizon);
+        foreseen
+    }
+
+    fn extend(&mut self, spare: Row, horizon: usize) {
+        let mut spare = Some(spare);
+        while self.ahead.len() < horizon {
+            let mut row = spare.take().unwrap_or_default();
+            row.x.clear();
+            row.y.clear();
+            for body in &mut self.end {
+                // Inside the Earth it is gone.
+                *body = if body.radius_2() < EARTH_RADIUS_2 { GONE } else { body.coasted() };
+                row.x.push(body.x);
+                row.y.push(body.y);
+            }
+            self.ahead.push_back(row);
+        }
+    }
+}
+
+/// Far from everything, and still a number.
+const GONE: Body = Body { x: 1e12, y: 1e12, vx: 0.0, vy: 0.0 };
 
 /// Writes a burn down, scaled to what one step and the fuel allow.
 pub(super) fn burn(satellite: &SatelliteTelemetry, wanted: Option<(f64, f64)>, log: &mut ActionLog) {

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::at_level;
-use crate::bracket::{SuccessRule, admit};
+use crate::bracket::admit;
 use crate::chance::Seeded;
 use crate::kessler::TASKS;
 use crate::kessler::planner::panel::{PANEL, kick};
@@ -53,7 +53,7 @@ proptest! {
     /// `admit` never passes the unsolvable: the stored witness really succeeds, within fuel, on the scenario's bytes.
     #[test]
     fn admit_never_passes_the_unsolvable(scenario in any_scenario()) {
-        let admission = admit(&scenario, SuccessRule::Task);
+        let admission = admit(&scenario);
         prop_assert!(admission.fair.is_ok());
         if admission.contested {
             prop_assert!(admission.solvable);
@@ -100,7 +100,7 @@ fn unfair_scenarios_are_not_admitted() {
     let mut value = scenario.to_json();
     value["layout"] =
         serde_json::json!({"mode": "extend", "bodies": {"debris": [[s.x + 0.5, s.y, s.vx, s.vy]]}});
-    let admission = admit(&Scenario::from_json(&value).unwrap(), SuccessRule::Task);
+    let admission = admit(&Scenario::from_json(&value).unwrap());
     assert!(!admission.contested && !admission.solvable && admission.bracket.is_none());
     let error = admission.fair.unwrap_err();
     assert_eq!(error.field(), "layout.bodies.debris.0");
@@ -115,11 +115,11 @@ fn a_contested_scenario_can_be_planted_at_every_level() {
                 .filter(|&seed| {
                     let scenario = at_level(task, level, 1000 + seed);
                     let Some((planted, bracket)) =
-                        scenario.task().plant_contested(&scenario, SuccessRule::Task)
+                        scenario.task().plant_contested(&scenario)
                     else {
                         return false;
                     };
-                    let admission = admit(&planted, SuccessRule::Task);
+                    let admission = admit(&planted);
                     assert_eq!(admission.bracket.as_ref(), Some(&bracket));
                     admission.contested
                 })

@@ -1,0 +1,93 @@
+//! `sparring eval`: policies on a frozen suite.
+
+mod fly;
+mod report;
+#[cfg(test)]
+mod tests;
+
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::builder::PossibleValuesParser;
+use env_core::kessler::policies::NAMES;
+
+use self::fly::Row;
+use self::report::Report;
+use super::output::{self, Format};
+use super::suite::{Suite, file};
+
+/// Fly policies over a frozen suite: one table, with 95 % intervals.
+///
+/// Every policy flies every scenario of the suite, whose seeds no training run is ever given. Two rows stand beside
+/// those asked for: `frozen`, the built-in learner's policy at random parameters, and `blind_panel`, the mean of the 16
+/// plans that look at nothing, from the suite's brackets. A policy that does not beat both has learnt nothing.
+///
+/// Columns are means over scenarios: the world's score; the share of successes by the task's own rule; skill, (score −
+/// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of satellites lost; and
+/// fuel used by all satellites together. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
+/// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart; their mix
+/// in a suite says nothing.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// A built-in suite by its name, or a suite file
+    #[arg(long, value_name = "NAME|FILE", default_value = "kessler-heldout-v1")]
+    suite: String,
+    /// The policies, each once: repeat the option, or separate them by commas
+    #[arg(long = "policy", value_name = "POLICY", required = true, value_delimiter = ',',
+          value_parser = PossibleValuesParser::new(NAMES))]
+    policies: Vec<String>,
+    /// What policies with chance in them (random, frozen) and the resamples draw from
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// How often policies with chance in them fly each scenario: their mean counts as one
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    rollouts: u32,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value = "table")]
+    format: Format,
+}
+
+const AFTER_HELP: &str = "\
+Policies: hold does nothing; random burns at random; blind is one fixed kick; frozen is the learner untrained, with \
+fresh random parameters in every rollout; heuristic looks ahead and dodges; reference is the planner, with hindsight.
+
+JSON (--format json): one object {suite, suite_hash, planner, seed, rollouts, confidence, resamples, scenarios, rows}. \
+Each row: {task (an id, or \"all\"), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
+skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is null where it is nowhere defined.
+
+Examples:
+  sparring eval --policy heuristic
+  sparring eval --suite kessler-heldout-v1 --policy hold,blind,heuristic,reference --format json
+  sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
+
+/// Flies the policies and prints what they earned.
+///
+/// # Errors
+/// A suite that cannot be used, or stdout that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let (suite, hash) = file::open(&args.suite).with_context(|| format!("suite {}", args.suite))?;
+    let rows = fly_all(&suite, args)?;
+    let report = Report::new(&suite, hash, args, &rows);
+    match args.format {
+        Format::Table => output::print(&report.tables())?,
+        Format::Json => output::print_json(&report)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The policies asked for, then `frozen`, then the blind panel.
+fn fly_all(suite: &Suite, args: &Args) -> anyhow::Result<Vec<Row>> {
+    let mut names: Vec<&str> = Vec::new();
+    for name in args.policies.iter().map(String::as_str).chain(["frozen"]) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let bar = output::progress(names.len() * suite.entries().count(), "episodes")?;
+    let flown = names.into_iter().map(|name| fly::fly(suite, name, args.seed, args.rollouts, &bar));
+    let mut rows = flown.collect::<anyhow::Result<Vec<_>>>()?;
+    bar.finish_and_clear();
+    rows.push(fly::blind_panel(suite));
+    Ok(rows)
+}

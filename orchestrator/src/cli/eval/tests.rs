@@ -1,0 +1,94 @@
+//! Evaluations of policies whose results are known beforehand.
+
+use indicatif::ProgressBar;
+
+use super::fly::{Row, blind_panel, fly, measure};
+use super::report::Report;
+use super::*;
+use crate::cli::suite::tests::small;
+
+fn flown(suite: &Suite, policy: &str, rollouts: u32) -> Row {
+    fly(suite, policy, 0, rollouts, &ProgressBar::hidden()).unwrap()
+}
+
+fn args(policies: &[&str]) -> Args {
+    Args {
+        suite: String::new(),
+        policies: policies.iter().map(|&name| name.to_owned()).collect(),
+        seed: 0,
+        rollouts: 2,
+        format: Format::Json,
+    }
+}
+
+#[test]
+fn hold_earns_the_stored_hold_numbers_exactly() {
+    let suite = small();
+    let stored: Vec<_> = suite.entries().map(|entry| measure(entry, &entry.bracket.panel[0])).collect();
+    assert_eq!(flown(&suite, "hold", 1).measures, stored);
+}
+
+#[test]
+fn the_reference_earns_the_stored_reference_and_succeeds_where_solvable() {
+    let suite = small();
+    let row = flown(&suite, "reference", 1);
+    for (entry, measures) in suite.entries().zip(&row.measures) {
+        assert_eq!(*measures, measure(entry, &entry.bracket.reference));
+        let solvable = env_core::bracket::solvable(&entry.scenario, &entry.bracket);
+        assert_eq!(measures[1], Some(f64::from(u8::from(solvable))));
+    }
+}
+
+#[test]
+fn chance_follows_the_seed_and_every_rollout_is_another() {
+    let suite = small();
+    let (once, twice) = (flown(&suite, "frozen", 1), flown(&suite, "frozen", 2));
+    assert_eq!(once, flown(&suite, "frozen", 1));
+    assert_ne!(once, twice);
+    assert_ne!(once, fly(&suite, "frozen", 1, 1, &ProgressBar::hidden()).unwrap());
+    assert_eq!(flown(&suite, "heuristic", 1), flown(&suite, "heuristic", 3));
+}
+
+#[test]
+fn the_report_has_every_block_and_the_controls() {
+    let suite = small();
+    let args = args(&["hold", "hold", "reference"]);
+    let rows = fly_all(&suite, &args).unwrap();
+    let names: Vec<&str> = rows.iter().map(|row| row.policy.as_str()).collect();
+    assert_eq!(names, ["hold", "reference", "frozen", "blind_panel"]);
+    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args, &rows);
+    let value = serde_json::to_value(&report).unwrap();
+    let told = value["rows"].as_array().unwrap();
+    assert_eq!(told.len(), 4 * 3 * 4);
+    let find = |task: &str, part: &str, policy: &str| {
+        told.iter().find(|r| r["task"] == task && r["part"] == part && r["policy"] == policy).unwrap()
+    };
+    let best = find("all", "contested", "reference");
+    assert_eq!(best["success"]["mean"], 1.0);
+    assert_eq!(best["scenarios"], 18);
+    let held = find("kessler/rendezvous", "contested", "hold");
+    assert_eq!((&held["success"]["mean"], &held["fuel_used"]["high"]), (&0.0.into(), &0.0.into()));
+    // The floor of survival is the panel's mean score: its skill is 0 but for plans cut off at −1.
+    let panel = find("kessler/survival", "contested", "blind_panel");
+    assert!((-1e-9..0.2).contains(&panel["skill"]["mean"].as_f64().unwrap()), "{panel}");
+}
+
+/// Rows whose numbers rest on the planner alone: the learner may change.
+#[test]
+fn the_tables_are_readable() {
+    let suite = small();
+    let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), blind_panel(&suite)];
+    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args(&[]), &rows);
+    insta::assert_snapshot!("tables", report.tables());
+}
+
+#[test]
+fn the_panel_is_the_mean_of_its_plans() {
+    let suite = small();
+    let row = blind_panel(&suite);
+    for (entry, measures) in suite.entries().zip(&row.measures) {
+        let scores: f64 = entry.bracket.panel.iter().map(|flown| flown.score).sum();
+        assert!((measures[0].unwrap() - scores / 16.0).abs() < 1e-12);
+        assert!(measures[3].unwrap() <= 1.0);
+    }
+}

@@ -1,0 +1,59 @@
+//! What subcommands print: results to stdout, progress to stderr.
+
+use std::io::{ErrorKind, Write};
+
+use anyhow::Context;
+use clap::ValueEnum;
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How results are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Format {
+    /// A table for people.
+    Table,
+    /// One JSON object for machines.
+    Json,
+}
+
+/// Writes lines to stdout. A reader that has gone away (`sparring … | head`) has seen what it wanted.
+pub(super) fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout cannot be written"),
+        _ => Ok(()),
+    }
+}
+
+/// The same for one JSON value.
+pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    print(&serde_json::to_string_pretty(value)?)
+}
+
+/// Lines above, under the header and below, and none between rows.
+const STYLE: TableStyle = {
+    let line = LineStyle::none().fill('─').junction('─');
+    TableStyle::new().top_border(line).header_separator(line).bottom_border(line)
+};
+
+/// A table in the house's style: the first `words` columns to the left, numbers to the right.
+pub(super) fn table(header: &[&str], words: usize) -> Table {
+    let mut table = Table::new();
+    table.load_style(STYLE).set_content_arrangement(ContentArrangement::Dynamic);
+    if cfg!(test) {
+        table.force_no_tty(); // a snapshot must not depend on the terminal it was taken in
+    }
+    table.set_header(header.to_vec());
+    for index in words..header.len() {
+        if let Some(column) = table.column_mut(index) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+/// A progress bar on stderr; nothing where stderr is no terminal.
+pub(super) fn progress(length: usize, what: &'static str) -> anyhow::Result<ProgressBar> {
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {eta} left")?;
+    Ok(ProgressBar::new(length as u64).with_style(style).with_message(what))
+}

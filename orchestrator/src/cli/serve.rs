@@ -1,0 +1,60 @@
+//! `sparring serve`: the service, until it is told to stop.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use crate::clock::Clock;
+use crate::service::{Config, Service};
+
+/// Serves the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  sparring serve --db training.sqlite3
+  curl -s -X POST -H 'content-type: application/json' -d '{\"id\": \"first\"}' http://127.0.0.1:8700/v1/runs
+  then open http://127.0.0.1:8700/docs
+
+Ctrl-C (or SIGTERM) stops it: requests that run are finished, nothing that was acknowledged is lost, and the same
+command goes on where it stopped.")]
+pub struct Args {
+    /// Where to listen. Only loopback addresses: there are no tokens yet to keep strangers out.
+    #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]
+    bind: SocketAddr,
+    /// The SQLite database; made where there is none.
+    #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
+    db: PathBuf,
+}
+
+/// Serves.
+///
+/// # Errors
+/// A database or address that cannot be used.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let config = Config { bind: args.bind, db: args.db.clone(), clock: Clock::system() };
+        let service = Service::start(config).await?;
+        // Programs that start a server read this line to learn its port.
+        super::output::print(&format!("Sparring serves at {}", service.url()))?;
+        tracing::info!(db = %args.db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
+        told_to_stop().await?;
+        tracing::info!("The server is stopping.");
+        service.stop().await;
+        tracing::info!("The server stopped.");
+        Ok(ExitCode::SUCCESS)
+    })
+}
+
+async fn told_to_stop() -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+        tokio::select! {
+            interrupted = tokio::signal::ctrl_c() => interrupted,
+            _ = terminate.recv() => Ok(()),
+        }
+    }
+    #[cfg(not(unix))]
+    tokio::signal::ctrl_c().await
+}

@@ -1,0 +1,103 @@
+//! `sparring suite`: frozen sets of held-out scenarios.
+
+pub mod build;
+pub mod error;
+pub mod file;
+#[cfg(test)]
+pub(crate) mod tests;
+pub mod verify;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::Subcommand;
+use env_core::{Bracket, Recipe, Scenario};
+
+pub use self::error::SuiteError;
+
+/// Build a suite of held-out scenarios, or verify one.
+///
+/// A suite is a JSON file of scenarios whose seeds no training run can be given, each with its canonical bytes, its id
+/// and its bracket (blind panel, floor, reference), under one hash: two people who name the same suite compare the same
+/// thing.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  sparring suite verify
+  sparring suite build --name my-suite-v1 --out my-suite-v1.json --levels 4,5,6
+  sparring eval --suite my-suite-v1.json --policy heuristic";
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    Build(build::Args),
+    Verify(verify::Args),
+}
+
+/// Does what the arguments say.
+///
+/// # Errors
+/// Anything but a difference found by `verify`, which is exit code 1.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match &args.action {
+        Action::Build(args) => build::run(args),
+        Action::Verify(args) => verify::run(args),
+    }
+}
+
+/// A frozen set of scenarios with their brackets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Suite {
+    /// What it is called.
+    pub name: String,
+    /// Version of the planner that made the brackets.
+    pub planner: u32,
+    /// The program and the arguments that made it.
+    pub created_by: String,
+    /// The scenarios, those of one task and level together.
+    pub groups: Vec<Group>,
+}
+
+/// The scenarios of one task and level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Group {
+    /// The level whose params the recipe has.
+    pub level: usize,
+    /// What they share.
+    pub recipe: Arc<Recipe>,
+    /// The scenarios.
+    pub entries: Vec<Entry>,
+}
+
+/// One scenario of a suite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Why it is here.
+    pub part: Part,
+    /// The scenario.
+    pub scenario: Scenario,
+    /// What it is worth. A suite stores no witness: the log is empty.
+    pub bracket: Bracket,
+}
+
+/// How a scenario came into a suite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// Drawn until it was contested: acting well matters on it.
+    Contested,
+    /// Drawn once and kept, contested or not.
+    AsTheyCome,
+}
+
+impl Suite {
+    /// All scenarios, in order.
+    pub fn entries(&self) -> impl Iterator<Item = &Entry> {
+        self.groups.iter().flat_map(|group| &group.entries)
+    }
+}

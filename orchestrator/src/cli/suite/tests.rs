@@ -1,0 +1,139 @@
+//! Suites: what is built reads back, and nothing else does.
+
+use std::sync::LazyLock;
+
+use indicatif::ProgressBar;
+
+use super::build::{Plan, build};
+use super::verify::differences;
+use super::{Part, Suite, SuiteError, file};
+
+/// A small suite of every task, built once.
+pub(crate) fn small() -> Suite {
+    static SUITE: LazyLock<Suite> = LazyLock::new(fresh);
+    SUITE.clone()
+}
+
+fn fresh() -> Suite {
+    let plan = Plan {
+        name: "small".to_owned(),
+        tasks: env_core::tasks().collect(),
+        levels: vec![2, 6],
+        contested: 3,
+        as_they_come: 2,
+    };
+    build(&plan, &ProgressBar::hidden()).unwrap()
+}
+
+#[test]
+fn a_suite_reads_back_and_builds_the_same_again() {
+    let suite = small();
+    assert_eq!(suite.entries().count(), 3 * 2 * 5);
+    let text = file::write(&suite).unwrap();
+    let (again, hash) = file::read(text.as_bytes()).unwrap();
+    assert_eq!(again, suite);
+    assert_eq!(hash.len(), 64);
+    assert_eq!(file::write(&fresh()).unwrap(), text);
+    assert_eq!(differences(&again, &ProgressBar::hidden()), Vec::<String>::new());
+}
+
+#[test]
+fn contested_scenarios_are_contested_and_seeds_are_held_out() {
+    for entry in small().entries() {
+        assert_eq!(entry.scenario.seed().space(), env_core::SeedSpace::Evaluation);
+        let contested = env_core::bracket::contested(&entry.scenario, &entry.bracket);
+        assert!(contested || entry.part == Part::AsTheyCome);
+    }
+}
+
+/// Every byte counts: flipped, dropped or doubled anywhere, the file is refused.
+#[test]
+fn an_altered_byte_is_refused() {
+    let mut suite = small();
+    suite.groups.truncate(1);
+    suite.groups[0].entries.truncate(1);
+    let bytes = file::write(&suite).unwrap().into_bytes();
+    for at in 0..bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 1;
+        assert!(file::read(&flipped).is_err(), "byte {at} flipped");
+        let mut dropped = bytes.clone();
+        dropped.remove(at);
+        assert!(file::read(&dropped).is_err(), "byte {at} dropped");
+    }
+    let mut longer = bytes.clone();
+    longer.push(b'\n');
+    assert!(file::read(&longer).is_err());
+    let mut changed = String::from_utf8(bytes).unwrap().replace("\"planner\":1", "\"planner\":2");
+    assert!(matches!(file::read(changed.as_bytes()), Err(SuiteError::Altered { .. })));
+    changed.truncate(300);
+    assert!(matches!(file::read(changed.as_bytes()), Err(SuiteError::NotASuite { .. })));
+}
+
+/// With a right hash, what the file claims is still held against the worlds.
+#[test]
+fn a_forged_suite_is_refused() {
+    let text = file::write(&small()).unwrap();
+    let seed = small().entries().next().unwrap().scenario.seed().get();
+    let tell =
+        |from: &str, to: &str| file::read(rehashed(&text.replacen(from, to, 1)).as_bytes()).unwrap_err();
+    let seed = format!("\"seed\":{seed}");
+    insta::assert_snapshot!([
+        tell(&seed, "\"seed\":5"),
+        tell(&seed, "\"seed\":6755399441055743"),
+        tell(&seed, "\"seed\":9007199254740992"),
+        tell("\"debris\":50.0", "\"debris\":51.0"),
+        tell("\"debris\":50.0", "\"debris\":5000.0"),
+        tell("{\"task\":\"kessler/survival\"", "{\"task\":\"kessler/eco_station\""),
+        tell("sparring-suite/1", "sparring-suite/2"),
+        tell("\"floor\":", "\"ceiling\":"),
+    ].map(|error| error.to_string()).join("\n"), @r#"
+    scenario 0 of kessler/survival level 2: seed 5 is not an evaluation seed
+    scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
+    scenario 0 of kessler/survival level 2: seed is 9007199254740992, outside 0 to 6755399441055743
+    scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
+    scenario 0 of kessler/survival level 2: params.debris is 5000, outside 0 to 300
+    scenario 0 of kessler/eco_station level 2: its recipe is one of kessler/survival
+    its format is "sparring-suite/2"; this build reads "sparring-suite/1"
+    it is not a suite file: unknown field `ceiling`, expected one of `part`, `seed`, `id`, `canonical`, `floor`, `reference`, `panel` at line 3 column 518
+    "#);
+}
+
+#[test]
+fn an_altered_bracket_is_found_by_verify() {
+    let mut suite = small();
+    let entry = &mut suite.groups[1].entries[2];
+    entry.bracket.panel[3].score += 1e-15;
+    let (id, floor) = (entry.scenario.id().to_string(), &mut suite.groups[4].entries[0].bracket.floor);
+    *floor *= 0.5;
+    let found = differences(&suite, &ProgressBar::hidden());
+    assert_eq!(found.len(), 2);
+    assert!(found[0].starts_with(&id), "{}", found[0]);
+}
+
+#[test]
+fn the_built_in_suite_reads() {
+    let (suite, _) = file::open("kessler-heldout-v1").unwrap();
+    assert_eq!(suite.name, "kessler-heldout-v1");
+    assert_eq!(suite.planner, env_core::kessler::planner::VERSION);
+    for group in &suite.groups {
+        let contested = group.entries.iter().filter(|e| e.part == Part::Contested).count();
+        assert_eq!((contested, group.entries.len()), (16, 24));
+    }
+    assert!(file::BUILT_IN[0].1.len() < 1_500_000);
+}
+
+#[test]
+fn what_is_neither_a_name_nor_a_file_is_said_so() {
+    let error = file::open("kessler-heldout-v9").unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "\"kessler-heldout-v9\" is neither a built-in suite (kessler-heldout-v1) nor a file"
+    );
+}
+
+fn rehashed(text: &str) -> String {
+    let end = text.rfind("\n\"hash\":").unwrap() + 1;
+    let hash = blake3::hash(&text.as_bytes()[..end]).to_hex();
+    format!("{}\"hash\":\"{hash}\"}}\n", &text[..end])
+}

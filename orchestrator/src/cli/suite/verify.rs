@@ -1,0 +1,101 @@
+//! `sparring suite verify`: whether a suite is still what it says.
+
+use std::process::ExitCode;
+
+use anyhow::Context;
+use env_core::Bracket;
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use super::{Entry, Part, Suite, file};
+use crate::cli::output;
+
+/// Differences that are told one by one.
+const TOLD: usize = 10;
+
+/// Recompute every id, every bracket and the hash of a suite; exit 1 on any difference.
+///
+/// A difference means that the file was altered, or that this build's worlds or planner are not those that built it:
+/// its numbers would not compare with those of others.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// A built-in suite by its name, or a suite file
+    #[arg(value_name = "NAME|FILE", default_value = "kessler-heldout-v1")]
+    suite: String,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  sparring suite verify
+  sparring suite verify my-suite-v1.json";
+
+/// Verifies a suite and says what was found.
+///
+/// # Errors
+/// Something that is no suite at all; a difference is exit code 1.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let (suite, hash) = match file::open(&args.suite) {
+        Ok(opened) => opened,
+        Err(error) if error.is_difference() => {
+            output::print(&format!("{}: {error}", args.suite))?;
+            return Ok(ExitCode::FAILURE);
+        }
+        Err(error) => return Err(error).context(format!("suite {}", args.suite)),
+    };
+    let count = suite.entries().count();
+    let bar = output::progress(count, "brackets")?;
+    let differences = differences(&suite, &bar);
+    bar.finish_and_clear();
+    let mut text = String::new();
+    for difference in differences.iter().take(TOLD) {
+        text.push_str(difference);
+        text.push('\n');
+    }
+    if differences.len() > TOLD {
+        text.push_str(&format!("… and {} more\n", differences.len() - TOLD));
+    }
+    let verdict = if differences.is_empty() { "all as stored" } else { "DIFFERENT" };
+    text.push_str(&format!(
+        "{}: {count} scenarios, hash {hash}; ids and hash right, {} of {count} brackets recomputed by planner {} \
+         equal: {verdict}",
+        suite.name,
+        count - differences.len(),
+        suite.planner
+    ));
+    output::print(&text)?;
+    Ok(if differences.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// One sentence per scenario whose bracket is not what is stored.
+#[must_use]
+pub fn differences(suite: &Suite, bar: &ProgressBar) -> Vec<String> {
+    let entries: Vec<&Entry> = suite.entries().collect();
+    entries
+        .into_par_iter()
+        .filter_map(|entry| {
+            let found = difference(entry);
+            bar.inc(1);
+            found.map(|what| format!("{} ({}): {what}", entry.scenario.id(), entry.scenario.task().id()))
+        })
+        .collect()
+}
+
+fn difference(entry: &Entry) -> Option<String> {
+    let stored = &entry.bracket;
+    let found = match entry.scenario.task().bracket(&entry.scenario) {
+        Ok(bracket) => Bracket { witness: stored.witness.clone(), ..bracket },
+        Err(error) => return Some(error.to_string()),
+    };
+    let planners = (found.planner, stored.planner);
+    let numbers = |b: &Bracket| format!("floor {}, reference {}", b.floor, b.reference.score);
+    if planners.0 != planners.1 {
+        Some(format!("planner {} here, {} stored", planners.0, planners.1))
+    } else if found != *stored {
+        Some(format!("{} here; {} stored", numbers(&found), numbers(stored)))
+    } else if entry.part == Part::Contested && !env_core::bracket::contested(&entry.scenario, stored) {
+        Some("it is not contested".to_owned())
+    } else {
+        None
+    }
+}

@@ -1,0 +1,67 @@
+//! What the command line says of itself, and what it takes.
+
+use clap::{CommandFactory, Parser};
+
+use super::Cli;
+
+/// `--help` of a subcommand at a fixed width.
+fn help(path: &[&str]) -> String {
+    let mut command = Cli::command().term_width(100);
+    command.build();
+    let mut at = &mut command;
+    for name in path {
+        at = at.find_subcommand_mut(name).unwrap();
+    }
+    at.render_long_help().to_string()
+}
+
+#[test]
+fn the_command_line_is_sound() {
+    Cli::command().debug_assert();
+}
+
+#[test]
+fn help_teaches() {
+    for path in
+        [&["eval"][..], &["suite"], &["suite", "build"], &["suite", "verify"], &["replay"], &["bench"]]
+    {
+        insta::assert_snapshot!(format!("help_{}", path.join("_")), help(path));
+    }
+}
+
+#[test]
+fn bad_arguments_are_usage_errors() {
+    for line in [
+        "sparring",
+        "sparring fly",
+        "sparring eval",
+        "sparring eval --policy nobody",
+        "sparring eval --policy hold --rollouts 0",
+        "sparring eval --policy hold --seed -1",
+        "sparring replay",
+        "sparring replay x.json --tolerance NaN",
+        "sparring bench --seconds 0",
+        "sparring bench --env docking",
+        "sparring suite",
+        "sparring suite build --name Bad! --out x",
+        "sparring bench --log a=b=c",
+        "sparring bench --log-format xml",
+    ] {
+        let error = Cli::try_parse_from(line.split(' ')).expect_err(line);
+        assert_eq!(error.exit_code(), 2, "{line}");
+    }
+}
+
+#[test]
+fn good_arguments_are_taken() {
+    for line in [
+        "sparring eval --policy hold",
+        "sparring eval --suite x.json --policy hold,blind --policy random --seed 3 --format json --rollouts 4",
+        "sparring replay a.json b.json.gz --tolerance 1e-6 --format json",
+        "sparring bench --env kessler --seconds 0.5 --json -v debug",
+        "sparring --log info,sqlx=warn --log-format json suite verify",
+        "sparring suite build --name x-v1 --out x.json --tasks kessler/survival --levels 1,2",
+    ] {
+        Cli::try_parse_from(line.split(' ')).expect(line);
+    }
+}

@@ -1,0 +1,100 @@
+//! HTTP: a handler parses, calls one use case, and maps the answer.
+
+mod extract;
+mod health;
+mod problem;
+mod v1;
+
+use std::time::Duration;
+
+use axum::Router;
+use axum::http::StatusCode;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::limit::RequestBodyLimitLayer;
+use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
+use tower_http::timeout::TimeoutLayer;
+use tower_http::trace::TraceLayer;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_swagger_ui::SwaggerUi;
+
+pub use self::problem::Problem;
+use crate::service::App;
+
+/// Largest request body, bytes.
+const MAX_BODY: usize = 32 * 1024 * 1024;
+/// Longest time one request may take.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// What the API is, for its document.
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "Sparring",
+        description = "An adaptive curriculum for agents that fly satellites through debris. A trainer creates a run, \
+            leases groups of scenarios, flies them, and reports the actions; the server replays them and decides what \
+            comes next. Errors are problem details (RFC 9457) with the field at fault."
+    ),
+    tags(
+        (name = "runs", description = "One agent's training effort each."),
+        (name = "leases", description = "Groups of scenarios handed to a trainer for a time."),
+        (name = "results", description = "What was flown, scored by replay."),
+        (name = "mastery", description = "What the agent has mastered, and on what evidence."),
+        (name = "episodes", description = "Single attempts, and their replay."),
+        (name = "scenarios", description = "Scenarios by hand: validate, bracket, replay."),
+        (name = "health", description = "Whether the server lives and is ready."),
+    )
+)]
+struct Document;
+
+fn parts() -> (Router<App>, utoipa::openapi::OpenApi) {
+    OpenApiRouter::with_openapi(Document::openapi())
+        .merge(health::routes())
+        .nest("/v1", v1::routes())
+        .split_for_parts()
+}
+
+/// The API as an OpenAPI 3.1 document.
+#[must_use]
+pub fn openapi() -> utoipa::openapi::OpenApi {
+    parts().1
+}
+
+/// All routes.
+pub fn router(app: App) -> Router {
+    let (routes, document) = parts();
+    routes
+        .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
+        .fallback(no_such_route)
+        .method_not_allowed_fallback(no_such_method)
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(RequestBodyLimitLayer::new(MAX_BODY))
+        .layer(axum::extract::DefaultBodyLimit::disable())
+        .layer(TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, TIMEOUT))
+        .layer(PropagateRequestIdLayer::x_request_id())
+        .layer(TraceLayer::new_for_http().make_span_with(span))
+        .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
+        .with_state(app)
+}
+
+fn span(request: &axum::extract::Request) -> tracing::Span {
+    let id = request.headers().get("x-request-id").and_then(|v| v.to_str().ok()).unwrap_or("");
+    tracing::info_span!("request", method = %request.method(), path = request.uri().path(), request_id = id)
+}
+
+async fn no_such_route() -> Problem {
+    Problem::new(StatusCode::NOT_FOUND, "no_such_route", "There is nothing at this path; /docs lists what there is.")
+}
+
+async fn no_such_method() -> Problem {
+    Problem::new(
+        StatusCode::METHOD_NOT_ALLOWED,
+        "no_such_method",
+        "This path does not take this method; /docs lists what it takes.",
+    )
+}
+
+fn panicked(_: Box<dyn std::any::Any + Send>) -> axum::response::Response {
+    tracing::error!("A request handler panicked; the request was answered with 500.");
+    axum::response::IntoResponse::into_response(Problem::internal())
+}

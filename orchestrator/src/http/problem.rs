@@ -1,0 +1,120 @@
+//! Errors as problem details (RFC 9457).
+
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::training::TrainingError;
+
+/// What went wrong, for programs and for people.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct Problem {
+    /// A URN that names the kind of problem.
+    #[serde(rename = "type")]
+    #[schema(example = "urn:sparring:problem:invalid")]
+    kind: String,
+    /// The HTTP status in words.
+    title: String,
+    /// The HTTP status.
+    status: u16,
+    /// One sentence about this occurrence.
+    detail: String,
+    /// The field at fault, as a dotted path.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field: Option<String>,
+    #[serde(skip)]
+    retry_after_s: Option<u32>,
+}
+
+impl Problem {
+    /// A problem of a kind.
+    pub(super) fn new(status: StatusCode, code: &str, detail: impl Into<String>) -> Self {
+        Self {
+            kind: format!("urn:sparring:problem:{code}"),
+            title: status.canonical_reason().unwrap_or("Error").to_owned(),
+            status: status.as_u16(),
+            detail: detail.into(),
+            field: None,
+            retry_after_s: None,
+        }
+    }
+
+    /// The same, naming the field at fault.
+    pub(super) fn at(mut self, field: impl Into<String>) -> Self {
+        self.field = Some(field.into());
+        self
+    }
+
+    /// The same, asking to come again.
+    const fn again_in(mut self, seconds: u32) -> Self {
+        self.retry_after_s = Some(seconds);
+        self
+    }
+
+    /// Something that cannot be: 422 with the field at fault.
+    pub(super) fn invalid(field: impl Into<String>, detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid", detail).at(field)
+    }
+
+    /// Something unexpected. The details are in the log, not in the answer.
+    pub(super) fn internal() -> Self {
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "Something failed here; the server's log says what.")
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let body = serde_json::to_vec(&self).unwrap_or_default();
+        let mut response =
+            (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
+        if let Some(seconds) = self.retry_after_s {
+            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        response
+    }
+}
+
+impl From<TrainingError> for Problem {
+    fn from(error: TrainingError) -> Self {
+        use TrainingError as E;
+        let detail = error.to_string();
+        let problem = |status, code| Self::new(status, code, detail.clone());
+        match error {
+            E::UnknownRun(_) => problem(StatusCode::NOT_FOUND, "unknown_run"),
+            E::UnknownLease(_) => problem(StatusCode::NOT_FOUND, "unknown_lease"),
+            E::UnknownEpisode(_) => problem(StatusCode::NOT_FOUND, "unknown_episode"),
+            E::RunExists(_) => problem(StatusCode::CONFLICT, "run_exists").at("id"),
+            E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
+            E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
+            E::TooManyLeases(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5),
+            E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").again_in(1),
+            E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").again_in(1),
+            E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").again_in(5),
+            E::Invalid { field, reason } => Self::invalid(field, reason),
+            E::NotCommitted(_) | E::Restore(_) | E::Store(_) => {
+                tracing::error!(error = %error, "A request failed.");
+                Self::internal()
+            }
+        }
+    }
+}
+
+impl From<crate::store::StoreError> for Problem {
+    fn from(error: crate::store::StoreError) -> Self {
+        TrainingError::from(error).into()
+    }
+}
+
+impl From<sqlx::Error> for Problem {
+    fn from(error: sqlx::Error) -> Self {
+        TrainingError::from(error).into()
+    }
+}
+
+impl From<env_core::ScenarioError> for Problem {
+    fn from(error: env_core::ScenarioError) -> Self {
+        Self::invalid(error.field().to_owned(), error.to_string())
+    }
+}

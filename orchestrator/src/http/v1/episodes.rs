@@ -1,0 +1,264 @@
+//! Episodes: list, show, replay.
+
+use axum::extract::State;
+use env_core::task::StepReport;
+use env_core::{ActionLog, JointAction, Scenario};
+use serde::Serialize;
+use serde_json::{Value, json};
+use sqlx::SqliteConnection;
+use utoipa::ToSchema;
+
+use super::super::extract::{Path, Query};
+use super::super::problem::Problem;
+use super::leases::BracketView;
+use super::{Page, id, next, run_id};
+use crate::clock::rfc3339;
+use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::service::App;
+use crate::store::brackets::StoredFlown;
+use crate::store::episodes::EpisodeRow;
+use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::scenarios::Loader;
+use crate::store::{brackets, episodes, from_json, leases};
+use crate::training::TrainingError;
+use crate::training::lease::find;
+
+/// One episode in a list.
+#[derive(Serialize, ToSchema)]
+pub(super) struct EpisodeHead {
+    /// Its id.
+    episode: String,
+    /// The task.
+    task: Option<String>,
+    /// `leased`, `finished`, `failed`, `late` or `expired`.
+    state: String,
+    /// The score, by replay.
+    score: Option<f64>,
+    /// Whether it is a success, by the run's rule.
+    success: Option<bool>,
+    /// The skill, where the scenario defines one.
+    skill: Option<f64>,
+    /// The policy that flew it.
+    policy_version: Option<i64>,
+    /// When it was reported, RFC 3339.
+    at: Option<String>,
+}
+
+/// A page of reported episodes.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Episodes {
+    /// In order of lease and index.
+    episodes: Vec<EpisodeHead>,
+    /// Cursor of the next page, if there may be one.
+    next: Option<String>,
+}
+
+/// One episode with its scenario.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Episode {
+    /// What a list says of it.
+    #[serde(flatten)]
+    head: EpisodeHead,
+    /// The level.
+    level: Option<i64>,
+    /// `placement`, `frontier`, `rehearsal` or `sample`.
+    role: String,
+    /// Whether the scenario is contested.
+    contested: bool,
+    /// The floor it was judged by.
+    floor: Option<f64>,
+    /// The reference score it was judged by.
+    reference: Option<f64>,
+    /// How it was flown.
+    flown: Option<StoredFlown>,
+    /// Why it failed.
+    reason: Option<String>,
+    /// What the trainer logged.
+    #[schema(value_type = Option<Object>)]
+    metrics: Option<Value>,
+    /// The scenario's id.
+    scenario_id: String,
+    /// The scenario, complete.
+    #[schema(value_type = Object)]
+    scenario: Value,
+    /// What the scenario is worth.
+    bracket: Option<BracketView>,
+    /// The actions, one entry a step: a list of `[agent, value, …]`.
+    #[schema(value_type = Option<Object>)]
+    actions: Option<Value>,
+}
+
+/// A replay, step by step.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Replay {
+    /// The episode.
+    episode: String,
+    /// The scenario, complete.
+    #[schema(value_type = Object)]
+    scenario: Value,
+    /// The start, then one frame a step: actions, rewards, and the whole state, hidden bodies included.
+    #[schema(value_type = Vec<Object>)]
+    frames: Vec<Value>,
+}
+
+/// List reported episodes.
+#[utoipa::path(
+    get, path = "/runs/{run}/episodes", tag = "episodes",
+    params(("run" = String, Path, description = "The run's id."), Page),
+    responses((status = 200, body = Episodes), (status = 400, body = Problem), (status = 422, body = Problem))
+)]
+pub(super) async fn list(
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Query(page): Query<Page>,
+) -> Result<axum::Json<Episodes>, Problem> {
+    let (run, limit) = (run_id(&run)?, page.limit()?);
+    let (lease, index) = page.cursor()?;
+    let index = if page.cursor.is_none() {
+        -1
+    } else {
+        index.parse().map_err(|_| Problem::invalid("cursor", "it is not one that a list gave"))?
+    };
+    let mut conn = app.readers.acquire().await?;
+    let rows = episodes::page(&mut conn, run.as_str(), (lease, index), limit).await?;
+    let last = rows.last().map(|(_, _, _, row)| (row.lease, row.number.to_string()));
+    let next = next(rows.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));
+    let heads = rows
+        .into_iter()
+        .map(|(token, _, task, row)| {
+            let lease = LeaseId { number: row.lease, token };
+            head(EpisodeId { lease, index: row.number }, Some(task), Some(&row), "finished")
+        })
+        .collect();
+    Ok(axum::Json(Episodes { episodes: heads, next }))
+}
+
+/// Show an episode: its scenario, and how it went.
+#[utoipa::path(
+    get, path = "/runs/{run}/episodes/{episode}", tag = "episodes",
+    params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
+    responses((status = 200, body = Episode), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(super) async fn show(
+    State(app): State<App>,
+    Path((run, episode)): Path<(String, String)>,
+) -> Result<axum::Json<Episode>, Problem> {
+    let mut conn = app.readers.acquire().await?;
+    let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
+    let bracket = brackets::newest(&mut conn, &found.group.scenario).await?;
+    let row = found.row;
+    let text = |json: Option<&String>| json.map(|j| from_json("a stored value", j)).transpose();
+    Ok(axum::Json(Episode {
+        head: head(found.id, Some(found.group.task), row.as_ref(), unreported(&found.lease)),
+        level: found.group.level,
+        role: found.group.role,
+        contested: found.group.contested != 0,
+        floor: row.as_ref().and_then(|r| r.floor),
+        reference: row.as_ref().and_then(|r| r.reference),
+        flown: row.as_ref().and_then(|r| r.flown.as_ref()).map(|j| from_json("a flight", j)).transpose()?,
+        reason: row.as_ref().and_then(|r| r.reason.clone()),
+        metrics: text(row.as_ref().and_then(|r| r.metrics.as_ref()))?,
+        scenario_id: found.scenario.id().to_string(),
+        bracket: bracket.map(|b| BracketView::of(&found.scenario, &b)),
+        scenario: found.scenario.to_json(),
+        actions: found.log.as_ref().map(steps),
+    }))
+}
+
+/// Replay an episode on the server: the whole state, step by step.
+#[utoipa::path(
+    get, path = "/runs/{run}/episodes/{episode}/replay", tag = "episodes",
+    params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
+    responses(
+        (status = 200, body = Replay), (status = 400, body = Problem),
+        (status = 404, body = Problem, description = "No such episode, or one that was never flown.")
+    )
+)]
+pub(super) async fn replayed(
+    State(app): State<App>,
+    Path((run, episode)): Path<(String, String)>,
+) -> Result<axum::Json<Replay>, Problem> {
+    let mut conn = app.readers.acquire().await?;
+    let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
+    let log = found.log.ok_or_else(|| TrainingError::UnknownEpisode(format!("{episode} that was flown")))?;
+    let frames = frames(&found.scenario, &log)?;
+    Ok(axum::Json(Replay { episode: found.id.to_string(), scenario: found.scenario.to_json(), frames }))
+}
+
+/// An episode and everything around it.
+struct Found {
+    id: EpisodeId,
+    lease: LeaseRow,
+    group: GroupRow,
+    row: Option<EpisodeRow>,
+    log: Option<ActionLog>,
+    scenario: Scenario,
+}
+
+impl Found {
+    async fn look(conn: &mut SqliteConnection, run: &RunId, id: EpisodeId) -> Result<Self, Problem> {
+        let unknown = || TrainingError::UnknownEpisode(id.to_string());
+        let lease = find(conn, run, &id.lease).await.map_err(|_| unknown())?;
+        let group = leases::group(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;
+        let row = episodes::get(conn, lease.id, id.index).await?;
+        let log = episodes::log(conn, lease.id, id.index).await?;
+        let log = log.map(|bytes| ActionLog::decode(&bytes)).transpose().map_err(crate::store::StoreError::from)?;
+        let scenario = Loader::default().get(conn, &group.scenario).await?;
+        Ok(Self { id, lease, group, row, log, scenario })
+    }
+}
+
+fn unreported(lease: &LeaseRow) -> &'static str {
+    if lease.status == "active" { "leased" } else { "expired" }
+}
+
+fn head(id: EpisodeId, task: Option<String>, row: Option<&EpisodeRow>, unreported: &str) -> EpisodeHead {
+    EpisodeHead {
+        episode: id.to_string(),
+        task,
+        state: row.map_or(unreported, |r| r.state.as_str()).to_owned(),
+        score: row.and_then(|r| r.score),
+        success: row.and_then(|r| r.success).map(|s| s != 0),
+        skill: row.and_then(|r| r.skill),
+        policy_version: row.map(|r| r.policy_version),
+        at: row.map(|r| rfc3339(r.at)),
+    }
+}
+
+fn step(log: &ActionLog, action: JointAction<'_>) -> Value {
+    let entries = action.agents.iter().enumerate().map(|(i, agent)| {
+        let mut entry = vec![json!(agent)];
+        entry.extend(action.values[i * log.dim()..(i + 1) * log.dim()].iter().map(|v| json!(v)));
+        Value::Array(entry)
+    });
+    Value::Array(entries.collect())
+}
+
+fn steps(log: &ActionLog) -> Value {
+    json!({
+        "steps": log.steps().map(|action| step(log, action)).collect::<Vec<_>>(),
+        "precision": if log.precision() == env_core::log::Precision::F32 { "f32" } else { "f64" },
+        "stopped": log.stopped.map(env_core::Stopped::word),
+    })
+}
+
+fn frames(scenario: &Scenario, log: &ActionLog) -> Result<Vec<Value>, Problem> {
+    let mut episode = scenario.task().start(scenario)?;
+    let mut frames = vec![json!({"step": 0, "actions": [], "reward": 0.0, "done": false, "state": episode.truth()})];
+    let mut report = StepReport::default();
+    while !episode.done() {
+        // Past the end of a log that stopped, nobody acts.
+        let action = log.step(episode.steps() as usize);
+        episode.step(action, &mut report).map_err(|error| {
+            TrainingError::from(crate::store::StoreError::unreadable("an action log", error))
+        })?;
+        frames.push(json!({
+            "step": episode.steps(),
+            "actions": step(log, action),
+            "reward": report.reward,
+            "done": report.done,
+            "state": episode.truth(),
+        }));
+    }
+    Ok(frames)
+}

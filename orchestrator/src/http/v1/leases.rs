@@ -1,0 +1,340 @@
+//! Leases: take, list, show, renew, release.
+
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use env_core::bracket::panel_success;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sqlx::SqliteConnection;
+use utoipa::ToSchema;
+
+use super::super::extract::{Json, Path, Query};
+use super::super::problem::Problem;
+use super::{Page, id, next, run_id};
+use crate::clock::rfc3339;
+use crate::ids::{EpisodeId, LeaseId};
+use crate::service::App;
+use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::scenarios::Loader;
+use crate::store::{StoreError, brackets, leases};
+use crate::training::TrainingError;
+use crate::training::lease::{Purpose, Release, Renew, TakeLease, Taken, find};
+
+/// How long a lease waits for scenarios to be prepared before it asks the trainer to come again.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A lease as it is asked for.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LeaseWish {
+    /// How many groups: 1 to 1 024.
+    groups: u32,
+    /// Episodes of one scenario in each (the run's group_size).
+    group_size: Option<u32>,
+    /// The policy that will fly it (0).
+    #[serde(default)]
+    policy_version: u32,
+    /// How long it holds, seconds: 1 to 86 400 (600).
+    #[serde(default = "ten_minutes")]
+    ttl_s: u32,
+    /// `train` (default), `probe` or `eval`.
+    #[serde(default = "train")]
+    purpose: Purpose,
+}
+
+const fn ten_minutes() -> u32 {
+    600
+}
+
+const fn train() -> Purpose {
+    Purpose::Train
+}
+
+/// A lease: recipes once each, and groups that name a recipe and a seed.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Lease {
+    /// Its id.
+    lease: String,
+    /// Its run.
+    run: String,
+    /// What it is for.
+    purpose: String,
+    /// `active`, `done`, `released` or `expired`.
+    status: String,
+    /// Episodes in each group.
+    group_size: i64,
+    /// The policy it was taken for.
+    policy_version: i64,
+    /// Until when it holds, RFC 3339.
+    expires_at: String,
+    /// Scenarios without their seeds: world, task, params, physics, layout.
+    #[schema(value_type = Vec<Object>)]
+    recipes: Vec<Value>,
+    /// The groups.
+    groups: Vec<Group>,
+}
+
+/// Episodes of one scenario. Everything but recipe and seed is for the trainer, never for the agent.
+#[derive(Serialize, ToSchema)]
+struct Group {
+    /// Its number in the lease.
+    group: i64,
+    /// Index into `recipes`.
+    recipe: usize,
+    /// The seed that makes the recipe a scenario.
+    seed: u64,
+    /// The scenario's id.
+    scenario: String,
+    /// The task.
+    task: String,
+    /// The level.
+    level: Option<i64>,
+    /// `placement`, `frontier`, `rehearsal` or `sample`.
+    role: String,
+    /// Whether acting well matters on this scenario.
+    contested: bool,
+    /// `open`, `complete`, `partial` or `lost`.
+    state: String,
+    /// What to report them as.
+    episodes: Vec<String>,
+    /// What the scenario is worth.
+    bracket: BracketView,
+}
+
+/// What a scenario is worth.
+#[derive(Serialize, ToSchema)]
+pub(super) struct BracketView {
+    /// Version of the planner that made it.
+    planner: u32,
+    /// The score of acting blindly.
+    floor: f64,
+    /// The score of doing nothing.
+    hold: f64,
+    /// What the planner earned, with hindsight.
+    reference: f64,
+    /// How many of the 16 blind plans succeed.
+    panel_success: usize,
+}
+
+impl BracketView {
+    pub(super) fn of(scenario: &env_core::Scenario, bracket: &env_core::Bracket) -> Self {
+        Self {
+            planner: bracket.planner,
+            floor: bracket.floor,
+            hold: bracket.hold(),
+            reference: bracket.reference.score,
+            panel_success: panel_success(scenario, bracket),
+        }
+    }
+}
+
+/// A lease without its groups.
+#[derive(Serialize, ToSchema)]
+pub(super) struct LeaseHead {
+    /// Its id.
+    lease: String,
+    /// What it is for.
+    purpose: String,
+    /// `active`, `done`, `released` or `expired`.
+    status: String,
+    /// How many groups.
+    groups: i64,
+    /// Episodes in each.
+    group_size: i64,
+    /// When it was granted, RFC 3339.
+    created_at: String,
+    /// Until when it holds, RFC 3339.
+    expires_at: String,
+}
+
+impl LeaseHead {
+    fn of(row: LeaseRow) -> Self {
+        Self {
+            lease: LeaseId { number: row.id, token: row.token }.to_string(),
+            purpose: row.purpose,
+            status: row.status,
+            groups: row.groups,
+            group_size: row.group_size,
+            created_at: rfc3339(row.created_at),
+            expires_at: rfc3339(row.expires_at),
+        }
+    }
+}
+
+/// A page of leases.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Leases {
+    /// Oldest first.
+    leases: Vec<LeaseHead>,
+    /// Cursor of the next page, if there may be one.
+    next: Option<String>,
+}
+
+/// Lease groups of scenarios. Where scenarios are still being prepared it waits a while, then answers 503.
+#[utoipa::path(
+    post, path = "/runs/{run}/leases", tag = "leases", request_body = LeaseWish,
+    params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 201, body = Lease),
+        (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem, description = "The run is paused."), (status = 413, body = Problem),
+        (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
+        (status = 503, body = Problem, description = "Scenarios are still being prepared; see Retry-After.")
+    )
+)]
+pub(super) async fn take(
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Json(wish): Json<LeaseWish>,
+) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
+    let LeaseWish { groups, group_size, policy_version, ttl_s, purpose } = wish;
+    let run = run_id(&run)?;
+    let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose };
+    let lease = granted(&app, wish).await?;
+    let mut conn = app.readers.acquire().await?;
+    let row = find(&mut conn, &run, &lease).await?;
+    Ok((StatusCode::CREATED, axum::Json(describe(&mut conn, row).await?)))
+}
+
+async fn granted(app: &App, wish: TakeLease) -> Result<LeaseId, TrainingError> {
+    let mut ready = app.ready.clone();
+    let patience = tokio::time::sleep(PATIENCE);
+    tokio::pin!(patience);
+    loop {
+        ready.mark_unchanged();
+        if let Taken::Granted(lease) = app.writer.change(wish.clone()).await? {
+            return Ok(lease);
+        }
+        tokio::select! {
+            changed = ready.changed() => changed.map_err(|_| TrainingError::Stopping)?,
+            () = &mut patience => return Err(TrainingError::NotReady),
+        }
+    }
+}
+
+/// List the leases of a run, oldest first.
+#[utoipa::path(
+    get, path = "/runs/{run}/leases", tag = "leases",
+    params(("run" = String, Path, description = "The run's id."), Page),
+    responses((status = 200, body = Leases), (status = 400, body = Problem), (status = 422, body = Problem))
+)]
+pub(super) async fn list(
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Query(page): Query<Page>,
+) -> Result<axum::Json<Leases>, Problem> {
+    let (run, limit) = (run_id(&run)?, page.limit()?);
+    let mut conn = app.readers.acquire().await?;
+    let rows = leases::page(&mut conn, run.as_str(), page.cursor()?.0, limit).await?;
+    let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
+    Ok(axum::Json(Leases { leases: rows.into_iter().map(LeaseHead::of).collect(), next }))
+}
+
+/// Show a lease with its groups: what was answered when it was taken.
+#[utoipa::path(
+    get, path = "/runs/{run}/leases/{lease}", tag = "leases",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses((status = 200, body = Lease), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(super) async fn show(
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<Lease>, Problem> {
+    let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
+    let mut conn = app.readers.acquire().await?;
+    let row = find(&mut conn, &run, &lease).await?;
+    Ok(axum::Json(describe(&mut conn, row).await?))
+}
+
+/// Renew a lease: it holds for its time again, from now.
+#[utoipa::path(
+    post, path = "/runs/{run}/leases/{lease}/renew", tag = "leases",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses(
+        (status = 200, body = LeaseHead), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem, description = "The lease is over."), (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn renew(
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<LeaseHead>, Problem> {
+    let change = Renew { run: run_id(&run)?, lease: id("lease", &lease)? };
+    Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
+}
+
+/// Release a lease: what was not reported is offered again. Releasing what is over changes nothing.
+#[utoipa::path(
+    post, path = "/runs/{run}/leases/{lease}/release", tag = "leases",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses(
+        (status = 200, body = LeaseHead), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn release(
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<LeaseHead>, Problem> {
+    let change = Release { run: run_id(&run)?, lease: id("lease", &lease)? };
+    Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
+}
+
+async fn describe(conn: &mut SqliteConnection, row: LeaseRow) -> Result<Lease, Problem> {
+    let lease = LeaseId { number: row.id, token: row.token.clone() };
+    let mut recipes: Vec<Value> = Vec::new();
+    let mut ids = Vec::new();
+    let mut loader = Loader::default();
+    let mut groups = Vec::new();
+    for group in leases::groups(conn, row.id).await? {
+        let scenario = loader.get(conn, &group.scenario).await?;
+        let bracket = brackets::newest(conn, &group.scenario).await?;
+        let bracket =
+            bracket.ok_or_else(|| StoreError::unreadable("a bracket", "there is none for a leased scenario"))?;
+        let recipe_id = scenario.recipe().id();
+        let recipe = ids.iter().position(|known| *known == recipe_id).unwrap_or_else(|| {
+            ids.push(recipe_id);
+            recipes.push(scenario.recipe().to_json());
+            recipes.len() - 1
+        });
+        groups.push(view(&lease, &row, group, recipe, &scenario, &bracket));
+    }
+    Ok(Lease {
+        lease: lease.to_string(),
+        run: row.run,
+        purpose: row.purpose,
+        status: row.status,
+        group_size: row.group_size,
+        policy_version: row.policy_version,
+        expires_at: rfc3339(row.expires_at),
+        recipes,
+        groups,
+    })
+}
+
+fn view(
+    lease: &LeaseId,
+    row: &LeaseRow,
+    group: GroupRow,
+    recipe: usize,
+    scenario: &env_core::Scenario,
+    bracket: &env_core::Bracket,
+) -> Group {
+    let first = group.number * row.group_size;
+    let name = |index| EpisodeId { lease: lease.clone(), index }.to_string();
+    Group {
+        group: group.number,
+        recipe,
+        seed: scenario.seed().get(),
+        scenario: scenario.id().to_string(),
+        contested: group.contested != 0,
+        episodes: (first..first + row.group_size).map(name).collect(),
+        bracket: BracketView::of(scenario, bracket),
+        task: group.task,
+        level: group.level,
+        role: group.role,
+        state: group.state,
+    }
+}

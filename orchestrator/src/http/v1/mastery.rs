@@ -1,0 +1,224 @@
+//! Mastery: where each task stands, how it came there, and the params in force.
+
+use std::collections::BTreeMap;
+
+use axum::extract::State;
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::super::extract::{Path, Query};
+use super::super::problem::Problem;
+use super::{Page, next, run_id};
+use crate::clock::rfc3339;
+use crate::curriculum::{Explanation, Mastery, TaskStatus};
+use crate::service::App;
+use crate::store::sums::Sums;
+use crate::store::{curriculum, from_json};
+use crate::training::status::{Look, Standing};
+
+/// What an agent has mastered.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Masteries {
+    /// One per task of the run.
+    tasks: Vec<TaskMastery>,
+    /// The strategy's rules, and what moved on what evidence, in words.
+    #[schema(value_type = Object)]
+    explanation: Explanation,
+}
+
+/// One task.
+#[derive(Serialize, ToSchema)]
+struct TaskMastery {
+    /// The task.
+    task: String,
+    /// The current level: 0 during placement, none where the strategy has no levels.
+    level: Option<u32>,
+    /// Whether the level was found.
+    placed: bool,
+    /// The params in force.
+    params: BTreeMap<String, f64>,
+    /// The posterior over success on contested scenarios at the current level.
+    mastery: Option<Posterior>,
+    /// The same at every level with evidence.
+    levels: Vec<Posterior>,
+    /// Success over all episodes, contested or not.
+    plain: Plain,
+    /// How full the current block is, what it takes to move.
+    #[schema(value_type = Object)]
+    status: TaskStatus,
+    /// What somebody should know.
+    warnings: Vec<String>,
+}
+
+/// Beta(1, 1) and the last 64 contested scenarios.
+#[derive(Serialize, ToSchema)]
+struct Posterior {
+    /// The level.
+    level: Option<u32>,
+    /// Scenarios it rests on.
+    n: u32,
+    /// Mean.
+    mean: f64,
+    /// 10 % quantile.
+    q10: f64,
+    /// 90 % quantile.
+    q90: f64,
+    /// Scenarios seen since the run began.
+    seen: u64,
+}
+
+impl Posterior {
+    fn of(m: &Mastery) -> Self {
+        Self { level: m.level, n: m.n, mean: m.mean, q10: m.q10, q90: m.q90, seen: m.seen }
+    }
+}
+
+/// Plain counts over all episodes.
+#[derive(Serialize, ToSchema)]
+struct Plain {
+    /// Episodes that finished.
+    episodes: i64,
+    /// Of these, successes.
+    successes: i64,
+    /// Episodes that failed.
+    failed: i64,
+    /// Episodes that expired.
+    expired: i64,
+    /// successes / episodes.
+    success: Option<f64>,
+    /// Mean score.
+    score: Option<f64>,
+    /// Mean skill, where scenarios define one.
+    skill: Option<f64>,
+}
+
+impl Plain {
+    fn of(sums: &Sums) -> Self {
+        let over = |sum: f64, n: i64| (n > 0).then(|| sum / n as f64);
+        Self {
+            episodes: sums.episodes,
+            successes: sums.successes,
+            failed: sums.failed,
+            expired: sums.expired,
+            success: over(sums.successes as f64, sums.episodes),
+            score: over(sums.score, sums.episodes),
+            skill: over(sums.skill, sums.skilled),
+        }
+    }
+}
+
+/// Show what the agent has mastered now.
+#[utoipa::path(
+    get, path = "/runs/{run}/mastery", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Masteries), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn show(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Masteries>, Problem> {
+    let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
+    let Standing { status, mastery, explanation, sums, .. } = standing;
+    let tasks = status
+        .into_iter()
+        .map(|status| {
+            let of_task = || mastery.iter().filter(|m| m.task == status.task);
+            let plain = sums.iter().find(|(task, _)| *task == status.task);
+            TaskMastery {
+                level: status.level,
+                placed: status.placed,
+                params: status.params.iter().cloned().collect(),
+                mastery: of_task().find(|m| m.level == status.level).map(Posterior::of),
+                levels: of_task().map(Posterior::of).collect(),
+                plain: Plain::of(plain.map_or(&Sums::default(), |(_, sums)| sums)),
+                warnings: status.warnings.clone(),
+                task: status.task.clone(),
+                status,
+            }
+        })
+        .collect();
+    Ok(axum::Json(Masteries { tasks, explanation }))
+}
+
+/// How levels moved.
+#[derive(Serialize, ToSchema)]
+pub(super) struct History {
+    /// In order.
+    moves: Vec<MoveView>,
+    /// Cursor of the next page, if there may be one.
+    next: Option<String>,
+}
+
+/// One move.
+#[derive(Serialize, ToSchema)]
+struct MoveView {
+    /// The seq of the event that caused it.
+    seq: i64,
+    /// The task.
+    task: String,
+    /// `placement`, `up` or `down`.
+    kind: String,
+    /// The level before.
+    from: Option<i64>,
+    /// The level after.
+    to: i64,
+    /// The blocks or probes it rests on.
+    #[schema(value_type = Object)]
+    evidence: Value,
+    /// When, RFC 3339.
+    at: String,
+}
+
+/// Show every level move with its evidence, oldest first.
+#[utoipa::path(
+    get, path = "/runs/{run}/mastery/history", tag = "mastery",
+    params(("run" = String, Path, description = "The run's id."), Page),
+    responses((status = 200, body = History), (status = 400, body = Problem), (status = 422, body = Problem))
+)]
+pub(super) async fn history(
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Query(page): Query<Page>,
+) -> Result<axum::Json<History>, Problem> {
+    let (run, limit) = (run_id(&run)?, page.limit()?);
+    let after = if page.cursor.is_some() { page.cursor()?.0 } else { -1 };
+    let mut conn = app.readers.acquire().await?;
+    let rows = curriculum::moves(&mut conn, run.as_str(), after, limit).await?;
+    let next = next(rows.len(), limit, rows.last().map(|row| (row.seq, "")));
+    let moves = rows
+        .into_iter()
+        .map(|row| {
+            Ok(MoveView {
+                seq: row.seq,
+                task: row.task,
+                kind: row.kind,
+                from: row.from_level,
+                to: row.to_level,
+                evidence: from_json("a move's evidence", &row.evidence)?,
+                at: rfc3339(row.at),
+            })
+        })
+        .collect::<Result<_, Problem>>()?;
+    Ok(axum::Json(History { moves, next }))
+}
+
+/// The params in force, by task.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Params {
+    /// By task's id.
+    tasks: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// Show the params in force per task.
+#[utoipa::path(
+    get, path = "/runs/{run}/params", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Params), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn params(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Params>, Problem> {
+    let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
+    let tasks = standing.status.into_iter().map(|s| (s.task, s.params.into_iter().collect())).collect();
+    Ok(axum::Json(Params { tasks }))
+}

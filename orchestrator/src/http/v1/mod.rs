@@ -1,0 +1,84 @@
+//! `/v1`: one file per resource.
+
+mod episodes;
+mod leases;
+mod mastery;
+mod results;
+mod runs;
+mod scenarios;
+mod tasks;
+
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::problem::Problem;
+use crate::ids::RunId;
+use crate::service::App;
+
+pub(super) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(runs::create, runs::list))
+        .routes(routes!(runs::show))
+        .routes(routes!(runs::pause))
+        .routes(routes!(runs::resume))
+        .routes(routes!(leases::take, leases::list))
+        .routes(routes!(leases::show))
+        .routes(routes!(leases::renew))
+        .routes(routes!(leases::release))
+        .routes(routes!(results::report))
+        .routes(routes!(mastery::show))
+        .routes(routes!(mastery::history))
+        .routes(routes!(mastery::params))
+        .routes(routes!(episodes::list))
+        .routes(routes!(episodes::show))
+        .routes(routes!(episodes::replayed))
+        .routes(routes!(scenarios::check))
+        .routes(routes!(tasks::list))
+}
+
+/// Parses a run's id from a path.
+fn run_id(text: &str) -> Result<RunId, Problem> {
+    text.parse().map_err(|error: crate::ids::BadId| {
+        Problem::new(axum::http::StatusCode::BAD_REQUEST, "bad_id", error.to_string()).at("run")
+    })
+}
+
+/// Parses any id from a path.
+fn id<T: std::str::FromStr<Err = crate::ids::BadId>>(field: &str, text: &str) -> Result<T, Problem> {
+    text.parse().map_err(|error: crate::ids::BadId| {
+        Problem::new(axum::http::StatusCode::BAD_REQUEST, "bad_id", error.to_string()).at(field)
+    })
+}
+
+/// How many a list gives at most, and where it goes on.
+#[derive(Debug, serde::Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+struct Page {
+    /// How many at most: 1 to 500 (50).
+    limit: Option<u32>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+impl Page {
+    fn limit(&self) -> Result<i64, Problem> {
+        match self.limit.unwrap_or(50) {
+            limit @ 1..=500 => Ok(i64::from(limit)),
+            limit => Err(Problem::invalid("limit", format!("it is {limit}, outside 1 to 500"))),
+        }
+    }
+
+    /// The cursor as (number, text), `0` and empty at the start.
+    fn cursor(&self) -> Result<(i64, &str), Problem> {
+        let Some(cursor) = &self.cursor else { return Ok((0, "")) };
+        cursor
+            .split_once('.')
+            .and_then(|(number, text)| Some((number.parse().ok()?, text)))
+            .ok_or_else(|| Problem::invalid("cursor", "it is not one that a list gave"))
+    }
+}
+
+/// The cursor after a row, where a full page says that there may be more.
+fn next(rows: usize, limit: i64, last: Option<(i64, &str)>) -> Option<String> {
+    last.filter(|_| rows as i64 >= limit).map(|(number, text)| format!("{number}.{text}"))
+}

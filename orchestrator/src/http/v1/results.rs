@@ -1,0 +1,199 @@
+//! Results: batches of finished and failed episodes.
+
+use axum::extract::State;
+use env_core::Stopped;
+use env_core::log::Precision;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::super::extract::{Json, Path};
+use super::super::problem::Problem;
+use super::run_id;
+use crate::curriculum::Move;
+use crate::service::App;
+use crate::store::{from_json, runs, to_json};
+use crate::training::audit::{Claim, Claimed, audit};
+use crate::training::report::{Receipt, Report};
+use crate::training::{RunSettings, TrainingError};
+
+/// Most results of a batch.
+const MAX_RESULTS: usize = 5000;
+/// Longest reason of a failure, characters.
+const MAX_REASON: usize = 1000;
+
+/// A batch of results.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Results {
+    /// The policy that flew them, where an episode does not say (the lease's).
+    policy_version: Option<u32>,
+    /// At most 5 000.
+    results: Vec<ResultItem>,
+}
+
+/// One episode's result. There is no score in it: that comes from the actions.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct ResultItem {
+    /// The episode's id.
+    episode: String,
+    /// Whether it was flown, or the infrastructure lost it (finished).
+    #[serde(default = "finished")]
+    status: Status,
+    /// What every agent did; needed when finished.
+    actions: Option<Actions>,
+    /// Why it failed, in a few words.
+    reason: Option<String>,
+    /// The policy that flew it.
+    policy_version: Option<u32>,
+    /// What the trainer wants to remember of it.
+    metrics: Option<Metrics>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Status {
+    Finished,
+    Failed,
+}
+
+const fn finished() -> Status {
+    Status::Finished
+}
+
+/// An action log.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Actions {
+    /// One entry a step, in the task's own form; kessler: a list of `[satellite, dvx, dvy]`.
+    #[schema(value_type = Vec<Vec<Object>>, example = json!([[[0, 0.1, 0.0]], [], []]))]
+    pub(super) steps: Vec<Value>,
+    /// `f32` or `f64` (default): the precision the actions were taken in.
+    #[serde(default)]
+    pub(super) precision: PrecisionWord,
+    /// Why the log ends before the episode: `unparsable`, `too_long` or `too_late`. The rest is flown as hold.
+    pub(super) stopped: Option<StoppedWord>,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum PrecisionWord {
+    F32,
+    #[default]
+    F64,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum StoppedWord {
+    Unparsable,
+    TooLong,
+    TooLate,
+}
+
+impl From<PrecisionWord> for Precision {
+    fn from(word: PrecisionWord) -> Self {
+        match word {
+            PrecisionWord::F32 => Self::F32,
+            PrecisionWord::F64 => Self::F64,
+        }
+    }
+}
+
+impl From<StoppedWord> for Stopped {
+    fn from(word: StoppedWord) -> Self {
+        match word {
+            StoppedWord::Unparsable => Self::Unparsable,
+            StoppedWord::TooLong => Self::TooLong,
+            StoppedWord::TooLate => Self::TooLate,
+        }
+    }
+}
+
+/// What a trainer may log of an episode.
+#[derive(Debug, Default, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+struct Metrics {
+    /// Sampling temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    temperature: Option<f64>,
+    /// Prompt tokens.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tokens_in: Option<u64>,
+    /// Completion tokens.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tokens_out: Option<u64>,
+    /// An answer was cut off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truncated: Option<bool>,
+    /// Answers that were no action.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    invalid_actions: Option<u64>,
+}
+
+/// What became of a batch.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Receipts {
+    /// One per result, in order.
+    results: Vec<Receipt>,
+    /// Level moves that these results caused.
+    #[schema(value_type = Vec<Object>)]
+    moves: Vec<Move>,
+}
+
+/// Report results. Idempotent: what was reported before is answered as before and counts once. Each result gets its own
+/// answer; one that is refused does not touch the others. The answer comes after everything is on disk.
+#[utoipa::path(
+    post, path = "/runs/{run}/results", tag = "results", request_body = Results,
+    params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Receipts), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn report(
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Json(body): Json<Results>,
+) -> Result<axum::Json<Receipts>, Problem> {
+    let run = run_id(&run)?;
+    if body.results.len() > MAX_RESULTS {
+        let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
+        return Err(Problem::invalid("results", detail));
+    }
+    let claims = body.results.into_iter().enumerate().map(claim).collect::<Result<_, _>>()?;
+    let results = {
+        let mut conn = app.readers.acquire().await?;
+        let row = runs::get(&mut conn, run.as_str()).await?;
+        let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+        let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+        audit(&mut conn, &run, settings, claims).await?
+    };
+    let change = Report { run, policy_version: body.policy_version, results };
+    let (results, moves) = app.writer.change(change).await?;
+    Ok(axum::Json(Receipts { results, moves }))
+}
+
+fn claim((at, item): (usize, ResultItem)) -> Result<Claim, Problem> {
+    let field = |name: &str| format!("results[{at}].{name}");
+    let what = match (item.status, item.actions) {
+        (Status::Finished, Some(actions)) => Claimed::Finished {
+            steps: actions.steps,
+            precision: actions.precision.into(),
+            stopped: actions.stopped.map(Into::into),
+        },
+        (Status::Finished, None) => {
+            return Err(Problem::invalid(field("actions"), "a finished episode needs its actions"));
+        }
+        (Status::Failed, None) => {
+            Claimed::Failed { reason: item.reason.unwrap_or_default().chars().take(MAX_REASON).collect() }
+        }
+        (Status::Failed, Some(_)) => {
+            return Err(Problem::invalid(field("actions"), "a failed episode has none that count; leave them out"));
+        }
+    };
+    let metrics = item.metrics.map(|m| to_json(&m)).transpose()?;
+    Ok(Claim { episode: item.episode, what, policy_version: item.policy_version, metrics })
+}

@@ -1,0 +1,134 @@
+//! Runs: create, list, show, pause, resume.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::super::extract::{Json, Path, Query};
+use super::super::problem::Problem;
+use super::{Page, next, run_id};
+use crate::clock::rfc3339;
+use crate::service::App;
+use crate::store::runs::RunRow;
+use crate::store::{from_json, runs, unsigned};
+use crate::training::RunSettings;
+use crate::training::TrainingError;
+use crate::training::create_run::{CreateRun, SetPaused};
+use crate::training::settings::RunWish;
+
+/// A run.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Run {
+    /// Its id.
+    id: String,
+    /// Its name for people.
+    name: String,
+    /// The seed of its random streams.
+    seed: u64,
+    /// `active` or `paused`.
+    status: String,
+    /// When it was made, RFC 3339.
+    created_at: String,
+    /// The newest policy version a trainer reported.
+    policy_version: i64,
+    /// Its settings, complete.
+    #[schema(value_type = Object)]
+    settings: RunSettings,
+}
+
+impl Run {
+    fn of(row: RunRow) -> Result<Self, Problem> {
+        Ok(Self {
+            settings: from_json("a run's settings", &row.settings)?,
+            id: row.id,
+            name: row.name,
+            seed: unsigned(row.seed),
+            status: row.status,
+            created_at: rfc3339(row.created_at),
+            policy_version: row.policy_version,
+        })
+    }
+}
+
+/// A page of runs.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Runs {
+    /// Oldest first.
+    runs: Vec<Run>,
+    /// Cursor of the next page, if there may be one.
+    next: Option<String>,
+}
+
+/// Create a run. Everything may be left out: `{}` is a ladder over all tasks.
+#[utoipa::path(
+    post, path = "/runs", tag = "runs", request_body = RunWish,
+    responses(
+        (status = 201, body = Run),
+        (status = 400, body = Problem), (status = 409, body = Problem), (status = 413, body = Problem),
+        (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn create(
+    State(app): State<App>,
+    Json(wish): Json<RunWish>,
+) -> Result<(StatusCode, axum::Json<Run>), Problem> {
+    let row = app.writer.change(CreateRun::read(&wish)?).await?;
+    tracing::info!(run = %row.id, "A run was created.");
+    Ok((StatusCode::CREATED, axum::Json(Run::of(row)?)))
+}
+
+/// List runs, oldest first.
+#[utoipa::path(
+    get, path = "/runs", tag = "runs", params(Page),
+    responses((status = 200, body = Runs), (status = 400, body = Problem), (status = 422, body = Problem))
+)]
+pub(super) async fn list(State(app): State<App>, Query(page): Query<Page>) -> Result<axum::Json<Runs>, Problem> {
+    let limit = page.limit()?;
+    let mut conn = app.readers.acquire().await?;
+    let rows = runs::page(&mut conn, page.cursor()?, limit).await?;
+    let next = next(rows.len(), limit, rows.last().map(|row| (row.created_at, row.id.as_str())));
+    Ok(axum::Json(Runs { runs: rows.into_iter().map(Run::of).collect::<Result<_, _>>()?, next }))
+}
+
+/// Show a run.
+#[utoipa::path(
+    get, path = "/runs/{run}", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
+    responses((status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(super) async fn show(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Run>, Problem> {
+    let run = run_id(&run)?;
+    let mut conn = app.readers.acquire().await?;
+    let row = runs::get(&mut conn, run.as_str()).await?;
+    let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+    Ok(axum::Json(Run::of(row)?))
+}
+
+/// Pause a run: it grants no more leases; results of those it has granted are still taken.
+#[utoipa::path(
+    post, path = "/runs/{run}/pause", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn pause(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Run>, Problem> {
+    set_paused(&app, &run, true).await
+}
+
+/// Resume a paused run.
+#[utoipa::path(
+    post, path = "/runs/{run}/resume", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem)
+    )
+)]
+pub(super) async fn resume(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Run>, Problem> {
+    set_paused(&app, &run, false).await
+}
+
+async fn set_paused(app: &App, run: &str, paused: bool) -> Result<axum::Json<Run>, Problem> {
+    let row = app.writer.change(SetPaused { run: run_id(run)?, paused }).await?;
+    Ok(axum::Json(Run::of(row)?))
+}

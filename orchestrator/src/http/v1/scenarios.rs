@@ -1,0 +1,108 @@
+//! Scenarios by hand: validate, bracket, and replay.
+
+use env_core::bracket::{SuccessRule, admit, success};
+use env_core::rollout::{read_log, replay};
+use env_core::{Scenario, Seed, SeedSpace};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::super::extract::Json;
+use super::super::problem::Problem;
+use super::leases::BracketView;
+use super::results::Actions;
+use crate::store::brackets::StoredFlown;
+
+/// A scenario to look at, and actions to fly on it.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wish {
+    /// The scenario: task, params, physics, layout, and a seed below 2^51. What is left out stands at its default.
+    #[schema(value_type = Object, example = json!({"task": "kessler/survival", "params": {"debris": 100}, "seed": 7}))]
+    scenario: Value,
+    /// An action log to replay on it.
+    actions: Option<Actions>,
+}
+
+/// What a scenario is.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Checked {
+    /// Its id.
+    scenario_id: String,
+    /// The scenario, complete.
+    #[schema(value_type = Object)]
+    scenario: Value,
+    /// Nothing is lost before anybody could act.
+    fair: bool,
+    /// Why it is not fair.
+    unfair_because: Option<String>,
+    /// The reference succeeds.
+    solvable: bool,
+    /// The reference succeeds and acting blindly mostly does not.
+    contested: bool,
+    /// What it is worth.
+    bracket: Option<BracketView>,
+    /// How the actions fared, if any were sent.
+    flown: Option<Judged>,
+}
+
+/// How actions fared.
+#[derive(Serialize, ToSchema)]
+struct Judged {
+    /// The flight.
+    #[serde(flatten)]
+    flown: StoredFlown,
+    /// Against floor and reference.
+    skill: Option<f64>,
+    /// By the task's own rule.
+    success: bool,
+}
+
+/// Validate, bracket and replay a scenario by hand. Nothing is stored.
+#[utoipa::path(
+    post, path = "/scenarios", tag = "scenarios", request_body = Wish,
+    responses(
+        (status = 200, body = Checked), (status = 400, body = Problem), (status = 413, body = Problem),
+        (status = 415, body = Problem), (status = 422, body = Problem)
+    )
+)]
+pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>, Problem> {
+    let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
+        Problem::invalid(format!("scenario.{}", error.field()), error.to_string())
+    })?;
+    if scenario.seed().space() != SeedSpace::User {
+        let error = Seed::user(scenario.seed().get()).err();
+        let detail = error.map_or_else(String::new, |e| e.to_string());
+        return Err(Problem::invalid("scenario.seed", format!("{detail}: larger seeds are kept for training and evaluation")));
+    }
+    // Planning takes milliseconds: off the threads that answer others.
+    let checked = tokio::task::spawn_blocking(move || judge(&scenario, wish.actions)).await;
+    Ok(axum::Json(checked.map_err(|_| Problem::internal())??))
+}
+
+fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Problem> {
+    let admission = admit(scenario);
+    let mut judged = None;
+    if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
+        let stopped = actions.stopped.map(Into::into);
+        let refuse = |error: String| Problem::invalid("actions", error);
+        let log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
+            .map_err(|error| refuse(error.to_string()))?;
+        let flown = replay(scenario, &log).map_err(|error| refuse(error.to_string()))?;
+        judged = Some(Judged {
+            skill: bracket.skill(flown.score),
+            success: success(scenario, SuccessRule::Task, bracket, &flown),
+            flown: flown.into(),
+        });
+    }
+    Ok(Checked {
+        scenario_id: scenario.id().to_string(),
+        scenario: scenario.to_json(),
+        fair: admission.fair.is_ok(),
+        unfair_because: admission.fair.err().map(|error| error.to_string()),
+        solvable: admission.solvable,
+        contested: admission.contested,
+        bracket: admission.bracket.map(|b| BracketView::of(scenario, &b)),
+        flown: judged,
+    })
+}

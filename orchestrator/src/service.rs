@@ -1,0 +1,169 @@
+//! The service as a whole: database, writer, workers, HTTP; started and stopped together.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use sqlx::SqlitePool;
+use tokio::net::TcpListener;
+use tokio::sync::{Notify, watch};
+use tokio::task::{JoinHandle, JoinSet};
+
+use crate::clock::Clock;
+use crate::http;
+use crate::store::{OpenError, reader, writer};
+use crate::training::Writer;
+use crate::workers;
+
+/// How long requests may still run when the service stops.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// What to start.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Where to listen; port 0 takes a free one.
+    pub bind: SocketAddr,
+    /// The database file; made where there is none.
+    pub db: PathBuf,
+    /// Where the time is read.
+    pub clock: Clock,
+}
+
+impl Config {
+    /// On loopback, on a free port.
+    #[must_use]
+    pub fn local(db: PathBuf) -> Self {
+        Self { bind: SocketAddr::from(([127, 0, 0, 1], 0)), db, clock: Clock::system() }
+    }
+}
+
+/// Why the service could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The database.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The address is one that others reach, and there are no tokens yet to keep strangers out.
+    #[error("{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700")]
+    Public(SocketAddr),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {reason}")]
+    Listen {
+        /// Where.
+        address: SocketAddr,
+        /// Why.
+        reason: std::io::Error,
+    },
+}
+
+/// What every request handler can reach.
+#[derive(Debug, Clone)]
+pub struct App {
+    /// The one writer.
+    pub writer: Writer,
+    /// Connections that read.
+    pub readers: SqlitePool,
+    /// Where the time is read.
+    pub clock: Clock,
+    /// Moves whenever scenarios were prepared.
+    pub ready: watch::Receiver<u64>,
+    /// The service is going down.
+    pub stopping: Arc<AtomicBool>,
+}
+
+/// A running service.
+#[derive(Debug)]
+pub struct Service {
+    address: SocketAddr,
+    stopping: Arc<AtomicBool>,
+    stop: watch::Sender<bool>,
+    server: JoinHandle<()>,
+    workers: JoinSet<()>,
+    writer: JoinHandle<()>,
+    readers: SqlitePool,
+}
+
+impl Service {
+    /// Opens the database, starts the workers, and listens.
+    ///
+    /// # Errors
+    /// Why it could not start.
+    pub async fn start(config: Config) -> Result<Self, StartError> {
+        if !config.bind.ip().is_loopback() {
+            return Err(StartError::Public(config.bind));
+        }
+        let connection = writer(&config.db).await?;
+        let readers = reader(&config.db).await?;
+        let listener = TcpListener::bind(config.bind)
+            .await
+            .map_err(|reason| StartError::Listen { address: config.bind, reason })?;
+        let address =
+            listener.local_addr().map_err(|reason| StartError::Listen { address: config.bind, reason })?;
+
+        let wake = Arc::new(Notify::new());
+        let (writer, writer_task) = Writer::start(connection, config.clock.clone(), Arc::clone(&wake));
+        let (ready_tx, ready) = watch::channel(0);
+        let mut jobs = JoinSet::new();
+        let preparer = workers::prepare::Preparer {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            wake,
+            ready: ready_tx,
+        };
+        jobs.spawn(preparer.run());
+        jobs.spawn(workers::expire::run(writer.clone()));
+
+        let stopping = Arc::new(AtomicBool::new(false));
+        let app = App {
+            writer,
+            readers: readers.clone(),
+            clock: config.clock,
+            ready,
+            stopping: Arc::clone(&stopping),
+        };
+        let (stop, stopped) = watch::channel(false);
+        let server = tokio::spawn(serve(listener, app, stopped));
+        Ok(Self { address, stopping, stop, server, workers: jobs, writer: writer_task, readers })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Stops: no new requests, those running are finished, workers end, snapshots are taken, the database closes.
+    pub async fn stop(mut self) {
+        self.stopping.store(true, Ordering::SeqCst);
+        self.stop.send_replace(true);
+        if tokio::time::timeout(GRACE, &mut self.server).await.is_err() {
+            tracing::warn!("Some requests did not end in time and were cut off.");
+            self.server.abort();
+            let _ = self.server.await;
+        }
+        // Workers hold nothing that is not in the store: they are cut off, and what they did twice is done once.
+        self.workers.shutdown().await;
+        if let Err(error) = self.writer.await {
+            tracing::error!(error = %error, "The writer did not end well.");
+        }
+        self.readers.close().await;
+    }
+}
+
+async fn serve(listener: TcpListener, app: App, mut stopped: watch::Receiver<bool>) {
+    let shutdown = async move {
+        // The sender going away means the same.
+        let _ = stopped.wait_for(|stop| *stop).await;
+    };
+    if let Err(error) = axum::serve(listener, http::router(app)).with_graceful_shutdown(shutdown).await {
+        tracing::error!(error = %error, "The server failed.");
+    }
+}

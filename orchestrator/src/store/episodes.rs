@@ -1,0 +1,193 @@
+//! Reported episodes and their action logs.
+
+use sqlx::{SqliteConnection, query};
+
+use super::StoreError;
+use crate::clock::Millis;
+
+/// An episode as stored.
+#[derive(Debug, Clone)]
+pub struct EpisodeRow {
+    /// Its lease.
+    pub lease: i64,
+    /// Its index in the lease.
+    pub number: i64,
+    /// `finished`, `failed` or `late`.
+    pub state: String,
+    /// Of what was reported.
+    pub digest: Vec<u8>,
+    /// The world's score, from replay.
+    pub score: Option<f64>,
+    /// Whether it counts as a success.
+    pub success: Option<i64>,
+    /// Skill, where the scenario defines one.
+    pub skill: Option<f64>,
+    /// The floor it was judged by.
+    pub floor: Option<f64>,
+    /// The reference score it was judged by.
+    pub reference: Option<f64>,
+    /// The planner of that bracket.
+    pub planner: Option<i64>,
+    /// JSON: how it was flown.
+    pub flown: Option<String>,
+    /// The policy that flew it.
+    pub policy_version: i64,
+    /// Why it failed.
+    pub reason: Option<String>,
+    /// JSON: what the trainer logged.
+    pub metrics: Option<String>,
+    /// When it was reported.
+    pub at: Millis,
+}
+
+/// Stores an episode.
+///
+/// # Errors
+/// The database's.
+pub async fn insert(conn: &mut SqliteConnection, row: &EpisodeRow) -> Result<(), StoreError> {
+    query!(
+        "INSERT INTO episodes (lease, number, state, digest, score, success, skill, floor, reference, planner, flown,
+                               policy_version, reason, metrics, at)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        row.lease,
+        row.number,
+        row.state,
+        row.digest,
+        row.score,
+        row.success,
+        row.skill,
+        row.floor,
+        row.reference,
+        row.planner,
+        row.flown,
+        row.policy_version,
+        row.reason,
+        row.metrics,
+        row.at
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Stores an action log.
+///
+/// # Errors
+/// The database's.
+pub async fn insert_log(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    number: i64,
+    body: &[u8],
+) -> Result<(), StoreError> {
+    query!("INSERT INTO action_logs (lease, number, body) VALUES (?, ?, ?)", lease, number, body)
+        .execute(conn)
+        .await?;
+    Ok(())
+}
+
+/// One episode.
+///
+/// # Errors
+/// The database's.
+pub async fn get(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    number: i64,
+) -> Result<Option<EpisodeRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        EpisodeRow,
+        "SELECT lease, number, state, digest, score, success, skill, floor, reference, planner, flown, policy_version,
+                reason, metrics, at
+         FROM episodes WHERE lease = ? AND number = ?",
+        lease,
+        number
+    )
+    .fetch_optional(conn)
+    .await?)
+}
+
+/// One action log.
+///
+/// # Errors
+/// The database's.
+pub async fn log(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    number: i64,
+) -> Result<Option<Vec<u8>>, StoreError> {
+    Ok(sqlx::query_scalar!("SELECT body FROM action_logs WHERE lease = ? AND number = ?", lease, number)
+        .fetch_optional(conn)
+        .await?)
+}
+
+/// Reported episodes of a run after (lease, index), in that order.
+///
+/// # Errors
+/// The database's.
+pub async fn page(
+    conn: &mut SqliteConnection,
+    run: &str,
+    after: (i64, i64),
+    limit: i64,
+) -> Result<Vec<(String, i64, String, EpisodeRow)>, StoreError> {
+    let rows = query!(
+        r#"SELECT l.token, l.group_size, g.task, e.lease AS "lease!", e.number AS "number!", e.state, e.digest, e.score, e.success, e.skill,
+                  e.floor, e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
+           FROM leases l JOIN episodes e ON e.lease = l.id
+           JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
+           WHERE l.run = ?1 AND l.id >= ?2 AND (e.lease, e.number) > (?2, ?3)
+           ORDER BY e.lease, e.number LIMIT ?4"#,
+        run,
+        after.0,
+        after.1,
+        limit
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows
+        .into_iter()
+        .map(|r| {
+            let row = EpisodeRow {
+                lease: r.lease,
+                number: r.number,
+                state: r.state,
+                digest: r.digest,
+                score: r.score,
+                success: r.success,
+                skill: r.skill,
+                floor: r.floor,
+                reference: r.reference,
+                planner: r.planner,
+                flown: r.flown,
+                policy_version: r.policy_version,
+                reason: r.reason,
+                metrics: r.metrics,
+                at: r.at,
+            };
+            (r.token, r.group_size, r.task, row)
+        })
+        .collect())
+}
+
+/// Means over the finished episodes of one group: score, and skill where defined.
+///
+/// # Errors
+/// The database's.
+pub async fn group_means(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    from: i64,
+    to: i64,
+) -> Result<(Option<f64>, Option<f64>), StoreError> {
+    let row = query!(
+        r#"SELECT avg(score) AS "score: f64", avg(skill) AS "skill: f64" FROM episodes
+           WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished'"#,
+        lease,
+        from,
+        to
+    )
+    .fetch_one(conn)
+    .await?;
+    Ok((row.score, row.skill))
+}

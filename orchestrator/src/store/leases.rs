@@ -1,0 +1,267 @@
+//! Leases and their groups.
+
+use sqlx::{SqliteConnection, query};
+
+use super::StoreError;
+use crate::clock::Millis;
+
+/// A lease as stored.
+#[derive(Debug, Clone)]
+pub struct LeaseRow {
+    /// Its number.
+    pub id: i64,
+    /// Its token.
+    pub token: String,
+    /// Its run.
+    pub run: String,
+    /// `train`, `probe` or `eval`.
+    pub purpose: String,
+    /// `active`, `done`, `released` or `expired`.
+    pub status: String,
+    /// How many groups.
+    pub groups: i64,
+    /// Episodes in each.
+    pub group_size: i64,
+    /// The policy version it was taken for.
+    pub policy_version: i64,
+    /// How long it holds.
+    pub ttl_ms: i64,
+    /// When it was granted.
+    pub created_at: Millis,
+    /// Until when it holds.
+    pub expires_at: Millis,
+}
+
+/// A group as stored.
+#[derive(Debug, Clone)]
+pub struct GroupRow {
+    /// Its number in the lease.
+    pub number: i64,
+    /// The proposal it serves; none for eval.
+    pub proposal: Option<i64>,
+    /// Its scenario.
+    pub scenario: Vec<u8>,
+    /// The task.
+    pub task: String,
+    /// The level.
+    pub level: Option<i64>,
+    /// The proposal's role.
+    pub role: String,
+    /// Whether the scenario is contested.
+    pub contested: i64,
+    /// `open`, `complete`, `partial` or `lost`.
+    pub state: String,
+    /// Episodes that finished.
+    pub finished: i64,
+    /// Episodes that failed.
+    pub failed: i64,
+    /// Episodes that succeeded.
+    pub successes: i64,
+    /// Whether its outcome could move the curriculum.
+    pub evidence: i64,
+}
+
+/// Grants a lease; its number.
+///
+/// # Errors
+/// The database's.
+pub async fn insert(conn: &mut SqliteConnection, row: &LeaseRow) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "INSERT INTO leases (token, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at,
+                             expires_at)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS \"id!\"",
+        row.token,
+        row.run,
+        row.purpose,
+        row.status,
+        row.groups,
+        row.group_size,
+        row.policy_version,
+        row.ttl_ms,
+        row.created_at,
+        row.expires_at
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
+/// Adds a group to a lease.
+///
+/// # Errors
+/// The database's.
+pub async fn insert_group(conn: &mut SqliteConnection, lease: i64, row: &GroupRow) -> Result<(), StoreError> {
+    query!(
+        "INSERT INTO groups (lease, number, proposal, scenario, task, level, role, contested, state, evidence)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        lease,
+        row.number,
+        row.proposal,
+        row.scenario,
+        row.task,
+        row.level,
+        row.role,
+        row.contested,
+        row.state,
+        row.evidence
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// A lease.
+///
+/// # Errors
+/// The database's.
+pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LeaseRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        LeaseRow,
+        "SELECT id, token, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
+         FROM leases WHERE id = ?",
+        id
+    )
+    .fetch_optional(conn)
+    .await?)
+}
+
+/// Leases of a run after a number, in order.
+///
+/// # Errors
+/// The database's.
+pub async fn page(
+    conn: &mut SqliteConnection,
+    run: &str,
+    after: i64,
+    limit: i64,
+) -> Result<Vec<LeaseRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        LeaseRow,
+        "SELECT id, token, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
+         FROM leases WHERE run = ? AND id > ? ORDER BY id LIMIT ?",
+        run,
+        after,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Active leases whose time is over, the oldest first.
+///
+/// # Errors
+/// The database's.
+pub async fn overdue(conn: &mut SqliteConnection, now: Millis, limit: i64) -> Result<Vec<i64>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "SELECT id FROM leases WHERE status = 'active' AND expires_at <= ? ORDER BY expires_at, id LIMIT ?",
+        now,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Sets a lease's status.
+///
+/// # Errors
+/// The database's.
+pub async fn set_status(conn: &mut SqliteConnection, id: i64, status: &str) -> Result<(), StoreError> {
+    query!("UPDATE leases SET status = ? WHERE id = ?", status, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Sets until when a lease holds.
+///
+/// # Errors
+/// The database's.
+pub async fn set_expiry(conn: &mut SqliteConnection, id: i64, expires_at: Millis) -> Result<(), StoreError> {
+    query!("UPDATE leases SET expires_at = ? WHERE id = ?", expires_at, id).execute(conn).await?;
+    Ok(())
+}
+
+/// The groups of a lease in order.
+///
+/// # Errors
+/// The database's.
+pub async fn groups(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<GroupRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        GroupRow,
+        "SELECT number, proposal, scenario, task, level, role, contested, state, finished, failed, successes, evidence
+         FROM groups WHERE lease = ? ORDER BY number",
+        lease
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// One group.
+///
+/// # Errors
+/// The database's.
+pub async fn group(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    number: i64,
+) -> Result<Option<GroupRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        GroupRow,
+        "SELECT number, proposal, scenario, task, level, role, contested, state, finished, failed, successes, evidence
+         FROM groups WHERE lease = ? AND number = ?",
+        lease,
+        number
+    )
+    .fetch_optional(conn)
+    .await?)
+}
+
+/// Writes a group's counts and state.
+///
+/// # Errors
+/// The database's.
+pub async fn update_group(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    row: &GroupRow,
+    closed_at: Option<Millis>,
+) -> Result<(), StoreError> {
+    query!(
+        "UPDATE groups SET state = ?, finished = ?, failed = ?, successes = ?, evidence = ?, closed_at = ?
+         WHERE lease = ? AND number = ?",
+        row.state,
+        row.finished,
+        row.failed,
+        row.successes,
+        row.evidence,
+        closed_at,
+        lease,
+        row.number
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// How many groups of a lease are still open.
+///
+/// # Errors
+/// The database's.
+pub async fn open_groups(conn: &mut SqliteConnection, lease: i64) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(
+        r#"SELECT count(*) AS "n!: i64" FROM groups WHERE lease = ? AND state = 'open'"#,
+        lease
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
+/// How many leases of a run are active.
+///
+/// # Errors
+/// The database's.
+pub async fn active(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(
+        r#"SELECT count(*) AS "n!: i64" FROM leases WHERE run = ? AND status = 'active'"#,
+        run
+    )
+    .fetch_one(conn)
+    .await?)
+}

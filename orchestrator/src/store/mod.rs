@@ -1,0 +1,73 @@
+//! SQL, and nothing else: one file per table family, functions taking a connection. SQL is written here and nowhere
+//! else.
+
+pub mod brackets;
+pub mod curriculum;
+pub mod episodes;
+pub mod leases;
+mod open;
+pub mod proposals;
+pub mod runs;
+pub mod scenarios;
+pub mod sums;
+
+pub use open::{Database, OpenError, reader, writer};
+
+use env_core::{LogError, ScenarioError};
+
+/// What the store can fail with.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The database said no.
+    #[error("the database failed: {0}")]
+    Database(#[from] sqlx::Error),
+    /// Something stored cannot be read back: the file was changed by hand, or by a newer version.
+    #[error("{what} in the database cannot be read: {reason}")]
+    Unreadable {
+        /// What it is.
+        what: &'static str,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl StoreError {
+    pub(crate) fn unreadable(what: &'static str, reason: impl ToString) -> Self {
+        Self::Unreadable { what, reason: reason.to_string() }
+    }
+}
+
+impl From<ScenarioError> for StoreError {
+    fn from(error: ScenarioError) -> Self {
+        Self::unreadable("a scenario", error)
+    }
+}
+
+impl From<LogError> for StoreError {
+    fn from(error: LogError) -> Self {
+        Self::unreadable("an action log", error)
+    }
+}
+
+pub(crate) fn to_json<T: serde::Serialize>(value: &T) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|error| StoreError::unreadable("a value", error))
+}
+
+pub(crate) fn from_json<T: serde::de::DeserializeOwned>(what: &'static str, text: &str) -> Result<T, StoreError> {
+    serde_json::from_str(text).map_err(|error| StoreError::unreadable(what, error))
+}
+
+/// SQLite holds signed integers; seqs and seeds are below 2⁵³.
+pub(crate) fn signed(value: u64) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
+}
+
+/// Back again; what is negative was never stored by us.
+pub(crate) fn unsigned(value: i64) -> u64 {
+    u64::try_from(value).unwrap_or(0)
+}
+
+/// Small counts.
+pub(crate) fn small(value: i64) -> u32 {
+    u32::try_from(value).unwrap_or(0)
+}

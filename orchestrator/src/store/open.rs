@@ -1,0 +1,148 @@
+//! Opening the database: one file, WAL, one writer, many readers.
+
+use std::path::Path;
+use std::str::FromStr;
+use std::time::Duration;
+
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
+
+/// How long one statement waits for another process's lock.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
+/// Connections that read.
+const READERS: u32 = 4;
+
+/// An open database.
+#[derive(Debug)]
+pub struct Database {
+    /// The one connection that writes.
+    pub writer: SqliteConnection,
+    /// Connections that read.
+    pub readers: SqlitePool,
+}
+
+/// A database that cannot be opened, each with what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// Not a database.
+    #[error("{0} is not an SQLite database: give another path with --db, or move the file away")]
+    NotADatabase(String),
+    /// Another application's database.
+    #[error("{0} is a database, but not one of Sparring's: give another path with --db")]
+    Foreign(String),
+    /// Written by a newer version.
+    #[error("{path} was written by a newer Sparring (schema {found}, this one knows {known}): upgrade Sparring, or give another path with --db")]
+    Newer {
+        /// The file.
+        path: String,
+        /// Schema found.
+        found: i64,
+        /// Newest schema known.
+        known: i64,
+    },
+    /// No permission to write.
+    #[error("{0} cannot be written: check the permissions of the file and its folder")]
+    ReadOnly(String),
+    /// Another process holds it.
+    #[error("{0} is locked by another process: stop the other server, or give another path with --db")]
+    Locked(String),
+    /// Anything else.
+    #[error("{path} cannot be opened: {reason}")]
+    Other {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {
+    let name = path.display().to_string();
+    // A path is not a URL: no character of it means anything.
+    SqliteConnectOptions::from_str("sqlite::memory:")
+        .map(|options| {
+            options
+                .in_memory(false)
+                .shared_cache(false)
+                .filename(path)
+                .journal_mode(SqliteJournalMode::Wal)
+                .synchronous(SqliteSynchronous::Full)
+                .foreign_keys(true)
+                .busy_timeout(BUSY_TIMEOUT)
+                .pragma("trusted_schema", "OFF")
+                .disable_statement_logging()
+        })
+        .map_err(|error| OpenError::Other { path: name, reason: error.to_string() })
+}
+
+/// Opens, creating and migrating where needed.
+///
+/// # Errors
+/// A file that is no database, another's, newer, read-only or locked.
+pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
+    let name = path.display().to_string();
+    let fault = |error: &sqlx::Error| explain(&name, error);
+    let mut connection = SqliteConnection::connect_with(&options(path)?.create_if_missing(true))
+        .await
+        .map_err(|error| fault(&error))?;
+    if foreign(&mut connection).await.map_err(|error| fault(&error))? {
+        return Err(OpenError::Foreign(name));
+    }
+    MIGRATIONS.run(&mut connection).await.map_err(|error| match error {
+        MigrateError::VersionMissing(found) => OpenError::Newer { path: name.clone(), found, known: newest() },
+        MigrateError::Execute(error) => explain(&name, &error),
+        other => OpenError::Other { path: name.clone(), reason: other.to_string() },
+    })?;
+    // Migrations that are up to date write nothing: make sure now, not at the first result, that writing works.
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await.map_err(|error| fault(&error))?;
+    sqlx::query("ROLLBACK").execute(&mut connection).await.map_err(|error| fault(&error))?;
+    Ok(connection)
+}
+
+/// Connections that only read.
+///
+/// # Errors
+/// A file that cannot be opened.
+pub async fn reader(path: &Path) -> Result<SqlitePool, OpenError> {
+    let name = path.display().to_string();
+    SqlitePoolOptions::new()
+        .max_connections(READERS)
+        .connect_with(options(path)?.pragma("query_only", "ON"))
+        .await
+        .map_err(|error| explain(&name, &error))
+}
+
+/// Tables, but not ours.
+async fn foreign(connection: &mut SqliteConnection) -> Result<bool, sqlx::Error> {
+    let tables: i64 = sqlx::query_scalar("SELECT count(*) FROM sqlite_schema WHERE type = 'table'")
+        .fetch_one(&mut *connection)
+        .await?;
+    let ours: i64 = sqlx::query_scalar(
+        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = '_sqlx_migrations'",
+    )
+    .fetch_one(connection)
+    .await?;
+    Ok(tables > 0 && ours == 0)
+}
+
+fn newest() -> i64 {
+    MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or(0)
+}
+
+fn explain(name: &str, error: &sqlx::Error) -> OpenError {
+    let code = error.as_database_error().and_then(|e| e.code()).and_then(|c| c.parse::<i32>().ok());
+    // Primary result codes are the low byte (sqlite.org/rescode.html).
+    match code.map(|code| code & 0xff) {
+        Some(26 | 11) => OpenError::NotADatabase(name.to_owned()),
+        Some(8) => OpenError::ReadOnly(name.to_owned()),
+        Some(5 | 6) => OpenError::Locked(name.to_owned()),
+        Some(14) => OpenError::Other {
+            path: name.to_owned(),
+            reason: "the file or its folder does not exist or may not be opened".to_owned(),
+        },
+        _ => OpenError::Other { path: name.to_owned(), reason: error.to_string() },
+    }
+}

@@ -1,0 +1,109 @@
+//! Runs.
+
+use sqlx::{SqliteConnection, query};
+
+use super::StoreError;
+use crate::clock::Millis;
+
+/// A run as stored.
+#[derive(Debug, Clone)]
+pub struct RunRow {
+    /// Its id.
+    pub id: String,
+    /// Its name for people.
+    pub name: String,
+    /// The seed of its streams.
+    pub seed: i64,
+    /// `active` or `paused`.
+    pub status: String,
+    /// JSON.
+    pub settings: String,
+    /// The newest policy version a trainer reported.
+    pub policy_version: i64,
+    /// When it was made.
+    pub created_at: Millis,
+}
+
+/// Stores a new run; false if the id is taken.
+///
+/// # Errors
+/// The database's.
+pub async fn insert(conn: &mut SqliteConnection, row: &RunRow) -> Result<bool, StoreError> {
+    let done = query!(
+        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at)
+         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        row.id,
+        row.name,
+        row.seed,
+        row.status,
+        row.settings,
+        row.policy_version,
+        row.created_at
+    )
+    .execute(conn)
+    .await?;
+    Ok(done.rows_affected() == 1)
+}
+
+/// One run.
+///
+/// # Errors
+/// The database's.
+pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Option<RunRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        RunRow,
+        "SELECT id, name, seed, status, settings, policy_version, created_at FROM runs WHERE id = ?",
+        id
+    )
+    .fetch_optional(conn)
+    .await?)
+}
+
+/// Runs in order of (creation, id), newest last, after a cursor.
+///
+/// # Errors
+/// The database's.
+pub async fn page(
+    conn: &mut SqliteConnection,
+    after: (Millis, &str),
+    limit: i64,
+) -> Result<Vec<RunRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        RunRow,
+        "SELECT id, name, seed, status, settings, policy_version, created_at FROM runs
+         WHERE (created_at, id) > (?, ?) ORDER BY created_at, id LIMIT ?",
+        after.0,
+        after.1,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// The ids of all runs.
+///
+/// # Errors
+/// The database's.
+pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    Ok(sqlx::query_scalar!("SELECT id FROM runs ORDER BY created_at, id").fetch_all(conn).await?)
+}
+
+/// Pauses or resumes.
+///
+/// # Errors
+/// The database's.
+pub async fn set_status(conn: &mut SqliteConnection, id: &str, status: &str) -> Result<(), StoreError> {
+    query!("UPDATE runs SET status = ? WHERE id = ?", status, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Remembers the newest policy version.
+///
+/// # Errors
+/// The database's.
+pub async fn set_policy_version(conn: &mut SqliteConnection, id: &str, version: i64) -> Result<(), StoreError> {
+    query!("UPDATE runs SET policy_version = ?1 WHERE id = ?2 AND policy_version < ?1", version, id)
+        .execute(conn)
+        .await?;
+    Ok(())
+}

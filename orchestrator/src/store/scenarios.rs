@@ -1,0 +1,61 @@
+//! Recipes and scenarios.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use env_core::{Recipe, Scenario, Seed};
+use sqlx::{SqliteConnection, query};
+
+use super::{StoreError, signed, to_json, unsigned};
+
+/// Stores a scenario and its recipe, once each.
+///
+/// # Errors
+/// The database's.
+pub async fn insert(conn: &mut SqliteConnection, scenario: &Scenario) -> Result<(), StoreError> {
+    let recipe = scenario.recipe().id().0.to_vec();
+    let body = to_json(&scenario.recipe().to_json())?;
+    query!("INSERT INTO recipes (id, body) VALUES (?, ?) ON CONFLICT (id) DO NOTHING", recipe, body)
+        .execute(&mut *conn)
+        .await?;
+    let id = scenario.id().0.to_vec();
+    let seed = signed(scenario.seed().get());
+    query!(
+        "INSERT INTO scenarios (id, recipe, seed) VALUES (?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        id,
+        recipe,
+        seed
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Reads scenarios, each recipe once.
+#[derive(Debug, Default)]
+pub struct Loader {
+    recipes: HashMap<Vec<u8>, Arc<Recipe>>,
+}
+
+impl Loader {
+    /// A scenario by its id.
+    ///
+    /// # Errors
+    /// The database's, or a scenario that cannot be read.
+    pub async fn get(&mut self, conn: &mut SqliteConnection, id: &[u8]) -> Result<Scenario, StoreError> {
+        let row = query!("SELECT recipe, seed FROM scenarios WHERE id = ?", id).fetch_one(&mut *conn).await?;
+        let recipe = match self.recipes.get(&row.recipe) {
+            Some(recipe) => Arc::clone(recipe),
+            None => {
+                let body = sqlx::query_scalar!("SELECT body FROM recipes WHERE id = ?", row.recipe)
+                    .fetch_one(conn)
+                    .await?;
+                let value: serde_json::Value = super::from_json("a recipe", &body)?;
+                let recipe = Arc::new(Recipe::from_json(&value)?);
+                self.recipes.insert(row.recipe.clone(), Arc::clone(&recipe));
+                recipe
+            }
+        };
+        Ok(Scenario::new(recipe, Seed::new(unsigned(row.seed))?))
+    }
+}

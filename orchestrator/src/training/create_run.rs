@@ -1,0 +1,88 @@
+//! Creating, pausing and resuming runs.
+
+use super::queue;
+use super::settings::{RunSettings, RunWish};
+use super::{Change, TrainingError, Work};
+use crate::ids::{RunId, random_seed, random_token};
+use crate::store::runs::{self, RunRow};
+use crate::store::{signed, to_json};
+
+/// Longest name of a run, in characters.
+const MAX_NAME: usize = 200;
+
+/// Creates a run.
+#[derive(Debug)]
+pub struct CreateRun {
+    id: RunId,
+    name: String,
+    seed: u64,
+    settings: RunSettings,
+}
+
+impl CreateRun {
+    /// Reads a wish.
+    ///
+    /// # Errors
+    /// The field at fault.
+    pub fn read(wish: &RunWish) -> Result<Self, TrainingError> {
+        let id: RunId = match &wish.id {
+            Some(id) => id.parse().map_err(|e: crate::ids::BadId| TrainingError::invalid("id", e.to_string()))?,
+            None => format!("run-{}", random_token(8))
+                .parse()
+                .map_err(|e: crate::ids::BadId| TrainingError::invalid("id", e.to_string()))?,
+        };
+        let name = wish.name.clone().unwrap_or_else(|| id.to_string());
+        if name.is_empty() || name.chars().count() > MAX_NAME {
+            return Err(TrainingError::invalid("name", format!("it must have 1 to {MAX_NAME} characters")));
+        }
+        let seed = wish.seed.unwrap_or_else(random_seed);
+        if seed >= 1 << 53 {
+            return Err(TrainingError::invalid("seed", format!("it is {seed}, outside 0 to 2^53 − 1")));
+        }
+        Ok(Self { id, name, seed, settings: RunSettings::read(wish)? })
+    }
+}
+
+impl Change for CreateRun {
+    type Answer = RunRow;
+
+    async fn apply(self, work: &mut Work) -> Result<RunRow, TrainingError> {
+        let row = RunRow {
+            id: self.id.to_string(),
+            name: self.name,
+            seed: signed(self.seed),
+            status: "active".to_owned(),
+            settings: to_json(&self.settings)?,
+            policy_version: 0,
+            created_at: work.now,
+        };
+        if !runs::insert(&mut work.conn, &row).await? {
+            return Err(TrainingError::RunExists(row.id));
+        }
+        queue::fill(work, &row.id, queue::AHEAD).await?;
+        Ok(row)
+    }
+}
+
+/// Pauses or resumes a run. A paused run grants no leases; results of leases it has granted are still taken.
+#[derive(Debug)]
+pub struct SetPaused {
+    /// Which.
+    pub run: RunId,
+    /// Whether it should be paused.
+    pub paused: bool,
+}
+
+impl Change for SetPaused {
+    type Answer = RunRow;
+
+    async fn apply(self, work: &mut Work) -> Result<RunRow, TrainingError> {
+        let run = self.run.as_str();
+        let (mind, conn) = work.mind(run).await?;
+        mind.paused = self.paused;
+        runs::set_status(conn, run, if self.paused { "paused" } else { "active" }).await?;
+        let row = runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
+        work.wake_prepare();
+        Ok(row)
+    }
+}

@@ -1,0 +1,292 @@
+//! Leasing groups, renewing and releasing leases, and letting them expire.
+
+use env_core::SeedSpace;
+
+use super::close::close_group;
+use super::prepare::Prepared;
+use super::queue::{self, AHEAD};
+use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
+use super::{Change, Mind, TrainingError, Work, prepare};
+use crate::curriculum::{Move, Proposal, Role};
+use crate::ids::{LeaseId, RunId, random_token};
+use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::{self, from_json, proposals, unsigned};
+
+/// Most groups of a lease.
+pub const MAX_GROUPS: u32 = 1024;
+/// Most episodes of a lease.
+pub const MAX_EPISODES: u32 = 16_384;
+/// Shortest and longest time a lease holds, seconds.
+pub const TTL_S: (u32, u32) = (1, 24 * 3600);
+/// Active leases a run may have.
+const MAX_ACTIVE: i64 = 1024;
+
+/// What a lease is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Purpose {
+    /// To learn from.
+    Train,
+    /// To be judged by: flown without exploring, not learnt from.
+    Probe,
+    /// To measure: moves nothing. Its scenarios are drawn from evaluation seeds at the current levels.
+    Eval,
+}
+
+impl Purpose {
+    /// The word on the wire and in the store.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Probe => "probe",
+            Self::Eval => "eval",
+        }
+    }
+}
+
+/// Takes a lease.
+#[derive(Debug, Clone)]
+pub struct TakeLease {
+    /// Of which run.
+    pub run: RunId,
+    /// How many groups.
+    pub groups: u32,
+    /// Episodes in each; the run's own if none.
+    pub group_size: Option<u32>,
+    /// The policy that will fly it.
+    pub policy_version: u32,
+    /// How long it holds, seconds.
+    pub ttl_s: u32,
+    /// What for.
+    pub purpose: Purpose,
+}
+
+/// What came of asking for a lease.
+#[derive(Debug)]
+pub enum Taken {
+    /// It is granted.
+    Granted(LeaseId),
+    /// Scenarios are still being prepared.
+    NotReady,
+}
+
+impl TakeLease {
+    fn check(&self, mind: &Mind) -> Result<u32, TrainingError> {
+        if mind.paused {
+            return Err(TrainingError::Paused(mind.run.clone()));
+        }
+        let group_size = self.group_size.unwrap_or(mind.settings.group_size);
+        within("groups", self.groups, 1, MAX_GROUPS)?;
+        within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
+        within("ttl_s", self.ttl_s, TTL_S.0, TTL_S.1)?;
+        within("groups × group_size", self.groups * group_size, 1, MAX_EPISODES)?;
+        Ok(group_size)
+    }
+
+    fn row(&self, group_size: u32, now: i64) -> LeaseRow {
+        let ttl_ms = i64::from(self.ttl_s) * 1000;
+        LeaseRow {
+            id: 0,
+            token: random_token(6),
+            run: self.run.to_string(),
+            purpose: self.purpose.word().to_owned(),
+            status: "active".to_owned(),
+            groups: i64::from(self.groups),
+            group_size: i64::from(group_size),
+            policy_version: i64::from(self.policy_version),
+            ttl_ms,
+            created_at: now,
+            expires_at: now + ttl_ms,
+        }
+    }
+}
+
+impl Change for TakeLease {
+    type Answer = Taken;
+
+    async fn apply(self, work: &mut Work) -> Result<Taken, TrainingError> {
+        let (run, now) = (self.run.as_str(), work.now);
+        let (mind, conn) = work.mind(run).await?;
+        let group_size = self.check(mind)?;
+        let evidence = match self.purpose {
+            Purpose::Train => mind.settings.evidence_from == EvidenceFrom::Train,
+            Purpose::Probe => true,
+            Purpose::Eval => false,
+        };
+        let active = leases::active(conn, run).await?;
+        if active >= MAX_ACTIVE {
+            return Err(TrainingError::TooManyLeases(active));
+        }
+        let row = self.row(group_size, now);
+        if self.purpose == Purpose::Eval {
+            return Ok(Taken::Granted(take_eval(&self, work, &row).await?));
+        }
+        queue::fill(work, run, AHEAD.max(self.groups)).await?;
+        let head = proposals::head(&mut work.conn, run, i64::from(self.groups)).await?;
+        if head.iter().any(|queued| queued.scenario.is_none()) {
+            return Ok(Taken::NotReady);
+        }
+        let id = leases::insert(&mut work.conn, &row).await?;
+        for (number, queued) in (0i64..).zip(head) {
+            let proposal: Proposal = from_json("a proposal", &queued.body)?;
+            let group = GroupRow {
+                number,
+                proposal: Some(queued.seq),
+                scenario: queued.scenario.unwrap_or_default(),
+                task: proposal.task,
+                level: proposal.level.map(i64::from),
+                role: super::mind::word(&proposal.role)?,
+                contested: queued.contested.unwrap_or(0),
+                state: "open".to_owned(),
+                finished: 0,
+                failed: 0,
+                successes: 0,
+                evidence: i64::from(evidence),
+            };
+            leases::insert_group(&mut work.conn, id, &group).await?;
+            proposals::leased(&mut work.conn, run, queued.seq).await?;
+        }
+        queue::fill(work, run, AHEAD).await?;
+        Ok(Taken::Granted(LeaseId { number: id, token: row.token }))
+    }
+}
+
+/// An eval lease: scenarios of evaluation seeds at the current levels, task by task, as they come.
+async fn take_eval(wish: &TakeLease, work: &mut Work, row: &LeaseRow) -> Result<LeaseId, TrainingError> {
+    let (mind, conn) = work.mind(wish.run.as_str()).await?;
+    let status = mind.curriculum.status();
+    let tasks: Vec<_> = mind
+        .settings
+        .curriculum
+        .tasks
+        .iter()
+        .map(|plan| {
+            let level = status.iter().find(|s| s.task == plan.task).and_then(|s| s.level);
+            (plan.task.clone(), level, plan.params(level))
+        })
+        .collect();
+    let id = leases::insert(conn, row).await?;
+    for number in 0..i64::from(wish.groups) {
+        let (task, level, params) = tasks[number as usize % tasks.len()].clone();
+        let why = String::new();
+        let proposal = Proposal { task, level, epoch: 0, role: Role::Sample, contested: false, params, why };
+        // Keyed by the lease, so that no two eval leases of a database share scenarios by accident.
+        let prepared = prepare::prepare(SeedSpace::Evaluation, unsigned(id), unsigned(number), &proposal)
+            .map_err(|error| TrainingError::invalid("purpose", error.to_string()))?;
+        let Prepared { scenario, bracket, contested, .. } = prepared;
+        let scenario_id = scenario.id().0.to_vec();
+        store::scenarios::insert(&mut work.conn, &scenario).await?;
+        store::brackets::insert(&mut work.conn, &scenario_id, &bracket).await?;
+        let group = GroupRow {
+            number,
+            proposal: None,
+            scenario: scenario_id,
+            task: proposal.task,
+            level: level.map(i64::from),
+            role: super::mind::word(&Role::Sample)?,
+            contested: i64::from(contested),
+            state: "open".to_owned(),
+            finished: 0,
+            failed: 0,
+            successes: 0,
+            evidence: 0,
+        };
+        leases::insert_group(&mut work.conn, id, &group).await?;
+    }
+    Ok(LeaseId { number: id, token: row.token.clone() })
+}
+
+/// A lease of this run, by its id.
+///
+/// # Errors
+/// No such lease, or one of another run or database.
+pub async fn find(
+    conn: &mut sqlx::SqliteConnection,
+    run: &RunId,
+    lease: &LeaseId,
+) -> Result<LeaseRow, TrainingError> {
+    leases::get(conn, lease.number)
+        .await?
+        .filter(|row| row.token == lease.token && row.run == run.as_str())
+        .ok_or_else(|| TrainingError::UnknownLease(lease.to_string()))
+}
+
+/// Holds a lease for its time again, from now.
+#[derive(Debug)]
+pub struct Renew {
+    /// Of which run.
+    pub run: RunId,
+    /// Which.
+    pub lease: LeaseId,
+}
+
+impl Change for Renew {
+    type Answer = LeaseRow;
+
+    async fn apply(self, work: &mut Work) -> Result<LeaseRow, TrainingError> {
+        let mut row = find(&mut work.conn, &self.run, &self.lease).await?;
+        if row.status != "active" || row.expires_at <= work.now {
+            let status = if row.status == "active" { "expired".to_owned() } else { row.status };
+            return Err(TrainingError::LeaseOver { lease: self.lease.to_string(), status });
+        }
+        row.expires_at = work.now + row.ttl_ms;
+        leases::set_expiry(&mut work.conn, row.id, row.expires_at).await?;
+        Ok(row)
+    }
+}
+
+/// Gives a lease back: what was not reported is offered again. Releasing twice is the same as once.
+#[derive(Debug)]
+pub struct Release {
+    /// Of which run.
+    pub run: RunId,
+    /// Which.
+    pub lease: LeaseId,
+}
+
+impl Change for Release {
+    type Answer = LeaseRow;
+
+    async fn apply(self, work: &mut Work) -> Result<LeaseRow, TrainingError> {
+        let mut row = find(&mut work.conn, &self.run, &self.lease).await?;
+        if row.status == "active" {
+            end(work, &row, "released").await?;
+            row.status = "released".to_owned();
+        }
+        Ok(row)
+    }
+}
+
+/// Ends leases whose time is over.
+#[derive(Debug)]
+pub struct Expire;
+
+/// Leases ended in one go.
+const EXPIRE_AT_ONCE: i64 = 32;
+
+impl Change for Expire {
+    /// How many were ended.
+    type Answer = usize;
+
+    async fn apply(self, work: &mut Work) -> Result<usize, TrainingError> {
+        let overdue = leases::overdue(&mut work.conn, work.now, EXPIRE_AT_ONCE).await?;
+        for &id in &overdue {
+            if let Some(row) = leases::get(&mut work.conn, id).await? {
+                end(work, &row, "expired").await?;
+            }
+        }
+        Ok(overdue.len())
+    }
+}
+
+async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
+    leases::set_status(&mut work.conn, lease.id, status).await?;
+    let mut moves = Vec::new();
+    for group in leases::groups(&mut work.conn, lease.id).await? {
+        if group.state == "open" {
+            moves.extend(close_group(work, lease, group).await?);
+        }
+    }
+    Ok(moves)
+}

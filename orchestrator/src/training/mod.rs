@@ -1,0 +1,100 @@
+//! The use cases between curriculum and store. What changes the database is a [`Change`], applied by the one
+//! [`writer`]; what only computes (replay, brackets) happens before it, in parallel.
+
+pub mod audit;
+mod close;
+pub mod create_run;
+pub mod lease;
+mod mind;
+pub mod prepare;
+mod queue;
+pub mod report;
+pub mod settings;
+pub mod status;
+pub mod writer;
+
+pub use mind::Mind;
+pub use settings::RunSettings;
+pub use writer::{Change, Work, Writer};
+
+use crate::curriculum::{RestoreError, SettingsError};
+use crate::store::StoreError;
+
+/// Why a use case was refused or failed.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    /// No such run.
+    #[error("there is no run {0}")]
+    UnknownRun(String),
+    /// No such lease in this run.
+    #[error("there is no lease {0} in this run")]
+    UnknownLease(String),
+    /// No such episode in this run.
+    #[error("there is no episode {0} in this run")]
+    UnknownEpisode(String),
+    /// An id that is taken.
+    #[error("a run {0} exists already")]
+    RunExists(String),
+    /// The run is paused.
+    #[error("run {0} is paused; resume it to lease again")]
+    Paused(String),
+    /// A lease whose time is over, or that was released.
+    #[error("lease {lease} is {status}; take another")]
+    LeaseOver {
+        /// The lease.
+        lease: String,
+        /// What became of it.
+        status: String,
+    },
+    /// More active leases than a run may have.
+    #[error("the run has {0} active leases, as many as it may; report or release some")]
+    TooManyLeases(i64),
+    /// Proposals are being prepared and do not come fast enough.
+    #[error("scenarios are still being prepared; ask again in a moment")]
+    NotReady,
+    /// The queue of changes is full.
+    #[error("more changes wait than can be written; ask again in a moment")]
+    Busy,
+    /// A field that cannot be.
+    #[error("{field}: {reason}")]
+    Invalid {
+        /// The field at fault.
+        field: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A stored curriculum that cannot be brought back.
+    #[error("the curriculum of the run cannot be restored: {0}")]
+    Restore(#[from] RestoreError),
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The batch this change was part of could not be committed; nothing of it was kept.
+    #[error("the change could not be committed and was undone: {0}")]
+    NotCommitted(String),
+    /// The server is shutting down.
+    #[error("the server is shutting down")]
+    Stopping,
+}
+
+impl TrainingError {
+    pub(crate) fn not_committed(error: &sqlx::Error) -> Self {
+        Self::NotCommitted(error.to_string())
+    }
+
+    pub(crate) fn invalid(field: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Invalid { field: field.into(), reason: reason.into() }
+    }
+}
+
+impl From<SettingsError> for TrainingError {
+    fn from(error: SettingsError) -> Self {
+        Self::Invalid { field: error.field, reason: error.reason }
+    }
+}
+
+impl From<sqlx::Error> for TrainingError {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Store(error.into())
+    }
+}

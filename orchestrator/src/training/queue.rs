@@ -1,0 +1,37 @@
+//! Keeping a run's queue of proposals filled, some way ahead of what is leased.
+
+use super::TrainingError;
+use super::writer::Work;
+use crate::curriculum::Proposal;
+use crate::store::{from_json, proposals, unsigned};
+
+/// Proposals that wait while nobody asks for more.
+pub(super) const AHEAD: u32 = 64;
+
+/// Proposes until `want` proposals wait. When this happens depends on the changes alone, never on workers: a restarted
+/// server proposes what it would have proposed.
+pub(super) async fn fill(work: &mut Work, run: &str, want: u32) -> Result<(), TrainingError> {
+    let now = work.now;
+    let (mind, conn) = work.mind(run).await?;
+    let waiting = proposals::waiting(conn, run).await?;
+    let missing = i64::from(want) - waiting;
+    for _ in 0..missing {
+        mind.propose(conn, now).await?;
+    }
+    if missing > 0 {
+        work.wake_prepare();
+    }
+    Ok(())
+}
+
+/// Drops what a move made stale, and fills up again.
+pub(super) async fn refresh(work: &mut Work, run: &str) -> Result<(), TrainingError> {
+    let (mind, conn) = work.mind(run).await?;
+    for queued in proposals::head(conn, run, i64::MAX).await? {
+        let proposal: Proposal = from_json("a proposal", &queued.body)?;
+        if !mind.curriculum.is_current(unsigned(queued.seq), &proposal) {
+            proposals::discard(conn, run, queued.seq).await?;
+        }
+    }
+    fill(work, run, AHEAD).await
+}

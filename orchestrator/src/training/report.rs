@@ -1,0 +1,288 @@
+//! Taking results: each episode once, by its replay, with the curriculum told when a group is whole.
+
+use std::collections::BTreeMap;
+
+use super::audit::{Audited, Verdict};
+use super::close::close_group;
+use super::writer::Work;
+use super::{Change, TrainingError};
+use crate::curriculum::Move;
+use crate::ids::RunId;
+use crate::store::brackets::StoredFlown;
+use crate::store::episodes::{self, EpisodeRow};
+use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::sums::{self, Sums};
+use crate::store::{runs, to_json};
+
+/// What became of one reported episode.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
+pub struct Receipt {
+    /// The episode, as it was written.
+    pub episode: String,
+    /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, or too old a policy),
+    /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
+    pub status: &'static str,
+    /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_log`, `conflict`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub code: Option<&'static str>,
+    /// The same for people.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detail: Option<String>,
+    /// The score, by replay.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub score: Option<f64>,
+    /// The skill, where the scenario defines one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skill: Option<f64>,
+    /// Whether it is a success, by the run's rule.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub success: Option<bool>,
+}
+
+impl Receipt {
+    fn refused(episode: String, code: &'static str, detail: String) -> Self {
+        Self {
+            episode,
+            status: "refused",
+            code: Some(code),
+            detail: Some(detail),
+            score: None,
+            skill: None,
+            success: None,
+        }
+    }
+}
+
+/// Takes audited results.
+#[derive(Debug)]
+pub struct Report {
+    /// Of which run.
+    pub run: RunId,
+    /// The policy that flew them, where an episode does not say and other than the lease's.
+    pub policy_version: Option<u32>,
+    /// The results.
+    pub results: Vec<Audited>,
+}
+
+impl Change for Report {
+    type Answer = (Vec<Receipt>, Vec<Move>);
+
+    async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
+        let mut books = Books::default();
+        let mut receipts = Vec::with_capacity(self.results.len());
+        for result in self.results {
+            receipts.push(books.enter(work, self.policy_version, result).await?);
+        }
+        let moves = books.close(work, self.run.as_str()).await?;
+        Ok((receipts, moves))
+    }
+}
+
+/// What one batch touches, read once and written once.
+#[derive(Default)]
+struct Books {
+    leases: BTreeMap<i64, LeaseRow>,
+    groups: BTreeMap<(i64, i64), GroupRow>,
+    sums: BTreeMap<(String, Option<i64>), Sums>,
+    newest_policy: i64,
+}
+
+impl Books {
+    async fn enter(
+        &mut self,
+        work: &mut Work,
+        batch_version: Option<u32>,
+        result: Audited,
+    ) -> Result<Receipt, TrainingError> {
+        let Audited { episode, place, policy_version, metrics, verdict } = result;
+        if let Verdict::Refused { code, detail } = verdict {
+            return Ok(Receipt::refused(episode, code, detail));
+        }
+        let Some((lease_id, number)) = place else {
+            return Ok(Receipt::refused(episode, "unknown_episode", "it has no place".to_owned()));
+        };
+        let digest = digest(&verdict);
+        if let Some(before) = episodes::get(&mut work.conn, lease_id, number).await? {
+            return Ok(again(episode, &before, &digest));
+        }
+        let lease = self.lease(work, lease_id).await?;
+        let late = lease.status != "active" || lease.expires_at <= work.now;
+        let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);
+        let row = row(lease_id, number, late, &verdict, digest, version, metrics, work.now)?;
+        episodes::insert(&mut work.conn, &row).await?;
+        if let Verdict::Flown { log, .. } = &verdict {
+            episodes::insert_log(&mut work.conn, lease_id, number, log).await?;
+        }
+        let status = if late { "late" } else { self.count(work, &lease, &row).await? };
+        Ok(Receipt {
+            episode,
+            status,
+            code: None,
+            detail: None,
+            score: row.score,
+            skill: row.skill,
+            success: row.success.map(|s| s != 0),
+        })
+    }
+
+    async fn lease(&mut self, work: &mut Work, id: i64) -> Result<LeaseRow, TrainingError> {
+        if let Some(row) = self.leases.get(&id) {
+            return Ok(row.clone());
+        }
+        let row = leases::get(&mut work.conn, id)
+            .await?
+            .ok_or_else(|| TrainingError::UnknownLease(id.to_string()))?;
+        self.leases.insert(id, row.clone());
+        Ok(row)
+    }
+
+    /// Counts an episode into its group and the sums; the receipt's word.
+    async fn count(
+        &mut self,
+        work: &mut Work,
+        lease: &LeaseRow,
+        row: &EpisodeRow,
+    ) -> Result<&'static str, TrainingError> {
+        let key = (lease.id, row.number / lease.group_size);
+        if !self.groups.contains_key(&key) {
+            let group = leases::group(&mut work.conn, key.0, key.1)
+                .await?
+                .ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))?;
+            self.groups.insert(key, group);
+        }
+        let (mind, _) = work.mind(&lease.run).await?;
+        let newest = mind.policy_version.max(self.newest_policy).max(row.policy_version);
+        self.newest_policy = newest;
+        let stale = mind
+            .settings
+            .max_staleness
+            .is_some_and(|most| newest - row.policy_version > i64::from(most));
+        let Some(group) = self.groups.get_mut(&key) else { return Ok("stored") };
+        let mut sums = Sums::default();
+        if row.state == "failed" {
+            group.failed += 1;
+            sums.failed = 1;
+        } else {
+            group.finished += 1;
+            group.successes += row.success.unwrap_or(0);
+            group.evidence = i64::from(group.evidence != 0 && !stale);
+            sums = Sums {
+                episodes: 1,
+                successes: row.success.unwrap_or(0),
+                score: row.score.unwrap_or(0.0),
+                skilled: i64::from(row.skill.is_some()),
+                skill: row.skill.unwrap_or(0.0),
+                ..sums
+            };
+        }
+        // An evaluation moves nothing, plain sums included.
+        if group.proposal.is_some() {
+            self.sums.entry((group.task.clone(), group.level)).or_default().add(&sums);
+        }
+        Ok(match (row.state.as_str(), group.evidence != 0) {
+            ("failed", _) => "failed",
+            (_, true) => "counted",
+            (_, false) => "stored",
+        })
+    }
+
+    /// Writes groups and sums, closes groups that are whole and leases that are done.
+    async fn close(self, work: &mut Work, run: &str) -> Result<Vec<Move>, TrainingError> {
+        let mut moves = Vec::new();
+        for ((task, level), sums) in &self.sums {
+            sums::add(&mut work.conn, run, task, *level, sums).await?;
+        }
+        if self.newest_policy > 0 {
+            let (mind, conn) = work.mind(run).await?;
+            mind.policy_version = self.newest_policy;
+            runs::set_policy_version(conn, run, self.newest_policy).await?;
+        }
+        for ((lease_id, _), group) in self.groups {
+            let Some(lease) = self.leases.get(&lease_id) else { continue };
+            if group.finished + group.failed >= lease.group_size {
+                moves.extend(close_group(work, lease, group).await?);
+            } else {
+                leases::update_group(&mut work.conn, lease_id, &group, None).await?;
+            }
+        }
+        for lease in self.leases.values() {
+            if lease.status == "active" && leases::open_groups(&mut work.conn, lease.id).await? == 0 {
+                leases::set_status(&mut work.conn, lease.id, "done").await?;
+            }
+        }
+        Ok(moves)
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "the columns of one row, gathered in one place")]
+fn row(
+    lease: i64,
+    number: i64,
+    late: bool,
+    verdict: &Verdict,
+    digest: Vec<u8>,
+    policy_version: i64,
+    metrics: Option<String>,
+    at: i64,
+) -> Result<EpisodeRow, TrainingError> {
+    let mut row = EpisodeRow {
+        lease,
+        number,
+        state: if late { "late" } else { "finished" }.to_owned(),
+        digest,
+        score: None,
+        success: None,
+        skill: None,
+        floor: None,
+        reference: None,
+        planner: None,
+        flown: None,
+        policy_version,
+        reason: None,
+        metrics,
+        at,
+    };
+    match verdict {
+        Verdict::Flown { flown, skill, success, floor, reference, planner, .. } => {
+            row.score = Some(flown.score);
+            row.success = Some(i64::from(*success));
+            row.skill = *skill;
+            row.floor = Some(*floor);
+            row.reference = Some(*reference);
+            row.planner = Some(i64::from(*planner));
+            row.flown = Some(to_json(&StoredFlown::from(*flown))?);
+        }
+        Verdict::Failed(reason) => {
+            row.state = if late { "late" } else { "failed" }.to_owned();
+            row.reason = Some(reason.clone());
+        }
+        Verdict::Refused { .. } => {}
+    }
+    Ok(row)
+}
+
+fn again(episode: String, before: &EpisodeRow, digest: &[u8]) -> Receipt {
+    if before.digest == digest {
+        Receipt {
+            episode,
+            status: "duplicate",
+            code: None,
+            detail: None,
+            score: before.score,
+            skill: before.skill,
+            success: before.success.map(|s| s != 0),
+        }
+    } else {
+        Receipt::refused(episode, "conflict", "it was reported before, with other actions; the first stands".to_owned())
+    }
+}
+
+/// What tells a repeat from a contradiction: the log, or the reason of the failure.
+fn digest(verdict: &Verdict) -> Vec<u8> {
+    let hash = match verdict {
+        Verdict::Flown { log, .. } => blake3::hash(log),
+        Verdict::Failed(reason) => blake3::hash(reason.as_bytes()),
+        Verdict::Refused { detail, .. } => blake3::hash(detail.as_bytes()),
+    };
+    hash.as_bytes()[..16].to_vec()
+}

@@ -1,0 +1,214 @@
+//! What a run is told, as it is sent, checked and stored.
+
+use std::collections::BTreeMap;
+
+use env_core::SuccessRule;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::TrainingError;
+use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
+
+/// Most episodes of a group.
+pub const MAX_GROUP_SIZE: u32 = 1024;
+/// The brief's raw threshold.
+const RAW_THRESHOLD: f64 = 0.7;
+
+/// Which leases' outcomes move mastery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EvidenceFrom {
+    /// Those for training.
+    Train,
+    /// Only probes: episodes the trainer flies without exploring and does not learn from.
+    Probe,
+}
+
+/// When an episode is a success.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SuccessSetting {
+    /// By the task's own rule, against floor and reference.
+    Task,
+    /// By a threshold on the raw score.
+    Raw,
+}
+
+/// A table of levels as it is sent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LevelTable {
+    /// Names of params.
+    pub columns: Vec<String>,
+    /// One row a level, easy to hard.
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// What is special about one task of a run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TaskWish {
+    /// Its share against the others' (1); each task gets at least 5 %.
+    pub weight: Option<f64>,
+    /// The score that is a success under `success: raw` (0.7).
+    pub success_threshold: Option<f64>,
+    /// A table of its own instead of the world's.
+    pub levels: Option<LevelTable>,
+}
+
+/// A run as it is asked for. Everything may be left out.
+#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunWish {
+    /// An id of your choice: 1 to 64 of a-z, 0-9, - and _. Else one is made up.
+    pub id: Option<String>,
+    /// A name for people.
+    pub name: Option<String>,
+    /// The seed of the run's random streams, below 2^53. Else one is drawn.
+    pub seed: Option<u64>,
+    /// How proposals are chosen (ladder).
+    #[schema(value_type = Option<String>, example = "ladder")]
+    pub strategy: Option<StrategyKind>,
+    /// What the ladder climbs by: `mastery`, or `half` (the default when group_size > 1).
+    #[schema(value_type = Option<String>, example = "mastery")]
+    pub target: Option<Target>,
+    /// Whether a new run is placed by bisection over the levels (true).
+    pub placement: Option<bool>,
+    /// Share of proposals whose scenario must be contested (0.5).
+    pub contested_share: Option<f64>,
+    /// Share of proposals at the current level (0.7).
+    pub frontier_share: Option<f64>,
+    /// Episodes of one scenario in a group (1).
+    pub group_size: Option<u32>,
+    /// Finished episodes from which a partial group counts (half of group_size).
+    pub min_group: Option<u32>,
+    /// Results older than this many policy versions move nothing (no limit).
+    pub max_staleness: Option<u32>,
+    /// Which leases' outcomes move mastery (train).
+    pub evidence_from: Option<EvidenceFrom>,
+    /// When an episode is a success (task).
+    pub success: Option<SuccessSetting>,
+    /// The tasks (all there are).
+    pub tasks: Option<Vec<String>>,
+    /// What is special about single tasks, by id.
+    pub task_settings: BTreeMap<String, TaskWish>,
+}
+
+/// A run's settings, complete, as stored.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunSettings {
+    /// What the curriculum is told.
+    pub curriculum: Settings,
+    /// Episodes of one scenario in a group.
+    pub group_size: u32,
+    /// Finished episodes from which a partial group counts.
+    pub min_group: u32,
+    /// Results older than this many policy versions move nothing.
+    pub max_staleness: Option<u32>,
+    /// Which leases' outcomes move mastery.
+    pub evidence_from: EvidenceFrom,
+    /// When an episode is a success.
+    pub success: SuccessSetting,
+    /// Thresholds of the raw rule that are not 0.7, by task.
+    pub thresholds: BTreeMap<String, f64>,
+}
+
+impl RunSettings {
+    /// Checks a wish and fills it up.
+    ///
+    /// # Errors
+    /// The field at fault.
+    pub fn read(wish: &RunWish) -> Result<Self, TrainingError> {
+        let group_size = wish.group_size.unwrap_or(1);
+        within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
+        let min_group = wish.min_group.unwrap_or(group_size.div_ceil(2));
+        within("min_group", min_group, 1, group_size)?;
+        let ids = wish.tasks.clone().unwrap_or_else(|| env_core::tasks().map(|t| t.id().to_owned()).collect());
+        if ids.len() > 100 {
+            return Err(TrainingError::invalid("tasks", "at most 100 are taken"));
+        }
+        let mut tasks = Vec::with_capacity(ids.len());
+        let mut thresholds = BTreeMap::new();
+        for (at, id) in ids.iter().enumerate() {
+            let mut plan = TaskPlan::standard(id).map_err(|error| {
+                TrainingError::invalid(format!("tasks.{at}"), error.reason)
+            })?;
+            if let Some(special) = wish.task_settings.get(id) {
+                specialise(&mut plan, special, &mut thresholds)?;
+            }
+            tasks.push(plan);
+        }
+        if let Some(id) = wish.task_settings.keys().find(|id| !ids.contains(id)) {
+            let id: String = id.chars().take(60).collect();
+            return Err(TrainingError::invalid(format!("task_settings.{id}"), "it is none of the run's tasks"));
+        }
+        let curriculum = Settings {
+            strategy: wish.strategy.unwrap_or(StrategyKind::Ladder),
+            target: wish.target.unwrap_or_else(|| Target::default_for(group_size)),
+            placement: wish.placement.unwrap_or(true),
+            contested_share: wish.contested_share.unwrap_or(0.5),
+            frontier_share: wish.frontier_share.unwrap_or(0.7),
+            tasks,
+        };
+        curriculum.validate()?;
+        Ok(Self {
+            curriculum,
+            group_size,
+            min_group,
+            max_staleness: wish.max_staleness,
+            evidence_from: wish.evidence_from.unwrap_or(EvidenceFrom::Train),
+            success: wish.success.unwrap_or(SuccessSetting::Task),
+            thresholds,
+        })
+    }
+
+    /// When an episode of this task is a success.
+    #[must_use]
+    pub fn rule(&self, task: &str) -> SuccessRule {
+        match self.success {
+            SuccessSetting::Task => SuccessRule::Task,
+            SuccessSetting::Raw => {
+                SuccessRule::Raw(self.thresholds.get(task).copied().unwrap_or(RAW_THRESHOLD))
+            }
+        }
+    }
+
+    /// Finished episodes from which a group of this size counts: the run's own, or half where a lease overrides the
+    /// group size.
+    #[must_use]
+    pub fn enough(&self, group_size: u32) -> u32 {
+        if group_size == self.group_size { self.min_group } else { group_size.div_ceil(2) }
+    }
+}
+
+fn specialise(
+    plan: &mut TaskPlan,
+    special: &TaskWish,
+    thresholds: &mut BTreeMap<String, f64>,
+) -> Result<(), TrainingError> {
+    let field = |name: &str| format!("task_settings.{}.{name}", plan.task);
+    if let Some(threshold) = special.success_threshold {
+        if !threshold.is_finite() {
+            return Err(TrainingError::invalid(field("success_threshold"), "it must be a finite number"));
+        }
+        thresholds.insert(plan.task.clone(), threshold);
+    }
+    if let Some(table) = &special.levels
+        && let Some(spec) = env_core::task(&plan.task)
+    {
+        plan.levels =
+            env_core::space::Levels::new(spec.params(), table.columns.clone(), table.rows.clone())
+                .map_err(|error| TrainingError::invalid(field("levels"), error.to_string()))?;
+    }
+    plan.weight = special.weight.unwrap_or(plan.weight);
+    Ok(())
+}
+
+/// Checks a whole number against its bounds.
+pub(super) fn within(field: &str, value: u32, min: u32, max: u32) -> Result<(), TrainingError> {
+    if (min..=max).contains(&value) {
+        Ok(())
+    } else {
+        Err(TrainingError::invalid(field, format!("it is {value}, outside {min} to {max}")))
+    }
+}

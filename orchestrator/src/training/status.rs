@@ -1,0 +1,58 @@
+//! Looking at a run: where its tasks stand. Asked of the writer, which has it in memory; it changes nothing.
+
+use super::{Change, RunSettings, TrainingError, Work};
+use crate::curriculum::{Explanation, Mastery, TaskStatus};
+use crate::ids::RunId;
+use crate::store::sums::{self, Sums};
+
+/// Asks where a run stands.
+#[derive(Debug)]
+pub struct Look {
+    /// Which.
+    pub run: RunId,
+}
+
+/// Where a run stands, all of one moment.
+#[derive(Debug)]
+pub struct Standing {
+    /// Its settings.
+    pub settings: RunSettings,
+    /// Where each task stands.
+    pub status: Vec<TaskStatus>,
+    /// What was mastered, per task and level.
+    pub mastery: Vec<Mastery>,
+    /// The rules and what moved, in words.
+    pub explanation: Explanation,
+    /// Plain sums, per task.
+    pub sums: Vec<(String, Sums)>,
+    /// Events so far.
+    pub next_seq: u64,
+}
+
+impl Change for Look {
+    type Answer = Standing;
+
+    async fn apply(self, work: &mut Work) -> Result<Standing, TrainingError> {
+        let (mind, conn) = work.mind(self.run.as_str()).await?;
+        Ok(Standing {
+            settings: mind.settings.clone(),
+            status: mind.curriculum.status(),
+            mastery: mind.curriculum.mastery(),
+            explanation: mind.curriculum.explain(),
+            sums: sums::of_run(conn, self.run.as_str()).await?,
+            next_seq: mind.curriculum.next_seq(),
+        })
+    }
+}
+
+/// Does nothing, in a transaction of its own: the answer says that the writer can write.
+#[derive(Debug)]
+pub struct Ping;
+
+impl Change for Ping {
+    type Answer = ();
+
+    async fn apply(self, _: &mut Work) -> Result<(), TrainingError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,4 @@
+//! Background jobs. Each is idempotent: what it does twice is done once.
+
+pub mod expire;
+pub mod prepare;

@@ -1,0 +1,88 @@
+//! Turns waiting proposals into scenarios with brackets, in order and in parallel.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use env_core::SeedSpace;
+use rayon::prelude::*;
+use sqlx::SqlitePool;
+use tokio::sync::{Notify, watch};
+
+use crate::curriculum::Proposal;
+use crate::store::proposals::{Waiting, unprepared};
+use crate::store::{StoreError, from_json, unsigned};
+use crate::training::prepare::{Prepared, StorePrepared, prepare};
+use crate::training::{TrainingError, Writer};
+
+/// Proposals taken at a time: few, so that a lease that waits is served soon.
+const BATCH: i64 = 16;
+/// How long it waits after a failure, and at most for a wake-up that was missed.
+const PAUSE: Duration = Duration::from_secs(2);
+
+/// What the worker needs.
+#[derive(Debug, Clone)]
+pub struct Preparer {
+    /// Where proposals are read.
+    pub readers: SqlitePool,
+    /// Where scenarios are written.
+    pub writer: Writer,
+    /// Rung when there is work.
+    pub wake: Arc<Notify>,
+    /// Told after every batch, for leases that wait.
+    pub ready: watch::Sender<u64>,
+}
+
+impl Preparer {
+    /// Works until the writer is gone.
+    pub async fn run(self) {
+        loop {
+            match self.batch().await {
+                Ok(0) => {
+                    let _ = tokio::time::timeout(PAUSE, self.wake.notified()).await;
+                }
+                Ok(_) => self.ready.send_modify(|n| *n += 1),
+                Err(TrainingError::Stopping) => return,
+                Err(error) => {
+                    tracing::error!(error = %error, "Scenarios could not be prepared; trying again soon.");
+                    tokio::time::sleep(PAUSE).await;
+                }
+            }
+        }
+    }
+
+    async fn batch(&self) -> Result<usize, TrainingError> {
+        let waiting = {
+            let mut conn = self.readers.acquire().await?;
+            unprepared(&mut conn, BATCH).await?
+        };
+        let count = waiting.len();
+        if count == 0 {
+            return Ok(0);
+        }
+        let done = tokio::task::spawn_blocking(move || {
+            waiting.into_par_iter().map(one).collect::<Result<Vec<_>, StoreError>>()
+        })
+        .await
+        .map_err(|error| TrainingError::invalid("proposal", error.to_string()))??;
+        let mut change = StorePrepared { prepared: Vec::new(), hopeless: Vec::new() };
+        for (run, seq, prepared) in done {
+            match prepared {
+                Some(prepared) => change.prepared.push((run, seq, prepared)),
+                None => change.hopeless.push((run, seq)),
+            }
+        }
+        self.writer.change(change).await?;
+        Ok(count)
+    }
+}
+
+fn one(waiting: Waiting) -> Result<(String, i64, Option<Prepared>), StoreError> {
+    let Waiting { run, run_seed, seq, body } = waiting;
+    let proposal: Proposal = from_json("a proposal", &body)?;
+    let prepared = prepare(SeedSpace::Training, unsigned(run_seed), unsigned(seq), &proposal)
+        .inspect_err(|error| {
+            tracing::warn!(run, seq, error = %error, "A proposal has no fair scenario and is dropped.");
+        })
+        .ok();
+    Ok((run, seq, prepared))
+}
