@@ -1,1 +1,311 @@
-//! tests
+//! Whole-system tests: a real server on a real socket with a real SQLite file, and real clients.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+
+use env_core::rollout::fly;
+use env_core::{ActionLog, Flown, Recipe, Scenario, Seed};
+use orchestrator::clock::Clock;
+use orchestrator::service::{Config, Service};
+use serde_json::{Value, json};
+
+/// A server in this process, on a database of its own.
+#[derive(Debug)]
+pub struct Server {
+    service: Option<Service>,
+    folder: tempfile::TempDir,
+    clock: Clock,
+}
+
+impl Server {
+    /// Starts one.
+    ///
+    /// # Panics
+    /// Where it cannot start.
+    pub async fn start() -> Self {
+        Self::with_clock(Clock::system()).await
+    }
+
+    /// Starts one that reads this clock.
+    ///
+    /// # Panics
+    /// Where it cannot start.
+    pub async fn with_clock(clock: Clock) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut server = Self { service: None, folder, clock };
+        server.open().await;
+        server
+    }
+
+    async fn open(&mut self) {
+        let config = Config { clock: self.clock.clone(), ..Config::local(self.db()) };
+        self.service = Some(Service::start(config).await.expect("the server starts"));
+    }
+
+    /// The database file.
+    #[must_use]
+    pub fn db(&self) -> PathBuf {
+        self.folder.path().join("sparring.sqlite3")
+    }
+
+    /// A client of it.
+    ///
+    /// # Panics
+    /// Where it is stopped.
+    #[must_use]
+    pub fn api(&self) -> Api {
+        Api::new(&self.service.as_ref().expect("the server runs").url())
+    }
+
+    /// Stops it in good order, and starts it again on the same database.
+    pub async fn restart(&mut self) {
+        self.stop().await;
+        self.open().await;
+    }
+
+    /// Stops it in good order.
+    pub async fn stop(&mut self) {
+        if let Some(service) = self.service.take() {
+            service.stop().await;
+        }
+    }
+}
+
+/// A trainer's side of the API.
+#[derive(Debug, Clone)]
+pub struct Api {
+    client: reqwest::Client,
+    base: String,
+}
+
+/// A status and a JSON body.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// The HTTP status.
+    pub status: u16,
+    /// `content-type`.
+    pub kind: String,
+    /// `retry-after`.
+    pub retry_after: Option<String>,
+    /// The body.
+    pub body: Value,
+}
+
+impl Answer {
+    /// The body of an answer that must have this status.
+    ///
+    /// # Panics
+    /// Where it has another.
+    #[must_use]
+    #[track_caller]
+    pub fn expect(self, status: u16) -> Value {
+        assert_eq!(self.status, status, "{}", self.body);
+        self.body
+    }
+}
+
+impl Api {
+    /// A client of the server at this URL.
+    #[must_use]
+    pub fn new(base: &str) -> Self {
+        Self { client: reqwest::Client::new(), base: base.to_owned() }
+    }
+
+    /// Where the server is.
+    #[must_use]
+    pub fn base(&self) -> &str {
+        &self.base
+    }
+
+    /// Sends a request as it is.
+    ///
+    /// # Panics
+    /// Where the server does not answer.
+    pub async fn raw(&self, method: &str, path: &str, kind: &str, body: impl Into<reqwest::Body>) -> Answer {
+        let method = method.parse().expect("a method");
+        let request = self.client.request(method, format!("{}{path}", self.base)).header("content-type", kind);
+        let response = request.body(body).send().await.expect("the server answers");
+        let header = |name: &str| response.headers().get(name).and_then(|v| v.to_str().ok()).map(str::to_owned);
+        let (status, kind, retry_after) =
+            (response.status().as_u16(), header("content-type").unwrap_or_default(), header("retry-after"));
+        let bytes = response.bytes().await.expect("a whole answer");
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        Answer { status, kind, retry_after, body: serde_json::from_slice(&bytes).unwrap_or(Value::String(text)) }
+    }
+
+    /// GET.
+    pub async fn get(&self, path: &str) -> Answer {
+        self.raw("GET", path, "application/json", "").await
+    }
+
+    /// POST of JSON.
+    pub async fn post(&self, path: &str, body: Value) -> Answer {
+        self.raw("POST", path, "application/json", body.to_string()).await
+    }
+
+    /// Takes a lease of `run`.
+    ///
+    /// # Panics
+    /// Where it is not granted.
+    pub async fn lease(&self, run: &str, wish: Value) -> Lease {
+        Lease(self.post(&format!("/v1/runs/{run}/leases"), wish).await.expect(201))
+    }
+
+    /// Reports results to `run`.
+    ///
+    /// # Panics
+    /// Where the batch is refused.
+    pub async fn report(&self, run: &str, results: Vec<Value>) -> Value {
+        self.post(&format!("/v1/runs/{run}/results"), json!({ "results": results })).await.expect(200)
+    }
+}
+
+/// A lease as it was answered.
+#[derive(Debug, Clone)]
+pub struct Lease(pub Value);
+
+impl Lease {
+    /// Its id.
+    ///
+    /// # Panics
+    /// Where it has none.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        self.0["lease"].as_str().expect("an id")
+    }
+
+    /// (episode, scenario) of every episode, group by group.
+    ///
+    /// # Panics
+    /// Where the lease is malformed.
+    #[must_use]
+    pub fn episodes(&self) -> Vec<(String, Scenario)> {
+        let mut episodes = Vec::new();
+        for group in self.0["groups"].as_array().expect("groups") {
+            let scenario = self.scenario(group);
+            for episode in group["episodes"].as_array().expect("episodes") {
+                episodes.push((episode.as_str().expect("a name").to_owned(), scenario.clone()));
+            }
+        }
+        episodes
+    }
+
+    /// A group's scenario, from its recipe and seed as a trainer makes it.
+    ///
+    /// # Panics
+    /// Where the lease is malformed.
+    #[must_use]
+    pub fn scenario(&self, group: &Value) -> Scenario {
+        let recipe = &self.0["recipes"][group["recipe"].as_u64().expect("an index") as usize];
+        let recipe = Recipe::from_json(recipe).expect("a recipe");
+        Scenario::new(recipe, Seed::new(group["seed"].as_u64().expect("a seed")).expect("a valid seed"))
+    }
+}
+
+/// Flies a scenario by a built-in policy.
+///
+/// # Panics
+/// Where it cannot be flown.
+#[must_use]
+pub fn flown(scenario: &Scenario, policy: &str) -> (Flown, ActionLog) {
+    let mut policy = scenario.task().policy(policy, scenario, 1).expect("a policy");
+    fly(scenario, &mut *policy).expect("a flight")
+}
+
+/// A log in the wire form.
+#[must_use]
+pub fn wire(log: &ActionLog) -> Value {
+    let steps: Vec<Value> = log
+        .steps()
+        .map(|step| {
+            let burns = step.agents.iter().zip(step.values.chunks(log.dim()));
+            burns.map(|(agent, v)| json!([agent, v[0], v[1]])).collect()
+        })
+        .collect();
+    json!({ "steps": steps })
+}
+
+/// A result: this episode flown by this policy.
+#[must_use]
+pub fn result(episode: &str, scenario: &Scenario, policy: &str) -> Value {
+    json!({ "episode": episode, "actions": wire(&flown(scenario, policy).1) })
+}
+
+/// The `sparring` binary, built if need be.
+///
+/// # Panics
+/// Where it cannot be built.
+#[must_use]
+pub fn binary() -> &'static Path {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        // Tests live in target/<profile>/deps; the binary one folder up.
+        let here = std::env::current_exe().expect("a path");
+        let folder = here.parent().and_then(Path::parent).expect("target/<profile>");
+        let profile = match folder.file_name().and_then(|n| n.to_str()) {
+            Some("release") => "release",
+            _ => "dev",
+        };
+        let built = Command::new(env!("CARGO"))
+            .args(["build", "--quiet", "-p", "orchestrator", "--bin", "sparring", "--profile", profile])
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .status()
+            .expect("cargo runs");
+        assert!(built.success(), "the binary does not build");
+        folder.join(format!("sparring{}", std::env::consts::EXE_SUFFIX))
+    })
+}
+
+/// A server in a process of its own, that can be killed.
+#[derive(Debug)]
+pub struct Process {
+    child: Child,
+    url: String,
+}
+
+impl Process {
+    /// Starts `sparring serve` on a free port.
+    ///
+    /// # Panics
+    /// Where it does not start.
+    #[must_use]
+    pub fn start(db: &Path) -> Self {
+        let mut child = Command::new(binary())
+            .args(["serve", "--bind", "127.0.0.1:0", "--db"])
+            .arg(db)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the server starts");
+        let mut line = String::new();
+        let stdout = child.stdout.take().expect("its output");
+        BufReader::new(stdout).read_line(&mut line).expect("its first line");
+        let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
+        assert!(url.starts_with("http://127.0.0.1:"), "{line}");
+        Self { child, url }
+    }
+
+    /// A client of it.
+    #[must_use]
+    pub fn api(&self) -> Api {
+        Api::new(&self.url)
+    }
+
+    /// Kills it without warning.
+    pub fn kill(mut self) {
+        self.end();
+    }
+
+    fn end(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.end();
+    }
+}

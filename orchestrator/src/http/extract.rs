@@ -31,13 +31,24 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
             let inner = error.into_inner();
             match inner.classify() {
                 serde_json::error::Category::Data => {
-                    Problem::invalid(if path == "." { String::new() } else { path }, shorten(&inner.to_string()))
+                    let message = inner.to_string();
+                    Problem::invalid(at_fault(&path, &message), shorten(&message))
                 }
                 _ => malformed(&inner),
             }
         })?;
         reader.end().map_err(|error| malformed(&error))?;
         Ok(Self(value))
+    }
+}
+
+/// The path of the field at fault; a field that is missing has none of its own, and is named in the message.
+fn at_fault(path: &str, message: &str) -> String {
+    let path = if path == "." { "" } else { path };
+    match message.strip_prefix("missing field `").and_then(|rest| rest.split_once('`')) {
+        Some((name, _)) if path.is_empty() => name.to_owned(),
+        Some((name, _)) => format!("{path}.{name}"),
+        None => path.to_owned(),
     }
 }
 

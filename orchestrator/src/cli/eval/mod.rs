@@ -25,8 +25,8 @@ use super::suite::{Suite, file};
 /// Columns are means over scenarios: the world's score; the share of successes by the task's own rule; skill, (score −
 /// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of satellites lost; and
 /// fuel used by all satellites together. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
-/// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart; their mix
-/// in a suite says nothing.
+/// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
+/// together; there the suite decides how many are of which kind.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {

@@ -123,7 +123,8 @@ fn check_hash(text: &str) -> Result<String, SuiteError> {
     if tail == hash_line(&found) {
         return Ok(found);
     }
-    let told = tail.trim_start_matches("\"hash\":").trim().trim_end_matches('}');
+    let told =
+        tail.trim_start_matches("\"hash\":").trim_matches(|c: char| c.is_whitespace() || "\"}".contains(c));
     Err(SuiteError::Altered { found, told: told.chars().take(80).collect() })
 }
 

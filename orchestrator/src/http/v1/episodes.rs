@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 use super::super::extract::{Path, Query};
 use super::super::problem::Problem;
 use super::leases::BracketView;
-use super::{Page, id, next, run_id};
+use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::service::App;
@@ -105,7 +105,10 @@ pub(super) struct Replay {
 #[utoipa::path(
     get, path = "/runs/{run}/episodes", tag = "episodes",
     params(("run" = String, Path, description = "The run's id."), Page),
-    responses((status = 200, body = Episodes), (status = 400, body = Problem), (status = 422, body = Problem))
+    responses(
+        (status = 200, body = Episodes), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 422, body = Problem)
+    )
 )]
 pub(super) async fn list(
     State(app): State<App>,
@@ -119,7 +122,7 @@ pub(super) async fn list(
     } else {
         index.parse().map_err(|_| Problem::invalid("cursor", "it is not one that a list gave"))?
     };
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = reader_of(&app, &run).await?;
     let rows = episodes::page(&mut conn, run.as_str(), (lease, index), limit).await?;
     let last = rows.last().map(|(_, _, _, row)| (row.lease, row.number.to_string()));
     let next = next(rows.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));

@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 
 use super::super::extract::{Json, Path, Query};
 use super::super::problem::Problem;
-use super::{Page, id, next, run_id};
+use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId};
 use crate::service::App;
@@ -218,7 +218,10 @@ async fn granted(app: &App, wish: TakeLease) -> Result<LeaseId, TrainingError> {
 #[utoipa::path(
     get, path = "/runs/{run}/leases", tag = "leases",
     params(("run" = String, Path, description = "The run's id."), Page),
-    responses((status = 200, body = Leases), (status = 400, body = Problem), (status = 422, body = Problem))
+    responses(
+        (status = 200, body = Leases), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 422, body = Problem)
+    )
 )]
 pub(super) async fn list(
     State(app): State<App>,
@@ -226,7 +229,7 @@ pub(super) async fn list(
     Query(page): Query<Page>,
 ) -> Result<axum::Json<Leases>, Problem> {
     let (run, limit) = (run_id(&run)?, page.limit()?);
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = reader_of(&app, &run).await?;
     let rows = leases::page(&mut conn, run.as_str(), page.cursor()?.0, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
     Ok(axum::Json(Leases { leases: rows.into_iter().map(LeaseHead::of).collect(), next }))

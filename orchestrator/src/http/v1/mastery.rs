@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 
 use super::super::extract::{Path, Query};
 use super::super::problem::Problem;
-use super::{Page, next, run_id};
+use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::service::App;
@@ -173,7 +173,10 @@ struct MoveView {
 #[utoipa::path(
     get, path = "/runs/{run}/mastery/history", tag = "mastery",
     params(("run" = String, Path, description = "The run's id."), Page),
-    responses((status = 200, body = History), (status = 400, body = Problem), (status = 422, body = Problem))
+    responses(
+        (status = 200, body = History), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 422, body = Problem)
+    )
 )]
 pub(super) async fn history(
     State(app): State<App>,
@@ -182,7 +185,7 @@ pub(super) async fn history(
 ) -> Result<axum::Json<History>, Problem> {
     let (run, limit) = (run_id(&run)?, page.limit()?);
     let after = if page.cursor.is_some() { page.cursor()?.0 } else { -1 };
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = reader_of(&app, &run).await?;
     let rows = curriculum::moves(&mut conn, run.as_str(), after, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.seq, "")));
     let moves = rows

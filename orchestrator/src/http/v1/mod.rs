@@ -43,6 +43,15 @@ fn run_id(text: &str) -> Result<RunId, Problem> {
     })
 }
 
+/// A connection that reads, where the run exists.
+async fn reader_of(app: &App, run: &RunId) -> Result<sqlx::pool::PoolConnection<sqlx::Sqlite>, Problem> {
+    let mut conn = app.readers.acquire().await?;
+    match crate::store::runs::get(&mut conn, run.as_str()).await? {
+        Some(_) => Ok(conn),
+        None => Err(crate::training::TrainingError::UnknownRun(run.to_string()).into()),
+    }
+}
+
 /// Parses any id from a path.
 fn id<T: std::str::FromStr<Err = crate::ids::BadId>>(field: &str, text: &str) -> Result<T, Problem> {
     text.parse().map_err(|error: crate::ids::BadId| {

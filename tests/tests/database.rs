@@ -1,0 +1,115 @@
+//! Databases that cannot be used: one sentence that says what to do, exit code 2, and the file as it was.
+
+use std::path::Path;
+use std::process::Command;
+
+use sqlx::Connection;
+use sqlx::sqlite::SqliteConnectOptions;
+use system_tests::{Process, Server, binary};
+
+fn refused(db: &Path) -> String {
+    let out = Command::new(binary()).args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(db).output().unwrap();
+    assert_eq!(out.status.code(), Some(2), "{out:?}");
+    let stderr = String::from_utf8(out.stderr).unwrap();
+    let told = stderr.lines().find(|l| l.starts_with("sparring: ")).unwrap_or_else(|| panic!("{stderr}"));
+    told.replace(&db.display().to_string(), "DB")
+}
+
+async fn sql(db: &Path, statement: &'static str) {
+    let options = SqliteConnectOptions::new().filename(db).create_if_missing(true);
+    let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
+    sqlx::query(statement).execute(&mut conn).await.unwrap();
+    conn.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn not_a_database() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("notes.txt");
+    let text = "these are my notes, and they are longer than a header. ".repeat(40);
+    std::fs::write(&db, &text).unwrap();
+    insta::assert_snapshot!(refused(&db), @"sparring: DB is not an SQLite database: give another path with --db, or move the file away");
+    assert_eq!(std::fs::read_to_string(&db).unwrap(), text);
+}
+
+#[tokio::test]
+async fn somebody_elses_database() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("other.sqlite3");
+    sql(&db, "CREATE TABLE customers (name TEXT)").await;
+    insta::assert_snapshot!(refused(&db), @"sparring: DB is a database, but not one of Sparring's: give another path with --db");
+}
+
+#[tokio::test]
+async fn a_newer_schema() {
+    let mut server = Server::start().await;
+    server.stop().await;
+    let statement = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+                     VALUES (9999, 'from the future', 1, x'00', 0)";
+    sql(&server.db(), statement).await;
+    let told = refused(&server.db());
+    assert!(told.contains("newer Sparring (schema 9999, this one knows "), "{told}");
+}
+
+#[tokio::test]
+async fn locked_by_another() {
+    let mut server = Server::start().await;
+    server.stop().await;
+    let options = SqliteConnectOptions::new().filename(server.db());
+    let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
+    sqlx::query("BEGIN EXCLUSIVE").execute(&mut conn).await.unwrap();
+    let db = server.db();
+    let told = tokio::task::spawn_blocking(move || refused(&db)).await.unwrap();
+    insta::assert_snapshot!(told, @"sparring: DB is locked by another process: stop the other server, or give another path with --db");
+    sqlx::query("ROLLBACK").execute(&mut conn).await.unwrap();
+    drop(Process::start(&server.db()));
+}
+
+#[test]
+fn a_place_that_is_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    insta::assert_snapshot!(refused(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be opened: the file or its folder does not exist or may not be opened");
+}
+
+/// Permissions do not bind root: there the server runs as nobody, from a copy that nobody may read.
+#[cfg(unix)]
+#[tokio::test]
+async fn a_read_only_database() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    use std::os::unix::process::CommandExt;
+
+    let mut server = Server::start().await;
+    server.stop().await;
+    let db = server.db();
+    let folder = db.parent().unwrap();
+    let permit = |path: &Path, mode| std::fs::set_permissions(path, PermissionsExt::from_mode(mode)).unwrap();
+    let copy = folder.join("sparring");
+    std::fs::copy(binary(), &copy).unwrap();
+    permit(&db, 0o444);
+    permit(&copy, 0o555);
+    permit(folder, 0o555);
+    let before = std::fs::read(&db).unwrap();
+    let mut command = Command::new(&copy);
+    if std::fs::metadata(&db).unwrap().uid() == 0 {
+        command.uid(65534);
+    }
+    let out = command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(&db).output().unwrap();
+    permit(folder, 0o755);
+    assert_eq!(out.status.code(), Some(2), "{out:?}");
+    let told = String::from_utf8(out.stderr).unwrap().replace(&db.display().to_string(), "DB");
+    insta::assert_snapshot!(told.lines().last().unwrap(), @"sparring: DB cannot be written: check the permissions of the file and its folder");
+    assert_eq!(std::fs::read(&db).unwrap(), before);
+}
+
+#[test]
+fn addresses_that_strangers_reach_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = Command::new(binary())
+        .args(["serve", "--bind", "0.0.0.0:0", "--db"])
+        .arg(folder.path().join("x.sqlite3"))
+        .output()
+        .unwrap();
+    assert_eq!(out.status.code(), Some(2));
+    let told = String::from_utf8(out.stderr).unwrap();
+    assert!(told.contains("no tokens to keep strangers out"), "{told}");
+}

@@ -1,0 +1,232 @@
+//! A lease's life: reported twice, by strangers, late, in part, released, renewed.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use orchestrator::clock::Clock;
+use serde_json::{Value, json};
+use system_tests::{Api, Lease, Server, result};
+
+async fn run(api: &Api, wish: Value) -> String {
+    api.post("/v1/runs", wish).await.expect(201)["id"].as_str().unwrap().to_owned()
+}
+
+fn held(lease: &Lease) -> Vec<Value> {
+    lease.episodes().iter().map(|(id, scenario)| result(id, scenario, "hold")).collect()
+}
+
+fn words(answer: &Value) -> Vec<&str> {
+    answer["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect()
+}
+
+/// Waits until a lease has this status.
+async fn becomes(api: &Api, run: &str, lease: &str, status: &str) -> Value {
+    for _ in 0..200 {
+        let shown = api.get(&format!("/v1/runs/{run}/leases/{lease}")).await.expect(200);
+        if shown["status"] == status {
+            return shown;
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    panic!("lease {lease} did not become {status}");
+}
+
+#[tokio::test]
+async fn reporting_is_idempotent_and_each_result_gets_its_own_answer() {
+    let server = Server::start().await;
+    let api = server.api();
+    let mine = run(&api, json!({"id": "mine", "group_size": 2, "tasks": ["kessler/survival"]})).await;
+    let other = run(&api, json!({"id": "other"})).await;
+    let lease = api.lease(&mine, json!({"groups": 2})).await;
+    let foreign = api.lease(&other, json!({"groups": 1})).await;
+    let results = held(&lease);
+
+    let first = api.report(&mine, results[..3].to_vec()).await;
+    assert_eq!(words(&first), ["counted"; 3]);
+    let before = api.get("/v1/runs/mine/mastery").await.expect(200);
+
+    let mut batch = results.clone();
+    let changed = lease.episodes()[1].clone();
+    batch.push(result(&changed.0, &changed.1, "blind"));
+    batch.push(held(&foreign)[0].clone());
+    let unknown = |id: &str| json!({"episode": id, "actions": {"steps": [], "stopped": "too_late"}});
+    batch.push(unknown("ep_999-aaaaaa_0"));
+    batch.push(unknown(&format!("ep_{}_4", lease.id())));
+    batch.push(unknown("../../etc/passwd"));
+    let again = api.report(&mine, batch).await;
+    assert_eq!(
+        words(&again),
+        ["duplicate", "duplicate", "duplicate", "counted", "refused", "refused", "refused", "refused", "refused"]
+    );
+    let codes: Vec<_> = again["results"].as_array().unwrap()[4..].iter().map(|r| r["code"].as_str().unwrap()).collect();
+    assert_eq!(codes, ["conflict", "foreign_episode", "unknown_episode", "unknown_episode", "bad_id"]);
+    assert_eq!(again["results"][0]["score"], first["results"][0]["score"], "answered as before");
+
+    let episodes = |v: &Value| v["tasks"][0]["plain"]["episodes"].as_u64().unwrap();
+    let after = api.get("/v1/runs/mine/mastery").await.expect(200);
+    assert_eq!((episodes(&before), episodes(&after)), (3, 4), "nothing counts twice");
+    // The same episode twice in one batch.
+    let lease = api.lease(&mine, json!({"groups": 1})).await;
+    let twice = vec![held(&lease)[0].clone(), held(&lease)[0].clone()];
+    assert_eq!(words(&api.report(&mine, twice).await), ["counted", "duplicate"]);
+}
+
+#[tokio::test]
+async fn wrong_logs_are_refused_by_themselves() {
+    let server = Server::start().await;
+    let api = server.api();
+    let id = run(&api, json!({"tasks": ["kessler/survival"], "placement": false, "contested_share": 0.0})).await;
+    let lease = api.lease(&id, json!({"groups": 10})).await;
+    let names: Vec<String> = lease.episodes().into_iter().map(|(name, _)| name).collect();
+    let empty = |n: usize| vec![json!([]); n];
+    let with = |step: Value| {
+        let mut steps = empty(50);
+        steps[3] = step;
+        json!({ "steps": steps })
+    };
+    let logs = [
+        json!({"steps": empty(51)}),
+        json!({"steps": empty(12)}),
+        json!({"steps": empty(12), "stopped": "too_long"}),
+        with(json!([[7, 0.1, 0.0]])),
+        with(json!([[0, 1e308, -1e308]])),
+        with(Value::Array(vec![json!([0, 0.001, 0.0]); 2000])),
+        with(json!([[0, "NaN", 0.0]])),
+        with(json!([[0, null, 0.0]])),
+        with(json!([{"satellite_id": 0, "delta_vx": 0.1}])),
+        with(json!({"burns": []})),
+    ];
+    let results = names.iter().zip(logs).map(|(n, log)| json!({"episode": n, "actions": log})).collect();
+    let answer = api.report(&id, results).await;
+    let told: Vec<String> = answer["results"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| match r["detail"].as_str() {
+            Some(detail) => format!("{} {}: {detail}", r["status"].as_str().unwrap(), r["code"].as_str().unwrap()),
+            None => r["status"].as_str().unwrap().to_owned(),
+        })
+        .collect();
+    insta::assert_debug_snapshot!(told);
+    // What was refused can be reported still.
+    let right = lease.episodes();
+    let again = api.report(&id, vec![result(&right[0].0, &right[0].1, "heuristic")]).await;
+    assert_eq!(words(&again), ["counted"]);
+}
+
+#[tokio::test]
+async fn what_comes_after_expiry_is_late_and_moves_nothing() {
+    let (clock, hand) = Clock::manual(1_800_000_000_000);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    let id = run(&api, json!({"seed": 5, "group_size": 4, "tasks": ["kessler/survival"]})).await;
+    let lease = api.lease(&id, json!({"groups": 2, "ttl_s": 60})).await;
+    let results = held(&lease);
+    // Three of the first group's four come back, one of the second's.
+    let partial: Vec<Value> = [0, 1, 2, 4].map(|i| results[i].clone()).to_vec();
+    api.report(&id, partial).await;
+    hand.fetch_add(61_000, Ordering::SeqCst);
+    let shown = becomes(&api, &id, lease.id(), "expired").await;
+    assert_eq!(shown["groups"][0]["state"], "partial", "from half of the group on it counts");
+    assert_eq!(shown["groups"][1]["state"], "lost");
+    let before = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
+    assert_eq!(before["tasks"][0]["plain"]["expired"], 4);
+    let late = api.report(&id, results).await;
+    assert_eq!(words(&late), ["duplicate", "duplicate", "duplicate", "late", "duplicate", "late", "late", "late"]);
+    let after = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
+    assert_eq!(before, after);
+    let episode = api.get(&format!("/v1/runs/{id}/episodes/{}", lease.episodes()[3].0)).await.expect(200);
+    assert_eq!(episode["state"], "late");
+    // The lost group's scenario is offered again, first of all.
+    let again = api.lease(&id, json!({"groups": 1})).await;
+    assert_eq!(again.0["groups"][0]["scenario"], lease.0["groups"][1]["scenario"]);
+    assert_ne!(again.id(), lease.id());
+}
+
+#[tokio::test]
+async fn leases_are_renewed_and_released() {
+    let (clock, hand) = Clock::manual(1_800_000_000_000);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    let id = run(&api, json!({"seed": 5})).await;
+    let lease = api.lease(&id, json!({"groups": 2, "ttl_s": 60})).await;
+    let path = format!("/v1/runs/{id}/leases/{}", lease.id());
+    for _ in 0..3 {
+        hand.fetch_add(50_000, Ordering::SeqCst);
+        let _ = api.post(&format!("{path}/renew"), json!({})).await.expect(200);
+    }
+    assert_eq!(words(&api.report(&id, held(&lease)[..1].to_vec()).await), ["counted"]);
+    assert_eq!(api.post(&format!("{path}/release"), json!({})).await.expect(200)["status"], "released");
+    assert_eq!(api.post(&format!("{path}/release"), json!({})).await.expect(200)["status"], "released");
+    let over = api.post(&format!("{path}/renew"), json!({})).await;
+    assert_eq!((over.status, over.kind.as_str()), (409, "application/problem+json"));
+    let again = api.lease(&id, json!({"groups": 1})).await;
+    assert_eq!(again.0["groups"][0]["scenario"], lease.0["groups"][1]["scenario"]);
+    // A lease of another run is not found, whoever knows its name.
+    let other = run(&api, json!({})).await;
+    assert_eq!(api.post(&format!("/v1/runs/{other}/leases/{}/renew", again.id()), json!({})).await.status, 404);
+}
+
+#[tokio::test]
+async fn failed_episodes_are_never_low_scores() {
+    let server = Server::start().await;
+    let api = server.api();
+    let id = run(&api, json!({"seed": 9, "placement": false, "tasks": ["kessler/survival"]})).await;
+    for _ in 0..4 {
+        let lease = api.lease(&id, json!({"groups": 32})).await;
+        let results = lease
+            .episodes()
+            .iter()
+            .enumerate()
+            .map(|(i, (name, scenario))| match i % 3 {
+                0 => json!({"episode": name, "status": "failed", "reason": "the worker was preempted"}),
+                _ => result(name, scenario, "heuristic"),
+            })
+            .collect();
+        api.report(&id, results).await;
+    }
+    let task = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200)["tasks"][0].clone();
+    assert!(task["plain"]["failed"].as_u64().unwrap() > 30);
+    assert!(task["mastery"]["mean"].as_f64().unwrap() > 0.9, "{}", task["mastery"]);
+    assert_eq!(task["level"], 0, "a third lost: no block counts");
+    assert!(!task["warnings"].as_array().unwrap().is_empty(), "and the run says so");
+}
+
+#[tokio::test]
+async fn evaluation_moves_nothing_and_old_policies_are_stale() {
+    let server = Server::start().await;
+    let api = server.api();
+    let wish = json!({"seed": 9, "tasks": ["kessler/survival"], "max_staleness": 2});
+    let id = run(&api, wish).await;
+    let lease = api.lease(&id, json!({"groups": 4, "purpose": "eval"})).await;
+    for group in lease.0["groups"].as_array().unwrap() {
+        assert_eq!(group["seed"].as_u64().unwrap() >> 51, 0b10, "evaluation seeds");
+    }
+    assert_eq!(words(&api.report(&id, held(&lease)).await), ["stored"; 4]);
+    let mastery = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
+    assert_eq!(mastery["tasks"][0]["plain"]["episodes"], 0);
+
+    let lease = api.lease(&id, json!({"groups": 4, "policy_version": 5})).await;
+    for group in lease.0["groups"].as_array().unwrap() {
+        assert_eq!(group["seed"].as_u64().unwrap() >> 51, 0b01, "training seeds");
+    }
+    let results = held(&lease);
+    let path = format!("/v1/runs/{id}/results");
+    let fresh = api.post(&path, json!({"policy_version": 9, "results": [results[0]]})).await.expect(200);
+    assert_eq!(words(&fresh), ["counted"]);
+    let stale = api.post(&path, json!({"policy_version": 6, "results": [results[1]]})).await.expect(200);
+    assert_eq!(words(&stale), ["stored"]);
+    let near = api.post(&path, json!({"policy_version": 7, "results": [results[2]]})).await.expect(200);
+    assert_eq!(words(&near), ["counted"]);
+}
+
+#[tokio::test]
+async fn where_probes_are_the_evidence_training_moves_nothing() {
+    let server = Server::start().await;
+    let api = server.api();
+    let id = run(&api, json!({"seed": 2, "evidence_from": "probe", "tasks": ["kessler/survival"]})).await;
+    let train = api.lease(&id, json!({"groups": 2})).await;
+    assert_eq!(words(&api.report(&id, held(&train)).await), ["stored"; 2]);
+    let probe = api.lease(&id, json!({"groups": 2, "purpose": "probe"})).await;
+    assert_eq!(words(&api.report(&id, held(&probe)).await), ["counted"; 2]);
+}
