@@ -241,9 +241,10 @@ pub fn result(episode: &str, scenario: &Scenario, policy: &str) -> Value {
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
-        // Tests live in target/<profile>/deps; the binary one folder up.
+        // Tests live in target/<profile>/deps, programs and the binary one folder up.
         let here = std::env::current_exe().expect("a path");
-        let folder = here.parent().and_then(Path::parent).expect("target/<profile>");
+        let folder = here.parent().expect("a folder");
+        let folder = if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
         let profile = match folder.file_name().and_then(|n| n.to_str()) {
             Some("release") => "release",
             _ => "dev",

@@ -68,18 +68,23 @@ Examples:
 
 /// What was measured.
 #[derive(Debug, Serialize)]
-struct Measured {
+pub struct Measured {
     env: &'static str,
     debris: u32,
     seconds: f64,
     slices: u32,
-    single_thread_env_steps_per_s: f64,
-    low: f64,
-    high: f64,
+    /// See the help of the command.
+    pub single_thread_env_steps_per_s: f64,
+    /// See the help of the command.
+    pub low: f64,
+    /// See the help of the command.
+    pub high: f64,
     us_per_step: f64,
     resets_per_s: f64,
-    python_env_us_per_step: f64,
-    times_python_env: f64,
+    /// See the help of the command.
+    pub python_env_us_per_step: f64,
+    /// See the help of the command.
+    pub times_python_env: f64,
 }
 
 /// Measures and prints.
@@ -97,7 +102,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn measure(seconds: f64) -> anyhow::Result<Measured> {
+/// Measures for about so many seconds.
+///
+/// # Errors
+/// Never in practice: the scenarios are valid.
+pub fn measure(seconds: f64) -> anyhow::Result<Measured> {
     let mut bench = Bench::new()?;
     bench.fly_for(Duration::from_secs_f64(seconds * WARM_UP))?;
     let slice = Duration::from_secs_f64(seconds / f64::from(SLICES));

@@ -47,10 +47,32 @@ impl Parameters {
         Self([(); PARAMETERS].map(|()| chance.uniform(Stream::Policy)))
     }
 
+    /// What the numbers stand for: name, value and unit, in order.
+    #[must_use]
+    pub fn meaning(&self) -> [(&'static str, f64, &'static str); PARAMETERS] {
+        let g = self.read();
+        let [rr, rt, tr, tt] = g.map;
+        let values = [
+            (g.look_ahead as f64, "steps"),
+            (g.threshold, "LU"),
+            (g.wait as f64, "steps"),
+            (g.size, "LU/TU"),
+            (rr, ""),
+            (rt, ""),
+            (tr, ""),
+            (tt, ""),
+            (g.gain, "1/TU"),
+            (g.circularise, ""),
+            (g.climb, "LU/TU"),
+            (g.deadband, "LU/TU"),
+        ];
+        std::array::from_fn(|i| (Self::NAMES[i], values[i].0, values[i].1))
+    }
+
     fn read(&self) -> Gains {
         let p = self.0.map(|v| v.clamp(0.0, 1.0));
         let within = |i: usize, low: f64, high: f64| low + (high - low) * p[i];
-        // Sizes from 0.02 to 1 LU/TU, evenly by ratio: 0.02·50^p by repeated square roots would be exact, libm's pow is.
+        // Sizes from 0.02 to 1 LU/TU, evenly by ratio.
         Gains {
             look_ahead: within(0, 1.0, 25.0) as usize,
             threshold: within(1, 1.0, 6.0),
@@ -66,21 +88,29 @@ impl Parameters {
 }
 
 struct Gains {
+    /// Steps it predicts.
     look_ahead: usize,
+    /// What comes nearer than this, LU, is dodged.
     threshold: f64,
+    /// Steps before it comes so near at which it is dodged, and not before.
     wait: usize,
+    /// LU/TU.
     size: f64,
+    /// From where the debris passes to where the satellite goes, radial and in-track: rr, rt, tr, tt. Only its
+    /// direction counts.
     map: [f64; 4],
+    /// The last four: see `feedback`.
     gain: f64,
     circularise: f64,
     climb: f64,
+    /// Transfer burns below this, LU/TU, are left out.
     deadband: f64,
 }
 
 pub(super) struct Learner {
     gains: Gains,
     forecast: Forecast,
-    /// Per satellite, where it would be at the end of the steps known to be clear under hold, and how many those are.
+    /// Per satellite, where it is after the steps known to be clear under hold, and how many those are.
     clear: [Option<(Body, usize)>; SATELLITES],
 }
 
@@ -247,5 +277,83 @@ const GONE: Body = Body { x: 1e12, y: 1e12, vx: 0.0, vy: 0.0 };
 pub(super) fn burn(satellite: &SatelliteTelemetry, wanted: Option<(f64, f64)>, log: &mut ActionLog) {
     if let Some((dvx, dvy)) = wanted.and_then(|(x, y)| affordable(x, y, satellite.fuel)) {
         log.act(satellite.id, &[dvx, dvy]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::log::Precision;
+    use crate::task::StepReport;
+    use crate::{Recipe, Scenario, SuccessRule, bracket, rollout};
+
+    /// Looks 20 steps ahead, keeps 2 LU, acts 9 steps before, burns 0.15 LU/TU away from what comes.
+    const AWAY: Parameters = Parameters([0.8, 0.22, 0.35, 0.515, 0.0, 0.5, 0.5, 0.0, 0.3, 0.5, 0.5, 0.2]);
+
+    fn contested(task: &str, level: usize) -> impl Iterator<Item = (Scenario, crate::Bracket)> {
+        let task = crate::task(task).unwrap();
+        let recipe = Arc::new(Recipe::with_params(task, task.levels().params(level)).unwrap());
+        (0..).filter_map(move |seed| {
+            let scenario = Scenario::new(Arc::clone(&recipe), Seed::user(seed).unwrap());
+            let admission = bracket::admit(&scenario);
+            admission.bracket.filter(|_| admission.contested).map(|bracket| (scenario, bracket))
+        })
+    }
+
+    fn share(task: &str, level: usize, parameters: Parameters) -> f64 {
+        let n = 60;
+        let succeeds = |(scenario, bracket): &(Scenario, crate::Bracket)| {
+            let (flown, _) =
+                rollout::fly(scenario, &mut *crate::kessler::policies::learner(parameters)).unwrap();
+            bracket::success(scenario, SuccessRule::Task, bracket, &flown)
+        };
+        contested(task, level).take(n).filter(succeeds).count() as f64 / n as f64
+    }
+
+    /// There is something to learn, and it can be learnt: the same reflex dodging away or towards.
+    #[test]
+    fn the_map_decides() {
+        for task in ["kessler/survival", "kessler/eco_station"] {
+            let mut towards = AWAY;
+            (towards.0[4], towards.0[7]) = (1.0, 1.0);
+            let (away, towards) = (share(task, 4, AWAY), share(task, 4, towards));
+            assert!(away > 0.9 && towards < away - 0.3, "{task}: away {away}, towards {towards}");
+        }
+    }
+
+    /// What it remembers is only what it would work out again: one that forgets everything after every step does the
+    /// same.
+    #[test]
+    fn memory_moves_nothing() {
+        for (task, level) in [("kessler/survival", 5), ("kessler/eco_station", 7), ("kessler/rendezvous", 6)]
+        {
+            for (number, (scenario, _)) in (0..).zip(contested(task, level).take(6)) {
+                let parameters =
+                    if number < 3 { AWAY } else { Parameters::random(Seed::user(number).unwrap()) };
+                let (_, log) =
+                    rollout::fly(&scenario, &mut *crate::kessler::policies::learner(parameters)).unwrap();
+                let mut episode = scenario.task().start(&scenario).unwrap();
+                let mut forgetful = ActionLog::new(2, Precision::F64);
+                let mut report = StepReport::default();
+                for step in 0..log.len() {
+                    crate::kessler::policies::learner(parameters).act(episode.observation(), &mut forgetful);
+                    episode.step(forgetful.step(step), &mut report).unwrap();
+                }
+                assert_eq!(log, forgetful, "{task}, scenario {number}");
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_taken_as_the_nearest_in_range() {
+        let (low, high) = (Parameters([-1.0; PARAMETERS]), Parameters([2.0; PARAMETERS]));
+        assert_eq!(low.meaning(), Parameters([0.0; PARAMETERS]).meaning());
+        assert_eq!(high.meaning(), Parameters([1.0; PARAMETERS]).meaning());
+        let spans: Vec<(f64, f64)> =
+            low.meaning().iter().zip(high.meaning()).map(|(low, high)| (low.1, high.1)).collect();
+        assert_eq!(spans[..3], [(1.0, 25.0), (1.0, 6.0), (1.0, 25.0)]);
+        assert!((spans[3].0 - 0.02).abs() < 1e-12 && (spans[3].1 - 1.0).abs() < 1e-12);
     }
 }

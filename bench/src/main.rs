@@ -1,0 +1,51 @@
+//! Benchmarks that anyone can run: each prints what was measured in this run, the goal, and their ratio (above 1 is
+//! better than the goal).
+
+mod bracket;
+mod results;
+mod steps;
+
+use std::io::Write;
+
+use clap::Parser;
+
+/// Measures Sparring against its goals. Run it on an idle machine, in release: `make bench`.
+#[derive(Debug, Parser)]
+struct Args {
+    /// What to measure; everything if none is named.
+    #[arg(value_parser = ["bracket", "steps", "results"])]
+    what: Vec<String>,
+}
+
+/// One line of the table.
+#[derive(Debug)]
+pub(crate) struct Row {
+    pub(crate) what: String,
+    pub(crate) measured: String,
+    pub(crate) goal: String,
+    pub(crate) ratio: Option<f64>,
+}
+
+fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    let wanted = |name: &str| args.what.is_empty() || args.what.iter().any(|w| w == name);
+    let mut out = std::io::stdout().lock();
+    let mut show = |rows: Vec<Row>| -> std::io::Result<()> {
+        for row in rows {
+            let ratio = row.ratio.map_or_else(String::new, |r| format!("{r:.2}×"));
+            writeln!(out, "{:<58} {:>26}  {:<24} {ratio:>8}", row.what, row.measured, row.goal)?;
+        }
+        out.flush()
+    };
+    show(vec![Row { what: "what".into(), measured: "measured".into(), goal: "goal".into(), ratio: None }])?;
+    if wanted("bracket") {
+        show(bracket::measure()?)?;
+    }
+    if wanted("steps") {
+        show(steps::measure()?)?;
+    }
+    if wanted("results") {
+        show(results::measure()?)?;
+    }
+    Ok(())
+}
