@@ -9,9 +9,12 @@ use crate::Row;
 
 const SCENARIOS: u64 = 3000;
 
+/// Task, params, goal in milliseconds.
+type Cell = (&'static str, &'static [(&'static str, f64)], f64);
+
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    let cells: [(&str, &[(&str, f64)], f64); 4] = [
+    let cells: [Cell; 4] = [
         ("kessler/survival", &[("debris", 50.0)], 0.5),
         ("kessler/survival", &[("debris", 50.0), ("spread", 1.0), ("fuel", 20.0)], 0.5),
         ("kessler/eco_station", &[("debris", 50.0)], 0.5),

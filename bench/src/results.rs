@@ -1,12 +1,15 @@
 //! Durable results over HTTP: a real server in a process of its own, batches of 100, groups of 8, whole action logs,
 //! replay included, and leases taken while that goes on. Clients share the machine with the server.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use env_core::rollout::fly;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use system_tests::{Api, Lease, Process, wire};
+use tokio::sync::Mutex;
+use tokio::task::JoinSet;
 
 use crate::Row;
 
@@ -43,24 +46,7 @@ async fn run() -> anyhow::Result<Vec<Row>> {
         (done, tokio::spawn(lease_times(api.clone(), until)))
     };
     let start = Instant::now();
-    let queue = std::sync::Arc::new(tokio::sync::Mutex::new(batches));
-    let mut clients = tokio::task::JoinSet::new();
-    for _ in 0..CLIENTS {
-        let (api, queue) = (api.clone(), std::sync::Arc::clone(&queue));
-        clients.spawn(async move {
-            loop {
-                let Some(body) = queue.lock().await.pop() else { return Ok(()) };
-                let answer = api.raw("POST", "/v1/runs/bench/results", "application/json", body).await;
-                let counted = answer.body["results"].as_array().is_some_and(|all| {
-                    all.len() == BATCH && all.iter().all(|r| r["status"] == "counted")
-                });
-                anyhow::ensure!(counted, "not every result counted: {} {}", answer.status, answer.body);
-            }
-        });
-    }
-    while let Some(client) = clients.join_next().await {
-        client??;
-    }
+    send_all(&api, batches).await?;
     let seconds = start.elapsed().as_secs_f64();
     drop(done);
     let (median, p99) = leasing.await?;
@@ -88,6 +74,29 @@ async fn run() -> anyhow::Result<Vec<Row>> {
             ratio: None,
         },
     ])
+}
+
+/// Sends every batch, several clients at a time; every result must count.
+async fn send_all(api: &Api, batches: Vec<String>) -> anyhow::Result<()> {
+    let queue = Arc::new(Mutex::new(batches));
+    let mut clients = JoinSet::new();
+    for _ in 0..CLIENTS {
+        let (api, queue) = (api.clone(), Arc::clone(&queue));
+        clients.spawn(async move {
+            loop {
+                let Some(body) = queue.lock().await.pop() else { return Ok(()) };
+                let answer = api.raw("POST", "/v1/runs/bench/results", "application/json", body).await;
+                let counted = answer.body["results"]
+                    .as_array()
+                    .is_some_and(|all| all.len() == BATCH && all.iter().all(|r| r["status"] == "counted"));
+                anyhow::ensure!(counted, "not every result counted: {} {}", answer.status, answer.body);
+            }
+        });
+    }
+    while let Some(client) = clients.join_next().await {
+        client??;
+    }
+    Ok(())
 }
 
 async fn lease(api: &Api) -> anyhow::Result<Lease> {

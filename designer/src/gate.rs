@@ -10,7 +10,9 @@ pub enum Refusal {
     #[error("{0}")]
     Unfair(ScenarioError),
     /// The reference planner does not succeed.
-    #[error("the planner finds no way to succeed within the fuel: its best scores {reference:.3} and loses {lost}")]
+    #[error(
+        "the planner finds no way to succeed within the fuel: its best scores {reference:.3} and loses {lost}"
+    )]
     Unsolvable {
         /// Its best score.
         reference: f64,

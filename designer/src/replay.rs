@@ -75,7 +75,8 @@ fn read(path: &std::path::Path) -> Result<Vec<Draft>, DesignError> {
         return Err(fault(format!("{size} bytes; at most {MAX_FILE} are read")));
     }
     let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-    let file: File = serde_json::from_str(&text).map_err(|error| fault(format!("not a file of layouts: {error}")))?;
+    let file: File =
+        serde_json::from_str(&text).map_err(|error| fault(format!("not a file of layouts: {error}")))?;
     let draft = |(at, entry): (usize, Entry)| {
         let scenario = Scenario::from_json(&entry.scenario).and_then(user_seed);
         match scenario {
@@ -156,8 +157,14 @@ mod tests {
     fn what_is_no_layout_is_a_clear_error() {
         for (text, part) in [
             ("not json", "not a file of layouts"),
-            (r#"{"layouts": [{"name": "x", "scenario": {"task": "kessler/golf", "seed": 1}}]}"#, "kessler/golf"),
-            (r#"{"layouts": [{"name": "x", "scenario": {"task": "kessler/survival", "seed": 4503599627370497}}]}"#, "seed"),
+            (
+                r#"{"layouts": [{"name": "x", "scenario": {"task": "kessler/golf", "seed": 1}}]}"#,
+                "kessler/golf",
+            ),
+            (
+                r#"{"layouts": [{"name": "x", "scenario": {"task": "kessler/survival", "seed": 4503599627370497}}]}"#,
+                "seed",
+            ),
         ] {
             let file = file(text);
             let error = ask(&mut Replay::new(file.path().to_owned()), 1).unwrap_err().to_string();

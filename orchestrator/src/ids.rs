@@ -75,7 +75,8 @@ impl FromStr for LeaseId {
         let bad = BadId("a lease's id is a number, a dash and six letters or digits, as 42-x7k2p9");
         let (number, token) = text.split_once('-').ok_or_else(|| bad.clone())?;
         let number = number.parse::<i64>().ok().filter(|n| *n > 0).ok_or_else(|| bad.clone())?;
-        let fine = token.len() == TOKEN && token.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
+        let fine =
+            token.len() == TOKEN && token.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
         if fine { Ok(Self { number, token: token.to_owned() }) } else { Err(bad) }
     }
 }
@@ -139,7 +140,9 @@ mod tests {
         let episode: EpisodeId = "ep_42-x7k2p9_3".parse().unwrap();
         assert_eq!((episode.lease.number, episode.index), (42, 3));
         assert_eq!(episode.to_string(), "ep_42-x7k2p9_3");
-        for bad in ["", "ep_", "ep_1_2", "ep_42-x7k2p9_-1", "ep_42-X7K2P9_1", "ep_42-x7k2p9_99999999999999999999"] {
+        for bad in
+            ["", "ep_", "ep_1_2", "ep_42-x7k2p9_-1", "ep_42-X7K2P9_1", "ep_42-x7k2p9_99999999999999999999"]
+        {
             assert!(bad.parse::<EpisodeId>().is_err(), "{bad}");
         }
         for bad in ["", "A", "a b", "../x", &"x".repeat(65)] {

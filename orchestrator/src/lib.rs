@@ -1,7 +1,7 @@
 //! Sparring.
 pub mod cli;
-pub mod curriculum;
 pub mod clock;
+pub mod curriculum;
 pub mod http;
 pub mod ids;
 pub mod service;

@@ -46,7 +46,9 @@ pub enum StartError {
     #[error(transparent)]
     Open(#[from] OpenError),
     /// The address is one that others reach, and there are no tokens yet to keep strangers out.
-    #[error("{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700")]
+    #[error(
+        "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700"
+    )]
     Public(SocketAddr),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {reason}")]

@@ -125,14 +125,21 @@ impl Api {
     /// Where the server does not answer.
     pub async fn raw(&self, method: &str, path: &str, kind: &str, body: impl Into<reqwest::Body>) -> Answer {
         let method = method.parse().expect("a method");
-        let request = self.client.request(method, format!("{}{path}", self.base)).header("content-type", kind);
+        let request =
+            self.client.request(method, format!("{}{path}", self.base)).header("content-type", kind);
         let response = request.body(body).send().await.expect("the server answers");
-        let header = |name: &str| response.headers().get(name).and_then(|v| v.to_str().ok()).map(str::to_owned);
+        let header =
+            |name: &str| response.headers().get(name).and_then(|v| v.to_str().ok()).map(str::to_owned);
         let (status, kind, retry_after) =
             (response.status().as_u16(), header("content-type").unwrap_or_default(), header("retry-after"));
         let bytes = response.bytes().await.expect("a whole answer");
         let text = String::from_utf8_lossy(&bytes).into_owned();
-        Answer { status, kind, retry_after, body: serde_json::from_slice(&bytes).unwrap_or(Value::String(text)) }
+        Answer {
+            status,
+            kind,
+            retry_after,
+            body: serde_json::from_slice(&bytes).unwrap_or(Value::String(text)),
+        }
     }
 
     /// GET.
@@ -244,7 +251,8 @@ pub fn binary() -> &'static Path {
         // Tests live in target/<profile>/deps, programs and the binary one folder up.
         let here = std::env::current_exe().expect("a path");
         let folder = here.parent().expect("a folder");
-        let folder = if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
+        let folder =
+            if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
         let profile = match folder.file_name().and_then(|n| n.to_str()) {
             Some("release") => "release",
             _ => "dev",

@@ -1,5 +1,7 @@
 //! Databases that cannot be used: one sentence that says what to do, exit code 2, and the file as it was.
 
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
 use std::path::Path;
 use std::process::Command;
 
@@ -8,7 +10,8 @@ use sqlx::sqlite::SqliteConnectOptions;
 use system_tests::{Process, Server, binary};
 
 fn refused(db: &Path) -> String {
-    let out = Command::new(binary()).args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(db).output().unwrap();
+    let out =
+        Command::new(binary()).args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(db).output().unwrap();
     assert_eq!(out.status.code(), Some(2), "{out:?}");
     let stderr = String::from_utf8(out.stderr).unwrap();
     let told = stderr.lines().find(|l| l.starts_with("sparring: ")).unwrap_or_else(|| panic!("{stderr}"));

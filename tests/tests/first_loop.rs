@@ -1,6 +1,8 @@
 //! The loop: a scenario is proposed, leased, flown, reported, replayed, remembered; mastery and difficulty move; the
 //! next proposal is different.
 
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
 use serde_json::{Value, json};
 use system_tests::{Server, flown, result, wire};
 
@@ -54,8 +56,15 @@ async fn a_good_pilot_climbs_and_scores_come_from_replay() {
     let blocks = first["evidence"]["blocks"].as_array().unwrap();
     assert_eq!((blocks.len(), blocks[0]["n"].as_u64()), (2, Some(32)), "{first}");
 
+    let points = history["points"].as_array().unwrap();
+    let n: u64 = points.iter().map(|p| p["n"].as_u64().unwrap()).sum();
+    assert_eq!(n, 164, "every contested scenario is on the curve once");
+
     let next = api.lease("good", json!({"groups": 1})).await;
-    assert_ne!(next.0["recipes"][0]["params"], lease.0["recipes"][0]["params"], "the next proposal is different");
+    assert_ne!(
+        next.0["recipes"][0]["params"], lease.0["recipes"][0]["params"],
+        "the next proposal is different"
+    );
 }
 
 #[tokio::test]
@@ -87,7 +96,8 @@ async fn the_raw_rule_promotes_an_agent_that_does_nothing() {
 async fn a_new_run_is_placed_by_bisection() {
     let server = Server::start().await;
     let api = server.api();
-    let _ = api.post("/v1/runs", json!({"id": "p", "seed": 11, "tasks": ["kessler/survival"]})).await.expect(201);
+    let _ =
+        api.post("/v1/runs", json!({"id": "p", "seed": 11, "tasks": ["kessler/survival"]})).await.expect(201);
     let moves = train(&server, "p", "heuristic", 10, 16).await;
     let placed = moves.iter().find(|m| m["kind"] == "placement").expect("a placement");
     // The look-ahead pilot succeeds on .96 of contested level 6, .85 of level 7 and .33 of level 8.
@@ -101,10 +111,12 @@ async fn baselines_serve_their_samples() {
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "fixed", "strategy": "fixed"})).await.expect(201);
     let lease = api.lease("fixed", json!({"groups": 6})).await;
-    let tasks: Vec<_> = lease.0["groups"].as_array().unwrap().iter().map(|g| g["task"].as_str().unwrap()).collect();
+    let tasks: Vec<_> =
+        lease.0["groups"].as_array().unwrap().iter().map(|g| g["task"].as_str().unwrap()).collect();
     assert_eq!(tasks[..3], tasks[3..], "in turn");
     assert_eq!(lease.0["recipes"][0]["params"]["debris"], 25.0);
-    let _ = api.post("/v1/runs", json!({"id": "uniform", "strategy": "uniform", "seed": 5})).await.expect(201);
+    let _ =
+        api.post("/v1/runs", json!({"id": "uniform", "strategy": "uniform", "seed": 5})).await.expect(201);
     let lease = api.lease("uniform", json!({"groups": 64})).await;
     let levels: std::collections::BTreeSet<_> =
         lease.0["groups"].as_array().unwrap().iter().map(|g| g["level"].as_u64().unwrap()).collect();
@@ -156,7 +168,10 @@ async fn groups_of_eight_are_of_one_scenario() {
 async fn an_episode_can_be_looked_at_and_replayed() {
     let server = Server::start().await;
     let api = server.api();
-    let _ = api.post("/v1/runs", json!({"id": "r", "tasks": ["kessler/rendezvous"], "seed": 1})).await.expect(201);
+    let _ = api
+        .post("/v1/runs", json!({"id": "r", "tasks": ["kessler/rendezvous"], "seed": 1}))
+        .await
+        .expect(201);
     let lease = api.lease("r", json!({"groups": 2})).await;
     let episodes = lease.episodes();
     let (ours, log) = flown(&episodes[0].1, "heuristic");

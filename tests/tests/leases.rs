@@ -1,5 +1,7 @@
 //! A lease's life: reported twice, by strangers, late, in part, released, renewed.
 
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -56,9 +58,20 @@ async fn reporting_is_idempotent_and_each_result_gets_its_own_answer() {
     let again = api.report(&mine, batch).await;
     assert_eq!(
         words(&again),
-        ["duplicate", "duplicate", "duplicate", "counted", "refused", "refused", "refused", "refused", "refused"]
+        [
+            "duplicate",
+            "duplicate",
+            "duplicate",
+            "counted",
+            "refused",
+            "refused",
+            "refused",
+            "refused",
+            "refused"
+        ]
     );
-    let codes: Vec<_> = again["results"].as_array().unwrap()[4..].iter().map(|r| r["code"].as_str().unwrap()).collect();
+    let codes: Vec<_> =
+        again["results"].as_array().unwrap()[4..].iter().map(|r| r["code"].as_str().unwrap()).collect();
     assert_eq!(codes, ["conflict", "foreign_episode", "unknown_episode", "unknown_episode", "bad_id"]);
     assert_eq!(again["results"][0]["score"], first["results"][0]["score"], "answered as before");
 
@@ -75,7 +88,8 @@ async fn reporting_is_idempotent_and_each_result_gets_its_own_answer() {
 async fn wrong_logs_are_refused_by_themselves() {
     let server = Server::start().await;
     let api = server.api();
-    let id = run(&api, json!({"tasks": ["kessler/survival"], "placement": false, "contested_share": 0.0})).await;
+    let id =
+        run(&api, json!({"tasks": ["kessler/survival"], "placement": false, "contested_share": 0.0})).await;
     let lease = api.lease(&id, json!({"groups": 10})).await;
     let names: Vec<String> = lease.episodes().into_iter().map(|(name, _)| name).collect();
     let empty = |n: usize| vec![json!([]); n];
@@ -103,7 +117,9 @@ async fn wrong_logs_are_refused_by_themselves() {
         .unwrap()
         .iter()
         .map(|r| match r["detail"].as_str() {
-            Some(detail) => format!("{} {}: {detail}", r["status"].as_str().unwrap(), r["code"].as_str().unwrap()),
+            Some(detail) => {
+                format!("{} {}: {detail}", r["status"].as_str().unwrap(), r["code"].as_str().unwrap())
+            }
             None => r["status"].as_str().unwrap().to_owned(),
         })
         .collect();
@@ -132,7 +148,10 @@ async fn what_comes_after_expiry_is_late_and_moves_nothing() {
     let before = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
     assert_eq!(before["tasks"][0]["plain"]["expired"], 4);
     let late = api.report(&id, results).await;
-    assert_eq!(words(&late), ["duplicate", "duplicate", "duplicate", "late", "duplicate", "late", "late", "late"]);
+    assert_eq!(
+        words(&late),
+        ["duplicate", "duplicate", "duplicate", "late", "duplicate", "late", "late", "late"]
+    );
     let after = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
     assert_eq!(before, after);
     let episode = api.get(&format!("/v1/runs/{id}/episodes/{}", lease.episodes()[3].0)).await.expect(200);
@@ -164,7 +183,10 @@ async fn leases_are_renewed_and_released() {
     assert_eq!(again.0["groups"][0]["scenario"], lease.0["groups"][1]["scenario"]);
     // A lease of another run is not found, whoever knows its name.
     let other = run(&api, json!({})).await;
-    assert_eq!(api.post(&format!("/v1/runs/{other}/leases/{}/renew", again.id()), json!({})).await.status, 404);
+    assert_eq!(
+        api.post(&format!("/v1/runs/{other}/leases/{}/renew", again.id()), json!({})).await.status,
+        404
+    );
 }
 
 #[tokio::test]

@@ -1,5 +1,7 @@
 //! A server that is stopped, or killed, proposes what it would have proposed, and has lost nothing it acknowledged.
 
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
 use serde_json::{Value, json};
 use system_tests::{Api, Process, Server, result};
 
@@ -14,7 +16,8 @@ async fn round(api: &Api, number: usize) -> Vec<Value> {
     for half in results.chunks(results.len() / 2 + 1) {
         api.report("run", half.to_vec()).await;
     }
-    let group = |g: &Value| json!([g["scenario"], g["seed"], g["task"], g["level"], g["role"], g["contested"]]);
+    let group =
+        |g: &Value| json!([g["scenario"], g["seed"], g["task"], g["level"], g["role"], g["contested"]]);
     lease.0["groups"].as_array().unwrap().iter().map(group).collect()
 }
 
@@ -107,8 +110,12 @@ async fn nothing_acknowledged_is_lost_and_nothing_counts_twice() {
         assert!(words[24..].iter().all(|w| *w == "duplicate" || *w == "counted"), "{words:?}");
         acknowledged += results.len() as u64;
         let standing = standing(&process.api()).await;
-        let episodes: u64 =
-            standing["tasks"].as_array().unwrap().iter().map(|t| t["plain"]["episodes"].as_u64().unwrap()).sum();
+        let episodes: u64 = standing["tasks"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|t| t["plain"]["episodes"].as_u64().unwrap())
+            .sum();
         assert_eq!(episodes, acknowledged);
     }
 }

@@ -171,6 +171,9 @@ pub fn compare(episode: &RecordedEpisode, tolerance: f64) -> Result<Differences,
         }
         let number = index + 1;
         let fault = |reason: String| RecordError::Step { step: number, reason };
+        if step.satellites.len() != SATELLITES {
+            return Err(fault(format!("it has {} satellites, not {SATELLITES}", step.satellites.len())));
+        }
         let mut log = ActionLog::new(2, crate::log::Precision::F64);
         super::codec::read_step(&step.burns, &mut log).map_err(|e| fault(e.to_string()))?;
         log.end_step();

@@ -68,7 +68,11 @@ fn unread(rejection: BytesRejection) -> Problem {
 
 /// What strangers wrote may be long; a message is not.
 fn shorten(text: &str) -> String {
-    if text.chars().count() <= 300 { text.to_owned() } else { text.chars().take(297).chain("...".chars()).collect() }
+    if text.chars().count() <= 300 {
+        text.to_owned()
+    } else {
+        text.chars().take(297).chain("...".chars()).collect()
+    }
 }
 
 /// Path segments.

@@ -59,7 +59,11 @@ impl Problem {
 
     /// Something unexpected. The details are in the log, not in the answer.
     pub(super) fn internal() -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "Something failed here; the server's log says what.")
+        Self::new(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "internal",
+            "Something failed here; the server's log says what.",
+        )
     }
 }
 
@@ -93,7 +97,12 @@ impl From<TrainingError> for Problem {
             E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").again_in(1),
             E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").again_in(5),
             E::Invalid { field, reason } => Self::invalid(field, reason),
-            E::NotCommitted(_) | E::Restore(_) | E::Store(_) => {
+            E::NotCommitted(_) => {
+                tracing::error!(error = %error, "A change was not committed.");
+                let detail = "The change could not be written and was undone; the server's log says why.";
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "not_committed", detail).again_in(5)
+            }
+            E::Restore(_) | E::Store(_) => {
                 tracing::error!(error = %error, "A request failed.");
                 Self::internal()
             }

@@ -48,7 +48,11 @@ struct Body {
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, scenario: &[u8], bracket: &Bracket) -> Result<(), StoreError> {
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    scenario: &[u8],
+    bracket: &Bracket,
+) -> Result<(), StoreError> {
     let body = to_json(&Body {
         floor: bracket.floor,
         panel: bracket.panel.iter().map(|f| (*f).into()).collect(),

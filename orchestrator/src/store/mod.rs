@@ -6,6 +6,7 @@ pub mod curriculum;
 pub mod episodes;
 pub mod leases;
 mod open;
+pub mod progress;
 pub mod proposals;
 pub mod runs;
 pub mod scenarios;
@@ -32,8 +33,8 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    pub(crate) fn unreadable(what: &'static str, reason: impl ToString) -> Self {
-        Self::Unreadable { what, reason: reason.to_string() }
+    pub(crate) fn unreadable(what: &'static str, reason: impl std::fmt::Display) -> Self {
+        Self::Unreadable { what, reason: format!("{reason}") }
     }
 }
 
@@ -53,7 +54,10 @@ pub(crate) fn to_json<T: serde::Serialize>(value: &T) -> Result<String, StoreErr
     serde_json::to_string(value).map_err(|error| StoreError::unreadable("a value", error))
 }
 
-pub(crate) fn from_json<T: serde::de::DeserializeOwned>(what: &'static str, text: &str) -> Result<T, StoreError> {
+pub(crate) fn from_json<T: serde::de::DeserializeOwned>(
+    what: &'static str,
+    text: &str,
+) -> Result<T, StoreError> {
     serde_json::from_str(text).map_err(|error| StoreError::unreadable(what, error))
 }
 

@@ -34,7 +34,9 @@ pub enum OpenError {
     #[error("{0} is a database, but not one of Sparring's: give another path with --db")]
     Foreign(String),
     /// Written by a newer version.
-    #[error("{path} was written by a newer Sparring (schema {found}, this one knows {known}): upgrade Sparring, or give another path with --db")]
+    #[error(
+        "{path} was written by a newer Sparring (schema {found}, this one knows {known}): upgrade Sparring, or give another path with --db"
+    )]
     Newer {
         /// The file.
         path: String,
@@ -92,7 +94,9 @@ pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
         return Err(OpenError::Foreign(name));
     }
     MIGRATIONS.run(&mut connection).await.map_err(|error| match error {
-        MigrateError::VersionMissing(found) => OpenError::Newer { path: name.clone(), found, known: newest() },
+        MigrateError::VersionMissing(found) => {
+            OpenError::Newer { path: name.clone(), found, known: newest() }
+        }
         MigrateError::Execute(error) => explain(&name, &error),
         other => OpenError::Other { path: name.clone(), reason: other.to_string() },
     })?;

@@ -36,8 +36,8 @@ pub struct Queued {
 /// The database's.
 pub async fn insert(conn: &mut SqliteConnection, run: &str, seq: i64, body: &str) -> Result<(), StoreError> {
     query!("INSERT INTO proposals (run, seq, state, body) VALUES (?, ?, 'proposed', ?)", run, seq, body)
-    .execute(conn)
-    .await?;
+        .execute(conn)
+        .await?;
     Ok(())
 }
 
@@ -153,7 +153,9 @@ pub async fn offer_again(
 /// # Errors
 /// The database's.
 pub async fn discard(conn: &mut SqliteConnection, run: &str, seq: i64) -> Result<(), StoreError> {
-    query!("UPDATE proposals SET state = 'dropped' WHERE run = ? AND seq = ?", run, seq).execute(conn).await?;
+    query!("UPDATE proposals SET state = 'dropped' WHERE run = ? AND seq = ?", run, seq)
+        .execute(conn)
+        .await?;
     Ok(())
 }
 

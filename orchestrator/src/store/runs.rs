@@ -101,7 +101,11 @@ pub async fn set_status(conn: &mut SqliteConnection, id: &str, status: &str) -> 
 ///
 /// # Errors
 /// The database's.
-pub async fn set_policy_version(conn: &mut SqliteConnection, id: &str, version: i64) -> Result<(), StoreError> {
+pub async fn set_policy_version(
+    conn: &mut SqliteConnection,
+    id: &str,
+    version: i64,
+) -> Result<(), StoreError> {
     query!("UPDATE runs SET policy_version = ?1 WHERE id = ?2 AND policy_version < ?1", version, id)
         .execute(conn)
         .await?;

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use serde_json::Value;
 use sqlx::SqliteConnection;
 
-use super::settings::RunSettings;
 use super::TrainingError;
+use super::settings::RunSettings;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::{self, brackets, leases, scenarios::Loader};
@@ -186,19 +186,14 @@ impl<'a> Finder<'a> {
 
     async fn stage(&mut self, conn: &mut SqliteConnection, group: &GroupRow) -> Result<Stage, TrainingError> {
         let scenario = self.loader.get(conn, &group.scenario).await?;
-        let bracket = brackets::newest(conn, &group.scenario)
-            .await?
-            .ok_or_else(|| store::StoreError::unreadable("a bracket", "there is none for a leased scenario"))?;
+        let bracket = brackets::newest(conn, &group.scenario).await?.ok_or_else(|| {
+            store::StoreError::unreadable("a bracket", "there is none for a leased scenario")
+        })?;
         Ok(Stage { scenario, bracket })
     }
 }
 
-fn judge(
-    claim: Claim,
-    place: Place,
-    stages: &HashMap<(i64, i64), Stage>,
-    settings: &RunSettings,
-) -> Audited {
+fn judge(claim: Claim, place: Place, stages: &HashMap<(i64, i64), Stage>, settings: &RunSettings) -> Audited {
     let Claim { episode, what, policy_version, metrics } = claim;
     let (place, verdict) = match place {
         Err((code, detail)) => (None, Verdict::Refused { code, detail }),
@@ -208,10 +203,9 @@ fn judge(
                 (Claimed::Finished { steps, precision, stopped }, Some(stage)) => {
                     fly(stage, settings, &steps, precision, stopped)
                 }
-                (Claimed::Finished { .. }, None) => Verdict::Refused {
-                    code: "unknown_episode",
-                    detail: "its scenario is gone".to_owned(),
-                },
+                (Claimed::Finished { .. }, None) => {
+                    Verdict::Refused { code: "unknown_episode", detail: "its scenario is gone".to_owned() }
+                }
             };
             (Some((lease, index)), verdict)
         }

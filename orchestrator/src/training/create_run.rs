@@ -26,7 +26,9 @@ impl CreateRun {
     /// The field at fault.
     pub fn read(wish: &RunWish) -> Result<Self, TrainingError> {
         let id: RunId = match &wish.id {
-            Some(id) => id.parse().map_err(|e: crate::ids::BadId| TrainingError::invalid("id", e.to_string()))?,
+            Some(id) => {
+                id.parse().map_err(|e: crate::ids::BadId| TrainingError::invalid("id", e.to_string()))?
+            }
             None => format!("run-{}", random_token(8))
                 .parse()
                 .map_err(|e: crate::ids::BadId| TrainingError::invalid("id", e.to_string()))?,

@@ -36,7 +36,8 @@ impl Mind {
     /// # Errors
     /// No such run, or a stored curriculum that cannot be brought back.
     pub async fn load(conn: &mut SqliteConnection, run: &str) -> Result<Self, TrainingError> {
-        let row = store::runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
+        let row =
+            store::runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
         let settings: RunSettings = from_json("a run's settings", &row.settings)?;
         let seed = unsigned(row.seed);
         let mut curriculum = match store::curriculum::newest_snapshot(conn, run).await? {

@@ -110,7 +110,8 @@ impl Change for StorePrepared {
             let id = prepared.scenario.id().0.to_vec();
             store::scenarios::insert(&mut work.conn, &prepared.scenario).await?;
             store::brackets::insert(&mut work.conn, &id, &prepared.bracket).await?;
-            store::proposals::prepared(&mut work.conn, run, *seq, &id, prepared.contested, prepared.planted).await?;
+            store::proposals::prepared(&mut work.conn, run, *seq, &id, prepared.contested, prepared.planted)
+                .await?;
         }
         for (run, seq) in &self.hopeless {
             store::proposals::discard(&mut work.conn, run, *seq).await?;

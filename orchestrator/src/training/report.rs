@@ -1,6 +1,7 @@
 //! Taking results: each episode once, by its replay, with the curriculum told when a group is whole.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use super::audit::{Audited, Verdict};
 use super::close::close_group;
@@ -144,20 +145,18 @@ impl Books {
         row: &EpisodeRow,
     ) -> Result<&'static str, TrainingError> {
         let key = (lease.id, row.number / lease.group_size);
-        if !self.groups.contains_key(&key) {
-            let group = leases::group(&mut work.conn, key.0, key.1)
-                .await?
-                .ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))?;
-            self.groups.insert(key, group);
-        }
+        let group = match self.groups.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => {
+                let found = leases::group(&mut work.conn, key.0, key.1).await?;
+                place.insert(found.ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))?)
+            }
+        };
         let (mind, _) = work.mind(&lease.run).await?;
         let newest = mind.policy_version.max(self.newest_policy).max(row.policy_version);
         self.newest_policy = newest;
-        let stale = mind
-            .settings
-            .max_staleness
-            .is_some_and(|most| newest - row.policy_version > i64::from(most));
-        let Some(group) = self.groups.get_mut(&key) else { return Ok("stored") };
+        let stale =
+            mind.settings.max_staleness.is_some_and(|most| newest - row.policy_version > i64::from(most));
         let mut sums = Sums::default();
         if row.state == "failed" {
             group.failed += 1;
@@ -273,7 +272,11 @@ fn again(episode: String, before: &EpisodeRow, digest: &[u8]) -> Receipt {
             success: before.success.map(|s| s != 0),
         }
     } else {
-        Receipt::refused(episode, "conflict", "it was reported before, with other actions; the first stands".to_owned())
+        Receipt::refused(
+            episode,
+            "conflict",
+            "it was reported before, with other actions; the first stands".to_owned(),
+        )
     }
 }
 

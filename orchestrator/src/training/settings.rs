@@ -123,16 +123,16 @@ impl RunSettings {
         within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         let min_group = wish.min_group.unwrap_or(group_size.div_ceil(2));
         within("min_group", min_group, 1, group_size)?;
-        let ids = wish.tasks.clone().unwrap_or_else(|| env_core::tasks().map(|t| t.id().to_owned()).collect());
+        let ids =
+            wish.tasks.clone().unwrap_or_else(|| env_core::tasks().map(|t| t.id().to_owned()).collect());
         if ids.len() > 100 {
             return Err(TrainingError::invalid("tasks", "at most 100 are taken"));
         }
         let mut tasks = Vec::with_capacity(ids.len());
         let mut thresholds = BTreeMap::new();
         for (at, id) in ids.iter().enumerate() {
-            let mut plan = TaskPlan::standard(id).map_err(|error| {
-                TrainingError::invalid(format!("tasks.{at}"), error.reason)
-            })?;
+            let mut plan = TaskPlan::standard(id)
+                .map_err(|error| TrainingError::invalid(format!("tasks.{at}"), error.reason))?;
             if let Some(special) = wish.task_settings.get(id) {
                 specialise(&mut plan, special, &mut thresholds)?;
             }
@@ -140,7 +140,10 @@ impl RunSettings {
         }
         if let Some(id) = wish.task_settings.keys().find(|id| !ids.contains(id)) {
             let id: String = id.chars().take(60).collect();
-            return Err(TrainingError::invalid(format!("task_settings.{id}"), "it is none of the run's tasks"));
+            return Err(TrainingError::invalid(
+                format!("task_settings.{id}"),
+                "it is none of the run's tasks",
+            ));
         }
         let curriculum = Settings {
             strategy: wish.strategy.unwrap_or(StrategyKind::Ladder),
@@ -196,9 +199,8 @@ fn specialise(
     if let Some(table) = &special.levels
         && let Some(spec) = env_core::task(&plan.task)
     {
-        plan.levels =
-            env_core::space::Levels::new(spec.params(), table.columns.clone(), table.rows.clone())
-                .map_err(|error| TrainingError::invalid(field("levels"), error.to_string()))?;
+        plan.levels = env_core::space::Levels::new(spec.params(), table.columns.clone(), table.rows.clone())
+            .map_err(|error| TrainingError::invalid(field("levels"), error.to_string()))?;
     }
     plan.weight = special.weight.unwrap_or(plan.weight);
     Ok(())

@@ -12,8 +12,8 @@ use sqlx::{Connection, SqliteConnection, query};
 use tokio::sync::{Notify, mpsc, oneshot};
 use tokio::task::JoinHandle;
 
-use super::mind::Mind;
 use super::TrainingError;
+use super::mind::Mind;
 use crate::clock::{Clock, Millis};
 
 /// Changes that may wait.
@@ -131,7 +131,12 @@ impl<C: Change> Errand for Parcel<C> {
     }
 }
 
-async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock: Clock, prepare: Arc<Notify>) {
+async fn serve(
+    mut work: Work,
+    mut inbox: mpsc::Receiver<Box<dyn Errand>>,
+    clock: Clock,
+    prepare: Arc<Notify>,
+) {
     let mut batch = Vec::with_capacity(BATCH);
     while inbox.recv_many(&mut batch, BATCH).await > 0 {
         work.now = clock.now();
@@ -143,7 +148,7 @@ async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock
             work.minds.clear();
         }
         for delivery in deliveries {
-            delivery(committed.as_ref().map(|()| ()));
+            delivery(committed.as_ref().copied());
         }
         if std::mem::take(&mut work.wake_prepare) {
             prepare.notify_one();
@@ -161,20 +166,37 @@ async fn commit(
         batch.for_each(|errand| errand.refuse(&error));
         return Err(error);
     }
-    for errand in batch {
-        work.touched.clear();
-        query("SAVEPOINT change").execute(&mut work.conn).await?;
-        let (stands, delivery) = errand.run(work).await;
-        deliveries.push(delivery);
-        if !stands {
-            query("ROLLBACK TO change").execute(&mut work.conn).await?;
-            for run in work.touched.drain(..) {
-                work.minds.remove(&run);
-            }
+    let mut batch = batch;
+    while let Some(errand) = batch.next() {
+        if let Err(error) = attempt(work, errand, deliveries).await {
+            batch.for_each(|errand| errand.refuse(&error));
+            return Err(error);
         }
-        query("RELEASE change").execute(&mut work.conn).await?;
     }
     query("COMMIT").execute(&mut work.conn).await?;
+    Ok(())
+}
+
+/// One change in a savepoint of its own.
+async fn attempt(
+    work: &mut Work,
+    errand: Box<dyn Errand>,
+    deliveries: &mut Vec<Delivery>,
+) -> Result<(), sqlx::Error> {
+    work.touched.clear();
+    if let Err(error) = query("SAVEPOINT change").execute(&mut work.conn).await {
+        errand.refuse(&error);
+        return Err(error);
+    }
+    let (stands, delivery) = errand.run(work).await;
+    deliveries.push(delivery);
+    if !stands {
+        query("ROLLBACK TO change").execute(&mut work.conn).await?;
+        for run in work.touched.drain(..) {
+            work.minds.remove(&run);
+        }
+    }
+    query("RELEASE change").execute(&mut work.conn).await?;
     Ok(())
 }
 

@@ -64,11 +64,6 @@ impl Table {
         self.n
     }
 
-    /// Where a column is after `step`.
-    pub(crate) fn place(&self, column: usize, step: usize) -> (f64, f64) {
-        (self.x[step * self.n + column], self.y[step * self.n + column])
-    }
-
     fn row(&mut self, now: &Columns) {
         self.x.extend_from_slice(&now.x);
         self.y.extend_from_slice(&now.y);

@@ -9,7 +9,7 @@ use crate::scenario::Scenario;
 use crate::task::{Episode, StepReport};
 
 /// Three satellites out of the way of each other, and this debris.
-fn staged(compat: &str, debris: serde_json::Value) -> Scenario {
+fn staged(compat: &str, debris: &serde_json::Value) -> Scenario {
     let v = |r: f64| (1000.0f64 / r).sqrt();
     let count = debris.as_array().unwrap().len();
     Scenario::from_json(&json!({
@@ -25,7 +25,7 @@ fn staged(compat: &str, debris: serde_json::Value) -> Scenario {
     .unwrap()
 }
 
-fn started(compat: &str, debris: serde_json::Value) -> Box<dyn Episode> {
+fn started(compat: &str, debris: &serde_json::Value) -> Box<dyn Episode> {
     let scenario = staged(compat, debris);
     scenario.task().start(&scenario).unwrap()
 }
@@ -48,7 +48,7 @@ fn step(episode: &mut dyn Episode, agents: &[u32], values: &[f64]) -> Result<Ste
 #[test]
 fn burns_of_one_satellite_are_summed_clamped_and_charged_once() {
     let (mut ours, mut theirs, mut hold) =
-        (started("none", json!([])), started("upstream", json!([])), started("none", json!([])));
+        (started("none", &json!([])), started("upstream", &json!([])), started("none", &json!([])));
     let burns = ([1u32; 8], [0.5f64; 16]);
     step(&mut *ours, &burns.0, &burns.1).unwrap();
     step(&mut *theirs, &burns.0, &burns.1).unwrap();
@@ -63,7 +63,7 @@ fn burns_of_one_satellite_are_summed_clamped_and_charged_once() {
 #[test]
 fn numbers_that_are_none_are_refused_and_change_nothing() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let mut episode = started("none", json!([]));
+        let mut episode = started("none", &json!([]));
         let before = episode.state_hash();
         assert_eq!(
             step(&mut *episode, &[0, 2], &[0.1, 0.1, bad, 0.0]),
@@ -75,14 +75,14 @@ fn numbers_that_are_none_are_refused_and_change_nothing() {
 
 #[test]
 fn unknown_satellites_are_refused_but_ignored_upstream() {
-    let mut ours = started("none", json!([]));
+    let mut ours = started("none", &json!([]));
     assert_eq!(step(&mut *ours, &[3], &[0.1, 0.0]), Err(StepError::UnknownAgent { agent: 3, last: 2 }));
-    assert!(step(&mut *started("upstream", json!([])), &[3, 99], &[0.1, 0.0, 0.0, 0.0]).is_ok());
+    assert!(step(&mut *started("upstream", &json!([])), &[3, 99], &[0.1, 0.0, 0.0, 0.0]).is_ok());
 }
 
 #[test]
 fn a_burn_is_applied_whole_or_refused_whole() {
-    let mut episode = started("none", json!([]));
+    let mut episode = started("none", &json!([]));
     for _ in 0..20 {
         step(&mut *episode, &[0], &[0.0, 1.0]).unwrap();
     }
@@ -97,7 +97,7 @@ fn a_burn_is_applied_whole_or_refused_whole() {
 fn debris_inside_the_earth_is_removed_but_freezes_upstream() {
     // Falls straight down from r = 24 and is inside after one step.
     let falling = json!([[24.0, 0.0, -3.0, 0.0], [90.0, 0.0, 0.0, 3.3]]);
-    let (mut ours, mut theirs) = (started("none", falling.clone()), started("upstream", falling));
+    let (mut ours, mut theirs) = (started("none", &falling), started("upstream", &falling));
     for _ in 0..2 {
         step(&mut *ours, &[], &[]).unwrap();
         step(&mut *theirs, &[], &[]).unwrap();
@@ -114,7 +114,7 @@ fn debris_inside_the_earth_is_removed_but_freezes_upstream() {
 
 #[test]
 fn stepping_after_the_end_is_an_error_and_pays_nothing() {
-    let mut episode = started("none", json!([]));
+    let mut episode = started("none", &json!([]));
     for number in 1..=HORIZON {
         let report = step(&mut *episode, &[], &[]).unwrap();
         assert_eq!(report.done, number == HORIZON);
@@ -129,7 +129,7 @@ fn stepping_after_the_end_is_an_error_and_pays_nothing() {
 #[test]
 fn a_lost_satellite_terminates_once_and_its_burns_are_ignored() {
     // Debris that flies along with satellite 0, half a unit ahead at step 3: start: upstream lets it.
-    let mut value = staged("none", json!([[60.0, 1.0, 0.0, 4.08]])).to_json();
+    let mut value = staged("none", &json!([[60.0, 1.0, 0.0, 4.08]])).to_json();
     value["physics"]["start"] = json!("upstream");
     let scenario = Scenario::from_json(&value).unwrap();
     let mut episode = scenario.task().start(&scenario).unwrap();
@@ -145,7 +145,7 @@ fn a_lost_satellite_terminates_once_and_its_burns_are_ignored() {
 
 #[test]
 fn hidden_debris_still_kills() {
-    let mut value = staged("none", json!([[60.0, -9.0, 0.0, 6.0]])).to_json();
+    let mut value = staged("none", &json!([[60.0, -9.0, 0.0, 6.0]])).to_json();
     value["params"]["radar_range"] = json!(1.0);
     let scenario = Scenario::from_json(&value).unwrap();
     let mut episode = scenario.task().start(&scenario).unwrap();

@@ -71,7 +71,7 @@ proptest! {
         seed in 0u64..1 << 40,
         satellite in 0u32..3,
         step in 3u32..40,
-        direction in 0.0..6.28f64,
+        direction in 0.0..std::f64::consts::TAU,
         speed in 0.5..8.0f64,
     ) {
         let scenario = at_level("kessler/survival", 0, seed);
@@ -114,9 +114,7 @@ fn a_contested_scenario_can_be_planted_at_every_level() {
             let planted = (0..20)
                 .filter(|&seed| {
                     let scenario = at_level(task, level, 1000 + seed);
-                    let Some((planted, bracket)) =
-                        scenario.task().plant_contested(&scenario)
-                    else {
+                    let Some((planted, bracket)) = scenario.task().plant_contested(&scenario) else {
                         return false;
                     };
                     let admission = admit(&planted);

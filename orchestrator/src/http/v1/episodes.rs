@@ -130,7 +130,7 @@ pub(super) async fn list(
         .into_iter()
         .map(|(token, _, task, row)| {
             let lease = LeaseId { number: row.lease, token };
-            head(EpisodeId { lease, index: row.number }, Some(task), Some(&row), "finished")
+            head(&EpisodeId { lease, index: row.number }, Some(task), Some(&row), "finished")
         })
         .collect();
     Ok(axum::Json(Episodes { episodes: heads, next }))
@@ -152,7 +152,7 @@ pub(super) async fn show(
     let row = found.row;
     let text = |json: Option<&String>| json.map(|j| from_json("a stored value", j)).transpose();
     Ok(axum::Json(Episode {
-        head: head(found.id, Some(found.group.task), row.as_ref(), unreported(&found.lease)),
+        head: head(&found.id, Some(found.group.task), row.as_ref(), unreported(&found.lease)),
         level: found.group.level,
         role: found.group.role,
         contested: found.group.contested != 0,
@@ -205,7 +205,8 @@ impl Found {
         let group = leases::group(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;
         let row = episodes::get(conn, lease.id, id.index).await?;
         let log = episodes::log(conn, lease.id, id.index).await?;
-        let log = log.map(|bytes| ActionLog::decode(&bytes)).transpose().map_err(crate::store::StoreError::from)?;
+        let log =
+            log.map(|bytes| ActionLog::decode(&bytes)).transpose().map_err(crate::store::StoreError::from)?;
         let scenario = Loader::default().get(conn, &group.scenario).await?;
         Ok(Self { id, lease, group, row, log, scenario })
     }
@@ -215,7 +216,7 @@ fn unreported(lease: &LeaseRow) -> &'static str {
     if lease.status == "active" { "leased" } else { "expired" }
 }
 
-fn head(id: EpisodeId, task: Option<String>, row: Option<&EpisodeRow>, unreported: &str) -> EpisodeHead {
+fn head(id: &EpisodeId, task: Option<String>, row: Option<&EpisodeRow>, unreported: &str) -> EpisodeHead {
     EpisodeHead {
         episode: id.to_string(),
         task,
@@ -247,7 +248,8 @@ fn steps(log: &ActionLog) -> Value {
 
 fn frames(scenario: &Scenario, log: &ActionLog) -> Result<Vec<Value>, Problem> {
     let mut episode = scenario.task().start(scenario)?;
-    let mut frames = vec![json!({"step": 0, "actions": [], "reward": 0.0, "done": false, "state": episode.truth()})];
+    let mut frames =
+        vec![json!({"step": 0, "actions": [], "reward": 0.0, "done": false, "state": episode.truth()})];
     let mut report = StepReport::default();
     while !episode.done() {
         // Past the end of a log that stopped, nobody acts.

@@ -294,8 +294,8 @@ async fn describe(conn: &mut SqliteConnection, row: LeaseRow) -> Result<Lease, P
     for group in leases::groups(conn, row.id).await? {
         let scenario = loader.get(conn, &group.scenario).await?;
         let bracket = brackets::newest(conn, &group.scenario).await?;
-        let bracket =
-            bracket.ok_or_else(|| StoreError::unreadable("a bracket", "there is none for a leased scenario"))?;
+        let bracket = bracket
+            .ok_or_else(|| StoreError::unreadable("a bracket", "there is none for a leased scenario"))?;
         let recipe_id = scenario.recipe().id();
         let recipe = ids.iter().position(|known| *known == recipe_id).unwrap_or_else(|| {
             ids.push(recipe_id);

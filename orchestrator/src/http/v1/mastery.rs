@@ -14,8 +14,12 @@ use crate::clock::rfc3339;
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::service::App;
 use crate::store::sums::Sums;
+use crate::store::progress::{self, Stretch};
 use crate::store::{curriculum, from_json};
 use crate::training::status::{Look, Standing};
+
+/// Points of a curve over time.
+const POINTS: i64 = 100;
 
 /// What an agent has mastered.
 #[derive(Serialize, ToSchema)]
@@ -116,7 +120,10 @@ impl Plain {
         (status = 429, body = Problem)
     )
 )]
-pub(super) async fn show(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Masteries>, Problem> {
+pub(super) async fn show(
+    State(app): State<App>,
+    Path(run): Path<String>,
+) -> Result<axum::Json<Masteries>, Problem> {
     let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
     let Standing { status, mastery, explanation, sums, .. } = standing;
     let tasks = status
@@ -145,8 +152,33 @@ pub(super) async fn show(State(app): State<App>, Path(run): Path<String>) -> Res
 pub(super) struct History {
     /// In order.
     moves: Vec<MoveView>,
+    /// Success on contested scenarios over time: each task's evidence in at most 100 parts of equal size. Only on the
+    /// first page.
+    points: Vec<Point>,
     /// Cursor of the next page, if there may be one.
     next: Option<String>,
+}
+
+/// A stretch of a task's evidence.
+#[derive(Serialize, ToSchema)]
+struct Point {
+    /// The task.
+    task: String,
+    /// When it ended, RFC 3339.
+    at: String,
+    /// The levels in it, lowest and highest.
+    levels: Option<[i64; 2]>,
+    /// Contested scenarios in it.
+    n: i64,
+    /// Mean of their success shares.
+    success: f64,
+}
+
+impl From<Stretch> for Point {
+    fn from(s: Stretch) -> Self {
+        let levels = s.low.zip(s.high).map(|(low, high)| [low, high]);
+        Self { task: s.task, at: rfc3339(s.at), levels, n: s.n, success: s.success }
+    }
 }
 
 /// One move.
@@ -202,7 +234,11 @@ pub(super) async fn history(
             })
         })
         .collect::<Result<_, Problem>>()?;
-    Ok(axum::Json(History { moves, next }))
+    let points = match page.cursor {
+        Some(_) => Vec::new(),
+        None => progress::of_run(&mut conn, run.as_str(), POINTS).await?,
+    };
+    Ok(axum::Json(History { moves, points: points.into_iter().map(Point::from).collect(), next }))
 }
 
 /// The params in force, by task.
@@ -220,7 +256,10 @@ pub(super) struct Params {
         (status = 429, body = Problem)
     )
 )]
-pub(super) async fn params(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Params>, Problem> {
+pub(super) async fn params(
+    State(app): State<App>,
+    Path(run): Path<String>,
+) -> Result<axum::Json<Params>, Problem> {
     let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
     let tasks = standing.status.into_iter().map(|s| (s.task, s.params.into_iter().collect())).collect();
     Ok(axum::Json(Params { tasks }))

@@ -191,7 +191,10 @@ fn claim((at, item): (usize, ResultItem)) -> Result<Claim, Problem> {
             Claimed::Failed { reason: item.reason.unwrap_or_default().chars().take(MAX_REASON).collect() }
         }
         (Status::Failed, Some(_)) => {
-            return Err(Problem::invalid(field("actions"), "a failed episode has none that count; leave them out"));
+            return Err(Problem::invalid(
+                field("actions"),
+                "a failed episode has none that count; leave them out",
+            ));
         }
     };
     let metrics = item.metrics.map(|m| to_json(&m)).transpose()?;

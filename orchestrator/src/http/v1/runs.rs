@@ -83,7 +83,10 @@ pub(super) async fn create(
     get, path = "/runs", tag = "runs", params(Page),
     responses((status = 200, body = Runs), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
-pub(super) async fn list(State(app): State<App>, Query(page): Query<Page>) -> Result<axum::Json<Runs>, Problem> {
+pub(super) async fn list(
+    State(app): State<App>,
+    Query(page): Query<Page>,
+) -> Result<axum::Json<Runs>, Problem> {
     let limit = page.limit()?;
     let mut conn = app.readers.acquire().await?;
     let rows = runs::page(&mut conn, page.cursor()?, limit).await?;
@@ -96,7 +99,10 @@ pub(super) async fn list(State(app): State<App>, Query(page): Query<Page>) -> Re
     get, path = "/runs/{run}", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses((status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
-pub(super) async fn show(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Run>, Problem> {
+pub(super) async fn show(
+    State(app): State<App>,
+    Path(run): Path<String>,
+) -> Result<axum::Json<Run>, Problem> {
     let run = run_id(&run)?;
     let mut conn = app.readers.acquire().await?;
     let row = runs::get(&mut conn, run.as_str()).await?;
@@ -112,7 +118,10 @@ pub(super) async fn show(State(app): State<App>, Path(run): Path<String>) -> Res
         (status = 429, body = Problem)
     )
 )]
-pub(super) async fn pause(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Run>, Problem> {
+pub(super) async fn pause(
+    State(app): State<App>,
+    Path(run): Path<String>,
+) -> Result<axum::Json<Run>, Problem> {
     set_paused(&app, &run, true).await
 }
 
@@ -124,7 +133,10 @@ pub(super) async fn pause(State(app): State<App>, Path(run): Path<String>) -> Re
         (status = 429, body = Problem)
     )
 )]
-pub(super) async fn resume(State(app): State<App>, Path(run): Path<String>) -> Result<axum::Json<Run>, Problem> {
+pub(super) async fn resume(
+    State(app): State<App>,
+    Path(run): Path<String>,
+) -> Result<axum::Json<Run>, Problem> {
     set_paused(&app, &run, false).await
 }
 

@@ -67,13 +67,15 @@ struct Judged {
     )
 )]
 pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>, Problem> {
-    let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
-        Problem::invalid(format!("scenario.{}", error.field()), error.to_string())
-    })?;
+    let scenario = Scenario::from_json(&wish.scenario)
+        .map_err(|error| Problem::invalid(format!("scenario.{}", error.field()), error.to_string()))?;
     if scenario.seed().space() != SeedSpace::User {
         let error = Seed::user(scenario.seed().get()).err();
         let detail = error.map_or_else(String::new, |e| e.to_string());
-        return Err(Problem::invalid("scenario.seed", format!("{detail}: larger seeds are kept for training and evaluation")));
+        return Err(Problem::invalid(
+            "scenario.seed",
+            format!("{detail}: larger seeds are kept for training and evaluation"),
+        ));
     }
     // Planning takes milliseconds: off the threads that answer others.
     let checked = tokio::task::spawn_blocking(move || judge(&scenario, wish.actions)).await;

@@ -1,0 +1,38 @@
+# Two commands do the set-up: `make demo` and `make test`.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help demo test bench fmt lint deny sqlx check-cargo check-python
+
+help: ## What there is
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+demo: check-cargo ## A built-in learner trains against the curriculum, in about two minutes
+	cargo run --release --locked -p orchestrator --bin sparring -- demo
+
+test: check-cargo check-python lint ## Everything that is checked before a change lands
+	SQLX_OFFLINE=true cargo test --workspace --locked
+
+bench: check-cargo ## Benchmarks: measured, goal, ratio (on an idle machine)
+	cargo build --release --locked -p orchestrator -p bench
+	cargo run --release --locked -p bench
+
+fmt: check-cargo ## Format the code
+	cargo fmt --all
+
+lint: check-cargo ## Formatting and clippy, warnings refused
+	cargo fmt --all -- --check
+	SQLX_OFFLINE=true cargo clippy --workspace --all-targets --locked -- -D warnings
+
+deny: check-cargo ## Bans, licences and sources of dependencies (installs cargo-deny if it is missing)
+	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
+	cargo deny check bans licenses sources
+
+sqlx: check-cargo ## Write .sqlx anew, after a change of SQL or migrations
+	scripts/sqlx
+
+check-cargo:
+	@command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs, version 1.95 or newer." >&2; exit 2; }
+
+check-python:
+	@command -v python3 >/dev/null || { echo "Python 3 is missing: the README's trainer is run as a test; install python3 (3.9 or newer)." >&2; exit 2; }

@@ -1,0 +1,221 @@
+//! Where scenarios come from and results go: what a trainer asks of the service, and the words it is said in.
+//!
+//! Answers are read leniently: what a newer service adds is ignored.
+
+use std::collections::BTreeMap;
+
+use env_core::ActionLog;
+use serde::ser::{SerializeSeq, SerializeTuple, Serializer};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// What a trainer asks of the service.
+pub(super) trait Feed {
+    /// Leases groups.
+    async fn lease(&self, groups: usize, policy_version: u32) -> anyhow::Result<Lease>;
+    /// Reports what was flown.
+    async fn report(&self, policy_version: u32, results: Vec<Finished>) -> anyhow::Result<Receipts>;
+    /// Gives back a lease that will not be flown.
+    async fn release(&self, lease: &str) -> anyhow::Result<()>;
+    /// Where each task stands.
+    async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>>;
+}
+
+/// Groups of scenarios, handed out for a time.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Lease {
+    pub(super) lease: String,
+    pub(super) recipes: Vec<Value>,
+    pub(super) groups: Vec<LeasedGroup>,
+}
+
+/// Episodes of one scenario.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct LeasedGroup {
+    /// Which of the lease's recipes.
+    pub(super) recipe: usize,
+    pub(super) seed: u64,
+    pub(super) task: String,
+    #[serde(default)]
+    pub(super) contested: bool,
+    pub(super) episodes: Vec<String>,
+}
+
+/// One finished episode.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Finished {
+    pub(super) episode: String,
+    pub(super) status: &'static str,
+    pub(super) actions: Actions,
+}
+
+impl Finished {
+    pub(super) const fn new(episode: String, log: ActionLog) -> Self {
+        Self { episode, status: "finished", actions: Actions(log) }
+    }
+}
+
+/// An action log as it is sent: `{"precision": "f64", "steps": [[[satellite, dvx, dvy], …], [], …]}`.
+#[derive(Debug, Clone)]
+pub(super) struct Actions(pub(super) ActionLog);
+
+impl Serialize for Actions {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Wire<'a> {
+            precision: &'static str,
+            steps: Steps<'a>,
+        }
+        // The demo's policies act in double precision.
+        Wire { precision: "f64", steps: Steps(&self.0) }.serialize(serializer)
+    }
+}
+
+struct Steps<'a>(&'a ActionLog);
+
+impl Serialize for Steps<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut steps = serializer.serialize_seq(Some(self.0.len()))?;
+        let dim = self.0.dim();
+        for step in self.0.steps() {
+            let entries = step.agents.iter().zip(step.values.chunks(dim.max(1)));
+            steps.serialize_element(&entries.map(|(&agent, values)| Entry { agent, values }).collect::<Vec<_>>())?;
+        }
+        steps.end()
+    }
+}
+
+struct Entry<'a> {
+    agent: u32,
+    values: &'a [f64],
+}
+
+impl Serialize for Entry<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut cells = serializer.serialize_tuple(1 + self.values.len())?;
+        cells.serialize_element(&self.agent)?;
+        for value in self.values {
+            cells.serialize_element(value)?;
+        }
+        cells.end()
+    }
+}
+
+/// What became of a report.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Receipts {
+    pub(super) results: Vec<Receipt>,
+    #[serde(default)]
+    pub(super) moves: Vec<Move>,
+}
+
+/// What became of one episode.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Receipt {
+    pub(super) episode: String,
+    pub(super) status: String,
+    pub(super) detail: Option<String>,
+    pub(super) score: Option<f64>,
+    pub(super) skill: Option<f64>,
+    pub(super) success: Option<bool>,
+}
+
+/// A change of level.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Move {
+    pub(super) task: String,
+    pub(super) from: Option<u32>,
+    pub(super) to: u32,
+    #[serde(default)]
+    pub(super) evidence: Evidence,
+}
+
+/// Why a level changed.
+#[derive(Debug, Clone, Default, Deserialize)]
+pub(super) struct Evidence {
+    #[serde(default)]
+    pub(super) sentence: String,
+}
+
+/// Where a task stands.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct TaskMastery {
+    pub(super) task: String,
+    pub(super) level: Option<u32>,
+    #[serde(default)]
+    pub(super) params: BTreeMap<String, f64>,
+    /// At the current level; none before there is evidence.
+    pub(super) mastery: Option<Posterior>,
+    #[serde(default)]
+    pub(super) plain: Plain,
+    #[serde(default)]
+    pub(super) warnings: Vec<String>,
+}
+
+/// Success on contested scenarios, with bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub(super) struct Posterior {
+    pub(super) n: u32,
+    pub(super) mean: f64,
+    pub(super) q10: f64,
+    pub(super) q90: f64,
+}
+
+/// All episodes, contested or not.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub(super) struct Plain {
+    pub(super) episodes: u64,
+    pub(super) success: Option<f64>,
+    pub(super) score: Option<f64>,
+    pub(super) skill: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use env_core::log::Precision;
+    use env_core::{Recipe, Scenario, Seed, rollout};
+
+    use super::*;
+
+    #[test]
+    fn what_is_sent_replays_to_the_same_score() {
+        for (seed, task) in (0..).zip(env_core::tasks()) {
+            let recipe = Recipe::with_params(task, task.levels().params(4)).unwrap();
+            let scenario = Scenario::new(std::sync::Arc::new(recipe), Seed::user(seed).unwrap());
+            let mut pilot = task.policy("random", &scenario, seed).unwrap();
+            let (flown, log) = rollout::fly(&scenario, &mut *pilot).unwrap();
+            let sent = serde_json::to_string(&Finished::new("ep_1-a_0".to_owned(), log.clone())).unwrap();
+            let read: Value = serde_json::from_str(&sent).unwrap();
+            assert_eq!(read["actions"]["precision"], "f64");
+            let steps = read["actions"]["steps"].as_array().unwrap();
+            let back = rollout::read_log(&scenario, steps, Precision::F64, None).unwrap();
+            assert_eq!(back, log);
+            assert_eq!(rollout::replay(&scenario, &back).unwrap(), flown);
+        }
+    }
+
+    #[test]
+    fn a_step_without_burns_is_an_empty_list() {
+        let mut log = ActionLog::new(2, Precision::F64);
+        log.act(2, &[0.25, -0.5]);
+        log.end_step();
+        log.end_step();
+        let sent = serde_json::to_value(Actions(log)).unwrap();
+        assert_eq!(sent, serde_json::json!({"precision": "f64", "steps": [[[2, 0.25, -0.5]], []]}));
+    }
+
+    #[test]
+    fn answers_of_a_newer_service_are_read() {
+        let lease = r#"{"lease": "42-x7k2p9", "run": "r", "new": 1, "recipes": [{}], "groups":
+            [{"group": 0, "recipe": 0, "seed": 3, "task": "t", "level": null, "episodes": ["a"], "bracket": {}}]}"#;
+        let lease: Lease = serde_json::from_str(lease).unwrap();
+        assert_eq!((lease.groups[0].seed, lease.groups[0].contested), (3, false));
+        let receipts = r#"{"results": [{"episode": "a", "status": "late"}], "moves":
+            [{"task": "t", "kind": "up", "from": 0, "to": 1, "evidence": {"sentence": "s", "blocks": []}}]}"#;
+        let receipts: Receipts = serde_json::from_str(receipts).unwrap();
+        assert_eq!(receipts.moves[0].evidence.sentence, "s");
+        let task = r#"{"task": "t", "level": null, "mastery": null, "plain": {"episodes": 0, "success": null}}"#;
+        assert!(serde_json::from_str::<TaskMastery>(task).unwrap().mastery.is_none());
+    }
+}
