@@ -32,7 +32,7 @@ pub async fn of_run(
     stretches: i64,
 ) -> Result<Vec<Stretch>, StoreError> {
     let rows = query!(
-        r#"SELECT task, max(closed_at) AS "at!: i64", min(level) AS "low: i64", max(level) AS "high: i64",
+        r#"SELECT task AS "task!", max(closed_at) AS "at!: i64", min(level) AS "low: i64", max(level) AS "high: i64",
                   count(*) AS "n!: i64", avg(1.0 * successes / finished) AS "success!: f64"
            FROM (
                SELECT g.task, g.level, g.closed_at, g.successes, g.finished,

@@ -13,8 +13,8 @@ use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::service::App;
-use crate::store::sums::Sums;
 use crate::store::progress::{self, Stretch};
+use crate::store::sums::Sums;
 use crate::store::{curriculum, from_json};
 use crate::training::status::{Look, Standing};
 
