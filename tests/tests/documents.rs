@@ -1,0 +1,34 @@
+//! What the documents say is true: the README's trainer runs, the OpenAPI document is the one that is committed.
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
+use std::process::Command;
+
+use serde_json::Value;
+use system_tests::Server;
+
+#[test]
+fn the_openapi_document_is_the_committed_one() {
+    insta::assert_json_snapshot!("openapi", orchestrator::http::openapi());
+}
+
+#[tokio::test]
+async fn the_readmes_trainer_runs() {
+    let readme = include_str!("../../README.md");
+    let (_, rest) = readme.split_once("```python\n").unwrap();
+    let (program, _) = rest.split_once("```").unwrap();
+    let lines = program.lines().filter(|line| !line.trim().is_empty()).count();
+    assert!(lines <= 20, "the README promises 20 lines; these are {lines}");
+    let server = Server::start().await;
+    let program = program.replace("http://127.0.0.1:8700", server.api().base());
+    let out =
+        tokio::task::spawn_blocking(move || Command::new("python3").args(["-c", &program]).output().unwrap())
+            .await
+            .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let runs = server.api().get("/v1/runs").await.expect(200);
+    let id = runs["runs"][0]["id"].as_str().unwrap();
+    let mastery = server.api().get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
+    let plain: &Value = &mastery["tasks"][0]["plain"];
+    assert_eq!(plain["episodes"], 20 * 8 * 4, "{mastery}");
+    assert!(plain["success"].as_f64().unwrap() > 0.2, "{plain}");
+}
