@@ -302,6 +302,18 @@ impl Process {
         Api::new(&self.url)
     }
 
+    /// Asks it to stop, as `kill` and service managers do; its exit code.
+    ///
+    /// # Panics
+    /// Where it cannot be asked.
+    #[cfg(unix)]
+    #[must_use]
+    pub fn terminate(mut self) -> Option<i32> {
+        let asked = Command::new("kill").arg(self.child.id().to_string()).status().expect("kill runs");
+        assert!(asked.success(), "the server is gone");
+        self.child.wait().expect("its end").code()
+    }
+
     /// Kills it without warning.
     pub fn kill(mut self) {
         self.end();

@@ -84,6 +84,33 @@ async fn reporting_is_idempotent_and_each_result_gets_its_own_answer() {
     assert_eq!(words(&api.report(&mine, twice).await), ["counted", "duplicate"]);
 }
 
+/// Trainers that crash and retry send anything twice, in any order and company: every episode counts once.
+#[tokio::test]
+async fn whatever_is_sent_again_counts_once() {
+    let server = Server::start().await;
+    let api = server.api();
+    let id = run(&api, json!({"seed": 4, "group_size": 4, "tasks": ["kessler/survival"]})).await;
+    let mut pool = Vec::new();
+    for _ in 0..3 {
+        pool.extend(held(&api.lease(&id, json!({"groups": 6})).await));
+    }
+    let mut draw = 12345u64;
+    let mut below = |n: usize| {
+        draw = draw.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (draw >> 33) as usize % n
+    };
+    let (mut counted, mut sent) = (0, std::collections::HashSet::new());
+    for _ in 0..40 {
+        let batch: Vec<Value> = (0..1 + below(9)).map(|_| pool[below(pool.len())].clone()).collect();
+        sent.extend(batch.iter().map(|r| r["episode"].as_str().unwrap().to_owned()));
+        let (a, b) = tokio::join!(api.report(&id, batch.clone()), api.report(&id, batch));
+        counted += words(&a).into_iter().chain(words(&b)).filter(|w| *w == "counted").count();
+    }
+    assert_eq!(counted, sent.len());
+    let task = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200)["tasks"][0].clone();
+    assert_eq!(task["plain"]["episodes"].as_u64(), Some(sent.len() as u64));
+}
+
 #[tokio::test]
 async fn wrong_logs_are_refused_by_themselves() {
     let server = Server::start().await;

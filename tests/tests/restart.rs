@@ -70,6 +70,22 @@ async fn a_restarted_server_proposes_what_it_would_have_proposed() {
     assert_eq!(standing(&server.api()).await, standing(&process.api()).await);
 }
 
+#[cfg(unix)]
+#[tokio::test]
+async fn sigterm_ends_it_in_good_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("stopped.sqlite3");
+    let process = Process::start(&db);
+    create(&process.api()).await;
+    let first = round(&process.api(), 0).await;
+    let before = standing(&process.api()).await;
+    assert_eq!(process.terminate(), Some(0));
+    assert!(!folder.path().join("stopped.sqlite3-wal").exists(), "the log was folded into the database");
+    let process = Process::start(&db);
+    assert_eq!(standing(&process.api()).await, before);
+    assert_ne!(round(&process.api(), 1).await, first);
+}
+
 /// Killed in the middle of a batch: what was acknowledged is there, what was not counts once when sent again.
 #[tokio::test]
 async fn nothing_acknowledged_is_lost_and_nothing_counts_twice() {

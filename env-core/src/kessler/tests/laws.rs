@@ -93,6 +93,46 @@ proptest! {
     }
 }
 
+/// Any JSON at all, a few levels deep.
+fn any_json() -> impl Strategy<Value = Value> {
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        any::<f64>().prop_map(|v| json!(v)),
+        "[a-z_]{0,12}".prop_map(Value::from),
+        Just(json!("satellite_id")),
+    ];
+    leaf.prop_recursive(4, 40, 6, |inner| {
+        let key =
+            prop::sample::select(vec!["satellite_id", "delta_vx", "delta_vy", "params", "seed", "task", "x"]);
+        prop_oneof![
+            prop::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
+            prop::collection::btree_map(key.prop_map(str::to_owned), inner, 0..5)
+                .prop_map(|map| Value::Object(map.into_iter().collect())),
+        ]
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Whatever is sent as a step of a log, or as a scenario: taken or refused, never a panic; what is taken can be
+    /// flown or is refused by the environment, and leaves no NaN behind.
+    #[test]
+    fn anything_sent_as_a_log_is_taken_or_refused(steps in prop::collection::vec(any_json(), 0..4)) {
+        let scenario = at_level("kessler/survival", 2, 3);
+        let stopped = Some(crate::Stopped::Unparsable);
+        let log = crate::rollout::read_log(&scenario, &steps, crate::log::Precision::F64, stopped);
+        if let Ok(flown) = log.map_err(|_| ()).and_then(|log| crate::rollout::replay(&scenario, &log).map_err(|_| ())) {
+            prop_assert!(flown.score.is_finite() && flown.fuel_used.is_finite());
+        }
+        for value in &steps {
+            let _ = Scenario::from_json(value);
+        }
+    }
+}
+
 fn strange() -> Vec<Value> {
     vec![
         Value::Null,
