@@ -17,14 +17,15 @@ enum Who {
     Replay,
 }
 
-/// Passes layouts through the gate: fair, solvable, contested. Exit code 1 if one is refused.
+/// Pass layouts through the gate: fair, solvable, contested. Exit code 1 if one is refused.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example:
-  sparring design --layouts mine.json
+The file is JSON: {\"layouts\": [{\"name\": \"head-on\", \"scenario\": {\"task\": \"kessler/survival\", \"seed\": 5, \
+\"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[60, 20, -2, 3.1]]}}}}]}. A body is x, y, vx, vy.
 
-The file is {\"layouts\": [{\"name\": \"head-on\", \"scenario\": {\"task\": \"kessler/survival\", \"seed\": 5,
-\"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[60, 20, -2, 3.1]]}}}}]}: a body is x, y, vx, vy.")]
+Examples:
+  sparring design --layouts mine.json
+  sparring design --layouts mine.json --format json")]
 pub struct Args {
     /// Who designs.
     #[arg(long, value_enum, default_value_t = Who::Replay)]

@@ -5,7 +5,7 @@
 
 pub mod bench;
 pub mod bootstrap;
-// pub mod demo;
+pub mod demo;
 pub mod design;
 pub mod eval;
 mod logs;
@@ -47,10 +47,8 @@ anything else that went wrong, in one sentence on stderr.";
 /// What to do. Of a variant without a doc comment `--help` shows that of its `Args`.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Serve the curriculum to trainers over HTTP.
     Serve(serve::Args),
-    // Demo(demo::Args),
-    /// Pass layouts through the gate.
+    Demo(demo::Args),
     Design(design::Args),
     Eval(eval::Args),
     Suite(suite::Args),
@@ -62,7 +60,7 @@ impl Command {
     fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
             Self::Serve(args) => serve::run(args),
-            // Self::Demo(args) => demo::run(args),
+            Self::Demo(args) => demo::run(args),
             Self::Design(args) => design::run(args),
             Self::Eval(args) => eval::run(args),
             Self::Suite(args) => suite::run(args),

@@ -25,9 +25,9 @@ pub(super) fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// The same for one JSON value.
+/// The same for one JSON value, on one line: the last line of stdout is the object, for whoever reads line by line.
 pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    print(&serde_json::to_string_pretty(value)?)
+    print(&serde_json::to_string(value)?)
 }
 
 /// Lines above, under the header and below, and none between rows.

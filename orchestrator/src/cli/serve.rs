@@ -7,16 +7,16 @@ use std::process::ExitCode;
 use crate::clock::Clock;
 use crate::service::{Config, Service};
 
-/// Serves the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
+/// Serve the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example:
-  sparring serve --db training.sqlite3
-  curl -s -X POST -H 'content-type: application/json' -d '{\"id\": \"first\"}' http://127.0.0.1:8700/v1/runs
-  then open http://127.0.0.1:8700/docs
+Ctrl-C (or SIGTERM) stops it: requests that run are finished, nothing that was acknowledged is lost, and the same \
+command goes on where it stopped. http://127.0.0.1:8700/docs shows what it answers.
 
-Ctrl-C (or SIGTERM) stops it: requests that run are finished, nothing that was acknowledged is lost, and the same
-command goes on where it stopped.")]
+Examples:
+  sparring serve
+  sparring serve --db training.sqlite3 --bind 127.0.0.1:9000
+  curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
 pub struct Args {
     /// Where to listen. Only loopback addresses: there are no tokens yet to keep strangers out.
     #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]

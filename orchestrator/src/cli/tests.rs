@@ -22,9 +22,18 @@ fn the_command_line_is_sound() {
 
 #[test]
 fn help_teaches() {
-    for path in
-        [&["eval"][..], &["suite"], &["suite", "build"], &["suite", "verify"], &["replay"], &["bench"]]
-    {
+    for path in [
+        &[][..],
+        &["serve"],
+        &["demo"],
+        &["design"],
+        &["eval"],
+        &["suite"],
+        &["suite", "build"],
+        &["suite", "verify"],
+        &["replay"],
+        &["bench"],
+    ] {
         insta::assert_snapshot!(format!("help_{}", path.join("_")), help(path));
     }
 }

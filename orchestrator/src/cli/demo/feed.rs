@@ -15,8 +15,6 @@ pub(super) trait Feed {
     async fn lease(&self, groups: usize, policy_version: u32) -> anyhow::Result<Lease>;
     /// Reports what was flown.
     async fn report(&self, policy_version: u32, results: Vec<Finished>) -> anyhow::Result<Receipts>;
-    /// Gives back a lease that will not be flown.
-    async fn release(&self, lease: &str) -> anyhow::Result<()>;
     /// Where each task stands.
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>>;
 }
@@ -24,7 +22,6 @@ pub(super) trait Feed {
 /// Groups of scenarios, handed out for a time.
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct Lease {
-    pub(super) lease: String,
     pub(super) recipes: Vec<Value>,
     pub(super) groups: Vec<LeasedGroup>,
 }
@@ -79,7 +76,9 @@ impl Serialize for Steps<'_> {
         let dim = self.0.dim();
         for step in self.0.steps() {
             let entries = step.agents.iter().zip(step.values.chunks(dim.max(1)));
-            steps.serialize_element(&entries.map(|(&agent, values)| Entry { agent, values }).collect::<Vec<_>>())?;
+            steps.serialize_element(
+                &entries.map(|(&agent, values)| Entry { agent, values }).collect::<Vec<_>>(),
+            )?;
         }
         steps.end()
     }
@@ -141,15 +140,23 @@ pub(super) struct Evidence {
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct TaskMastery {
     pub(super) task: String,
+    /// None where the strategy has no levels.
     pub(super) level: Option<u32>,
     #[serde(default)]
     pub(super) params: BTreeMap<String, f64>,
-    /// At the current level; none before there is evidence.
+    /// At the current level; see [`TaskMastery::evidence`].
     pub(super) mastery: Option<Posterior>,
     #[serde(default)]
     pub(super) plain: Plain,
     #[serde(default)]
     pub(super) warnings: Vec<String>,
+}
+
+impl TaskMastery {
+    /// What is known of the current level; none where that is nothing but a prior.
+    pub(super) fn evidence(&self) -> Option<Posterior> {
+        self.mastery.filter(|mastery| mastery.n > 0)
+    }
 }
 
 /// Success on contested scenarios, with bounds.
@@ -215,7 +222,10 @@ mod tests {
             [{"task": "t", "kind": "up", "from": 0, "to": 1, "evidence": {"sentence": "s", "blocks": []}}]}"#;
         let receipts: Receipts = serde_json::from_str(receipts).unwrap();
         assert_eq!(receipts.moves[0].evidence.sentence, "s");
-        let task = r#"{"task": "t", "level": null, "mastery": null, "plain": {"episodes": 0, "success": null}}"#;
-        assert!(serde_json::from_str::<TaskMastery>(task).unwrap().mastery.is_none());
+        let task =
+            r#"{"task": "t", "level": null, "mastery": null, "plain": {"episodes": 0, "success": null}}"#;
+        assert!(serde_json::from_str::<TaskMastery>(task).unwrap().evidence().is_none());
+        let prior = r#"{"task": "t", "level": 1, "mastery": {"n": 0, "mean": 0.5, "q10": 0.1, "q90": 0.9}}"#;
+        assert!(serde_json::from_str::<TaskMastery>(prior).unwrap().evidence().is_none());
     }
 }

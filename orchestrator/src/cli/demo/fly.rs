@@ -73,6 +73,7 @@ pub(super) fn outcomes(sorties: &[Sortie], receipts: Vec<Receipt>) -> anyhow::Re
             known.insert(receipt.episode, Outcome { score, skill: receipt.skill, success });
         }
     }
-    let of_crew = |sortie: &Sortie| sortie.crew.iter().filter_map(|(episode, _)| known.get(episode)).copied().collect();
+    let of_crew =
+        |sortie: &Sortie| sortie.crew.iter().filter_map(|(episode, _)| known.get(episode)).copied().collect();
     Ok(sorties.iter().map(of_crew).collect())
 }

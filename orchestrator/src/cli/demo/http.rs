@@ -60,7 +60,8 @@ impl HttpFeed {
     pub(super) async fn create(service: &str, wish: &RunWish<'_>) -> anyhow::Result<Self> {
         let client = Client::builder().timeout(TIMEOUT).build()?;
         let runs = format!("{}/v1/runs", service.trim_end_matches('/'));
-        let created: Run = send(&client, Method::POST, &runs, Some(wish)).await.context("no run was created")?;
+        let created: Run =
+            send(&client, Method::POST, &runs, Some(wish)).await.context("no run was created")?;
         Ok(Self { client, url: format!("{runs}/{}", created.id), run: created.id })
     }
 
@@ -76,7 +77,8 @@ impl HttpFeed {
 
 impl Feed for HttpFeed {
     async fn lease(&self, groups: usize, policy_version: u32) -> anyhow::Result<Lease> {
-        let wish = json!({"groups": groups, "policy_version": policy_version, "ttl_s": TTL_S, "purpose": "train"});
+        let wish =
+            json!({"groups": groups, "policy_version": policy_version, "ttl_s": TTL_S, "purpose": "train"});
         self.post("leases", &wish).await
     }
 
@@ -87,11 +89,6 @@ impl Feed for HttpFeed {
             results: Vec<Finished>,
         }
         self.post("results", &Results { policy_version, results }).await
-    }
-
-    async fn release(&self, lease: &str) -> anyhow::Result<()> {
-        let _: serde_json::Value = self.post(&format!("leases/{lease}/release"), &json!({})).await?;
-        Ok(())
     }
 
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>> {

@@ -63,7 +63,8 @@ pub(super) trait Watch {
     fn moved(&mut self, moved: &Moved);
 }
 
-/// Trains until the episodes are flown or `stop` is set.
+/// Trains until the episodes are flown, or `stop` is set: then what is leased is flown and no more is taken. (Leases given
+/// back would count as episodes lost.)
 pub(super) async fn train(
     feed: &impl Feed,
     plan: Plan,
@@ -71,14 +72,9 @@ pub(super) async fn train(
     stop: &AtomicBool,
 ) -> anyhow::Result<Progress> {
     let started = Instant::now();
-    let mut training = Training::new(feed, plan);
+    let mut training = Training::new(feed, plan, stop);
     let mut ahead = training.lease().await?;
     while let Some(lease) = ahead.take() {
-        if stop.load(Ordering::Relaxed) {
-            training.progress.stopped = true;
-            feed.release(&lease.lease).await?;
-            break;
-        }
         ahead = training.step(&lease, watch).await?;
         training.progress.elapsed = started.elapsed();
         if watch.due() || ahead.is_none() {
@@ -86,13 +82,16 @@ pub(super) async fn train(
             watch.show(&training.progress);
         }
     }
-    training.progress.mastery = feed.mastery().await?;
-    training.progress.elapsed = started.elapsed();
-    Ok(training.progress)
+    let mut progress = training.progress;
+    progress.stopped = progress.flown < progress.plan.episodes;
+    progress.mastery = feed.mastery().await?;
+    progress.elapsed = started.elapsed();
+    Ok(progress)
 }
 
 struct Training<'a, F> {
     feed: &'a F,
+    stop: &'a AtomicBool,
     progress: Progress,
     leased: usize,
     /// Populations replaced so far, over all tasks.
@@ -100,7 +99,7 @@ struct Training<'a, F> {
 }
 
 impl<'a, F: Feed> Training<'a, F> {
-    fn new(feed: &'a F, plan: Plan) -> Self {
+    fn new(feed: &'a F, plan: Plan, stop: &'a AtomicBool) -> Self {
         let trainee = |(at, task): (u64, &String)| {
             // Seeds of one run's tasks must differ, and so must those of neighbouring runs.
             let seed = plan.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(at);
@@ -117,15 +116,15 @@ impl<'a, F: Feed> Training<'a, F> {
             late: 0,
             stopped: false,
         };
-        Self { feed, progress, leased: 0, policy_version: 0 }
+        Self { feed, stop, progress, leased: 0, policy_version: 0 }
     }
 
-    /// The next lease; none once enough is leased.
+    /// The next lease; none once enough is leased, or nobody wants more.
     async fn lease(&mut self) -> anyhow::Result<Option<Lease>> {
         let plan = &self.progress.plan;
         let left = plan.episodes.saturating_sub(self.leased).div_ceil(MEMBERS);
         let groups = left.min(GROUPS_PER_TASK * plan.tasks.len()).min(MAX_RESULTS / MEMBERS);
-        if groups == 0 {
+        if groups == 0 || self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let lease = self.feed.lease(groups, self.policy_version).await?;

@@ -42,7 +42,7 @@ struct TaskMastery {
     placed: bool,
     /// The params in force.
     params: BTreeMap<String, f64>,
-    /// The posterior over success on contested scenarios at the current level.
+    /// The posterior over success on contested scenarios at the current level; none where there are no levels.
     mastery: Option<Posterior>,
     /// The same at every level with evidence.
     levels: Vec<Posterior>,
@@ -75,6 +75,13 @@ struct Posterior {
 impl Posterior {
     fn of(m: &Mastery) -> Self {
         Self { level: m.level, n: m.n, mean: m.mean, q10: m.q10, q90: m.q90, seen: m.seen }
+    }
+}
+
+impl Posterior {
+    /// Before any evidence: Beta(1, 1), uniform.
+    const fn unseen(level: u32) -> Self {
+        Self { level: Some(level), n: 0, mean: 0.5, q10: 0.1, q90: 0.9, seen: 0 }
     }
 }
 
@@ -135,7 +142,10 @@ pub(super) async fn show(
                 level: status.level,
                 placed: status.placed,
                 params: status.params.iter().cloned().collect(),
-                mastery: of_task().find(|m| m.level == status.level).map(Posterior::of),
+                mastery: of_task()
+                    .find(|m| m.level == status.level)
+                    .map(Posterior::of)
+                    .or_else(|| status.level.map(Posterior::unseen)),
                 levels: of_task().map(Posterior::of).collect(),
                 plain: Plain::of(plain.map_or(&Sums::default(), |(_, sums)| sums)),
                 warnings: status.warnings.clone(),

@@ -1,0 +1,163 @@
+//! `sparring demo`: the whole loop, with a learner that comes along.
+//!
+//! It starts the real service, creates a run, and trains over HTTP as any trainer would. Who learns is [`learner`], of
+//! one task [`trainee`]; the loop is [`train`]; what the service is asked is [`feed`].
+
+mod feed;
+mod fly;
+mod http;
+mod learner;
+mod show;
+mod summary;
+#[cfg(test)]
+mod tests;
+mod train;
+mod trainee;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::builder::PossibleValuesParser;
+use env_core::{TaskSpec, kessler};
+
+use self::http::{HttpFeed, RunWish};
+use self::show::Screen;
+use self::summary::Summary;
+use self::train::{MEMBERS, Plan, Progress, train};
+use self::trainee::Kind;
+use super::output;
+use crate::service::{Config, Service};
+
+/// Train a built-in learner against the service, over HTTP as any trainer would.
+///
+/// The service runs on a free port of this machine. The learner is a reflex with a dozen numbers (how far to look
+/// ahead, what to dodge, when, how hard, and in which direction), improved by the cross-entropy method from the scores
+/// that come back: a population of 12 flies every scenario. It starts at level 0 of every task and climbs as it masters
+/// them. The controls show what the levels are worth: `hold`, `blind` and, for the luck of a first draw, `frozen`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// How many episodes to fly, over all tasks
+    #[arg(long, value_name = "N", default_value_t = 60_000, value_parser = episodes)]
+    episodes: usize,
+    /// Keep the run in this database; else it is forgotten
+    #[arg(long, value_name = "PATH", conflicts_with = "url")]
+    db: Option<PathBuf>,
+    /// What the run's scenarios and the learner's chance are drawn from
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 53))]
+    seed: u64,
+    /// Who flies
+    #[arg(long, value_enum, default_value = "learn")]
+    learner: Kind,
+    /// Only this task; repeat the option for more
+    #[arg(long = "task", value_name = "TASK",
+          value_parser = PossibleValuesParser::new(kessler::TASKS.iter().map(TaskSpec::id)))]
+    tasks: Vec<String>,
+    /// Train against a running service instead of starting one, as http://127.0.0.1:8700
+    #[arg(long, value_name = "URL")]
+    url: Option<String>,
+    /// Print one JSON object last, and words to stderr
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Progress goes to stderr: a live table on a terminal, else a line every five seconds and one per change of level. Ctrl-C \
+stops after the batch under way; the summary comes all the same.
+
+JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, tasks}. Each of \
+tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
+last_generation, generations, params, learnt, moves, warnings}; success is mastery's mean at the current level, over \
+the last success_scenarios contested scenarios (0.5 of none); plain_success is over all episodes.
+
+Examples:
+  sparring demo
+  sparring demo --learner frozen --seed 3
+  sparring demo --task kessler/survival --episodes 20000 --db run.sqlite3 --json";
+
+fn episodes(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(number @ 1..=100_000_000) => Ok(number),
+        Ok(number) => Err(format!("{number} is outside 1 to 100000000")),
+        Err(error) => Err(format!("{error}")),
+    }
+}
+
+/// Trains and says what came of it.
+///
+/// # Errors
+/// A service that cannot be started or reached, or one that refuses what is flown.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let (progress, run) = runtime.block_on(demo(args))?;
+    let db = args.db.as_deref();
+    let words = summary::words(&progress, &run, db);
+    if args.json {
+        // Somebody who closed stderr still gets the object.
+        let _ = writeln!(std::io::stderr().lock(), "{}", words.trim_end());
+        output::print_json(&Summary::new(&progress, &run, db))?;
+    } else {
+        output::print(&words)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Trains against the service at the URL given, or one of its own; the run's id.
+async fn demo(args: &Args) -> anyhow::Result<(Progress, String)> {
+    if let Some(url) = &args.url {
+        return train_at(url, args).await;
+    }
+    let forgotten = tempfile::tempdir()?;
+    let db = args.db.clone().unwrap_or_else(|| Path::new(forgotten.path()).join("demo.sqlite3"));
+    let service = Service::start(Config::local(db)).await?;
+    let trained = train_at(&service.url(), args).await;
+    service.stop().await;
+    trained
+}
+
+async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> {
+    let tasks = if args.tasks.is_empty() {
+        kessler::TASKS.iter().map(|task| task.id().to_owned()).collect()
+    } else {
+        let mut tasks = args.tasks.clone();
+        tasks.sort_unstable();
+        tasks.dedup();
+        tasks
+    };
+    let wish = RunWish {
+        name: "sparring demo",
+        seed: args.seed,
+        strategy: "ladder",
+        target: "mastery",
+        // Placement finds where a trained agent should start. This one is untrained: what a probe of 16 scenarios would
+        // find is its luck, and the luck of the controls.
+        placement: false,
+        group_size: MEMBERS,
+        tasks: &tasks,
+    };
+    let feed = HttpFeed::create(url, &wish).await?;
+    let plan = Plan { kind: args.learner, seed: args.seed, episodes: args.episodes, tasks: tasks.clone() };
+    let mut screen = Screen::new(args.episodes)?;
+    let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
+    screen.close();
+    Ok((trained?, feed.run().to_owned()))
+}
+
+/// Set by the first Ctrl-C; the second ends the program.
+fn stop_on_ctrl_c() -> Arc<AtomicBool> {
+    /// 128 + SIGINT, as shells say it.
+    const INTERRUPTED: i32 = 130;
+    let stop = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&stop);
+    tokio::spawn(async move {
+        while tokio::signal::ctrl_c().await.is_ok() {
+            if told.swap(true, Ordering::Relaxed) {
+                std::process::exit(INTERRUPTED);
+            }
+        }
+    });
+    stop
+}
