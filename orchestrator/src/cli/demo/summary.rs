@@ -13,6 +13,8 @@ use super::trainee::{Fared, Kind, Trainee};
 
 /// Columns of the picture of a task's levels.
 const PICTURE: usize = 48;
+/// Columns of its words.
+const WIDTH: usize = 100;
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 /// What is known of a level that was only just reached: the quantiles of Beta(1, 1).
@@ -148,7 +150,11 @@ fn paragraph(progress: &Progress, task: &TaskMastery) -> String {
     let top = env_core::task(&task.task).map_or(9, |spec| spec.levels().len().saturating_sub(1));
     let of_task: Vec<&Moved> = moves(progress, &task.task).collect();
     let picture = picture(&of_task, progress.flown, top as u32);
-    let mut line = |text: String| out.push_str(&format!("  {text}\n"));
+    let wrapping = textwrap::Options::new(WIDTH).initial_indent("  ").subsequent_indent("    ");
+    let mut line = |text: String| {
+        out.push_str(&textwrap::fill(&text, &wrapping));
+        out.push('\n');
+    };
     line(format!("level over time  0 {picture} {level}   (of 0 to {top})"));
     line(match mastered(&of_task) {
         Some(levels) => format!("Mastered: {levels}."),
