@@ -1,51 +1,21 @@
 //! Recipes and scenarios: what decides an episode, complete and self-contained.
 
-use std::collections::BTreeMap;
+mod layout;
+mod read;
+
 use std::fmt;
 use std::sync::Arc;
 
 use serde_json::{Map, Value, json};
 
+pub use self::layout::{Layout, LayoutMode, MAX_LAYOUT_ROWS};
+use self::read::{known, number, object, shorten, text, wrong};
 use crate::canonical::Canonical;
 use crate::error::ScenarioError;
 use crate::registry;
 use crate::seed::Seed;
 use crate::space::names;
 use crate::task::TaskSpec;
-
-/// Explicit bodies that replace or extend what the generator would draw.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
-    /// Whether the tables given replace the generator's bodies or stand after them.
-    pub mode: LayoutMode,
-    /// Tables of rows, by name; names and columns are the world's.
-    pub bodies: BTreeMap<String, Vec<Vec<f64>>>,
-    /// How the bodies were thought of. Not part of the identity.
-    pub provenance: Option<Value>,
-}
-
-/// How a layout's bodies relate to the generator's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LayoutMode {
-    /// The tables given stand instead of the generator's.
-    Replace,
-    /// The bodies given stand after the generator's.
-    Extend,
-}
-
-impl LayoutMode {
-    /// The word on the wire.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Replace => "replace",
-            Self::Extend => "extend",
-        }
-    }
-}
-
-/// Most rows a layout may have over all its tables.
-pub const MAX_LAYOUT_ROWS: usize = 512;
 
 /// A scenario without its seed: world, task, params, physics options, layout. A recipe that exists is valid.
 #[derive(Clone)]
@@ -262,7 +232,7 @@ impl Recipe {
             "task": self.task.id(),
             "params": params,
             "physics": physics,
-            "layout": self.layout.as_ref().map(layout_to_json),
+            "layout": self.layout.as_ref().map(Layout::to_json),
         })
     }
 
@@ -311,7 +281,7 @@ impl Recipe {
         }
         let layout = match fields.get("layout") {
             None | Some(Value::Null) => None,
-            Some(given) => Some(layout_from_json(given)?),
+            Some(given) => Some(Layout::from_json(given)?),
         };
         recipe.with_layout(layout)
     }
@@ -404,101 +374,5 @@ impl Scenario {
             }
         };
         Ok(Self::new(Recipe::from_fields(fields)?, seed))
-    }
-}
-
-fn layout_to_json(layout: &Layout) -> Value {
-    json!({
-        "mode": layout.mode.word(),
-        "bodies": layout.bodies,
-        "provenance": layout.provenance,
-    })
-}
-
-fn layout_from_json(value: &Value) -> Result<Layout, ScenarioError> {
-    let fields = object("layout", value)?;
-    known("layout.", fields, &["mode", "bodies", "provenance"])?;
-    let mode = match text("layout.mode", fields.get("mode"), "replace or extend")? {
-        "replace" => LayoutMode::Replace,
-        "extend" => LayoutMode::Extend,
-        other => {
-            return Err(ScenarioError::UnknownChoice {
-                field: "layout.mode".to_owned(),
-                value: shorten(other),
-                choices: "replace, extend".to_owned(),
-            });
-        }
-    };
-    let mut bodies = BTreeMap::new();
-    let given = fields.get("bodies").ok_or_else(|| ScenarioError::Missing {
-        field: "layout.bodies".to_owned(),
-        wanted: "tables of rows by name".to_owned(),
-    })?;
-    for (name, table) in object("layout.bodies", given)? {
-        let field = format!("layout.bodies.{}", shorten(name));
-        let rows = table.as_array().ok_or_else(|| wrong(&field, table, "a list of rows"))?;
-        if rows.len() > MAX_LAYOUT_ROWS {
-            return Err(ScenarioError::Layout {
-                field,
-                reason: format!("{} rows; at most {MAX_LAYOUT_ROWS} are taken", rows.len()),
-            });
-        }
-        let mut parsed = Vec::with_capacity(rows.len());
-        for (i, row) in rows.iter().enumerate() {
-            let field = format!("{field}.{i}");
-            let cells = row.as_array().ok_or_else(|| wrong(&field, row, "a list of numbers"))?;
-            let numbers: Result<Vec<f64>, _> =
-                cells.iter().enumerate().map(|(j, c)| number(&format!("{field}.{j}"), c)).collect();
-            parsed.push(numbers?);
-        }
-        bodies.insert(name.clone(), parsed);
-    }
-    let provenance = fields.get("provenance").filter(|v| !v.is_null()).cloned();
-    Ok(Layout { mode, bodies, provenance })
-}
-
-fn object<'a>(field: &str, value: &'a Value) -> Result<&'a Map<String, Value>, ScenarioError> {
-    value.as_object().ok_or_else(|| wrong(field, value, "an object"))
-}
-
-fn known(prefix: &str, fields: &Map<String, Value>, names: &[&str]) -> Result<(), ScenarioError> {
-    match fields.keys().find(|key| !names.contains(&key.as_str())) {
-        None => Ok(()),
-        Some(key) => Err(ScenarioError::UnknownField {
-            field: format!("{prefix}{}", shorten(key)),
-            known: names.join(", "),
-        }),
-    }
-}
-
-fn text<'a>(field: &str, value: Option<&'a Value>, wanted: &str) -> Result<&'a str, ScenarioError> {
-    match value {
-        None => Err(ScenarioError::Missing { field: field.to_owned(), wanted: wanted.to_owned() }),
-        Some(value) => value.as_str().ok_or_else(|| wrong(field, value, wanted)),
-    }
-}
-
-fn number(field: &str, value: &Value) -> Result<f64, ScenarioError> {
-    value
-        .as_f64()
-        .filter(|v| v.is_finite())
-        .map(|v| v + 0.0)
-        .ok_or_else(|| wrong(field, value, "a finite number"))
-}
-
-fn wrong(field: &str, value: &Value, wanted: &str) -> ScenarioError {
-    ScenarioError::WrongType {
-        field: field.to_owned(),
-        found: shorten(&value.to_string()),
-        wanted: wanted.to_owned(),
-    }
-}
-
-/// At most 60 characters of what a stranger wrote, for a message.
-fn shorten(text: &str) -> String {
-    if text.chars().count() <= 60 {
-        text.to_owned()
-    } else {
-        text.chars().take(57).chain("...".chars()).collect()
     }
 }

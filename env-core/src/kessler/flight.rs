@@ -1,9 +1,10 @@
 //! One episode of kessler, step by step, in the order that is part of the contract: burns, rogue arrival, motion,
 //! contact, reward.
 
-use super::constants::{CONTACT_2, EARTH_RADIUS_2, FRAGMENTS, GOAL_STEPS, HORIZON, SATELLITES};
+use super::constants::{EARTH_RADIUS_2, FRAGMENTS, GOAL_STEPS, HORIZON, SATELLITES};
+use super::debris::Debris;
 use super::event::Event;
-use super::kernel::{Body, clamped_burn, coast, distance_2};
+use super::kernel::{Body, clamped_burn, distance_2};
 use super::reward::{Objective, proximity, score};
 use super::setup::{Setup, Start};
 use crate::bracket::Flown;
@@ -36,108 +37,6 @@ impl Satellite {
     #[must_use]
     pub fn active(&self) -> bool {
         self.status == Status::Active
-    }
-}
-
-/// Debris as columns, in order of arrival.
-#[derive(Debug, Clone, Default)]
-pub struct Debris {
-    pub(crate) x: Vec<f64>,
-    pub(crate) y: Vec<f64>,
-    pub(crate) vx: Vec<f64>,
-    pub(crate) vy: Vec<f64>,
-    pub(crate) id: Vec<u32>,
-    next_id: u32,
-    /// Something may be inside the Earth: look before moving.
-    may_be_inside: bool,
-}
-
-impl Debris {
-    /// How many there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.x.len()
-    }
-
-    /// Whether there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.x.is_empty()
-    }
-
-    /// Debris at an index below `len`.
-    #[must_use]
-    pub fn body(&self, i: usize) -> Body {
-        Body { x: self.x[i], y: self.y[i], vx: self.vx[i], vy: self.vy[i] }
-    }
-
-    /// Its id: stable over the episode.
-    #[must_use]
-    pub fn id(&self, i: usize) -> u32 {
-        self.id[i]
-    }
-
-    fn clear(&mut self) {
-        for column in [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy] {
-            column.clear();
-        }
-        self.id.clear();
-        self.next_id = 0;
-        self.may_be_inside = false;
-    }
-
-    fn push(&mut self, body: Body) -> u32 {
-        self.x.push(body.x);
-        self.y.push(body.y);
-        self.vx.push(body.vx);
-        self.vy.push(body.vy);
-        self.id.push(self.next_id);
-        self.next_id += 1;
-        self.may_be_inside |= body.radius_2() < EARTH_RADIUS_2;
-        self.next_id - 1
-    }
-
-    fn remove(&mut self, i: usize) {
-        for column in [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy] {
-            column.remove(i);
-        }
-        self.id.remove(i);
-    }
-
-    /// Free flight of all; without branches but for the rare body inside the Earth.
-    fn coast(&mut self) {
-        let n = self.x.len();
-        let (x, y) = (&mut self.x[..n], &mut self.y[..n]);
-        let (vx, vy) = (&mut self.vx[..n], &mut self.vy[..n]);
-        let mut inside = 0u64;
-        for i in 0..n {
-            coast(&mut x[i], &mut y[i], &mut vx[i], &mut vy[i]);
-            inside |= u64::from(x[i] * x[i] + y[i] * y[i] < EARTH_RADIUS_2);
-        }
-        self.may_be_inside = inside != 0;
-    }
-
-    /// The public original leaves debris that is inside the Earth where it is, for ever.
-    fn coast_frozen(&mut self) {
-        for i in 0..self.x.len() {
-            if self.x[i] * self.x[i] + self.y[i] * self.y[i] >= EARTH_RADIUS_2 {
-                coast(&mut self.x[i], &mut self.y[i], &mut self.vx[i], &mut self.vy[i]);
-            }
-        }
-    }
-
-    /// The first debris in order that touches this place.
-    pub(crate) fn touching(&self, px: f64, py: f64) -> Option<usize> {
-        let n = self.x.len();
-        let (x, y) = (&self.x[..n], &self.y[..n]);
-        let mut any = 0u64;
-        for i in 0..n {
-            any |= u64::from(distance_2(px, py, x[i], y[i]) < CONTACT_2);
-        }
-        if any == 0 {
-            return None;
-        }
-        (0..n).find(|&i| distance_2(px, py, x[i], y[i]) < CONTACT_2)
     }
 }
 
@@ -175,19 +74,11 @@ impl<C: Chance> Flight<C> {
     #[must_use]
     pub fn new(objective: Objective, setup: Setup, start: Start, chance: C) -> Self {
         let room = start.debris.len() + start.rogues.len() + SATELLITES * FRAGMENTS;
-        let with_room = || Vec::with_capacity(room);
         let mut flight = Self {
             objective,
             chance,
             satellites: [Satellite { body: Body::default(), fuel: 0.0, status: Status::Lost }; SATELLITES],
-            debris: Debris {
-                x: with_room(),
-                y: with_room(),
-                vx: with_room(),
-                vy: with_room(),
-                id: Vec::with_capacity(room),
-                ..Debris::default()
-            },
+            debris: Debris::with_room(room),
             rogues: Vec::new(),
             next_rogue: 0,
             step: 0,

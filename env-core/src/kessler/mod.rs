@@ -4,6 +4,7 @@
 
 mod codec;
 pub mod constants;
+pub mod debris;
 mod episode;
 pub mod event;
 pub mod flight;
