@@ -73,6 +73,8 @@ CREATE TABLE proposals (
 
 CREATE INDEX proposals_waiting ON proposals (run, seq) WHERE state IN ('proposed', 'prepared');
 
+CREATE INDEX proposals_unprepared ON proposals (run, seq) WHERE state = 'proposed';
+
 CREATE TABLE leases (
     id             INTEGER NOT NULL PRIMARY KEY,
     token          TEXT    NOT NULL,

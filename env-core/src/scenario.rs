@@ -89,7 +89,10 @@ impl Recipe {
     fn set_param(&mut self, name: &str, value: f64) -> Result<(), ScenarioError> {
         let space = self.task.params();
         let Some(index) = space.iter().position(|spec| spec.name == name) else {
-            return Err(ScenarioError::UnknownField { field: format!("params.{name}"), known: names(space) });
+            return Err(ScenarioError::UnknownField {
+                field: format!("params.{}", shorten(name)),
+                known: names(space),
+            });
         };
         self.params[index] = space[index].check(value)?;
         Ok(())
@@ -119,14 +122,14 @@ impl Recipe {
         let specs = self.task.options();
         let Some(index) = specs.iter().position(|spec| spec.name == name) else {
             return Err(ScenarioError::UnknownField {
-                field: format!("physics.{name}"),
+                field: format!("physics.{}", shorten(name)),
                 known: specs.iter().map(|s| s.name).collect::<Vec<_>>().join(", "),
             });
         };
         let Some(chosen) = specs[index].choices.iter().position(|&word| word == choice) else {
             return Err(ScenarioError::UnknownChoice {
                 field: format!("physics.{name}"),
-                value: choice.to_owned(),
+                value: shorten(choice),
                 choices: specs[index].choices.join(", "),
             });
         };

@@ -96,7 +96,8 @@ impl FromStr for EpisodeId {
             text.strip_prefix("ep_").and_then(|rest| rest.split_once('_')).ok_or_else(|| bad.clone())?;
         let index = index.parse::<i64>().ok().filter(|i| (0..1_000_000_000).contains(i));
         match (lease.parse(), index) {
-            (Ok(lease), Some(index)) => Ok(Self { lease, index }),
+            // One episode, one name: not 00, not +0.
+            (Ok(lease), Some(index)) if text.ends_with(&format!("_{index}")) => Ok(Self { lease, index }),
             _ => Err(bad),
         }
     }
@@ -140,9 +141,16 @@ mod tests {
         let episode: EpisodeId = "ep_42-x7k2p9_3".parse().unwrap();
         assert_eq!((episode.lease.number, episode.index), (42, 3));
         assert_eq!(episode.to_string(), "ep_42-x7k2p9_3");
-        for bad in
-            ["", "ep_", "ep_1_2", "ep_42-x7k2p9_-1", "ep_42-X7K2P9_1", "ep_42-x7k2p9_99999999999999999999"]
-        {
+        for bad in [
+            "",
+            "ep_",
+            "ep_1_2",
+            "ep_42-x7k2p9_-1",
+            "ep_42-x7k2p9_00",
+            "ep_42-x7k2p9_+0",
+            "ep_42-X7K2P9_1",
+            "ep_42-x7k2p9_99999999999999999999",
+        ] {
             assert!(bad.parse::<EpisodeId>().is_err(), "{bad}");
         }
         for bad in ["", "A", "a b", "../x", &"x".repeat(65)] {

@@ -1,5 +1,6 @@
 //! The service as a whole: database, writer, workers, HTTP; started and stopped together.
 
+use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,15 +9,18 @@ use std::time::Duration;
 
 use sqlx::SqlitePool;
 use tokio::net::TcpListener;
-use tokio::sync::{Notify, watch};
+use tokio::sync::{Notify, Semaphore, watch};
 use tokio::task::{JoinHandle, JoinSet};
 
 use crate::clock::Clock;
 use crate::http;
-use crate::store::{OpenError, reader, writer};
+use crate::ids::RunId;
+use crate::store::{Claim, OpenError, claim, reader, writer};
 use crate::training::Writer;
 use crate::workers;
 
+/// Batches of results that are parsed and replayed at once.
+const LARGE_BODIES: usize = 4;
 /// How long requests may still run when the service stops.
 const GRACE: Duration = Duration::from_secs(10);
 
@@ -50,6 +54,9 @@ pub enum StartError {
         "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700"
     )]
     Public(SocketAddr),
+    /// The system gives no threads.
+    #[error("no threads to prepare scenarios: {0}")]
+    Threads(rayon::ThreadPoolBuildError),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {reason}")]
     Listen {
@@ -71,8 +78,27 @@ pub struct App {
     pub clock: Clock,
     /// Moves whenever scenarios were prepared.
     pub ready: watch::Receiver<u64>,
+    /// Batches of results that are parsed and replayed at once.
+    pub large_bodies: Arc<Semaphore>,
+    /// Who waits for a lease, run by run: one after the other, so that a large lease gets its turn.
+    pub gates: Arc<Gates>,
     /// The service is going down.
     pub stopping: Arc<AtomicBool>,
+}
+
+/// One gate per run; who waits at it is let through in order.
+#[derive(Debug, Default)]
+pub struct Gates(std::sync::Mutex<HashMap<RunId, Arc<tokio::sync::Mutex<()>>>>);
+
+impl Gates {
+    /// The gate of a run.
+    #[must_use]
+    pub fn of(&self, run: &RunId) -> Arc<tokio::sync::Mutex<()>> {
+        // Nothing that holds it can panic; if something did, the map is still a map.
+        let mut gates = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        gates.retain(|_, gate| Arc::strong_count(gate) > 1); // nobody waits there
+        Arc::clone(gates.entry(run.clone()).or_default())
+    }
 }
 
 /// A running service.
@@ -85,6 +111,7 @@ pub struct Service {
     workers: JoinSet<()>,
     writer: JoinHandle<()>,
     readers: SqlitePool,
+    claim: Claim,
 }
 
 impl Service {
@@ -96,6 +123,7 @@ impl Service {
         if !config.bind.ip().is_loopback() {
             return Err(StartError::Public(config.bind));
         }
+        let claim = claim(&config.db)?;
         let connection = writer(&config.db).await?;
         let readers = reader(&config.db).await?;
         let listener = TcpListener::bind(config.bind)
@@ -113,6 +141,12 @@ impl Service {
             writer: writer.clone(),
             wake,
             ready: ready_tx,
+            pool: Arc::new(
+                rayon::ThreadPoolBuilder::new()
+                    .thread_name(|i| format!("prepare-{i}"))
+                    .build()
+                    .map_err(StartError::Threads)?,
+            ),
         };
         jobs.spawn(preparer.run());
         jobs.spawn(workers::expire::run(writer.clone()));
@@ -123,11 +157,13 @@ impl Service {
             readers: readers.clone(),
             clock: config.clock,
             ready,
+            large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
+            gates: Arc::default(),
             stopping: Arc::clone(&stopping),
         };
         let (stop, stopped) = watch::channel(false);
         let server = tokio::spawn(serve(listener, app, stopped));
-        Ok(Self { address, stopping, stop, server, workers: jobs, writer: writer_task, readers })
+        Ok(Self { address, stopping, stop, server, workers: jobs, writer: writer_task, readers, claim })
     }
 
     /// Where it listens.
@@ -157,6 +193,15 @@ impl Service {
             tracing::error!(error = %error, "The writer did not end well.");
         }
         self.readers.close().await;
+        drop(self.claim);
+    }
+
+    /// Waits for the writer to end by itself, which it does only when something is broken beyond repair: nothing can be
+    /// written any more, and a process that goes on would only look alive.
+    pub async fn broken(&mut self) {
+        if let Err(error) = (&mut self.writer).await {
+            tracing::error!(error = %error, "The writer failed.");
+        }
     }
 }
 

@@ -50,6 +50,7 @@ async fn requests_that_are_none() {
             r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[-1]]}}}}"#,
         ),
         ("POST", "/v1/runs", json, r#"[1, 2]"#),
+        ("POST", "/v1/runs", json, "[]"),
         ("POST", "/v1/runs", json, r#"{} {}"#),
         ("POST", "/v1/runs", "text/plain", r#"{}"#),
         ("GET", "/v1/runs/nobody", json, ""),
@@ -146,7 +147,7 @@ async fn too_much_at_once() {
     insta::assert_snapshot!(told(&answer), @"422 invalid [results]: 100000 results; at most 5000 are taken at a time");
     let huge = format!(r#"{{"results": [], "policy_version": {}1}}"#, " ".repeat(40 * 1024 * 1024));
     let answer = api.raw("POST", "/v1/runs/run/results", "application/json", huge).await;
-    insta::assert_snapshot!(told(&answer), @"413 too_large: The body is larger than 32 MiB; send less at a time.");
+    insta::assert_snapshot!(told(&answer), @"413 too_large: The body is larger than 16 MiB; send less at a time.");
     let deep = format!(r#"{{"scenario": {}1{}}}"#, "[".repeat(100_000), "]".repeat(100_000));
     let answer = api.raw("POST", "/v1/scenarios", "application/json", deep).await;
     assert_eq!(answer.status, 400, "{:?}", answer.body);

@@ -68,6 +68,18 @@ async fn locked_by_another() {
     drop(Process::start(&server.db()));
 }
 
+#[tokio::test]
+async fn a_database_is_served_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("one.sqlite3");
+    let first = Process::start(&db);
+    let told = refused(&db);
+    assert!(told.contains("locked by another process: stop the other server"), "{told}");
+    assert_eq!(first.api().get("/readyz").await.status, 200);
+    first.kill(); // the system lets go of what a killed process held
+    drop(Process::start(&db));
+}
+
 #[test]
 fn a_place_that_is_not_there() {
     let folder = tempfile::tempdir().unwrap();

@@ -217,6 +217,43 @@ async fn leases_are_renewed_and_released() {
 }
 
 #[tokio::test]
+async fn a_large_lease_gets_its_turn_among_small_ones() {
+    let server = Server::start().await;
+    let api = server.api();
+    let id = run(&api, json!({"seed": 8, "tasks": ["kessler/survival"], "placement": false})).await;
+    let small = tokio::spawn({
+        let (api, id) = (api.clone(), id.clone());
+        async move {
+            loop {
+                let lease = api.lease(&id, json!({"groups": 4})).await;
+                let path = format!("/v1/runs/{id}/leases/{}/release", lease.id());
+                let _ = api.post(&path, json!({})).await;
+            }
+        }
+    });
+    let large = api.lease(&id, json!({"groups": 400})).await;
+    small.abort();
+    assert_eq!(large.episodes().len(), 400);
+}
+
+/// Nothing can be won at these params: what nobody could do is not looked for for ever, and others go on meanwhile.
+#[tokio::test]
+async fn a_hopeless_table_holds_up_nobody() {
+    let server = Server::start().await;
+    let api = server.api();
+    let wish = json!({"id": "hopeless", "tasks": ["kessler/rendezvous"], "placement": false, "contested_share": 1.0,
+        "task_settings": {"kessler/rendezvous": {"levels": {"columns": ["debris", "fuel"], "rows": [[50, 0.5]]}}}});
+    let hopeless = run(&api, wish).await;
+    let healthy = run(&api, json!({"id": "healthy", "tasks": ["kessler/survival"]})).await;
+    for _ in 0..3 {
+        let lease = api.lease(&healthy, json!({"groups": 16})).await;
+        assert_eq!(words(&api.report(&healthy, held(&lease)).await), ["counted"; 16]);
+    }
+    let lease = api.lease(&hopeless, json!({"groups": 1})).await;
+    assert_eq!(lease.0["groups"][0]["contested"], false, "as it comes, since nothing else is to be had");
+}
+
+#[tokio::test]
 async fn failed_episodes_are_never_low_scores() {
     let server = Server::start().await;
     let api = server.api();

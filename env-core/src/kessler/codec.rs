@@ -12,7 +12,6 @@ use crate::log::{ActionLog, MAX_ENTRIES};
 /// What is not a list of burns; the field is relative to the step.
 pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
     let burns = match step {
-        Value::Null => return Ok(()),
         Value::Array(burns) => burns,
         _ => return Err(LogError::malformed("", "a step is a list of burns")),
     };

@@ -130,7 +130,7 @@ impl Setup {
                 }
                 _ => {
                     return Err(ScenarioError::UnknownField {
-                        field: format!("layout.bodies.{table}"),
+                        field: format!("layout.bodies.{}", table.chars().take(60).collect::<String>()),
                         known: "satellites, debris, rogues".to_owned(),
                     });
                 }

@@ -22,24 +22,23 @@ pub(super) struct Logs {
     /// How logs are written
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text")]
     log_format: LogFormat,
-    /// What is logged: error, warn, info, debug or trace, or a list as `info,sqlx=warn`
+    /// What is logged: error, warn, info (default; demo: warn), debug or trace, or a list as `info,sqlx=warn`
     #[arg(
         short = 'v',
         long = "log",
         global = true,
         value_name = "LEVEL",
         env = "SPARRING_LOG",
-        default_value = "info",
         hide_env_values = true,
         value_parser = readable
     )]
-    log: String,
+    log: Option<String>,
 }
 
 impl Logs {
-    /// From here on, what the program logs is written.
-    pub(super) fn start(&self) -> anyhow::Result<()> {
-        let filter = EnvFilter::try_new(&self.log)?;
+    /// From here on, what the program logs is written; `usual` where nothing else was asked for.
+    pub(super) fn start(&self, usual: &str) -> anyhow::Result<()> {
+        let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?;
         let builder = tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)

@@ -57,6 +57,11 @@ enum Command {
 }
 
 impl Command {
+    /// What is logged unless something else is asked for: the demo has a screen of its own.
+    const fn usual_logs(&self) -> &'static str {
+        if matches!(self, Self::Demo(_)) { "warn" } else { "info" }
+    }
+
     fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
             Self::Serve(args) => serve::run(args),
@@ -74,7 +79,7 @@ impl Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    match cli.logs.start().and_then(|()| cli.command.run()) {
+    match cli.logs.start(cli.command.usual_logs()).and_then(|()| cli.command.run()) {
         Ok(code) => code,
         Err(error) => {
             // Where stderr is gone too, the exit code is all that is left to say it with.

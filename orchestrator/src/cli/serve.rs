@@ -32,18 +32,24 @@ pub struct Args {
 /// A database or address that cannot be used.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-    runtime.block_on(async {
+    let served = runtime.block_on(async {
         let config = Config { bind: args.bind, db: args.db.clone(), clock: Clock::system() };
-        let service = Service::start(config).await?;
+        let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;
         tracing::info!(db = %args.db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
-        told_to_stop().await?;
+        tokio::select! {
+            told = told_to_stop() => told?,
+            () = service.broken() => anyhow::bail!("the writer failed, nothing can be stored any more; the log says why"),
+        }
         tracing::info!("The server is stopping.");
         service.stop().await;
         tracing::info!("The server stopped.");
         Ok(ExitCode::SUCCESS)
-    })
+    });
+    // Scenarios that are still being prepared are not waited for: they are prepared again.
+    runtime.shutdown_background();
+    served
 }
 
 async fn told_to_stop() -> std::io::Result<()> {

@@ -25,6 +25,10 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
             ));
         }
         let body = axum::body::Bytes::from_request(request, state).await.map_err(unread)?;
+        if body.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'[') {
+            // Structures would be read from lists too, field by field.
+            return Err(Problem::invalid("", "The body is a list; send an object."));
+        }
         let mut reader = serde_json::Deserializer::from_slice(&body);
         let value: T = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
             let path = error.path().to_string();
@@ -60,7 +64,7 @@ fn malformed(error: &serde_json::Error) -> Problem {
 fn unread(rejection: BytesRejection) -> Problem {
     let status = axum::response::IntoResponse::into_response(rejection).status();
     if status == StatusCode::PAYLOAD_TOO_LARGE {
-        Problem::new(status, "too_large", "The body is larger than 32 MiB; send less at a time.")
+        Problem::too_large()
     } else {
         Problem::new(StatusCode::BAD_REQUEST, "unreadable_body", "The body could not be read to its end.")
     }

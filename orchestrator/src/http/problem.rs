@@ -57,6 +57,18 @@ impl Problem {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid", detail).at(field)
     }
 
+    /// A body beyond what is taken.
+    pub(super) fn too_large() -> Self {
+        let detail = "The body is larger than 16 MiB; send less at a time.";
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", detail)
+    }
+
+    /// A request that took too long. Whether it was done is not known: sending it again is safe.
+    pub(super) fn timed_out() -> Self {
+        let detail = "The request took longer than a minute and was cut off; sending it again is safe.";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "timed_out", detail).again_in(5)
+    }
+
     /// Something unexpected. The details are in the log, not in the answer.
     pub(super) fn internal() -> Self {
         Self::new(

@@ -12,7 +12,7 @@ pub mod runs;
 pub mod scenarios;
 pub mod sums;
 
-pub use open::{Database, OpenError, reader, writer};
+pub use open::{Claim, OpenError, claim, reader, writer};
 
 use env_core::{LogError, ScenarioError};
 

@@ -15,15 +15,6 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Connections that read.
 const READERS: u32 = 4;
 
-/// An open database.
-#[derive(Debug)]
-pub struct Database {
-    /// The one connection that writes.
-    pub writer: SqliteConnection,
-    /// Connections that read.
-    pub readers: SqlitePool,
-}
-
 /// A database that cannot be opened, each with what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
@@ -51,6 +42,9 @@ pub enum OpenError {
     /// Another process holds it.
     #[error("{0} is locked by another process: stop the other server, or give another path with --db")]
     Locked(String),
+    /// Nowhere to put it.
+    #[error("{0} cannot be opened: the file or its folder does not exist or may not be opened")]
+    NoFolder(String),
     /// Anything else.
     #[error("{path} cannot be opened: {reason}")]
     Other {
@@ -78,6 +72,35 @@ fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {
                 .disable_statement_logging()
         })
         .map_err(|error| OpenError::Other { path: name, reason: error.to_string() })
+}
+
+/// Keeps a database to one server: held as long as this lives, by the operating system, so that a server that is killed
+/// lets go of it.
+#[derive(Debug)]
+pub struct Claim(#[expect(dead_code, reason = "the open file is the lock")] std::fs::File);
+
+/// Claims a database for this process.
+///
+/// # Errors
+/// `Locked` where another server has it; a folder that cannot be written.
+pub fn claim(path: &Path) -> Result<Claim, OpenError> {
+    let name = path.display().to_string();
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".lock");
+    let file = std::fs::File::create(beside).map_err(|error| match error.kind() {
+        std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
+            OpenError::ReadOnly(name.clone())
+        }
+        std::io::ErrorKind::NotFound => OpenError::NoFolder(name.clone()),
+        _ => OpenError::Other { path: name.clone(), reason: error.to_string() },
+    })?;
+    match file.try_lock() {
+        Ok(()) => Ok(Claim(file)),
+        Err(std::fs::TryLockError::WouldBlock) => Err(OpenError::Locked(name)),
+        Err(std::fs::TryLockError::Error(error)) => {
+            Err(OpenError::Other { path: name, reason: error.to_string() })
+        }
+    }
 }
 
 /// Opens, creating and migrating where needed.
@@ -143,10 +166,7 @@ fn explain(name: &str, error: &sqlx::Error) -> OpenError {
         Some(26 | 11) => OpenError::NotADatabase(name.to_owned()),
         Some(8) => OpenError::ReadOnly(name.to_owned()),
         Some(5 | 6) => OpenError::Locked(name.to_owned()),
-        Some(14) => OpenError::Other {
-            path: name.to_owned(),
-            reason: "the file or its folder does not exist or may not be opened".to_owned(),
-        },
+        Some(14) => OpenError::NoFolder(name.to_owned()),
         _ => OpenError::Other { path: name.to_owned(), reason: error.to_string() },
     }
 }

@@ -41,7 +41,7 @@ pub async fn insert(conn: &mut SqliteConnection, run: &str, seq: i64, body: &str
     Ok(())
 }
 
-/// Proposals without a scenario, in order, of active runs.
+/// Proposals without a scenario, of active runs: each run's in order, the runs in turn.
 ///
 /// # Errors
 /// The database's.
@@ -50,7 +50,8 @@ pub async fn unprepared(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<W
         Waiting,
         "SELECT p.run, r.seed AS run_seed, p.seq, p.body
          FROM proposals p JOIN runs r ON r.id = p.run
-         WHERE p.state = 'proposed' AND r.status = 'active' ORDER BY p.seq, p.run LIMIT ?",
+         WHERE p.state = 'proposed' AND r.status = 'active'
+         ORDER BY row_number() OVER (PARTITION BY p.run ORDER BY p.seq), p.run LIMIT ?",
         limit
     )
     .fetch_all(conn)

@@ -1,16 +1,15 @@
 //! Leasing groups, renewing and releasing leases, and letting them expire.
 
-use env_core::SeedSpace;
+use sqlx::SqliteConnection;
 
 use super::close::close_group;
-use super::prepare::Prepared;
 use super::queue::{self, AHEAD};
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
-use super::{Change, Mind, TrainingError, Work, prepare};
-use crate::curriculum::{Move, Proposal, Role};
+use super::{Change, Mind, TrainingError, Work};
+use crate::curriculum::{Move, Proposal};
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::leases::{self, GroupRow, LeaseRow};
-use crate::store::{self, from_json, proposals, unsigned};
+use crate::store::{from_json, proposals};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -72,7 +71,7 @@ pub enum Taken {
 }
 
 impl TakeLease {
-    fn check(&self, mind: &Mind) -> Result<u32, TrainingError> {
+    pub(super) fn check(&self, mind: &Mind) -> Result<u32, TrainingError> {
         if mind.paused {
             return Err(TrainingError::Paused(mind.run.clone()));
         }
@@ -84,9 +83,19 @@ impl TakeLease {
         Ok(group_size)
     }
 
-    fn row(&self, group_size: u32, now: i64) -> LeaseRow {
+    /// The row of a lease that may be granted; it is not written yet.
+    pub(super) async fn begin(
+        &self,
+        conn: &mut SqliteConnection,
+        group_size: u32,
+        now: i64,
+    ) -> Result<LeaseRow, TrainingError> {
+        let active = leases::active(conn, self.run.as_str()).await?;
+        if active >= MAX_ACTIVE {
+            return Err(TrainingError::TooManyLeases(active));
+        }
         let ttl_ms = i64::from(self.ttl_s) * 1000;
-        LeaseRow {
+        Ok(LeaseRow {
             id: 0,
             token: random_token(6),
             run: self.run.to_string(),
@@ -98,7 +107,7 @@ impl TakeLease {
             ttl_ms,
             created_at: now,
             expires_at: now + ttl_ms,
-        }
+        })
     }
 }
 
@@ -114,14 +123,7 @@ impl Change for TakeLease {
             Purpose::Probe => true,
             Purpose::Eval => false,
         };
-        let active = leases::active(conn, run).await?;
-        if active >= MAX_ACTIVE {
-            return Err(TrainingError::TooManyLeases(active));
-        }
-        let row = self.row(group_size, now);
-        if self.purpose == Purpose::Eval {
-            return Ok(Taken::Granted(take_eval(&self, work, &row).await?));
-        }
+        let row = self.begin(conn, group_size, now).await?;
         queue::fill(work, run, AHEAD.max(self.groups)).await?;
         let head = proposals::head(&mut work.conn, run, i64::from(self.groups)).await?;
         if head.iter().any(|queued| queued.scenario.is_none()) {
@@ -152,57 +154,12 @@ impl Change for TakeLease {
     }
 }
 
-/// An eval lease: scenarios of evaluation seeds at the current levels, task by task, as they come.
-async fn take_eval(wish: &TakeLease, work: &mut Work, row: &LeaseRow) -> Result<LeaseId, TrainingError> {
-    let (mind, conn) = work.mind(wish.run.as_str()).await?;
-    let status = mind.curriculum.status();
-    let tasks: Vec<_> = mind
-        .settings
-        .curriculum
-        .tasks
-        .iter()
-        .map(|plan| {
-            let level = status.iter().find(|s| s.task == plan.task).and_then(|s| s.level);
-            (plan.task.clone(), level, plan.params(level))
-        })
-        .collect();
-    let id = leases::insert(conn, row).await?;
-    for number in 0..i64::from(wish.groups) {
-        let (task, level, params) = tasks[number as usize % tasks.len()].clone();
-        let why = String::new();
-        let proposal = Proposal { task, level, epoch: 0, role: Role::Sample, contested: false, params, why };
-        // Keyed by the lease, so that no two eval leases of a database share scenarios by accident.
-        let prepared = prepare::prepare(SeedSpace::Evaluation, unsigned(id), unsigned(number), &proposal)
-            .map_err(|error| TrainingError::invalid("purpose", error.to_string()))?;
-        let Prepared { scenario, bracket, contested, .. } = prepared;
-        let scenario_id = scenario.id().0.to_vec();
-        store::scenarios::insert(&mut work.conn, &scenario).await?;
-        store::brackets::insert(&mut work.conn, &scenario_id, &bracket).await?;
-        let group = GroupRow {
-            number,
-            proposal: None,
-            scenario: scenario_id,
-            task: proposal.task,
-            level: level.map(i64::from),
-            role: super::mind::word(&Role::Sample)?,
-            contested: i64::from(contested),
-            state: "open".to_owned(),
-            finished: 0,
-            failed: 0,
-            successes: 0,
-            evidence: 0,
-        };
-        leases::insert_group(&mut work.conn, id, &group).await?;
-    }
-    Ok(LeaseId { number: id, token: row.token.clone() })
-}
-
 /// A lease of this run, by its id.
 ///
 /// # Errors
 /// No such lease, or one of another run or database.
 pub async fn find(
-    conn: &mut sqlx::SqliteConnection,
+    conn: &mut SqliteConnection,
     run: &RunId,
     lease: &LeaseId,
 ) -> Result<LeaseRow, TrainingError> {

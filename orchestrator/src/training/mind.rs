@@ -19,6 +19,8 @@ const PAGE: i64 = 5000;
 pub struct Mind {
     /// The run's id.
     pub run: String,
+    /// The seed of its random streams.
+    pub seed: u64,
     /// Its settings.
     pub settings: RunSettings,
     /// Whether it is paused.
@@ -57,6 +59,7 @@ impl Mind {
         }
         Ok(Self {
             run: row.id,
+            seed,
             settings,
             paused: row.status == "paused",
             policy_version: row.policy_version,

@@ -4,6 +4,7 @@
 pub mod audit;
 mod close;
 pub mod create_run;
+pub mod eval_lease;
 pub mod lease;
 mod mind;
 pub mod prepare;

@@ -13,7 +13,10 @@ use crate::store;
 /// Draws at a contested scenario before one is planted.
 const CONTESTED_DRAWS: u64 = 200;
 /// Scenarios tried for planting.
-const PLANT_DRAWS: u64 = 12;
+const PLANT_DRAWS: u64 = 4;
+/// Draws after which params that nobody could succeed under are given up: a contested scenario must be solvable, and
+/// planting threats makes nothing easier.
+const HOPELESS_DRAWS: u64 = 40;
 /// Draws at a fair scenario.
 const FAIR_DRAWS: u64 = 64;
 
@@ -63,12 +66,20 @@ pub fn prepare(
     let draws = if proposal.contested { CONTESTED_DRAWS } else { FAIR_DRAWS };
     let mut last = None;
     let mut unfair = None;
+    let mut solvable = false;
     for number in 0..draws {
+        if number == HOPELESS_DRAWS
+            && !solvable
+            && let Some(last) = last
+        {
+            return Ok(last);
+        }
         let scenario = draw(number);
         let admission = bracket::admit(&scenario);
         match (admission.fair, admission.bracket) {
             (Ok(()), Some(bracket)) => {
                 let contested = admission.contested;
+                solvable |= admission.solvable;
                 let prepared = Prepared { scenario, bracket, contested, planted: false };
                 if contested || !proposal.contested {
                     return Ok(prepared);

@@ -154,7 +154,9 @@ impl Books {
         };
         let (mind, _) = work.mind(&lease.run).await?;
         let newest = mind.policy_version.max(self.newest_policy).max(row.policy_version);
-        self.newest_policy = newest;
+        if group.proposal.is_some() {
+            self.newest_policy = newest; // an evaluation moves nothing, this neither
+        }
         let stale =
             mind.settings.max_staleness.is_some_and(|most| newest - row.policy_version > i64::from(most));
         let mut sums = Sums::default();
@@ -275,7 +277,7 @@ fn again(episode: String, before: &EpisodeRow, digest: &[u8]) -> Receipt {
         Receipt::refused(
             episode,
             "conflict",
-            "it was reported before, with other actions; the first stands".to_owned(),
+            "it was reported before, and differently; the first report stands".to_owned(),
         )
     }
 }

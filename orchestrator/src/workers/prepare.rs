@@ -15,7 +15,7 @@ use crate::training::prepare::{Prepared, StorePrepared, prepare};
 use crate::training::{TrainingError, Writer};
 
 /// Proposals taken at a time: few, so that a lease that waits is served soon.
-const BATCH: i64 = 16;
+const BATCH: i64 = 8;
 /// How long it waits after a failure, and at most for a wake-up that was missed.
 const PAUSE: Duration = Duration::from_secs(2);
 
@@ -30,6 +30,8 @@ pub struct Preparer {
     pub wake: Arc<Notify>,
     /// Told after every batch, for leases that wait.
     pub ready: watch::Sender<u64>,
+    /// Threads of its own: scenarios that are hard to find must not hold up the replay of results.
+    pub pool: Arc<rayon::ThreadPool>,
 }
 
 impl Preparer {
@@ -59,11 +61,11 @@ impl Preparer {
         if count == 0 {
             return Ok(0);
         }
-        let done = tokio::task::spawn_blocking(move || {
-            waiting.into_par_iter().map(one).collect::<Result<Vec<_>, StoreError>>()
-        })
-        .await
-        .map_err(|error| TrainingError::invalid("proposal", error.to_string()))??;
+        let pool = Arc::clone(&self.pool);
+        let done: Vec<_> =
+            tokio::task::spawn_blocking(move || pool.install(|| waiting.into_par_iter().map(one).collect()))
+                .await
+                .map_err(|error| TrainingError::invalid("proposal", error.to_string()))?;
         let mut change = StorePrepared { prepared: Vec::new(), hopeless: Vec::new() };
         for (run, seq, prepared) in done {
             match prepared {
@@ -76,13 +78,23 @@ impl Preparer {
     }
 }
 
-fn one(waiting: Waiting) -> Result<(String, i64, Option<Prepared>), StoreError> {
+/// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
+fn one(waiting: Waiting) -> (String, i64, Option<Prepared>) {
     let Waiting { run, run_seed, seq, body } = waiting;
-    let proposal: Proposal = from_json("a proposal", &body)?;
-    let prepared = prepare(SeedSpace::Training, unsigned(run_seed), unsigned(seq), &proposal)
-        .inspect_err(|error| {
-            tracing::warn!(run, seq, error = %error, "A proposal has no fair scenario and is dropped.");
-        })
-        .ok();
-    Ok((run, seq, prepared))
+    let prepared = std::panic::catch_unwind(|| {
+        let proposal: Proposal = from_json("a proposal", &body)?;
+        prepare(SeedSpace::Training, unsigned(run_seed), unsigned(seq), &proposal).map_err(StoreError::from)
+    });
+    let prepared = match prepared {
+        Ok(Ok(prepared)) => Some(prepared),
+        Ok(Err(error)) => {
+            tracing::warn!(run, seq, error = %error, "A proposal cannot be prepared and is dropped.");
+            None
+        }
+        Err(_) => {
+            tracing::error!(run, seq, "Preparing a proposal panicked; it is dropped.");
+            None
+        }
+    };
+    (run, seq, prepared)
 }

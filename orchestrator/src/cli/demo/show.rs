@@ -102,6 +102,11 @@ fn line(progress: &Progress) -> String {
     )
 }
 
+/// Columns of a terminal below which the table leaves out what else would not fit.
+const WIDE: u16 = 132;
+/// What is left out then: params, population, elite, episodes a second.
+const NEEDS_WIDTH: [usize; 4] = [1, 6, 7, 9];
+
 /// Where every task stands: success on contested scenarios of the level with its bounds, success and skill over all
 /// episodes, and how the last generation fared.
 pub(super) fn table(progress: &Progress) -> Table {
@@ -118,8 +123,18 @@ pub(super) fn table(progress: &Progress) -> Table {
         "per s",
     ];
     let mut table = output::table(&header, 2);
-    if let Some(names) = table.column_mut(0) {
-        names.set_constraint(ColumnConstraint::ContentWidth);
+    let narrow = table.width().is_some_and(|columns| columns < WIDE);
+    for (index, column) in table.column_iter_mut().enumerate() {
+        match index {
+            // The params wrap between words; everything else stays whole.
+            1 if !narrow => {}
+            _ if narrow && NEEDS_WIDTH.contains(&index) => {
+                column.set_constraint(ColumnConstraint::Hidden);
+            }
+            _ => {
+                column.set_constraint(ColumnConstraint::ContentWidth);
+            }
+        }
     }
     for task in &progress.mastery {
         let fared = progress.trainees.get(&task.task).and_then(Trainee::fared);

@@ -20,6 +20,7 @@ use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
 use crate::store::{StoreError, brackets, leases};
 use crate::training::TrainingError;
+use crate::training::eval_lease::take_eval;
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, Taken, find};
 
 /// How long a lease waits for scenarios to be prepared before it asks the trainer to come again.
@@ -199,19 +200,22 @@ pub(super) async fn take(
 }
 
 async fn granted(app: &App, wish: TakeLease) -> Result<LeaseId, TrainingError> {
-    let mut ready = app.ready.clone();
-    let patience = tokio::time::sleep(PATIENCE);
-    tokio::pin!(patience);
-    loop {
-        ready.mark_unchanged();
-        if let Taken::Granted(lease) = app.writer.change(wish.clone()).await? {
-            return Ok(lease);
-        }
-        tokio::select! {
-            changed = ready.changed() => changed.map_err(|_| TrainingError::Stopping)?,
-            () = &mut patience => return Err(TrainingError::NotReady),
-        }
+    if wish.purpose == Purpose::Eval {
+        return take_eval(&app.writer, wish).await;
     }
+    let gate = app.gates.of(&wish.run);
+    let mut ready = app.ready.clone();
+    let waiting = async {
+        let _turn = gate.lock().await;
+        loop {
+            ready.mark_unchanged();
+            if let Taken::Granted(lease) = app.writer.change(wish.clone()).await? {
+                return Ok(lease);
+            }
+            ready.changed().await.map_err(|_| TrainingError::Stopping)?;
+        }
+    };
+    tokio::time::timeout(PATIENCE, waiting).await.unwrap_or(Err(TrainingError::NotReady))
 }
 
 /// List the leases of a run, oldest first.
@@ -257,7 +261,8 @@ pub(super) async fn show(
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
         (status = 200, body = LeaseHead), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The lease is over."), (status = 429, body = Problem)
+        (status = 409, body = Problem, description = "The lease is over."), (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn renew(
@@ -274,7 +279,8 @@ pub(super) async fn renew(
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
         (status = 200, body = LeaseHead), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 429, body = Problem)
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn release(

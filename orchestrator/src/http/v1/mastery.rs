@@ -36,11 +36,13 @@ pub(super) struct Masteries {
 struct TaskMastery {
     /// The task.
     task: String,
-    /// The current level: 0 during placement, none where the strategy has no levels.
+    /// The current level; none during placement, and where the strategy has no levels.
     level: Option<u32>,
+    /// The level that placement probes now.
+    probing: Option<u32>,
     /// Whether the level was found.
     placed: bool,
-    /// The params in force.
+    /// The params in force: of the current level, or of the one that is probed.
     params: BTreeMap<String, f64>,
     /// The posterior over success on contested scenarios at the current level; none where there are no levels.
     mastery: Option<Posterior>,
@@ -124,7 +126,8 @@ impl Plain {
     get, path = "/runs/{run}/mastery", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Masteries), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 429, body = Problem)
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn show(
@@ -139,7 +142,8 @@ pub(super) async fn show(
             let of_task = || mastery.iter().filter(|m| m.task == status.task);
             let plain = sums.iter().find(|(task, _)| *task == status.task);
             TaskMastery {
-                level: status.level,
+                level: status.level.filter(|_| status.placed),
+                probing: status.probing,
                 placed: status.placed,
                 params: status.params.iter().cloned().collect(),
                 mastery: of_task()
@@ -263,7 +267,8 @@ pub(super) struct Params {
     get, path = "/runs/{run}/params", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Params), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 429, body = Problem)
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn params(

@@ -1,6 +1,6 @@
 //! Results: batches of finished and failed episodes.
 
-use axum::extract::State;
+use axum::extract::{FromRequest, Request, State};
 use env_core::Stopped;
 use env_core::log::Precision;
 use serde::{Deserialize, Serialize};
@@ -150,15 +150,19 @@ pub(super) struct Receipts {
     responses(
         (status = 200, body = Receipts), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
-        (status = 429, body = Problem)
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn report(
     State(app): State<App>,
     Path(run): Path<String>,
-    Json(body): Json<Results>,
+    request: Request,
 ) -> Result<axum::Json<Receipts>, Problem> {
     let run = run_id(&run)?;
+    // A log is many times its bytes once it is parsed: few at a time, so that memory has a bound.
+    let _room = app.large_bodies.acquire().await.map_err(|_| TrainingError::Stopping)?;
+    let Json(body) = Json::<Results>::from_request(request, &app).await?;
     if body.results.len() > MAX_RESULTS {
         let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
         return Err(Problem::invalid("results", detail));

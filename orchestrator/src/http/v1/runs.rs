@@ -66,7 +66,8 @@ pub(super) struct Runs {
     responses(
         (status = 201, body = Run),
         (status = 400, body = Problem), (status = 409, body = Problem), (status = 413, body = Problem),
-        (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem)
+        (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn create(
@@ -115,7 +116,8 @@ pub(super) async fn show(
     post, path = "/runs/{run}/pause", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 429, body = Problem)
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn pause(
@@ -130,7 +132,8 @@ pub(super) async fn pause(
     post, path = "/runs/{run}/resume", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 429, body = Problem)
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
     )
 )]
 pub(super) async fn resume(

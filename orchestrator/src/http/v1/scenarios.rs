@@ -67,8 +67,13 @@ struct Judged {
     )
 )]
 pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>, Problem> {
-    let scenario = Scenario::from_json(&wish.scenario)
-        .map_err(|error| Problem::invalid(format!("scenario.{}", error.field()), error.to_string()))?;
+    let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
+        let field = match error.field() {
+            "scenario" => "scenario".to_owned(),
+            field => format!("scenario.{field}"),
+        };
+        Problem::invalid(field, error.to_string())
+    })?;
     if scenario.seed().space() != SeedSpace::User {
         let error = Seed::user(scenario.seed().get()).err();
         let detail = error.map_or_else(String::new, |e| e.to_string());

@@ -1,0 +1,121 @@
+//! Eval leases: scenarios of evaluation seeds at the current levels, task by task, as they come. They move nothing, so
+//! they pass by the queue of proposals; what takes time is done between two changes, not inside one.
+
+use env_core::SeedSpace;
+use rayon::prelude::*;
+
+use super::lease::TakeLease;
+use super::prepare::{Prepared, prepare};
+use super::{Change, TrainingError, Work, Writer};
+use crate::curriculum::{Proposal, Role};
+use crate::ids::{LeaseId, RunId};
+use crate::store::leases::{self, GroupRow};
+use crate::store::{self, unsigned};
+
+/// Groups of a lease fit this many times into the numbers of one: seeds of two leases never meet.
+const GROUPS_OF_A_LEASE: u64 = 1 << 20;
+
+/// Takes an eval lease.
+///
+/// # Errors
+/// A lease that may not be granted, or params for which no fair start exists.
+pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<LeaseId, TrainingError> {
+    let Reserved { lease, run, run_seed, proposals } = writer.change(Reserve(wish)).await?;
+    let first = unsigned(lease.number) * GROUPS_OF_A_LEASE;
+    let prepared = tokio::task::spawn_blocking(move || {
+        let numbered: Vec<(u64, Proposal)> = (first..).zip(proposals).collect();
+        let one = |(number, proposal): (u64, Proposal)| {
+            prepare(SeedSpace::Evaluation, run_seed, number, &proposal).map(|prepared| (proposal, prepared))
+        };
+        numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>()
+    });
+    let prepared = prepared
+        .await
+        .map_err(|error| TrainingError::invalid("purpose", error.to_string()))?
+        .map_err(|error| TrainingError::invalid("purpose", error.to_string()))?;
+    writer.change(Fill { run, lease: lease.clone(), prepared }).await?;
+    Ok(lease)
+}
+
+/// Writes the lease, without groups; one that is never filled expires like any other.
+struct Reserve(TakeLease);
+
+struct Reserved {
+    lease: LeaseId,
+    run: RunId,
+    run_seed: u64,
+    /// One per group.
+    proposals: Vec<Proposal>,
+}
+
+impl Change for Reserve {
+    type Answer = Reserved;
+
+    async fn apply(self, work: &mut Work) -> Result<Reserved, TrainingError> {
+        let Self(wish) = self;
+        let now = work.now;
+        let (mind, conn) = work.mind(wish.run.as_str()).await?;
+        let group_size = wish.check(mind)?;
+        let row = wish.begin(conn, group_size, now).await?;
+        let number = leases::insert(conn, &row).await?;
+        let status = mind.curriculum.status();
+        let tasks = &mind.settings.curriculum.tasks;
+        let proposals = tasks.iter().cycle().take(wish.groups as usize).map(|plan| {
+            let level = status.iter().find(|s| s.task == plan.task).and_then(|s| s.level);
+            Proposal {
+                task: plan.task.clone(),
+                level,
+                epoch: 0,
+                role: Role::Sample,
+                contested: false,
+                params: plan.params(level),
+                why: "an evaluation".to_owned(),
+            }
+        });
+        Ok(Reserved {
+            lease: LeaseId { number, token: row.token },
+            run_seed: mind.seed,
+            proposals: proposals.collect(),
+            run: wish.run,
+        })
+    }
+}
+
+/// Writes the groups of a reserved lease.
+struct Fill {
+    run: RunId,
+    lease: LeaseId,
+    prepared: Vec<(Proposal, Prepared)>,
+}
+
+impl Change for Fill {
+    type Answer = ();
+
+    async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
+        let row = super::lease::find(&mut work.conn, &self.run, &self.lease).await?;
+        if row.status != "active" {
+            return Err(TrainingError::LeaseOver { lease: self.lease.to_string(), status: row.status });
+        }
+        for (number, (proposal, prepared)) in (0i64..).zip(self.prepared) {
+            let scenario = prepared.scenario.id().0.to_vec();
+            store::scenarios::insert(&mut work.conn, &prepared.scenario).await?;
+            store::brackets::insert(&mut work.conn, &scenario, &prepared.bracket).await?;
+            let group = GroupRow {
+                number,
+                proposal: None,
+                scenario,
+                task: proposal.task,
+                level: proposal.level.map(i64::from),
+                role: super::mind::word(&proposal.role)?,
+                contested: i64::from(prepared.contested),
+                state: "open".to_owned(),
+                finished: 0,
+                failed: 0,
+                successes: 0,
+                evidence: 0,
+            };
+            leases::insert_group(&mut work.conn, row.id, &group).await?;
+        }
+        Ok(())
+    }
+}
