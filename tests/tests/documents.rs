@@ -3,11 +3,22 @@
 use std::process::Command;
 
 use serde_json::Value;
-use system_tests::Server;
+use system_tests::{Server, binary};
 
 #[test]
 fn the_openapi_document_is_the_committed_one() {
     insta::assert_json_snapshot!("openapi", orchestrator::http::openapi());
+}
+
+#[test]
+fn the_example_layouts_pass_the_gate() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/layouts.json");
+    let out =
+        Command::new(binary()).args(["design", "--layouts", file, "--format", "json"]).output().unwrap();
+    assert!(out.status.success(), "{out:?}");
+    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(told["layouts"][0]["admitted"], true, "{told}");
+    assert!(told["layouts"][0]["reference"].as_f64() > told["layouts"][0]["hold"].as_f64());
 }
 
 #[tokio::test]

@@ -20,11 +20,12 @@ enum Who {
 /// Pass layouts through the gate: fair, solvable, contested. Exit code 1 if one is refused.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The file is JSON: {\"layouts\": [{\"name\": \"head-on\", \"scenario\": {\"task\": \"kessler/survival\", \"seed\": 5, \
-\"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[60, 20, -2, 3.1]]}}}}]}. A body is x, y, vx, vy.
+The file is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\": {\"task\": \"kessler/survival\", \"params\": \
+{\"debris\": 0, \"fuel\": 20}, \"seed\": 5, \"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[15, -85.9, 2.3, \
+4.4]]}}}}]}. A body is x, y, vx, vy.
 
 Examples:
-  sparring design --layouts mine.json
+  sparring design --layouts examples/layouts.json
   sparring design --layouts mine.json --format json")]
 pub struct Args {
     /// Who designs.
@@ -77,6 +78,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         Format::Table => {
             let mut out = table(&["layout", "task", "gate", "hold", "floor", "reference"], 3);
+            let mut reasons = Vec::new();
             for (draft, result) in &gated {
                 let task = draft.scenario.task().id().to_owned();
                 let mut row = vec![draft.name.clone(), task];
@@ -85,16 +87,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
                         row.push("admitted".to_owned());
                         row.extend([b.hold(), b.floor, b.reference.score].map(|v| format!("{v:.3}")));
                     }
-                    Err(refusal) => row.extend([
-                        format!("refused: {refusal}"),
-                        String::new(),
-                        String::new(),
-                        String::new(),
-                    ]),
+                    Err(refusal) => {
+                        row.extend(["refused", "", "", ""].map(str::to_owned));
+                        reasons.push(textwrap::fill(&format!("{}: {refusal}", draft.name), 100));
+                    }
                 }
                 out.add_row(row);
             }
-            print(&out.to_string())?;
+            reasons.insert(0, out.to_string());
+            print(&reasons.join("\n"))?;
         }
     }
     let refused = gated.iter().any(|(_, result)| result.is_err());

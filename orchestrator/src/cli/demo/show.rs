@@ -103,7 +103,7 @@ fn line(progress: &Progress) -> String {
 }
 
 /// Columns of a terminal below which the table leaves out what else would not fit.
-const WIDE: u16 = 132;
+const WIDE: u16 = 118;
 /// What is left out then: params, population, elite, episodes a second.
 const NEEDS_WIDTH: [usize; 4] = [1, 6, 7, 9];
 
