@@ -141,6 +141,7 @@ impl Service {
             writer: writer.clone(),
             wake,
             ready: ready_tx,
+            hopeless: Arc::default(),
             pool: Arc::new(
                 rayon::ThreadPoolBuilder::new()
                     .thread_name(|i| format!("prepare-{i}"))

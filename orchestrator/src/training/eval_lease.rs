@@ -5,7 +5,7 @@ use env_core::SeedSpace;
 use rayon::prelude::*;
 
 use super::lease::TakeLease;
-use super::prepare::{Prepared, prepare};
+use super::prepare::{Hopeless, Prepared, prepare};
 use super::{Change, TrainingError, Work, Writer};
 use crate::curriculum::{Proposal, Role};
 use crate::ids::{LeaseId, RunId};
@@ -24,8 +24,10 @@ pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<LeaseId, Trai
     let first = unsigned(lease.number) * GROUPS_OF_A_LEASE;
     let prepared = tokio::task::spawn_blocking(move || {
         let numbered: Vec<(u64, Proposal)> = (first..).zip(proposals).collect();
+        let hopeless = Hopeless::default(); // nothing contested is asked for
         let one = |(number, proposal): (u64, Proposal)| {
-            prepare(SeedSpace::Evaluation, run_seed, number, &proposal).map(|prepared| (proposal, prepared))
+            prepare(SeedSpace::Evaluation, run_seed, number, &proposal, &hopeless)
+                .map(|prepared| (proposal, prepared))
         };
         numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>()
     });

@@ -3,8 +3,9 @@
 //! or how often.
 
 use env_core::bracket::{self, Bracket};
-use env_core::{Recipe, Scenario, ScenarioError, Seed, SeedSpace};
-use std::sync::Arc;
+use env_core::{Recipe, RecipeId, Scenario, ScenarioError, Seed, SeedSpace};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Change, TrainingError, Work};
 use crate::curriculum::Proposal;
@@ -14,11 +15,41 @@ use crate::store;
 const CONTESTED_DRAWS: u64 = 200;
 /// Scenarios tried for planting.
 const PLANT_DRAWS: u64 = 4;
-/// Draws after which params that nobody could succeed under are given up: a contested scenario must be solvable, and
-/// planting threats makes nothing easier.
+/// Draws by which params are found to be ones that nobody could succeed under.
 const HOPELESS_DRAWS: u64 = 40;
 /// Draws at a fair scenario.
 const FAIR_DRAWS: u64 = 64;
+
+/// Params under which nobody could succeed: a contested scenario must be solvable, and planting threats makes nothing
+/// easier, so that none need be looked for. A pure function of the recipe, remembered because it takes many brackets.
+#[derive(Debug, Default)]
+pub struct Hopeless(Mutex<HashMap<RecipeId, bool>>);
+
+/// Recipes remembered: far more than the levels of all runs.
+const MOST_REMEMBERED: usize = 10_000;
+
+impl Hopeless {
+    /// Whether 40 scenarios of the recipe, the same for everybody, are all unsolvable. The first that is not decides.
+    #[must_use]
+    pub fn are(&self, recipe: &Arc<Recipe>) -> bool {
+        let id = recipe.id();
+        // A map behind a poisoned lock is still a map.
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(&told) = known().get(&id) {
+            return told;
+        }
+        let told = !(0..HOPELESS_DRAWS).any(|number| {
+            let seed = seed_of(SeedSpace::Training, u64::MAX, u64::MAX, number);
+            bracket::admit(&Scenario::new(Arc::clone(recipe), seed)).solvable
+        });
+        let mut remembered = known();
+        if remembered.len() >= MOST_REMEMBERED {
+            remembered.clear();
+        }
+        remembered.insert(id, told);
+        told
+    }
+}
 
 /// A scenario ready to be leased.
 #[derive(Debug, Clone)]
@@ -54,6 +85,7 @@ pub fn prepare(
     run_seed: u64,
     seq: u64,
     proposal: &Proposal,
+    hopeless: &Hopeless,
 ) -> Result<Prepared, ScenarioError> {
     let task = env_core::task(&proposal.task).ok_or_else(|| ScenarioError::UnknownChoice {
         field: "task".to_owned(),
@@ -63,25 +95,18 @@ pub fn prepare(
     let params = proposal.params.iter().map(|(name, value)| (name.as_str(), *value));
     let recipe = Arc::new(Recipe::with_params(task, params)?);
     let draw = |number| Scenario::new(Arc::clone(&recipe), seed_of(space, run_seed, seq, number));
-    let draws = if proposal.contested { CONTESTED_DRAWS } else { FAIR_DRAWS };
+    let wants_contested = proposal.contested && !hopeless.are(&recipe);
+    let draws = if wants_contested { CONTESTED_DRAWS } else { FAIR_DRAWS };
     let mut last = None;
     let mut unfair = None;
-    let mut solvable = false;
     for number in 0..draws {
-        if number == HOPELESS_DRAWS
-            && !solvable
-            && let Some(last) = last
-        {
-            return Ok(last);
-        }
         let scenario = draw(number);
         let admission = bracket::admit(&scenario);
         match (admission.fair, admission.bracket) {
             (Ok(()), Some(bracket)) => {
                 let contested = admission.contested;
-                solvable |= admission.solvable;
                 let prepared = Prepared { scenario, bracket, contested, planted: false };
-                if contested || !proposal.contested {
+                if contested || !wants_contested {
                     return Ok(prepared);
                 }
                 last = Some(prepared);

@@ -1,5 +1,6 @@
 //! Turns waiting proposals into scenarios with brackets, in order and in parallel.
 
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,7 +12,7 @@ use tokio::sync::{Notify, watch};
 use crate::curriculum::Proposal;
 use crate::store::proposals::{Waiting, unprepared};
 use crate::store::{StoreError, from_json, unsigned};
-use crate::training::prepare::{Prepared, StorePrepared, prepare};
+use crate::training::prepare::{Hopeless, Prepared, StorePrepared, prepare};
 use crate::training::{TrainingError, Writer};
 
 /// Proposals taken at a time: few, so that a lease that waits is served soon.
@@ -32,6 +33,8 @@ pub struct Preparer {
     pub ready: watch::Sender<u64>,
     /// Threads of its own: scenarios that are hard to find must not hold up the replay of results.
     pub pool: Arc<rayon::ThreadPool>,
+    /// Params that are not worth looking under.
+    pub hopeless: Arc<Hopeless>,
 }
 
 impl Preparer {
@@ -61,11 +64,12 @@ impl Preparer {
         if count == 0 {
             return Ok(0);
         }
-        let pool = Arc::clone(&self.pool);
-        let done: Vec<_> =
-            tokio::task::spawn_blocking(move || pool.install(|| waiting.into_par_iter().map(one).collect()))
-                .await
-                .map_err(|error| TrainingError::invalid("proposal", error.to_string()))?;
+        let (pool, hopeless) = (Arc::clone(&self.pool), Arc::clone(&self.hopeless));
+        let done: Vec<_> = tokio::task::spawn_blocking(move || {
+            pool.install(|| waiting.into_par_iter().map(|waiting| one(waiting, &hopeless)).collect())
+        })
+        .await
+        .map_err(|error| TrainingError::invalid("proposal", error.to_string()))?;
         let mut change = StorePrepared { prepared: Vec::new(), hopeless: Vec::new() };
         for (run, seq, prepared) in done {
             match prepared {
@@ -79,12 +83,13 @@ impl Preparer {
 }
 
 /// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
-fn one(waiting: Waiting) -> (String, i64, Option<Prepared>) {
+fn one(waiting: Waiting, hopeless: &Hopeless) -> (String, i64, Option<Prepared>) {
     let Waiting { run, run_seed, seq, body } = waiting;
-    let prepared = std::panic::catch_unwind(|| {
+    let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
         let proposal: Proposal = from_json("a proposal", &body)?;
-        prepare(SeedSpace::Training, unsigned(run_seed), unsigned(seq), &proposal).map_err(StoreError::from)
-    });
+        prepare(SeedSpace::Training, unsigned(run_seed), unsigned(seq), &proposal, hopeless)
+            .map_err(StoreError::from)
+    }));
     let prepared = match prepared {
         Ok(Ok(prepared)) => Some(prepared),
         Ok(Err(error)) => {

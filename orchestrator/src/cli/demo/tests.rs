@@ -14,7 +14,7 @@ use super::feed::{
 use super::train::{MEMBERS, Moved, Plan, Progress, Watch, train};
 use super::trainee::{Kind, Member, Trainee};
 use crate::curriculum::{Curriculum, GroupOutcome, Proposal, Settings, TaskPlan};
-use crate::training::prepare::prepare;
+use crate::training::prepare::{Hopeless, prepare};
 
 struct Local {
     seed: u64,
@@ -51,7 +51,7 @@ impl Feed for Local {
         let mut lease = Lease { recipes: Vec::new(), groups: Vec::new() };
         for index in 0..groups {
             let (seq, proposal) = books.curriculum.propose();
-            let prepared = prepare(SeedSpace::Training, self.seed, seq, &proposal)?;
+            let prepared = prepare(SeedSpace::Training, self.seed, seq, &proposal, &Hopeless::default())?;
             let episodes: Vec<String> = (0..MEMBERS).map(|i| format!("ep_{seq}_{i}")).collect();
             lease.recipes.push(prepared.scenario.recipe().to_json());
             lease.groups.push(LeasedGroup {
@@ -171,7 +171,7 @@ fn fitness(members: &[Member]) -> f64 {
     assert_eq!((proposal.level, proposal.contested), (Some(4), true));
     let (mut successes, n) = (0, 40);
     for seq in 0..n {
-        let prepared = prepare(SeedSpace::Evaluation, 0, seq, &proposal).unwrap();
+        let prepared = prepare(SeedSpace::Evaluation, 0, seq, &proposal, &Hopeless::default()).unwrap();
         for member in members {
             let mut pilot = member.pilot(&prepared.scenario).unwrap();
             let (flown, _) = rollout::fly(&prepared.scenario, &mut *pilot).unwrap();
