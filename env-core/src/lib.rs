@@ -10,21 +10,26 @@
 pub mod bracket;
 mod canonical;
 pub mod chance;
+pub mod critique;
 pub mod error;
 pub mod kessler;
 pub mod log;
 pub mod policy;
+pub mod reflex;
 pub mod registry;
 pub mod rollout;
 pub mod scenario;
 pub mod seed;
 pub mod space;
 pub mod task;
+pub mod world;
 
 pub use bracket::{Admission, Bracket, Flown, SuccessRule};
+pub use critique::Critique;
 pub use error::{LogError, ScenarioError, StepError};
 pub use log::{ActionLog, JointAction, Stopped};
-pub use registry::{task, tasks};
+pub use registry::{task, tasks, world, worlds};
 pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
 pub use seed::{Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};
+pub use world::World;

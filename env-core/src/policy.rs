@@ -11,6 +11,17 @@ pub trait Policy: Send {
     fn act(&mut self, observation: &dyn Any, log: &mut ActionLog);
 }
 
+/// A built-in policy, as data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PolicySpec {
+    /// Its name.
+    pub name: &'static str,
+    /// What it does, in one sentence.
+    pub about: &'static str,
+    /// Its actions are drawn: another seed flies otherwise.
+    pub chance: bool,
+}
+
 /// A policy that cannot be had.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PolicyError {

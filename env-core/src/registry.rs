@@ -1,11 +1,26 @@
-//! All tasks of all worlds.
+//! All worlds, and all tasks of them.
 
 use crate::kessler;
 use crate::task::TaskSpec;
+use crate::world::World;
+
+/// Every world.
+static WORLDS: [&dyn World; 1] = [&kessler::KESSLER];
+
+/// Every world.
+pub fn worlds() -> impl Iterator<Item = &'static dyn World> {
+    WORLDS.into_iter()
+}
+
+/// A world by its name, with or without its version.
+#[must_use]
+pub fn world(name: &str) -> Option<&'static dyn World> {
+    worlds().find(|world| world.id() == name || world.name() == name)
+}
 
 /// Every task, world by world.
 pub fn tasks() -> impl Iterator<Item = &'static dyn TaskSpec> {
-    kessler::TASKS.iter().map(|task| task as &dyn TaskSpec)
+    worlds().flat_map(World::tasks)
 }
 
 /// A task by its id.

@@ -5,9 +5,12 @@ use std::any::Any;
 use serde_json::Value;
 
 use crate::bracket::{Bracket, Flown};
+use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError, StepError};
 use crate::log::{ActionLog, JointAction};
-use crate::policy::{Policy, PolicyError};
+use crate::policy::{Policy, PolicyError, PolicySpec};
+use crate::reflex::Reflex;
+use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
 use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
 
@@ -60,6 +63,20 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// Something that is not an action of this task.
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError>;
+    /// The built-in policies, in the order people should read them. Every task has `hold`, `random`, `blind`, `frozen`,
+    /// `heuristic` and `reference`.
+    fn policies(&self) -> &'static [PolicySpec];
+    /// The trainable reflex: what a built-in learner learns.
+    fn reflex(&self) -> Reflex;
+    /// Why an episode of this task can lose score.
+    fn failure_modes(&self) -> &'static [ModeSpec];
+    /// How relative speeds are sorted for people.
+    fn speed_bands(&self) -> SpeedBands;
+    /// What an episode shows: why score was lost, what each action was worth, and the judge's word.
+    ///
+    /// # Errors
+    /// A log that is not one of this scenario.
+    fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError>;
     /// A built-in policy by name for this scenario; `seed` feeds those with chance in them.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 
 mod codec;
 pub mod constants;
+mod critique;
 pub mod debris;
 mod episode;
 pub mod event;
@@ -19,17 +20,23 @@ pub mod spaces;
 pub mod telemetry;
 #[cfg(test)]
 mod tests;
+mod world;
 
 use serde_json::Value;
+
+pub use self::world::KESSLER;
 
 use self::constants::{EPSILON, GOAL, HORIZON, MAX_BURN, SATELLITES};
 use self::episode::KesslerEpisode;
 use self::reward::Objective;
 use self::setup::Setup;
 use crate::bracket::{Bracket, Flown};
+use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError};
 use crate::log::ActionLog;
-use crate::policy::{Policy, PolicyError};
+use crate::policy::{Policy, PolicyError, PolicySpec};
+use crate::reflex::Reflex;
+use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
 use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
 use crate::task::{Episode, TaskSpec};
@@ -153,6 +160,26 @@ impl TaskSpec for Kessler {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn policies(&self) -> &'static [PolicySpec] {
+        &policies::SPECS
+    }
+
+    fn reflex(&self) -> Reflex {
+        policies::learner::REFLEX
+    }
+
+    fn failure_modes(&self) -> &'static [ModeSpec] {
+        &critique::MODES
+    }
+
+    fn speed_bands(&self) -> SpeedBands {
+        critique::SPEED_BANDS
+    }
+
+    fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {
+        critique::critique(scenario, log)
     }
 
     fn policy(&self, name: &str, scenario: &Scenario, seed: u64) -> Result<Box<dyn Policy>, PolicyError> {

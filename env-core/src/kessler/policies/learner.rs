@@ -14,7 +14,18 @@ use crate::kessler::kernel::{Body, distance_2};
 use crate::kessler::planner::transfer::{affordable, feedback};
 use crate::kessler::telemetry::{DebrisTelemetry, SatelliteTelemetry, Telemetry};
 use crate::log::ActionLog;
+use crate::reflex::{Meaning, Reflex};
 use crate::seed::Seed;
+
+/// The reflex as data.
+pub const REFLEX: Reflex = Reflex {
+    names: &Parameters::NAMES,
+    policy: |numbers| super::learner(Parameters::of(numbers)),
+    meaning: |numbers| {
+        let meaning = Parameters::of(numbers).meaning();
+        meaning.map(|(name, value, unit)| Meaning { name, value, unit }).to_vec()
+    },
+};
 
 /// How many numbers the policy has.
 pub const PARAMETERS: usize = 12;
@@ -39,6 +50,12 @@ impl Parameters {
         "transfer_climb",
         "transfer_deadband",
     ];
+
+    /// These numbers; missing ones are ½.
+    #[must_use]
+    pub fn of(numbers: &[f64]) -> Self {
+        Self(std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.5)))
+    }
 
     /// Uniform random numbers: what the learner starts from, and what `frozen` stays at.
     #[must_use]

@@ -13,12 +13,23 @@ use super::planner;
 use super::reward::Objective;
 use super::telemetry::Telemetry;
 use crate::log::ActionLog;
-use crate::policy::{Policy, PolicyError};
+use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::scenario::Scenario;
 use crate::seed::Seed;
 
-/// The names, in the order people should read them.
-pub const NAMES: [&str; 6] = ["hold", "random", "blind", "frozen", "heuristic", "reference"];
+/// The policies, in the order people should read them.
+pub static SPECS: [PolicySpec; 6] = [
+    PolicySpec { name: "hold", about: "does nothing", chance: false },
+    PolicySpec { name: "random", about: "burns at random on every axis in every step", chance: true },
+    PolicySpec {
+        name: "blind",
+        about: "one fixed radial kick of 0.2 LU/TU at the first step",
+        chance: false,
+    },
+    PolicySpec { name: "frozen", about: "the trainable reflex at random numbers, untrained", chance: true },
+    PolicySpec { name: "heuristic", about: "looks ahead and dodges what it sees", chance: false },
+    PolicySpec { name: "reference", about: "the planner, with hindsight", chance: false },
+];
 
 /// A policy of kessler acts on telemetry.
 trait Pilot: Send {
@@ -56,7 +67,10 @@ pub fn by_name(
         "heuristic" => Box::new(Seat(Heuristic)),
         "reference" => Box::new(Seat(Witness::new(planner::bracket(objective, scenario)?.witness))),
         _ => {
-            return Err(PolicyError::Unknown { name: name.to_owned(), known: NAMES.join(", ") });
+            return Err(PolicyError::Unknown {
+                name: name.to_owned(),
+                known: SPECS.map(|spec| spec.name).join(", "),
+            });
         }
     })
 }

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
-use env_core::kessler::policies::NAMES;
+use env_core::kessler::policies::SPECS;
 
 use self::fly::Row;
 use self::report::Report;
@@ -35,7 +35,7 @@ pub struct Args {
     suite: String,
     /// The policies, each once: repeat the option, or separate them by commas
     #[arg(long = "policy", value_name = "POLICY", required = true, value_delimiter = ',',
-          value_parser = PossibleValuesParser::new(NAMES))]
+          value_parser = PossibleValuesParser::new(SPECS.map(|spec| spec.name)))]
     policies: Vec<String>,
     /// What policies with chance in them (random, frozen) and the resamples draw from
     #[arg(long, default_value_t = 0)]
