@@ -49,11 +49,20 @@ impl Stream {
 }
 
 const SLOTS: usize = 9;
+/// No stream has this number.
+const CLOSED: u64 = u64::MAX;
 
 /// A source of draws.
 pub trait Chance {
     /// The next draw of `stream`, uniform in [0, 1).
     fn uniform(&mut self, stream: Stream) -> f64;
+
+    /// The next draws of `stream`, in order.
+    fn fill(&mut self, stream: Stream, draws: &mut [f64]) {
+        for draw in draws {
+            *draw = self.uniform(stream);
+        }
+    }
 
     /// Uniform in [low, high).
     fn between(&mut self, stream: Stream, low: f64, high: f64) -> f64 {
@@ -75,28 +84,59 @@ impl Seeded {
         Self { seed: seed.get(), open: [const { None }; SLOTS] }
     }
 
-    fn generator(seed: u64, slot: usize, number: u64) -> Box<ChaCha8Rng> {
+    /// The draws of another seed, from the start of every stream, in the same memory.
+    pub fn reseed(&mut self, seed: Seed) {
+        self.seed = seed.get();
+        for (number, _) in self.open.iter_mut().flatten() {
+            *number = CLOSED;
+        }
+    }
+
+    fn generator(seed: u64, slot: usize, number: u64) -> ChaCha8Rng {
         let mut key = [0u8; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
         key[8..16].copy_from_slice(&(slot as u64).to_le_bytes());
         key[16..].copy_from_slice(b"sparring chance1");
         let mut generator = ChaCha8Rng::from_seed(key);
         generator.set_stream(number);
-        Box::new(generator)
+        generator
+    }
+}
+
+impl Seeded {
+    /// The generator of a stream, opened where it is not open.
+    #[inline]
+    fn open(&mut self, stream: Stream) -> Option<&mut ChaCha8Rng> {
+        let (slot, number) = stream.place();
+        let open = &mut self.open[slot];
+        match open {
+            Some((of, _)) if *of == number => {}
+            Some((of, generator)) => {
+                *of = number;
+                **generator = Self::generator(self.seed, slot, number);
+            }
+            None => *open = Some((number, Box::new(Self::generator(self.seed, slot, number)))),
+        }
+        open.as_mut().map(|(_, generator)| &mut **generator)
+    }
+
+    /// Bytes of its open streams.
+    pub(crate) fn bytes(&self) -> usize {
+        self.open.iter().flatten().count() * size_of::<ChaCha8Rng>()
     }
 }
 
 impl Chance for Seeded {
     fn uniform(&mut self, stream: Stream) -> f64 {
-        let (slot, number) = stream.place();
-        let open = &mut self.open[slot];
-        match open {
-            Some((of, _)) if *of == number => {}
-            _ => *open = Some((number, Self::generator(self.seed, slot, number))),
-        }
-        match open {
-            Some((_, generator)) => unit(generator.next_u64()),
-            None => 0.0, // cannot be: it was opened above
+        // There always is one: it was opened where it was not.
+        self.open(stream).map_or(0.0, |generator| unit(generator.next_u64()))
+    }
+
+    fn fill(&mut self, stream: Stream, draws: &mut [f64]) {
+        if let Some(generator) = self.open(stream) {
+            for draw in draws {
+                *draw = unit(generator.next_u64());
+            }
         }
     }
 }

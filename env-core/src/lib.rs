@@ -7,6 +7,7 @@
 //! A *task* is one [`task::TaskSpec`]; a *world* is a module of them ([`kessler`] is the first). Nothing outside a
 //! world's own module knows its columns: the service reads parameter spaces, levels and outcomes as data.
 
+pub mod batch;
 pub mod bracket;
 mod canonical;
 pub mod chance;

@@ -2,7 +2,9 @@
 //! are those of the public kessler-env; where that is wrong this world is right, and `compat: upstream` restores its
 //! arithmetic. `docs/kessler.md` has the tables.
 
+pub mod batch;
 mod codec;
+mod columns;
 pub mod constants;
 mod critique;
 pub mod debris;
@@ -10,6 +12,7 @@ mod episode;
 pub mod event;
 pub mod flight;
 pub mod kernel;
+mod pass;
 pub mod planner;
 pub mod plant;
 pub mod policies;
@@ -30,6 +33,7 @@ use self::constants::{EPSILON, GOAL, HORIZON, MAX_BURN, SATELLITES};
 use self::episode::KesslerEpisode;
 use self::reward::Objective;
 use self::setup::Setup;
+use crate::batch::{Batch, BatchConfig, BatchError, Feed};
 use crate::bracket::{Bracket, Flown};
 use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError};
@@ -167,6 +171,10 @@ impl TaskSpec for Kessler {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
+        batch::batch(self.objective, self.id, feed, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

@@ -141,30 +141,4 @@ impl<C: Chance> Flight<C> {
             done: self.done(),
         }
     }
-
-    /// Writes the observation as f32 columns into the caller's buffer: per satellite x, y, vx, vy, fuel, active; then
-    /// per debris x, y, vx, vy, visible (hidden ones are zero), in order. What does not fit is left out, what is left
-    /// of the buffer is zeroed.
-    #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
-    pub fn observe_into(&self, out: &mut [f32]) {
-        let mut rows = out.iter_mut();
-        let mut put = |value: f64| {
-            if let Some(cell) = rows.next() {
-                *cell = value as f32;
-            }
-        };
-        for s in self.satellites() {
-            for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, f64::from(s.active())] {
-                put(value);
-            }
-        }
-        let d = self.debris();
-        for i in 0..d.len() {
-            let seen = f64::from(self.sees(d.x[i], d.y[i]));
-            for value in [d.x[i] * seen, d.y[i] * seen, d.vx[i] * seen, d.vy[i] * seen, seen] {
-                put(value);
-            }
-        }
-        rows.for_each(|cell| *cell = 0.0);
-    }
 }
