@@ -20,6 +20,7 @@ pub mod spaces;
 pub mod telemetry;
 #[cfg(test)]
 mod tests;
+pub mod warnings;
 mod world;
 
 use serde_json::Value;

@@ -8,6 +8,7 @@ use super::flight::{Flight, Status};
 use super::kernel::Body;
 use super::reward::Objective;
 use super::setup::Contact;
+use super::warnings::Conjunction;
 use crate::chance::Chance;
 
 /// The observation of all satellites together.
@@ -24,6 +25,9 @@ pub struct Telemetry {
     pub satellites: Vec<SatelliteTelemetry>,
     /// Debris that some active satellite's radar sees.
     pub radar_debris: Vec<DebrisTelemetry>,
+    /// Conjunctions to come, if the option `warnings` asks for them; else not on the wire.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conjunctions: Option<Vec<Conjunction>>,
     /// Radar range, LU; 0 sees everything.
     pub radar_range: f64,
     /// What happened in the last step, in words.
@@ -149,6 +153,7 @@ impl<C: Chance> Flight<C> {
                     DebrisTelemetry { id: debris.id(i), x, y, vx, vy }
                 })
                 .collect(),
+            conjunctions: self.conjunctions(all),
             radar_range: self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0),
             critical_alerts: self.events().iter().filter_map(Event::alert).collect(),
             total_score: self.total(),
