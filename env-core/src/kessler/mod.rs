@@ -9,6 +9,7 @@ pub mod debris;
 mod episode;
 pub mod event;
 pub mod flight;
+mod forecast;
 pub mod kernel;
 pub mod planner;
 pub mod plant;
@@ -20,6 +21,7 @@ pub mod spaces;
 pub mod telemetry;
 #[cfg(test)]
 mod tests;
+pub mod tracks;
 pub mod warnings;
 mod world;
 
