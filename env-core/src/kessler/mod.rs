@@ -11,6 +11,7 @@ pub mod debris;
 mod episode;
 pub mod event;
 pub mod flight;
+mod forecast;
 pub mod kernel;
 mod pass;
 pub mod planner;
@@ -23,6 +24,8 @@ pub mod spaces;
 pub mod telemetry;
 #[cfg(test)]
 mod tests;
+pub mod tracks;
+pub mod warnings;
 mod world;
 
 use serde_json::Value;
