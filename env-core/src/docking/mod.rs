@@ -11,6 +11,7 @@ pub mod event;
 pub mod flight;
 pub mod planner;
 pub mod policies;
+pub mod record;
 pub mod relative;
 pub mod reward;
 pub mod setup;

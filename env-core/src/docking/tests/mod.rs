@@ -1,6 +1,7 @@
 //! What docking is held to.
 
 mod levels;
+mod reference;
 
 use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;
