@@ -6,6 +6,7 @@ pub mod approach;
 mod codec;
 pub mod constants;
 mod critique;
+pub mod deputy;
 mod episode;
 pub mod event;
 pub mod flight;

@@ -82,7 +82,7 @@ fn compare(episode: &RecordedEpisode, tally: &mut Tally) -> Result<(), String> {
     for (i, name) in names.iter().enumerate() {
         if let Some(&theirs) = episode.returns.get(*name) {
             let allowed = SINGLE * episode.n_steps as f64;
-            tally.number(Quantity::Return, flight.returns()[i], theirs, allowed, name);
+            tally.number(Quantity::Return, flight.deputies()[i].earned, theirs, allowed, name);
         }
     }
     Ok(())
@@ -125,7 +125,7 @@ fn compare_step(
             continue;
         }
         if let Some(theirs) = step.state.get(*name) {
-            for (&ours, &theirs) in flight.states()[i].iter().zip(theirs) {
+            for (&ours, &theirs) in flight.deputies()[i].state.iter().zip(theirs) {
                 tally.number(Quantity::State, ours, theirs, tally.tolerance, name);
             }
         }
@@ -157,12 +157,13 @@ fn parted(flight: &Flight, stepped: &Stepped, step: &RecordedStep) -> Option<&'s
             "the recording's environment cuts episodes off at its own horizon of 1000 s; here the task's 2000 s hold",
         );
     }
-    let collided = (0..flight.deputies()).any(|i| flight.ends(i).collision);
+    let collided = flight.deputies().iter().any(|deputy| deputy.ends.collision);
     if says("CollisionDoneFunction") && !collided && !flight.done() {
-        let left = |i: usize| stepped.live_before[i] && flight.ends(i).any();
-        let near =
-            |i: usize, j: usize| separation(&flight.states()[i], &flight.states()[j]) < COLLISION_DISTANCE_M;
-        let pairs = (0..flight.deputies()).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let left = |i: usize| stepped.live_before[i] && flight.deputies()[i].ends.any();
+        let near = |i: usize, j: usize| {
+            separation(&flight.deputies()[i].state, &flight.deputies()[j].state) < COLLISION_DISTANCE_M
+        };
+        let pairs = (0..flight.deputies().len()).flat_map(|i| (0..i).map(move |j| (i, j)));
         if pairs.into_iter().any(|(i, j)| (left(i) || left(j)) && near(i, j)) {
             return Some(
                 "the recording counts a deputy that leaves in this step as hit, in an order that is not defined; here a \
@@ -174,7 +175,8 @@ fn parted(flight: &Flight, stepped: &Stepped, step: &RecordedStep) -> Option<&'s
 }
 
 fn compare_observation(flight: &Flight, i: usize, theirs: &[f64], tally: &mut Tally) {
-    for (column, (ours, &theirs)) in observe(&flight.states()[i]).into_iter().zip(theirs).enumerate() {
+    for (column, (ours, &theirs)) in observe(&flight.deputies()[i].state).into_iter().zip(theirs).enumerate()
+    {
         let ours = f64::from(ours);
         // Below 1e-9 of the scale a rounding of the state is larger than one of the number itself.
         let allowed = ULPS * ours.abs().max(theirs.abs()).max(0.01);
@@ -199,8 +201,8 @@ fn compare_reward(stepped: &Stepped, i: usize, name: &str, agent: &RecordedAgent
 
 /// Done flag, the rules by which, and what they say.
 fn compare_end(flight: &Flight, i: usize, name: &str, agent: &RecordedAgent, tally: &mut Tally) {
-    let ends = flight.ends(i);
-    let all_docked = flight.done() && (0..flight.deputies()).all(|j| flight.ends(j).docked);
+    let ends = flight.deputies()[i].ends;
+    let all_docked = flight.done() && flight.deputies().iter().all(|deputy| deputy.ends.docked);
     let mut ours = rules(ends, all_docked);
     let mut theirs: Vec<(&str, Option<&str>)> = agent
         .done_info

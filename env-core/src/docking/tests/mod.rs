@@ -1,5 +1,6 @@
 //! What docking is held to.
 
+mod critique;
 mod levels;
 mod reference;
 
