@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::chance::{Chance, Seeded, Stream};
 use crate::log::JointAction;
-use crate::task::{Episode, StepReport, TaskSpec};
+use crate::task::{Episode, StepReport};
 
 /// A batch with the buffers it writes.
 struct Flying {
@@ -68,7 +68,13 @@ impl Flying {
 fn action(slot: usize, step: usize, width: usize) -> Vec<f32> {
     let mut chance = Seeded::new(Seed::user((slot * 100_000 + step) as u64).unwrap());
     (0..width)
-        .map(|_| if chance.uniform(Stream::Policy) < 0.5 { 0.0 } else { chance.uniform(Stream::Policy) as f32 - 0.5 })
+        .map(|_| {
+            if chance.uniform(Stream::Policy) < 0.5 {
+                0.0
+            } else {
+                chance.uniform(Stream::Policy) as f32 - 0.5
+            }
+        })
         .collect()
 }
 
@@ -124,7 +130,10 @@ fn matches_single(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
             for agent in &told.agents {
                 let at = env * shape.agents + agent.agent as usize;
                 assert_eq!(flying.rewards[at].to_bits(), (agent.reward as f32).to_bits());
-                assert_eq!((flying.terminated[at], flying.truncated[at]), (agent.terminated, agent.truncated));
+                assert_eq!(
+                    (flying.terminated[at], flying.truncated[at]),
+                    (agent.terminated, agent.truncated)
+                );
             }
             if told.done {
                 *single = Single::start(&scenario(&flying, env));
@@ -144,6 +153,24 @@ fn a_batch_is_its_environments_one_by_one() {
     for recipe in recipes() {
         matches_single(&recipe, 3, 70);
     }
+}
+
+/// Tracks, which carry a forecast along, are what a fresh look at the same episode gives.
+#[test]
+fn tracks_are_seen_from_a_batch_too() {
+    let task = crate::task("kessler/survival").unwrap();
+    let recipe = Arc::new(Recipe::with_params(task, task.levels().params(6)).unwrap());
+    let observe = Observe::Tracks { threats: 5, look_ahead: 12 };
+    let config = BatchConfig { envs: 3, autoreset: Autoreset::SameStep, observe };
+    let mut batch = task.batch(Box::new(Seeds::new(Arc::clone(&recipe), 9)), config).unwrap();
+    let shape = batch.shape();
+    assert_eq!(shape.observation, 3 * (16 + 5 * 7));
+    let mut seen = vec![f32::NAN; 3 * shape.observation];
+    batch.reset(None, &mut seen).unwrap();
+    assert!(seen.iter().all(|x| x.abs() <= crate::kessler::tracks::LIMIT));
+    let wrong = BatchConfig { observe: Observe::Tracks { threats: 301, look_ahead: 12 }, ..config };
+    let error = task.batch(Box::new(Seeds::new(recipe, 9)), wrong).err().unwrap();
+    assert_eq!(error.to_string(), "threats is 301, outside 0 to 300");
 }
 
 #[test]
@@ -238,7 +265,10 @@ fn what_is_wrong_is_said_and_moves_nothing() {
     let config = |envs| BatchConfig { envs, autoreset: Autoreset::NextStep, observe: ALL };
     let wrong = |envs| task.batch(Box::new(Seeds::new(Arc::clone(&recipe), 0)), config(envs)).err().unwrap();
     assert_eq!(wrong(0).to_string(), "envs is 0, outside 1 to 1048576");
-    assert_eq!(wrong(MAX_ENVS + 1), BatchError::Config { field: "envs", value: MAX_ENVS + 1, min: 1, max: MAX_ENVS });
+    assert_eq!(
+        wrong(MAX_ENVS + 1),
+        BatchError::Config { field: "envs", value: MAX_ENVS + 1, min: 1, max: MAX_ENVS }
+    );
     assert!(wrong_mask(&recipe).contains("mask holds 1 values, not 2"));
 }
 

@@ -137,6 +137,17 @@ impl Flight {
         self.events.clear();
     }
 
+    /// Another recipe for the next start.
+    pub(super) const fn set_up(&mut self, setup: Setup) {
+        self.setup = setup;
+    }
+
+    /// Bytes it takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + self.events.capacity() * size_of::<Event>()
+    }
+
     /// One step. An action is (deputy; thrust on x, y, z in N), held for the step: a deputy without one coasts. Several
     /// of one deputy are added up, then each axis is clamped. Those of deputies that have left are ignored.
     ///

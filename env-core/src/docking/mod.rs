@@ -3,6 +3,7 @@
 //! the number. `docs/docking.md` has the tables.
 
 pub mod approach;
+mod batch;
 mod codec;
 pub mod constants;
 mod critique;
@@ -29,6 +30,7 @@ pub use self::world::DOCKING;
 use self::constants::MAX_THRUST_N;
 use self::episode::DockingEpisode;
 use self::setup::Setup;
+use crate::batch::{Batch, BatchConfig, BatchError, Feed};
 use crate::bracket::{Bracket, Flown};
 use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError};
@@ -145,6 +147,10 @@ impl TaskSpec for Docking {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
+        batch::batch(self.id, feed, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

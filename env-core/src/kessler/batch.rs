@@ -6,6 +6,7 @@ use super::constants::SATELLITES;
 use super::flight::{Flight, Status};
 use super::reward::{Objective, score};
 use super::setup::{Setup, Start};
+use super::tracks::Tracks;
 use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
@@ -26,23 +27,45 @@ pub(super) fn batch(
 ) -> Result<Box<dyn Batch>, BatchError> {
     let (recipe, _) = feed.scenario(0, 0);
     let setup = Arc::new(Setup::read(&recipe).map_err(|source| BatchError::Scenario { env: 0, source })?);
-    let Observe::All { bodies } = config.observe else {
-        return Err(BatchError::Unsupported("kessler's batch does not observe tracks yet"));
+    let observer = match config.observe {
+        Observe::All { bodies } => {
+            Observer::All(bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize))
+        }
+        Observe::Tracks { threats, look_ahead } => {
+            let tracks = Tracks::new(threats as usize, look_ahead as usize);
+            Observer::Tracks(tracks.map_err(|e| BatchError::Config {
+                field: if e.field == "k" { "threats" } else { "look_ahead" },
+                value: e.value,
+                min: e.min,
+                max: e.max,
+            })?)
+        }
     };
-    let bodies = bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize);
-    let shape = Shape {
-        envs: config.envs,
-        agents: SATELLITES,
-        action: 2,
-        observation: SATELLITES * SATELLITE_VALUES + DEBRIS_COLUMNS * bodies,
-    };
+    let shape = Shape { envs: config.envs, agents: SATELLITES, action: 2, observation: observer.len() };
     let lane = || {
         let start = Start::default();
         let nothing = Seeded::new(Seed::in_space(crate::seed::SeedSpace::User, 0));
         let flight = Flight::new(objective, Arc::clone(&setup), &start, nothing);
-        KesslerLane { task, flight, start, recipe: Arc::clone(&recipe), bodies }
+        KesslerLane { task, flight, start, recipe: Arc::clone(&recipe), observer: observer.clone() }
     };
     Ok(Box::new(Engine::new(config, shape, feed, lane)?))
+}
+
+/// What is seen, and how it is written.
+#[derive(Clone)]
+enum Observer {
+    /// Columns, of so many bodies.
+    All(usize),
+    Tracks(Tracks),
+}
+
+impl Observer {
+    fn len(&self) -> usize {
+        match self {
+            Self::All(bodies) => SATELLITES * SATELLITE_VALUES + DEBRIS_COLUMNS * bodies,
+            Self::Tracks(tracks) => tracks.total(),
+        }
+    }
 }
 
 struct KesslerLane {
@@ -51,7 +74,7 @@ struct KesslerLane {
     start: Start,
     /// What the flight's setup was read from.
     recipe: Arc<Recipe>,
-    bodies: usize,
+    observer: Observer,
 }
 
 impl Lane for KesslerLane {
@@ -95,7 +118,10 @@ impl Lane for KesslerLane {
     }
 
     fn observe(&mut self, out: &mut [f32]) {
-        self.flight.observe_into(out, self.bodies);
+        match &mut self.observer {
+            Observer::All(bodies) => self.flight.observe_into(out, *bodies),
+            Observer::Tracks(tracks) => tracks.write(&self.flight, out),
+        }
     }
 
     fn score(&self) -> f64 {

@@ -31,17 +31,15 @@ pub struct Debris {
 }
 
 impl Debris {
-    /// None yet, with room for so many.
-    pub(super) fn with_room(room: usize) -> Self {
-        let padded = room.next_multiple_of(LANES);
-        let column = || Vec::with_capacity(padded);
+    /// None yet.
+    pub(super) fn new() -> Self {
         Self {
-            x: column(),
-            y: column(),
-            vx: column(),
-            vy: column(),
-            approaching: Vec::with_capacity(padded),
-            id: Vec::with_capacity(room),
+            x: Vec::new(),
+            y: Vec::new(),
+            vx: Vec::new(),
+            vy: Vec::new(),
+            approaching: Vec::new(),
+            id: Vec::new(),
             next_id: 0,
             may_be_inside: false,
             arch: Arch::new(),
@@ -88,9 +86,15 @@ impl Debris {
         self.may_be_inside = false;
     }
 
-    /// These and no others, in order.
-    pub(super) fn load(&mut self, bodies: &[Body]) {
+    /// These and no others, in order, with room for `most`.
+    pub(super) fn load(&mut self, bodies: &[Body], most: usize) {
         self.clear();
+        let room = most.next_multiple_of(LANES);
+        for column in [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy] {
+            column.reserve(room);
+        }
+        self.approaching.reserve(room);
+        self.id.reserve(room);
         let padded = bodies.len().next_multiple_of(LANES);
         let of = [|b: &Body| b.x, |b: &Body| b.y, |b: &Body| b.vx, |b: &Body| b.vy];
         let columns = [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy];

@@ -84,17 +84,19 @@ pub struct Flight<C> {
     events: Vec<Event>,
 }
 
+/// Events of one step that there is room for from the start.
+const EVENTS: usize = 32;
+
 impl<C: Chance> Flight<C> {
     /// The episode at its start.
     #[must_use]
     pub fn new(objective: Objective, setup: impl Into<Arc<Setup>>, start: &Start, chance: C) -> Self {
-        let room = start.debris.len() + start.rogues.len() + SATELLITES * FRAGMENTS;
         let nobody = Satellite { body: ABSENT, fuel: 0.0, status: Status::Lost, survival: 0.0 };
         let mut flight = Self {
             objective,
             chance,
             satellites: [nobody; SATELLITES],
-            debris: Debris::with_room(room),
+            debris: Debris::new(),
             rogues: Vec::new(),
             next_rogue: 0,
             step: 0,
@@ -102,7 +104,7 @@ impl<C: Chance> Flight<C> {
             goal_sum: 0.0,
             fuel_used: 0.0,
             done: false,
-            events: Vec::with_capacity(16),
+            events: Vec::with_capacity(EVENTS),
             setup: setup.into(),
         };
         flight.place(start);
@@ -125,11 +127,13 @@ impl<C: Chance> Flight<C> {
         let fuel = self.setup.fuel;
         self.satellites =
             start.satellites.map(|body| Satellite { body, fuel, status: Status::Active, survival: 1.0 });
-        self.debris.load(&start.debris);
+        self.debris.load(&start.debris, self.setup.most_debris());
         if let Contact::Chance(_) = self.setup.physics.contact {
             self.debris.look_at(&start.satellites);
         }
-        self.rogues.clone_from(&start.rogues);
+        self.rogues.clear();
+        self.rogues.reserve(self.setup.most_rogues());
+        self.rogues.extend_from_slice(&start.rogues);
         self.next_rogue = 0;
         self.step = 0;
         self.total = 0.0;

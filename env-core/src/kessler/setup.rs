@@ -292,7 +292,9 @@ impl Setup {
 
     /// Rogues do not depend on what anybody does, so all of them are drawn at the start.
     fn rogues(&self, chance: &mut impl Chance, rogues: &mut Vec<(u32, Body)>) {
-        rogues.clone_from(&self.layout_rogues);
+        rogues.clear();
+        rogues.reserve(self.most_rogues());
+        rogues.extend_from_slice(&self.layout_rogues);
         if self.rogue_probability > 0.0 && !self.rogues_replaced {
             for step in 1..=HORIZON {
                 if chance.uniform(Stream::Arrivals) < self.rogue_probability {
@@ -306,12 +308,17 @@ impl Setup {
         }
     }
 
+    /// Most rogues there can be.
+    #[must_use]
+    pub fn most_rogues(&self) -> usize {
+        let drawn = self.rogue_probability > 0.0 && !self.rogues_replaced;
+        self.layout_rogues.len() + if drawn { HORIZON as usize } else { 0 }
+    }
+
     /// Most debris there can be at once.
     #[must_use]
     pub fn most_debris(&self) -> usize {
-        let drawn = self.rogue_probability > 0.0 && !self.rogues_replaced;
-        let rogues = self.layout_rogues.len() + if drawn { HORIZON as usize } else { 0 };
-        self.debris + self.layout_debris.len() + rogues + SATELLITES * FRAGMENTS
+        self.debris + self.layout_debris.len() + self.most_rogues() + SATELLITES * FRAGMENTS
     }
 }
 
