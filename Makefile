@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench fmt lint deny sqlx check-cargo check-python
+.PHONY: help demo test bench bench-peers fmt lint deny sqlx check-cargo check-python
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -16,6 +16,10 @@ test: check-cargo check-python lint ## Everything that is checked before a chang
 bench: check-cargo ## Benchmarks: measured, goal, ratio (on an idle machine)
 	cargo build --release --locked -p orchestrator -p bench
 	cargo run --release --locked -p bench
+
+bench-peers: check-cargo check-python ## The public Python environment beside ours: KESSLER_ENV=path to a copy of it
+	cargo build --release --locked -p orchestrator
+	python3 bench/peers.py --sparring target/release/sparring --kessler-env "$(KESSLER_ENV)"
 
 fmt: check-cargo ## Format the code
 	cargo fmt --all
