@@ -5,6 +5,13 @@ mod golden;
 mod laws;
 mod planned;
 mod reference;
+mod staging;
+mod tracks;
+mod validate_formation;
+mod validate_j2;
+mod validate_pc;
+mod validate_swept;
+mod validate_warnings;
 
 use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;
