@@ -1,6 +1,8 @@
 //! What kessler is held to.
 
+mod bad_input;
 mod differences;
+mod fuzz;
 mod golden;
 mod laws;
 mod planned;
