@@ -422,19 +422,16 @@ fn body(field: &str, row: &[f64]) -> Result<Body, ScenarioError> {
     let &[x, y, vx, vy] = row else {
         return Err(fault(field, format!("{} numbers; a body is x, y, vx, vy", row.len())));
     };
-    for (column, value, max) in
-        [(0, x, MAX_COORDINATE), (1, y, MAX_COORDINATE), (2, vx, MAX_SPEED), (3, vy, MAX_SPEED)]
-    {
-        if value.is_nan() || value.abs() > max {
-            return Err(ScenarioError::OutOfRange {
-                field: format!("{field}.{column}"),
-                value,
-                min: -max,
-                max,
-            });
-        }
+    placed(field, 0, Body { x, y, vx, vy })
+}
+
+/// A body whose columns start at `first`.
+fn placed(field: &str, first: usize, body: Body) -> Result<Body, ScenarioError> {
+    let columns =
+        [(body.x, MAX_COORDINATE), (body.y, MAX_COORDINATE), (body.vx, MAX_SPEED), (body.vy, MAX_SPEED)];
+    for (column, (value, max)) in (first..).zip(columns) {
+        within(&format!("{field}.{column}"), value, -max, max)?;
     }
-    let body = Body { x, y, vx, vy };
     if body.radius() < EARTH_RADIUS {
         return Err(fault(
             field,
@@ -445,18 +442,24 @@ fn body(field: &str, row: &[f64]) -> Result<Body, ScenarioError> {
 }
 
 fn rogue(field: &str, row: &[f64]) -> Result<(u32, Body), ScenarioError> {
-    let Some((&step, rest)) = row.split_first() else {
-        return Err(fault(field, "a rogue is step, x, y, vx, vy".to_owned()));
+    let &[step, x, y, vx, vy] = row else {
+        return Err(fault(field, format!("{} numbers; a rogue is step, x, y, vx, vy", row.len())));
     };
-    if !(step >= 1.0 && step <= f64::from(HORIZON)) || libm::floor(step) != step {
-        return Err(ScenarioError::OutOfRange {
-            field: format!("{field}.0"),
-            value: step,
-            min: 1.0,
-            max: f64::from(HORIZON),
-        });
+    let at = format!("{field}.0");
+    within(&at, step, 1.0, f64::from(HORIZON))?;
+    if libm::floor(step) != step {
+        let wanted = "a whole number".to_owned();
+        return Err(ScenarioError::WrongType { field: at, found: step.to_string(), wanted });
     }
-    Ok((step as u32, body(field, rest)?))
+    Ok((step as u32, placed(field, 1, Body { x, y, vx, vy })?))
+}
+
+fn within(field: &str, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
+    if value >= min && value <= max {
+        Ok(())
+    } else {
+        Err(ScenarioError::OutOfRange { field: field.to_owned(), value, min, max })
+    }
 }
 
 fn fault(field: &str, reason: String) -> ScenarioError {

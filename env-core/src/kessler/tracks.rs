@@ -254,7 +254,7 @@ const OWN: [Spec; 16] = [
     ("other_1_in_track_speed", "LU/TU", 0.0, DRIFT, OTHER_SPEED),
 ];
 const OTHER: &str =
-    "formation: where the next active satellite is (0 → 1, 2; 1 → 2, 0; 2 → 0, 1); 0 if it is lost";
+    "formation: where the next satellite is (of 0: 1, 2; of 1: 2, 0; of 2: 0, 1); 0 if it is lost";
 const OTHER_SPEED: &str = "formation: its velocity as seen from here";
 
 /// The columns of one piece of debris; a scale of 0 stands for the look-ahead.

@@ -1,10 +1,19 @@
 //! What kessler is held to.
 
+mod bad_input;
 mod differences;
+mod fuzz;
 mod golden;
 mod laws;
 mod planned;
 mod reference;
+mod staging;
+mod tracks;
+mod validate_formation;
+mod validate_j2;
+mod validate_pc;
+mod validate_swept;
+mod validate_warnings;
 
 use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;

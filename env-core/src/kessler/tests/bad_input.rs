@@ -1,0 +1,226 @@
+//! Whatever cannot be, refused by field: once through the reader of recipes, once through that of scenarios.
+
+use serde_json::{Value, json};
+
+use crate::scenario::{MAX_LAYOUT_ROWS, Recipe, Scenario};
+
+/// What is said of a recipe for survival with this changed, and that both readers and the error's field agree on it.
+fn said(changes: &[(&str, Value)]) -> String {
+    let mut recipe = json!({"task": "kessler/survival"});
+    for (path, value) in changes {
+        match path.split_once('.') {
+            Some((outer, inner)) => recipe[outer][inner] = value.clone(),
+            None => recipe[*path] = value.clone(),
+        }
+    }
+    let mut scenario = recipe.clone();
+    scenario["seed"] = json!(1);
+    let by_recipe = Recipe::from_json(&recipe).expect_err(&format!("{recipe} was taken"));
+    assert_eq!(Scenario::from_json(&scenario).unwrap_err(), by_recipe);
+    let text = by_recipe.to_string();
+    assert!(text.starts_with(by_recipe.field()), "{text} does not begin with its field");
+    text
+}
+
+fn all(table: &[&[(&str, Value)]]) -> String {
+    table.iter().map(|changes| said(changes) + "\n").collect()
+}
+
+fn with_bodies(table: &str, rows: Value) -> Value {
+    json!({"mode": "extend", "bodies": {table: rows}})
+}
+
+#[test]
+fn params_out_of_range() {
+    insta::assert_snapshot!(all(&[
+        &[("params.debris", json!(-5))],
+        &[("params.debris", json!(305))],
+        &[("params.debris", json!(7.5))],
+        &[("params.debris", json!("many"))],
+        &[("params.debris", json!(null))],
+        &[("params.fuel", json!(0))],
+        &[("params.fuel", json!(1000.5))],
+        &[("params.spread", json!(-0.1))],
+        &[("params.spread", json!(3.1))],
+        &[("params.rogue_probability", json!(-0.01))],
+        &[("params.rogue_probability", json!(1.01))],
+        &[("params.rogue_speed", json!(0.29))],
+        &[("params.rogue_speed", json!(1.31))],
+        &[("params.radar_range", json!(0))],
+        &[("params.radar_range", json!(301))],
+        &[("params.sigma", json!(0.04))],
+        &[("params.sigma", json!(10.1))],
+        &[("params.sigma", json!([0.5]))],
+        &[("params.warnings", json!(1))],
+        &[("params", json!([1, 2]))],
+    ]), @r#"
+    params.debris is -5, outside 0 to 300
+    params.debris is 305, outside 0 to 300
+    params.debris is 7.5, but must be a whole number
+    params.debris is "many", but must be a finite number
+    params.debris is null, but must be a finite number
+    params.fuel is 0, outside 0.1 to 1000
+    params.fuel is 1000.5, outside 0.1 to 1000
+    params.spread is -0.1, outside 0 to 3
+    params.spread is 3.1, outside 0 to 3
+    params.rogue_probability is -0.01, outside 0 to 1
+    params.rogue_probability is 1.01, outside 0 to 1
+    params.rogue_speed is 0.29, outside 0.3 to 1.3
+    params.rogue_speed is 1.31, outside 0.3 to 1.3
+    params.radar_range is 0, outside 1 to 300
+    params.radar_range is 301, outside 1 to 300
+    params.sigma is 0.04, outside 0.05 to 10
+    params.sigma is 10.1, outside 0.05 to 10
+    params.sigma is [0.5], but must be a finite number
+    params.warnings is not a known field; known are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma
+    params is [1,2], but must be an object
+    "#);
+}
+
+#[test]
+fn options_unknown_or_contradictory() {
+    let upstream = ("physics.compat", json!("upstream"));
+    insta::assert_snapshot!(all(&[
+        &[("physics.start", json!("unfair"))],
+        &[("physics.compat", json!("downstream"))],
+        &[("physics.contact", json!("continuous"))],
+        &[("physics.gravity", json!("j3"))],
+        &[("physics.risk", json!("none"))],
+        &[("physics.warnings", json!("loud"))],
+        &[("physics.warnings", json!(true))],
+        &[("physics.radar", json!("on"))],
+        &[("physics", json!("j2"))],
+        &[("physics.contact", json!("swept")), ("physics.risk", json!("pc"))],
+        &[upstream.clone(), ("physics.contact", json!("swept"))],
+        &[upstream.clone(), ("physics.gravity", json!("j2"))],
+        &[upstream.clone(), ("physics.risk", json!("pc"))],
+    ]), @r#"
+    physics.start is "unfair"; choose one of fair, upstream
+    physics.compat is "downstream"; choose one of none, upstream
+    physics.contact is "continuous"; choose one of end_of_step, swept
+    physics.gravity is "j3"; choose one of point, j2
+    physics.risk is "none"; choose one of contact, pc
+    physics.warnings is "loud"; choose one of none, exact, noisy
+    physics.warnings is true, but must be a word
+    physics.radar is not a known field; known are start, compat, contact, gravity, risk, warnings
+    physics is "j2", but must be an object
+    physics.contact: it cannot be had together with risk: pc: under it no contact destroys, so there is none to sweep for
+    physics.contact: it cannot be had together with compat: upstream: that is the public original's arithmetic, to the bit
+    physics.gravity: it cannot be had together with compat: upstream: that is the public original's arithmetic, to the bit
+    physics.risk: it cannot be had together with compat: upstream: that is the public original's arithmetic, to the bit
+    "#);
+}
+
+#[test]
+fn layouts_that_cannot_be() {
+    let far = vec![json!([500, 0, 0, 1]); MAX_LAYOUT_ROWS + 1];
+    let bodies = |table, rows| [("layout", with_bodies(table, rows))];
+    let replaced = |count: u32, rows: Value| {
+        [("params.debris", json!(count)), ("layout", json!({"mode": "replace", "bodies": {"debris": rows}}))]
+    };
+    insta::assert_snapshot!(all(&[
+        &[("layout", json!([]))],
+        &[("layout", json!({"bodies": {}}))],
+        &[("layout", json!({"mode": "merge", "bodies": {}}))],
+        &[("layout", json!({"mode": "extend"}))],
+        &bodies("moons", json!([[60, 0, 0, 4]])),
+        &bodies("debris", json!(Value::Array(far))),
+        &bodies("debris", json!([[60, 0, 0, 4], [60, 0, 4]])),
+        &bodies("debris", json!([[60, 0, 0, "4"]])),
+        &bodies("debris", json!([[1000.1, 0, 0, 4]])),
+        &bodies("debris", json!([[60, 0, 0, -100.1]])),
+        &bodies("debris", json!([[12, 15.9, 0, 4]])),
+        &bodies("satellites", json!([[60, 0, 0, 4]])),
+        &bodies("satellites", json!([[60, 0, 0, 4], [0, 70, -4, 0], [0, -19.9, 4, 0]])),
+        &bodies("rogues", json!([[]])),
+        &bodies("rogues", json!([[0, 95, 0, 0, 4]])),
+        &bodies("rogues", json!([[51, 95, 0, 0, 4]])),
+        &bodies("rogues", json!([[2.5, 95, 0, 0, 4]])),
+        &bodies("rogues", json!([[2, 5, 0, 0, 4]])),
+        &bodies("rogues", json!([[2, 95, 0, 0]])),
+        &bodies("rogues", json!([[2, 95, -1001, 0, 4]])),
+        &bodies("rogues", json!([[2, 95, 0, 0, 101]])),
+        &replaced(3, json!([[60, 0, 0, 4]])),
+    ]), @r#"
+    layout is [], but must be an object
+    layout.mode is missing: replace or extend
+    layout.mode is "merge"; choose one of replace, extend
+    layout.bodies is missing: tables of rows by name
+    layout.bodies.moons is not a known field; known are satellites, debris, rogues
+    layout.bodies.debris: 513 rows; at most 512 are taken
+    layout.bodies.debris.1: 3 numbers; a body is x, y, vx, vy
+    layout.bodies.debris.0.3 is "4", but must be a finite number
+    layout.bodies.debris.0.0 is 1000.1, outside -1000 to 1000
+    layout.bodies.debris.0.3 is -100.1, outside -100 to 100
+    layout.bodies.debris.0: it starts inside the Earth, 19.9 LU from its centre
+    layout.bodies.satellites: 1 rows; give all 3
+    layout.bodies.satellites.2: it starts inside the Earth, 19.9 LU from its centre
+    layout.bodies.rogues.0: 0 numbers; a rogue is step, x, y, vx, vy
+    layout.bodies.rogues.0.0 is 0, outside 1 to 50
+    layout.bodies.rogues.0.0 is 51, outside 1 to 50
+    layout.bodies.rogues.0.0 is 2.5, but must be a whole number
+    layout.bodies.rogues.0: it starts inside the Earth, 5.0 LU from its centre
+    layout.bodies.rogues.0: 4 numbers; a rogue is step, x, y, vx, vy
+    layout.bodies.rogues.0.2 is -1001, outside -1000 to 1000
+    layout.bodies.rogues.0.4 is 101, outside -100 to 100
+    params.debris: it is 3, but the layout replaces debris by 1
+    "#);
+}
+
+#[test]
+fn whose_task_and_seed_are_none() {
+    let scenario = |value: Value| Scenario::from_json(&value).unwrap_err().to_string() + "\n";
+    let said: String = [
+        json!(null),
+        json!("kessler/survival"),
+        json!({"seed": 1}),
+        json!({"task": 1, "seed": 1}),
+        json!({"task": "kessler/golf", "seed": 1}),
+        json!({"task": "kessler/survival"}),
+        json!({"task": "kessler/survival", "seed": -1}),
+        json!({"task": "kessler/survival", "seed": 1.5}),
+        json!({"task": "kessler/survival", "seed": "1"}),
+        json!({"task": "kessler/survival", "seed": 1u64 << 53}),
+        json!({"task": "kessler/survival", "seed": 1, "world": "kessler@2"}),
+        json!({"task": "kessler/survival", "seed": 1, "level": 3}),
+    ]
+    .into_iter()
+    .map(scenario)
+    .collect();
+    insta::assert_snapshot!(said, @r#"
+    scenario is null, but must be an object
+    scenario is "kessler/survival", but must be an object
+    task is missing: a task's id, as kessler/survival
+    task is 1, but must be a task's id, as kessler/survival
+    task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation
+    seed is missing: a whole number below 2^53
+    seed is -1, but must be a whole number below 2^53
+    seed is 1.5, but must be a whole number below 2^53
+    seed is "1", but must be a whole number below 2^53
+    seed is 9007199254740992, outside 0 to 6755399441055743
+    world is "kessler@2"; choose one of kessler@1
+    level is not a known field; known are world, task, params, physics, layout, seed
+    "#);
+}
+
+/// Bodies that touch before anybody could act: refused at the start, by field.
+#[test]
+fn starts_that_are_not_fair() {
+    let refused = |layout: Value, physics: Value| {
+        let value = json!({"task": "kessler/survival", "params": {"debris": 0}, "physics": physics, "layout": layout, "seed": 1});
+        let scenario = Scenario::from_json(&value).unwrap();
+        scenario.task().start(&scenario).err().map(|error| {
+            assert!(error.to_string().starts_with(error.field()));
+            error.to_string()
+        })
+    };
+    let satellites = json!([[60, 0, 0, 4], [0, 70, -3.7, 0], [0, -80, 3.5, 0]]);
+    let layout =
+        |debris: Value| json!({"mode": "extend", "bodies": {"satellites": satellites, "debris": debris}});
+    insta::assert_snapshot!(refused(layout(json!([[90, 0, 0, 3], [61, 0, 0, 4]])), json!({})).unwrap(), @"layout.bodies.debris.1: the start is not fair: it touches satellite 0 at step 0 under hold, before anybody could act");
+    // A head-on crossing within the second step: only a swept contact sees it.
+    let crossing = layout(json!([[60, 12, 0, -4]]));
+    assert_eq!(refused(crossing.clone(), json!({})), None);
+    insta::assert_snapshot!(refused(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 0 at step 2 under hold, before anybody could act");
+    assert_eq!(refused(crossing, json!({"contact": "swept", "start": "upstream"})), None);
+}
