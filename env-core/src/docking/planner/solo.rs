@@ -50,8 +50,9 @@ impl Solo {
         Self { law, docked: deputy.ends.docked, reward: deputy.earned }
     }
 
-    /// The deputy by itself under every law worth trying, the best first. A second above the limit costs 0.01, and saves
-    /// less than that from 100 s of time limit on: laws beyond it are tried only where none within it docks in time.
+    /// The deputy by itself under every law worth trying, the best first. A second at f times the limit v costs
+    /// 0.01 + 0.01(f − 1)v and saves f − 1 seconds, worth (f − 1)/T: less than it costs wherever vT ≥ 100 m. So laws beyond
+    /// the limit are tried only where none within it docks in time.
     pub(super) fn ranked(setup: &Setup, state: State) -> Vec<Self> {
         let fly = |law| Self::fly(setup, state, law);
         let mut solos: Vec<Self> = laws(&WITHIN, setup.thrust_bound).map(fly).collect();
