@@ -1,5 +1,5 @@
 //! What a deputy's thrusts were worth. Episodes have hundreds of seconds of thrust, and a second of it alone changes
-//! nothing that counts: so what is judged are arcs. The flight of each deputy is cut into at most ten windows of equal
+//! nothing that counts: so what is judged are arcs. The flight of each deputy is cut into at most six windows of equal
 //! length, not below 30 s, and the thrust of a window is one arc; its counterfactual is the same flight without it.
 
 use super::flown::Course;
@@ -10,11 +10,11 @@ use crate::docking::relative::{State, Step, Transition, distance, separation};
 use crate::docking::reward::{FAILED, approach, delta_v, nearness};
 
 /// Windows a flight is cut into at most.
-const WINDOWS: u32 = 10;
+const WINDOWS: u32 = 6;
 /// Shortest window, steps.
 const SHORTEST: u32 = 30;
 /// Seconds a counterfactual coasts on by the rules after the deputy left in truth.
-const COAST: u32 = 120;
+const COAST: u32 = 60;
 /// A deputy's return that counts.
 const COUNTS: f64 = 0.05;
 
@@ -70,7 +70,7 @@ fn judge(course: &Course, deputy: usize, from: u32, to: u32, cost: f64) -> Actio
 }
 
 /// What the deputy would have earned without its thrust in these steps, the others as they flew, and how it would have
-/// ended. If it still flew when in truth it left, it coasts: two minutes by the rules, then until time runs out, and then
+/// ended. If it still flew when in truth it left, it coasts: a minute by the rules, then until time runs out, and then
 /// only where it ends counts, and nothing that it might meet on the way.
 fn without(course: &Course, deputy: usize, from: u32, to: u32) -> (f64, Status) {
     let setup = course.flight.setup();

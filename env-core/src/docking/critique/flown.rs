@@ -15,10 +15,10 @@ use crate::scenario::Scenario;
 pub(super) struct Course {
     /// The flight at its end.
     pub(super) flight: Flight,
-    /// All deputies: at the start, and after each step. Those that have left stay.
-    deputies: Vec<[Deputy; MAX_DEPUTIES]>,
+    /// All deputies at the start, then after each step. Those that have left stay.
+    deputies: Vec<Deputy>,
     /// Thrusts of all deputies in each step, within the bound.
-    thrusts: Vec<Thrusts>,
+    thrusts: Vec<[f64; 3]>,
     /// The step after which each deputy was gone.
     left: [u32; MAX_DEPUTIES],
 }
@@ -26,18 +26,15 @@ pub(super) struct Course {
 impl Course {
     /// Flies the log again.
     pub(super) fn fly(scenario: &Scenario, log: &ActionLog) -> Result<Self, ReplayError> {
-        replay(scenario, log)?; // what is wrong with the log is said in one place
+        let steps = replay(scenario, log)?.steps as usize; // what is wrong with a log is said in one place
         let setup = Setup::read(scenario.recipe())?;
         let start = setup.start(&mut Seeded::new(scenario.seed()))?;
         let mut flight = Flight::new(setup, &start);
-        let room = log.len() + 1;
-        let mut course = Self {
-            deputies: Vec::with_capacity(room),
-            thrusts: Vec::with_capacity(room),
-            left: [0; MAX_DEPUTIES],
-            flight: flight.clone(),
-        };
-        course.note(&flight);
+        let count = flight.deputies().len();
+        let mut deputies = Vec::with_capacity(count * (steps + 1));
+        let mut flown = Vec::with_capacity(count * steps);
+        let mut left = [0; MAX_DEPUTIES];
+        deputies.extend_from_slice(flight.deputies());
         while !flight.done() {
             let action = log.step(flight.steps() as usize);
             let mut thrusts: Thrusts = [[0.0; 3]; MAX_DEPUTIES];
@@ -49,20 +46,13 @@ impl Course {
             let bound = setup.thrust_bound;
             let thrusts = thrusts.map(|thrust| thrust.map(|axis| axis.clamp(-bound, bound)));
             let stepped = flight.fly(thrusts);
-            course.thrusts.push(thrusts);
-            course.note(&flight);
-            for (left, _) in course.left.iter_mut().zip(stepped.live_before).filter(|(_, live)| *live) {
+            flown.extend_from_slice(&thrusts[..count]);
+            deputies.extend_from_slice(flight.deputies());
+            for (left, _) in left.iter_mut().zip(stepped.live_before).filter(|(_, live)| *live) {
                 *left = flight.steps();
             }
         }
-        course.flight = flight;
-        Ok(course)
-    }
-
-    fn note(&mut self, flight: &Flight) {
-        let mut deputies = [Deputy::default(); MAX_DEPUTIES];
-        deputies[..flight.deputies().len()].copy_from_slice(flight.deputies());
-        self.deputies.push(deputies);
+        Ok(Self { flight, deputies, thrusts: flown, left })
     }
 
     /// How many deputies there are.
@@ -75,9 +65,9 @@ impl Course {
         self.left[deputy]
     }
 
-    /// A deputy after a step; 0 is the start.
+    /// A deputy after a step; 0 is the start, and what is past the end is the end.
     pub(super) fn deputy(&self, deputy: usize, step: u32) -> &Deputy {
-        &self.deputies[(step as usize).min(self.deputies.len() - 1)][deputy]
+        &self.deputies[step.min(self.flight.steps()) as usize * self.count() + deputy]
     }
 
     /// Its state.
@@ -85,10 +75,11 @@ impl Course {
         &self.deputy(deputy, step).state
     }
 
-    /// The thrust of a deputy in a step, counted from 1.
+    /// The thrust of a deputy in a step, counted from 1; none past the end.
     pub(super) fn thrust(&self, deputy: usize, step: u32) -> [f64; 3] {
-        let index = (step as usize).checked_sub(1);
-        index.and_then(|index| self.thrusts.get(index)).map_or([0.0; 3], |thrusts| thrusts[deputy])
+        let before = (step as usize).checked_sub(1);
+        let index = before.map(|before| before * self.count() + deputy);
+        index.and_then(|index| self.thrusts.get(index)).copied().unwrap_or_default()
     }
 
     /// The deputies that collided at the end, as pairs.

@@ -7,7 +7,7 @@
 
 pub(super) mod solo;
 
-use self::solo::{Solo, laws};
+use self::solo::Solo;
 use super::constants::MAX_DEPUTIES;
 use super::event::Event;
 use super::flight::{Flight, Thrusts};
@@ -58,15 +58,8 @@ fn better(a: &Flown, b: &Flown) -> bool {
 
 /// The best joint flight found.
 fn plan(flight: &mut Flight, setup: &Setup, start: &Start) -> Option<Joint> {
-    let laws = laws(setup.thrust_bound);
-    let ranked: Vec<Vec<Solo>> = start.states[..start.deputies]
-        .iter()
-        .map(|state| {
-            let mut solos: Vec<Solo> = laws.iter().map(|&law| Solo::fly(setup, *state, law)).collect();
-            solos.sort_by(Solo::best_first);
-            solos
-        })
-        .collect();
+    let states = &start.states[..start.deputies];
+    let ranked: Vec<Vec<Solo>> = states.iter().map(|&state| Solo::ranked(setup, state)).collect();
     let mut choice = [0; MAX_DEPUTIES];
     let mut best: Option<Joint> = None;
     for _ in 0..TRIES {

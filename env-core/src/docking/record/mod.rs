@@ -178,7 +178,7 @@ fn compare_observation(flight: &Flight, i: usize, theirs: &[f64], tally: &mut Ta
     for (column, (ours, &theirs)) in observe(&flight.deputies()[i].state).into_iter().zip(theirs).enumerate()
     {
         let ours = f64::from(ours);
-        // Below 1e-9 of the scale a rounding of the state is larger than one of the number itself.
+        // Near zero what counts is the rounding of the state, 1e-9 of a metre or less, not that of the number.
         let allowed = ULPS * ours.abs().max(theirs.abs()).max(0.01);
         tally.number(Quantity::Observation, ours, theirs, allowed, &format!("deputy {i}, column {column}"));
     }

@@ -1,8 +1,13 @@
 //! What docking is held to.
 
 mod critique;
+mod golden;
+mod input;
+mod laws;
 mod levels;
+mod motion;
 mod reference;
+mod timing;
 
 use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;

@@ -1,0 +1,156 @@
+//! Bad input: typed errors, each naming its field.
+
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+use crate::error::{LogError, StepError};
+use crate::log::{ActionLog, JointAction, Precision};
+use crate::rollout::{read_log, replay};
+use crate::scenario::Scenario;
+use crate::task::StepReport;
+
+fn scenario(task: &str, params: &Value, layout: &Value) -> Result<Scenario, String> {
+    let value = json!({"task": task, "seed": 1, "params": params, "layout": layout});
+    Scenario::from_json(&value).map_err(|error| error.to_string())
+}
+
+fn rows(rows: &Value) -> String {
+    let layout = json!({"mode": "replace", "bodies": {"deputies": rows}});
+    scenario("docking/multiagent", &json!({"deputies": 2}), &layout).unwrap_err()
+}
+
+#[test]
+fn errors_name_field_value_and_range() {
+    let params =
+        |task: &str, params: Value| scenario(&format!("docking/{task}"), &params, &Value::Null).unwrap_err();
+    insta::assert_snapshot!(params("multiagent", json!({"deputies": 6})), @"params.deputies is 6, outside 1 to 5");
+    insta::assert_snapshot!(params("multiagent", json!({"deputies": 1.5})), @"params.deputies is 1.5, but must be a whole number");
+    insta::assert_snapshot!(params("multiagent", json!({"time_limit_s": 2001})), @"params.time_limit_s is 2001, outside 20 to 2000");
+    insta::assert_snapshot!(params("multiagent", json!({"time_limit_s": 100.5})), @"params.time_limit_s is 100.5, but must be a whole number");
+    insta::assert_snapshot!(params("multiagent", json!({"thrust_bound": 0})), @"params.thrust_bound is 0, outside 0.01 to 1");
+    insta::assert_snapshot!(params("multiagent", json!({"start_radius": -1})), @"params.start_radius is -1, outside 10 to 1000");
+    insta::assert_snapshot!(params("multiagent", json!({"speed_ratio": null})), @"params.speed_ratio is null, but must be a finite number");
+    insta::assert_snapshot!(params("single", json!({"deputies": 1})), @"params.deputies is not a known field; known are start_radius, speed_ratio, time_limit_s, thrust_bound");
+    let far = json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0]]);
+    let layout = |mode: &str, table: &str| json!({"mode": mode, "bodies": {table: far}});
+    let multi = |layout: &Value| scenario("docking/multiagent", &json!({"deputies": 2}), layout);
+    assert!(multi(&layout("replace", "deputies")).is_ok());
+    insta::assert_snapshot!(multi(&layout("extend", "deputies")).unwrap_err(), @"layout.mode: it is extend, but the deputies are as many as the task says; use replace");
+    insta::assert_snapshot!(multi(&layout("replace", "debris")).unwrap_err(), @"layout.bodies.debris is not a known field; known are deputies");
+}
+
+#[test]
+fn layouts_that_cannot_be_name_the_row() {
+    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies: 1 rows, but there are 2 deputies; give all of them");
+    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [50, 0.5, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts 0.50 m from deputy 0, closer than 1 m");
+    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0.3, 0.4, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts inside the docking radius, 0.50 m from the chief; the radius is 0.5 m");
+    insta::assert_snapshot!(rows(&json!([[9000, 9000, 0, 0, 0, 0], [50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies.0: it starts out of bounds, 12728 m from the chief");
+    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 10001, 0, 0, 0]])), @"layout.bodies.deputies.1.2 is 10001, outside -10000 to 10000");
+    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, -11]])), @"layout.bodies.deputies.1.5 is -11, outside -10 to 10");
+    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0]])), @"layout.bodies.deputies.1: 3 numbers; a deputy is x, y, z, vx, vy, vz");
+}
+
+#[test]
+fn actions_that_are_none_change_nothing() {
+    let scenario = super::at_level("docking/multiagent", 2, 1);
+    let mut episode = scenario.task().start(&scenario).unwrap();
+    let before = episode.state_hash();
+    let mut step = |agents: &[u32], values: &[f64]| {
+        let error = episode.step(JointAction { agents, values }, &mut StepReport::default()).unwrap_err();
+        assert_eq!(episode.state_hash(), before);
+        error
+    };
+    assert_eq!(step(&[3], &[0.0; 3]), StepError::UnknownAgent { agent: 3, last: 2 });
+    for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(step(&[0, 1], &[0.0, 0.0, 0.0, 0.0, wrong, 0.0]), StepError::NotFinite { agent: 1 });
+    }
+    assert_eq!(step(&[0], &[0.0; 2]), StepError::Shape { values: 2, entries: 1, dim: 3 });
+    assert_eq!(step(&[0; 65], &[0.0; 195]), StepError::TooMany { count: 65, max: 64 });
+    let task = scenario.task();
+    let mut episode = task.start(&super::at_level("docking/single", 9, 1)).unwrap();
+    while !episode.done() {
+        episode.step(JointAction::HOLD, &mut StepReport::default()).unwrap();
+    }
+    let after = episode.step(JointAction::HOLD, &mut StepReport::default());
+    assert_eq!(after, Err(StepError::Ended { step: episode.steps() }));
+}
+
+#[test]
+fn steps_of_a_log_are_lists_or_objects() {
+    let scenario = super::at_level("docking/multiagent", 2, 1);
+    let read = |step: Value| read_log(&scenario, &[step], Precision::F64, Some(crate::Stopped::TooLong));
+    let list = read(json!([[1, 0.5, -0.25, 0.0]])).unwrap();
+    assert_eq!(list, read(json!([{"deputy": 1, "fx": 0.5, "fy": -0.25, "fz": 0}])).unwrap());
+    assert_eq!((list.step(0).agents, list.step(0).values), (&[1][..], &[0.5, -0.25, 0.0][..]));
+    let error = |step: Value| read(step).unwrap_err().to_string();
+    insta::assert_snapshot!(error(json!({})), @"actions.0: a step is a list of thrusts");
+    insta::assert_snapshot!(error(json!([[0, 1, 2]])), @"actions.0.0: a thrust is [deputy, fx, fy, fz]");
+    insta::assert_snapshot!(error(json!([[0, 1, 2, 3], 7])), @"actions.0.1: a thrust is a list or an object");
+    insta::assert_snapshot!(error(json!([[-1, 1, 2, 3]])), @"actions.0.0.deputy: it must be a whole number");
+    insta::assert_snapshot!(error(json!([[0, 1, "a", 3]])), @"actions.0.0.fy: it must be a finite number");
+    insta::assert_snapshot!(error(json!([{"deputy": 0, "fx": 1, "fy": 0}])), @"actions.0.0.fz: it must be a finite number");
+    insta::assert_snapshot!(error(json!([{"deputy": 0, "thrust": 1}])), @"actions.0.0.thrust: it is not known; a thrust has deputy, fx, fy, fz");
+    let many: Vec<Value> = (0..65).map(|_| json!([0, 0, 0, 0])).collect();
+    insta::assert_snapshot!(error(json!(many)), @"actions.0: 65 thrusts in one step; at most 64 are taken");
+}
+
+#[test]
+fn a_policy_of_another_world_is_refused_by_name_and_holds_on_strange_sights() {
+    let scenario = super::at_level("docking/single", 0, 1);
+    assert!(scenario.task().policy("golf", &scenario, 0).is_err());
+    let mut log = ActionLog::new(3, Precision::F64);
+    scenario.task().policy("heuristic", &scenario, 0).unwrap().act(&"not telemetry", &mut log);
+    assert_eq!((log.len(), log.step(0)), (1, JointAction::HOLD));
+}
+
+/// Any JSON at all, a few levels deep.
+fn any_json() -> impl Strategy<Value = Value> {
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        any::<f64>().prop_map(|v| json!(v)),
+        (0u32..5, -2.0..2.0f64).prop_map(|(id, f)| json!([id, f, -f, 0.1])),
+        "[a-z_]{0,12}".prop_map(Value::from),
+    ];
+    leaf.prop_recursive(4, 40, 6, |inner| {
+        let key = prop::sample::select(vec!["deputy", "fx", "fy", "fz", "bodies", "deputies", "mode", "x"]);
+        prop_oneof![
+            prop::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
+            prop::collection::btree_map(key.prop_map(str::to_owned), inner, 0..5)
+                .prop_map(|map| Value::Object(map.into_iter().collect())),
+        ]
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Whatever is sent as a step of a log: taken or refused, never a panic; what is taken can be flown or is refused by
+    /// the environment, leaves no NaN behind, and can be criticised.
+    #[test]
+    fn anything_sent_as_a_log_is_taken_or_refused(steps in prop::collection::vec(any_json(), 0..4)) {
+        let scenario = super::at_level("docking/multiagent", 9, 3);
+        let log = read_log(&scenario, &steps, Precision::F64, Some(crate::Stopped::Unparsable));
+        let flown = log.and_then(|log| {
+            let flown = replay(&scenario, &log).map_err(|_| LogError::malformed("", ""))?;
+            assert!(scenario.task().critique(&scenario, &log).is_ok());
+            Ok(flown)
+        });
+        if let Ok(flown) = flown {
+            prop_assert!(flown.score.is_finite() && flown.fuel_used.is_finite());
+        }
+    }
+
+    /// Whatever is sent as a layout: a typed error or a scenario that starts, never a panic.
+    #[test]
+    fn any_layout_is_taken_or_refused(layout in any_json(), table in any_json()) {
+        for layout in [layout, json!({"mode": "replace", "bodies": {"deputies": table}})] {
+            let value = json!({"task": "docking/single", "seed": 1, "layout": layout});
+            match Scenario::from_json(&value) {
+                Err(error) => prop_assert!(!error.field().is_empty() && error.to_string().len() < 400),
+                Ok(scenario) => prop_assert!(scenario.task().start(&scenario).is_ok()),
+            }
+        }
+    }
+}
