@@ -1,39 +1,69 @@
-//! Debris as columns: free flight without branches, contact search.
+//! Debris as columns: one pass over them moves all, and tells whether anything rare has happened. It has no branches per
+//! body, so that it vectorises; the columns are padded with bodies that are far from everything, so that it has no
+//! remainder. Which vector width the machine offers is found once ([`pulp::Arch`]); every width does the same
+//! operations on each body in the same order, so the bits are the same.
 
-use super::constants::{CONTACT_2, EARTH_RADIUS_2};
-use super::kernel::{Body, coast, distance_2};
+use pulp::Arch;
+
+use super::constants::{CONTACT_2, EARTH_RADIUS_2, SATELLITES};
+use super::kernel::{Body, Gravity, coast, distance_2, swept_2};
+
+/// Columns are whole multiples of this: the widest vectors of today hold eight f64.
+const LANES: usize = 8;
+/// Where bodies are put that are not there: far from everything, and still a number.
+const NOWHERE: f64 = 1e12;
 
 /// Debris as columns, in order of arrival.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Debris {
     pub(crate) x: Vec<f64>,
     pub(crate) y: Vec<f64>,
     pub(crate) vx: Vec<f64>,
     pub(crate) vy: Vec<f64>,
-    pub(crate) id: Vec<u32>,
+    /// Bit i: it was approaching satellite i at the end of the last step.
+    pub(super) approaching: Vec<u8>,
+    id: Vec<u32>,
     next_id: u32,
     /// Something may be inside the Earth: look before moving.
     pub(super) may_be_inside: bool,
+    arch: Arch,
+}
+
+/// What one pass found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Found {
+    inside: bool,
+    touched: bool,
 }
 
 impl Debris {
     /// None yet, with room for so many.
     pub(super) fn with_room(room: usize) -> Self {
-        let column = || Vec::with_capacity(room);
-        let (x, y, vx, vy) = (column(), column(), column(), column());
-        Self { x, y, vx, vy, id: Vec::with_capacity(room), next_id: 0, may_be_inside: false }
+        let padded = room.next_multiple_of(LANES);
+        let column = || Vec::with_capacity(padded);
+        Self {
+            x: column(),
+            y: column(),
+            vx: column(),
+            vy: column(),
+            approaching: Vec::with_capacity(padded),
+            id: Vec::with_capacity(room),
+            next_id: 0,
+            may_be_inside: false,
+            arch: Arch::new(),
+        }
     }
 
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.x.len()
+        self.id.len()
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.x.is_empty()
+        self.id.is_empty()
     }
 
     /// Debris at an index below `len`.
@@ -52,62 +82,119 @@ impl Debris {
         for column in [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy] {
             column.clear();
         }
+        self.approaching.clear();
         self.id.clear();
         self.next_id = 0;
         self.may_be_inside = false;
     }
 
     pub(super) fn push(&mut self, body: Body) -> u32 {
-        self.x.push(body.x);
-        self.y.push(body.y);
-        self.vx.push(body.vx);
-        self.vy.push(body.vy);
+        let i = self.id.len();
+        if i == self.x.len() {
+            let padded = i + LANES;
+            for (column, absent) in
+                [(&mut self.x, NOWHERE), (&mut self.y, NOWHERE), (&mut self.vx, 0.0), (&mut self.vy, 0.0)]
+            {
+                column.resize(padded, absent);
+            }
+            self.approaching.resize(padded, 0);
+        }
+        self.set(i, body);
+        self.approaching[i] = 0;
         self.id.push(self.next_id);
         self.next_id += 1;
         self.may_be_inside |= body.radius_2() < EARTH_RADIUS_2;
         self.next_id - 1
     }
 
+    fn set(&mut self, i: usize, body: Body) {
+        self.x[i] = body.x;
+        self.y[i] = body.y;
+        self.vx[i] = body.vx;
+        self.vy[i] = body.vy;
+    }
+
     pub(super) fn remove(&mut self, i: usize) {
-        for column in [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy] {
+        for (column, absent) in
+            [(&mut self.x, NOWHERE), (&mut self.y, NOWHERE), (&mut self.vx, 0.0), (&mut self.vy, 0.0)]
+        {
             column.remove(i);
+            column.push(absent);
         }
+        self.approaching.remove(i);
+        self.approaching.push(0);
         self.id.remove(i);
     }
 
-    /// Free flight of all; without branches but for the rare body inside the Earth.
-    pub(super) fn coast(&mut self) {
+    /// Notes which satellites each piece is approaching at the start.
+    pub(super) fn look_at(&mut self, satellites: &[Body; SATELLITES]) {
+        for i in 0..self.len() {
+            let d = self.body(i);
+            self.approaching[i] = (0u8..).zip(satellites).fold(0, |bits, (number, s)| {
+                let closing = (s.x - d.x) * (s.vx - d.vx) + (s.y - d.y) * (s.vy - d.vy) < 0.0;
+                bits | u8::from(closing) << number
+            });
+        }
+    }
+
+    /// Free flight of all. True if, where the step ends or (swept) within it, one of these satellites may be touched.
+    pub(super) fn advance(&mut self, gravity: Gravity, swept: bool, satellites: &[Body; SATELLITES]) -> bool {
+        let arch = self.arch;
+        let found = arch.dispatch(
+            #[inline(always)]
+            || match (gravity, swept) {
+                (Gravity::Point, false) => self.pass::<false, false>(satellites),
+                (Gravity::Point, true) => self.pass::<false, true>(satellites),
+                (Gravity::J2, false) => self.pass::<true, false>(satellites),
+                (Gravity::J2, true) => self.pass::<true, true>(satellites),
+            },
+        );
+        self.may_be_inside = found.inside;
+        found.touched
+    }
+
+    #[inline(always)]
+    fn pass<const OBLATE: bool, const SWEPT: bool>(&mut self, satellites: &[Body; SATELLITES]) -> Found {
         let n = self.x.len();
         let (x, y) = (&mut self.x[..n], &mut self.y[..n]);
         let (vx, vy) = (&mut self.vx[..n], &mut self.vy[..n]);
-        let mut inside = 0u64;
+        let [a, b, c] = satellites;
+        let (mut inside, mut touched) = (0u64, 0u64);
         for i in 0..n {
-            coast(&mut x[i], &mut y[i], &mut vx[i], &mut vy[i]);
+            coast::<OBLATE>(&mut x[i], &mut y[i], &mut vx[i], &mut vy[i]);
             inside |= u64::from(x[i] * x[i] + y[i] * y[i] < EARTH_RADIUS_2);
+            for s in [a, b, c] {
+                let (dx, dy) = (s.x - x[i], s.y - y[i]);
+                let d2 = if SWEPT { swept_2(dx, dy, s.vx - vx[i], s.vy - vy[i]) } else { dx * dx + dy * dy };
+                touched |= u64::from(d2 < CONTACT_2);
+            }
         }
-        self.may_be_inside = inside != 0;
+        Found { inside: inside != 0, touched: touched != 0 }
     }
 
     /// The public original leaves debris that is inside the Earth where it is, for ever.
-    pub(super) fn coast_frozen(&mut self) {
-        for i in 0..self.x.len() {
+    pub(super) fn advance_frozen(&mut self) {
+        for i in 0..self.len() {
             if self.x[i] * self.x[i] + self.y[i] * self.y[i] >= EARTH_RADIUS_2 {
-                coast(&mut self.x[i], &mut self.y[i], &mut self.vx[i], &mut self.vy[i]);
+                coast::<false>(&mut self.x[i], &mut self.y[i], &mut self.vx[i], &mut self.vy[i]);
             }
         }
     }
 
-    /// The first debris in order that touches this place.
-    pub(crate) fn touching(&self, px: f64, py: f64) -> Option<usize> {
-        let n = self.x.len();
-        let (x, y) = (&self.x[..n], &self.y[..n]);
-        let mut any = 0u64;
-        for i in 0..n {
-            any |= u64::from(distance_2(px, py, x[i], y[i]) < CONTACT_2);
-        }
-        if any == 0 {
-            return None;
-        }
-        (0..n).find(|&i| distance_2(px, py, x[i], y[i]) < CONTACT_2)
+    /// The first debris in order that touches a satellite at the end of a step, or (swept, and among the first `moved`
+    /// that were there when the step began) within it.
+    pub(super) fn touching(&self, satellite: &Body, swept: bool, moved: usize) -> Option<usize> {
+        (0..self.len()).find(|&i| {
+            let d2 = if swept && i < moved {
+                let (dx, dy) = (satellite.x - self.x[i], satellite.y - self.y[i]);
+                swept_2(dx, dy, satellite.vx - self.vx[i], satellite.vy - self.vy[i])
+            } else {
+                distance_2(satellite.x, satellite.y, self.x[i], self.y[i])
+            };
+            d2 < CONTACT_2
+        })
     }
 }
+
+/// A satellite that is not there.
+pub(super) const ABSENT: Body = Body { x: -NOWHERE, y: -NOWHERE, vx: 0.0, vy: 0.0 };

@@ -28,7 +28,7 @@ impl KesslerEpisode {
         let setup = Setup::read(scenario.recipe())?;
         let mut chance = Seeded::new(scenario.seed());
         let start = setup.start(&mut chance)?;
-        Ok(Self { flight: Flight::new(objective, setup, start, chance), reward: 0.0, seen: OnceCell::new() })
+        Ok(Self { flight: Flight::new(objective, setup, &start, chance), reward: 0.0, seen: OnceCell::new() })
     }
 
     fn seen(&self) -> &Telemetry {

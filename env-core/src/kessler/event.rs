@@ -32,7 +32,21 @@ pub enum Event {
         /// By what.
         debris: u32,
     },
+    /// Under `risk: pc`: debris passed a satellite.
+    Passed {
+        /// Which.
+        satellite: u32,
+        /// What.
+        debris: u32,
+        /// How near, LU.
+        miss: f64,
+        /// What it cost.
+        probability: f64,
+    },
 }
+
+/// Probabilities of collision below this are no alert.
+const ALERT: f64 = 1e-4;
 
 impl Event {
     /// The public kessler-env's words, where it has any.
@@ -49,6 +63,10 @@ impl Event {
                 Some(format!("Sat {satellite} orbit decayed! Crashed into Earth."))
             }
             Self::DebrisDecayed { .. } => None,
+            Self::Passed { probability, .. } if *probability < ALERT => None,
+            Self::Passed { satellite, debris, miss, probability } => Some(format!(
+                "CONJUNCTION: Debris {debris} passed Sat {satellite} at {miss:.2}, probability of collision {probability:.1e}."
+            )),
             Self::Collision { satellite, debris } => {
                 Some(format!("CRITICAL: Sat {satellite} collided with Debris {debris}!"))
             }

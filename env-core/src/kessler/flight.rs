@@ -1,12 +1,14 @@
 //! One episode of kessler, step by step, in the order that is part of the contract: burns, rogue arrival, motion,
 //! contact, reward.
 
-use super::constants::{EARTH_RADIUS_2, FRAGMENTS, GOAL_STEPS, HORIZON, SATELLITES};
-use super::debris::Debris;
+use std::sync::Arc;
+
+use super::constants::{CONTACT_DISTANCE, EARTH_RADIUS_2, FRAGMENTS, HORIZON, SATELLITES, SIGMAS, SURVIVED};
+use super::debris::{ABSENT, Debris};
 use super::event::Event;
-use super::kernel::{Body, clamped_burn, distance_2};
-use super::reward::{Objective, proximity, score};
-use super::setup::{Setup, Start};
+use super::kernel::{Body, clamped_burn, collision_probability, distance_2, passing_2};
+use super::reward::{Fleet, Objective, score};
+use super::setup::{Contact, Setup, Start};
 use crate::bracket::Flown;
 use crate::chance::{Chance, Stream};
 use crate::error::StepError;
@@ -30,6 +32,8 @@ pub struct Satellite {
     pub fuel: f64,
     /// Whether it flies.
     pub status: Status,
+    /// Probability that it still flies: 1 or 0, or under `risk: pc` the product over its encounters of 1 − Pc.
+    pub survival: f64,
 }
 
 impl Satellite {
@@ -37,6 +41,17 @@ impl Satellite {
     #[must_use]
     pub fn active(&self) -> bool {
         self.status == Status::Active
+    }
+
+    /// Whether it counts as lost.
+    #[must_use]
+    pub fn lost(&self) -> bool {
+        !self.active() || self.survival < SURVIVED
+    }
+
+    fn lose(&mut self) {
+        self.status = Status::Lost;
+        self.survival = 0.0;
     }
 }
 
@@ -55,7 +70,7 @@ pub struct Stepped {
 #[derive(Debug, Clone)]
 pub struct Flight<C> {
     objective: Objective,
-    setup: Setup,
+    setup: Arc<Setup>,
     chance: C,
     satellites: [Satellite; SATELLITES],
     debris: Debris,
@@ -72,12 +87,13 @@ pub struct Flight<C> {
 impl<C: Chance> Flight<C> {
     /// The episode at its start.
     #[must_use]
-    pub fn new(objective: Objective, setup: Setup, start: Start, chance: C) -> Self {
+    pub fn new(objective: Objective, setup: impl Into<Arc<Setup>>, start: &Start, chance: C) -> Self {
         let room = start.debris.len() + start.rogues.len() + SATELLITES * FRAGMENTS;
+        let nobody = Satellite { body: ABSENT, fuel: 0.0, status: Status::Lost, survival: 0.0 };
         let mut flight = Self {
             objective,
             chance,
-            satellites: [Satellite { body: Body::default(), fuel: 0.0, status: Status::Lost }; SATELLITES],
+            satellites: [nobody; SATELLITES],
             debris: Debris::with_room(room),
             rogues: Vec::new(),
             next_rogue: 0,
@@ -87,26 +103,45 @@ impl<C: Chance> Flight<C> {
             fuel_used: 0.0,
             done: false,
             events: Vec::with_capacity(16),
-            setup,
+            setup: setup.into(),
         };
         flight.place(start);
         flight
     }
 
-    /// Starts over from `start` with `chance`, keeping the memory.
-    pub fn restart(&mut self, start: Start, chance: C) {
+    /// Starts over from `start`, keeping the memory; `chance` has made its draws.
+    pub fn restart(&mut self, start: &Start, chance: C) {
         self.chance = chance;
         self.place(start);
     }
 
-    fn place(&mut self, start: Start) {
+    /// Starts over with other draws of the same kind: `start` makes the start from them and from the setup.
+    ///
+    /// # Errors
+    /// What `start` says; the episode is then over.
+    pub fn restart_with<E>(
+        &mut self,
+        room: &mut Start,
+        start: impl FnOnce(&Setup, &mut C, &mut Start) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.done = true;
+        start(&self.setup, &mut self.chance, room)?;
+        self.place(room);
+        Ok(())
+    }
+
+    fn place(&mut self, start: &Start) {
         let fuel = self.setup.fuel;
-        self.satellites = start.satellites.map(|body| Satellite { body, fuel, status: Status::Active });
+        self.satellites =
+            start.satellites.map(|body| Satellite { body, fuel, status: Status::Active, survival: 1.0 });
         self.debris.clear();
-        for body in start.debris {
+        for &body in &start.debris {
             self.debris.push(body);
         }
-        self.rogues = start.rogues;
+        if let Contact::Chance(_) = self.setup.physics.contact {
+            self.debris.look_at(&start.satellites);
+        }
+        self.rogues.clone_from(&start.rogues);
         self.next_rogue = 0;
         self.step = 0;
         self.total = 0.0;
@@ -125,7 +160,7 @@ impl<C: Chance> Flight<C> {
         let active_before = self.satellites.map(|s| s.active());
         self.step += 1;
         self.events.clear();
-        if self.setup.upstream {
+        if self.setup.physics.upstream {
             for (i, &agent) in action.agents.iter().enumerate() {
                 if (agent as usize) < SATELLITES {
                     self.burn(agent as usize, action.values[2 * i], action.values[2 * i + 1]);
@@ -135,8 +170,12 @@ impl<C: Chance> Flight<C> {
             self.burn_summed(action);
         }
         self.arrive();
-        self.coast();
-        self.contacts();
+        let touched = self.coast();
+        match self.setup.physics.contact {
+            Contact::Chance(sigma) => self.passings(sigma),
+            Contact::EndOfStep | Contact::Swept if touched => self.contacts(),
+            Contact::EndOfStep | Contact::Swept => {}
+        }
         let reward = self.reward();
         self.total += reward;
         self.done = self.step == HORIZON || self.satellites.iter().all(|s| !s.active());
@@ -155,7 +194,7 @@ impl<C: Chance> Flight<C> {
             return Err(StepError::Shape { values: action.values.len(), entries, dim: 2 });
         }
         for (i, &agent) in action.agents.iter().enumerate() {
-            if agent as usize >= SATELLITES && !self.setup.upstream {
+            if agent as usize >= SATELLITES && !self.setup.physics.upstream {
                 return Err(StepError::UnknownAgent { agent, last: SATELLITES as u32 - 1 });
             }
             if !(action.values[2 * i].is_finite() && action.values[2 * i + 1].is_finite()) {
@@ -209,22 +248,24 @@ impl<C: Chance> Flight<C> {
         }
     }
 
-    fn coast(&mut self) {
+    /// Satellites, then debris. True if some satellite may have been touched.
+    fn coast(&mut self) -> bool {
+        let physics = self.setup.physics;
         for (i, s) in self.satellites.iter_mut().enumerate() {
             if !s.active() {
                 continue;
             }
             if s.body.radius_2() < EARTH_RADIUS_2 {
-                s.status = Status::Lost;
+                s.lose();
                 self.events.push(Event::Decayed { satellite: i as u32 });
             } else {
-                s.body = s.body.coasted();
+                s.body = s.body.coasted(physics.gravity);
             }
         }
         if self.debris.may_be_inside {
-            if self.setup.upstream {
-                self.debris.coast_frozen();
-                return;
+            if physics.upstream {
+                self.debris.advance_frozen();
+                return true;
             }
             let mut i = 0;
             while i < self.debris.len() {
@@ -236,17 +277,20 @@ impl<C: Chance> Flight<C> {
                 }
             }
         }
-        self.debris.coast();
+        let there = self.satellites.map(|s| if s.active() { s.body } else { ABSENT });
+        self.debris.advance(physics.gravity, physics.contact == Contact::Swept, &there)
     }
 
     fn contacts(&mut self) {
+        let swept = self.setup.physics.contact == Contact::Swept;
+        let moved = self.debris.len();
         for i in 0..SATELLITES {
             let s = self.satellites[i];
             if !s.active() {
                 continue;
             }
-            let Some(hit) = self.debris.touching(s.body.x, s.body.y) else { continue };
-            self.satellites[i].status = Status::Lost;
+            let Some(hit) = self.debris.touching(&s.body, swept, moved) else { continue };
+            self.satellites[i].lose();
             self.events.push(Event::Collision { satellite: i as u32, debris: self.debris.id(hit) });
             for _ in 0..FRAGMENTS {
                 let fragment = fragment(s.body, &mut self.chance);
@@ -255,23 +299,43 @@ impl<C: Chance> Flight<C> {
         }
     }
 
+    /// Under `risk: pc`: every closest approach in this step costs survival.
+    fn passings(&mut self, sigma: f64) {
+        let most = CONTACT_DISTANCE + SIGMAS * sigma;
+        for i in 0..self.debris.len() {
+            let d = self.debris.body(i);
+            let mut approaching = 0;
+            for (number, s) in
+                self.satellites.iter_mut().enumerate().filter(|(_, s)| s.status == Status::Active)
+            {
+                let (dx, dy) = (s.body.x - d.x, s.body.y - d.y);
+                let (wx, wy) = (s.body.vx - d.vx, s.body.vy - d.vy);
+                let before = self.debris.approaching[i] & (1 << number) != 0;
+                approaching |= u8::from(dx * wx + dy * wy < 0.0) << number;
+                let Some(miss_2) = passing_2(dx, dy, wx, wy, before).filter(|&m| m < most * most) else {
+                    continue;
+                };
+                let miss = miss_2.sqrt();
+                let probability = collision_probability(miss, sigma);
+                s.survival *= 1.0 - probability;
+                let (satellite, debris) = (number as u32, self.debris.id(i));
+                self.events.push(Event::Passed { satellite, debris, miss, probability });
+            }
+            self.debris.approaching[i] = approaching;
+        }
+    }
+
     fn reward(&mut self) -> f64 {
-        let mut active = 0;
-        let mut fuel = 0.0;
-        for s in self.satellites.iter().filter(|s| s.active()) {
-            active += 1;
-            fuel += s.fuel;
-        }
-        let first = &self.satellites[0];
-        let near = if self.objective == Objective::Rendezvous && first.active() {
-            proximity(first.body.radius())
-        } else {
-            0.0
+        let fleet = Fleet {
+            bodies: self.satellites.map(|s| s.body),
+            fuel: self.satellites.map(|s| s.fuel),
+            alive: self.satellites.map(|s| s.survival),
         };
-        if self.step > HORIZON - GOAL_STEPS {
-            self.goal_sum += near;
+        let goal = self.objective.goal(&fleet);
+        if self.step > HORIZON - self.objective.goal_steps() {
+            self.goal_sum += goal;
         }
-        self.objective.reward(active, fuel, self.setup.fuel, near)
+        self.objective.reward(&fleet, self.setup.fuel, goal)
     }
 
     /// Whether some active satellite's radar sees this place.
@@ -322,7 +386,7 @@ impl<C: Chance> Flight<C> {
 
     /// The recipe in kessler's terms.
     #[must_use]
-    pub const fn setup(&self) -> &Setup {
+    pub fn setup(&self) -> &Setup {
         &self.setup
     }
 
@@ -346,7 +410,7 @@ impl<C: Chance> Flight<C> {
             hasher.update(&value.to_bits().to_le_bytes());
         };
         for s in &self.satellites {
-            for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, f64::from(u8::from(s.active()))] {
+            for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, s.survival] {
                 put(value);
             }
         }
@@ -365,13 +429,14 @@ impl<C: Chance> Flight<C> {
     /// How it went so far.
     #[must_use]
     pub fn flown(&self) -> Flown {
-        let lost = self.satellites.iter().filter(|s| !s.active()).count();
+        let lost = self.satellites.iter().filter(|s| s.lost()).count();
+        let steps = self.objective.goal_steps();
         Flown {
             score: score(self.total),
             total: self.total,
             steps: self.step,
             lost: lost as u32,
-            goal: (self.objective == Objective::Rendezvous).then(|| self.goal_sum / f64::from(GOAL_STEPS)),
+            goal: (steps > 0).then(|| self.goal_sum / f64::from(steps)),
             fuel_used: self.fuel_used,
         }
     }

@@ -57,7 +57,7 @@ pub struct Kessler {
 }
 
 /// The tasks.
-pub static TASKS: [Kessler; 3] = [
+pub static TASKS: [Kessler; 4] = [
     Kessler {
         id: "kessler/survival",
         about: "Keep three satellites alive for 50 steps.",
@@ -78,6 +78,13 @@ pub static TASKS: [Kessler; 3] = [
         objective: Objective::Rendezvous,
         space: &spaces::RENDEZVOUS_SPACE,
         levels: &spaces::RENDEZVOUS_LEVELS,
+    },
+    Kessler {
+        id: "kessler/formation",
+        about: "Keep three satellites in a triangle of side 20 LU, losing nobody.",
+        objective: Objective::Formation,
+        space: &spaces::FORMATION_SPACE,
+        levels: &spaces::FORMATION_LEVELS,
     },
 ];
 
@@ -150,12 +157,12 @@ impl TaskSpec for Kessler {
         flown.lost == 0
             && match self.objective {
                 Objective::Survival | Objective::EcoStation => skill.is_none_or(|s| s >= SKILLED),
-                Objective::Rendezvous => flown.goal.is_some_and(|g| g >= GOAL),
+                Objective::Rendezvous | Objective::Formation => flown.goal.is_some_and(|g| g >= GOAL),
             }
     }
 
     fn blind_can_succeed(&self) -> bool {
-        self.objective != Objective::Rendezvous
+        matches!(self.objective, Objective::Survival | Objective::EcoStation)
     }
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {

@@ -1,7 +1,7 @@
 //! Threats put on a satellite's hold trajectory by running the step backwards.
 
 use super::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES};
-use super::kernel::Body;
+use super::kernel::{Body, Gravity};
 use super::setup::Setup;
 use crate::bracket::{Bracket, admit};
 use crate::chance::{Chance, Seeded, Stream};
@@ -44,7 +44,7 @@ pub fn plant(scenario: &Scenario, threat: Threat) -> Result<Scenario, ScenarioEr
     bounds("direction", threat.direction, -10.0, 10.0)?;
     let setup = Setup::read(scenario.recipe())?;
     let start = setup.start(&mut Seeded::new(scenario.seed()))?;
-    let body = backwards(start.satellites[threat.satellite as usize], threat)?;
+    let body = backwards(start.satellites[threat.satellite as usize], threat, setup.physics.gravity)?;
     let recipe = with_debris(scenario.recipe(), body)?;
     let planted = Scenario::new(recipe, scenario.seed());
     Setup::read(planted.recipe())?.start(&mut Seeded::new(planted.seed()))?;
@@ -52,9 +52,9 @@ pub fn plant(scenario: &Scenario, threat: Threat) -> Result<Scenario, ScenarioEr
 }
 
 /// The start of the body that meets the satellite as `threat` says.
-fn backwards(mut satellite: Body, threat: Threat) -> Result<Body, ScenarioError> {
+fn backwards(mut satellite: Body, threat: Threat, gravity: Gravity) -> Result<Body, ScenarioError> {
     for _ in 0..threat.step {
-        satellite = satellite.coasted();
+        satellite = satellite.coasted(gravity);
     }
     let ((rx, ry), (tx, ty)) = satellite.frame();
     let (sin, cos) = libm::sincos(threat.direction);
@@ -62,7 +62,7 @@ fn backwards(mut satellite: Body, threat: Threat) -> Result<Body, ScenarioError>
     let mut body =
         Body { vx: satellite.vx - threat.speed * ux, vy: satellite.vy - threat.speed * uy, ..satellite };
     for step in (0..threat.step).rev() {
-        body = body.uncoasted();
+        body = body.uncoasted(gravity);
         if body.radius_2() < EARTH_RADIUS_2 {
             return Err(fault(&threat, &format!("it would come out of the Earth at step {step}")));
         }

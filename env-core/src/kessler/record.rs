@@ -217,7 +217,7 @@ fn restage(episode: &RecordedEpisode) -> Result<Flight<Scripted>, RecordError> {
             script.push(Stream::Fragments, 0.5 * (kick + 1.0));
         }
     }
-    Ok(Flight::new(task.objective(), Setup::read(&recipe)?, start, script))
+    Ok(Flight::new(task.objective(), Setup::read(&recipe)?, &start, script))
 }
 
 fn compare_numbers(

@@ -1,23 +1,64 @@
 //! A recipe read into kessler's own terms, and the start of an episode.
 
-use super::constants::CONTACT_2;
 use super::constants::{
-    DEBRIS_RADII, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, HORIZON, RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII,
-    SATELLITES,
+    CONTACT_2, DEBRIS_RADII, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE, GM,
+    HORIZON, RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII, SATELLITES,
 };
-use super::kernel::{Body, distance_2};
+use super::kernel::{Body, Gravity, distance_2, swept_2};
 use crate::chance::{Chance, Stream};
 use crate::error::ScenarioError;
 use crate::scenario::{LayoutMode, MAX_LAYOUT_ROWS, Recipe};
 
+/// The task whose satellites start in a triangle.
+const FORMATION: &str = "kessler/formation";
 const TAU: f64 = std::f64::consts::TAU;
 /// Positions and speeds a layout may give, LU and LU/TU: far beyond anything that matters in 50 steps.
 const MAX_COORDINATE: f64 = 1000.0;
 const MAX_SPEED: f64 = 100.0;
 
+/// What it means to meet debris.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Contact {
+    /// Whatever is nearer than contact distance where a step ends destroys a satellite.
+    EndOfStep,
+    /// Whatever comes nearer than that within the step.
+    Swept,
+    /// Nothing destroys; every closest approach costs survival, at this standard deviation of the relative position, LU.
+    Chance(f64),
+}
+
+/// The laws an episode is flown by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Physics {
+    /// The public original's arithmetic.
+    pub upstream: bool,
+    /// What pulls.
+    pub gravity: Gravity,
+    /// What destroys.
+    pub contact: Contact,
+}
+
+impl Physics {
+    /// With every option at its default: what a pilot that is told nothing else reckons with.
+    pub const PLAIN: Self = Self { upstream: false, gravity: Gravity::Point, contact: Contact::EndOfStep };
+}
+
+/// Conjunction warnings in the observation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Warnings {
+    /// None.
+    None,
+    /// As the dynamics have it.
+    Exact,
+    /// With errors that grow with look-ahead.
+    Noisy,
+}
+
 /// A recipe in kessler's terms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
+    /// Satellites start in a triangle.
+    formation: bool,
     /// Debris the generator draws.
     pub debris: usize,
     /// Fuel of each satellite.
@@ -32,8 +73,12 @@ pub struct Setup {
     pub radar_range: Option<f64>,
     /// Starts are made fair.
     pub fair: bool,
-    /// The public original's arithmetic.
-    pub upstream: bool,
+    /// The laws of flight.
+    pub physics: Physics,
+    /// Conjunction warnings.
+    pub warnings: Warnings,
+    /// Standard deviation of relative positions, LU.
+    pub sigma: f64,
     /// Satellites given by the layout.
     satellites: Option<[Body; SATELLITES]>,
     /// Debris given by the layout.
@@ -64,6 +109,7 @@ impl Setup {
         let param = |name: &str| recipe.param(name).unwrap_or(0.0);
         let radar = param("radar_range");
         let mut setup = Self {
+            formation: recipe.task().id() == FORMATION,
             debris: param("debris") as usize,
             fuel: param("fuel"),
             spread: param("spread"),
@@ -71,7 +117,13 @@ impl Setup {
             rogue_speed: param("rogue_speed"),
             radar_range: (radar < RADAR_NONE).then_some(radar),
             fair: recipe.option("start") == Some("fair"),
-            upstream: recipe.option("compat") == Some("upstream"),
+            physics: physics(recipe)?,
+            warnings: match recipe.option("warnings") {
+                Some("exact") => Warnings::Exact,
+                Some("noisy") => Warnings::Noisy,
+                _ => Warnings::None,
+            },
+            sigma: param("sigma"),
             satellites: None,
             layout_debris: Vec::new(),
             layout_rogues: Vec::new(),
@@ -144,13 +196,15 @@ impl Setup {
     /// # Errors
     /// `Unfair`, where `start: fair` cannot be had: by a layout's body, or after 64 tries at one that is drawn.
     pub fn start(&self, chance: &mut impl Chance) -> Result<Start, ScenarioError> {
-        let satellites = self.satellites.unwrap_or_else(|| {
-            [(); SATELLITES].map(|()| {
+        let satellites = match self.satellites {
+            Some(given) => given,
+            None if self.formation => triangle(chance),
+            None => [(); SATELLITES].map(|()| {
                 let radius = chance.between(Stream::Agents, SATELLITE_RADII.0, SATELLITE_RADII.1);
                 Body::circular(radius, TAU * chance.uniform(Stream::Agents), 1.0)
-            })
-        });
-        let early = EarlyPaths::of(&satellites);
+            }),
+        };
+        let early = EarlyPaths::of(&satellites, self.physics);
         let mut debris = Vec::with_capacity(self.debris + self.layout_debris.len());
         for index in 0..self.debris {
             let mut drawn = self.draw_debris(chance, Stream::Bodies);
@@ -206,25 +260,85 @@ impl Setup {
     }
 }
 
+/// An equilateral triangle of random orientation, each satellite on the circular prograde orbit of its own radius.
+fn triangle(chance: &mut impl Chance) -> [Body; SATELLITES] {
+    let mut draw = || chance.uniform(Stream::Agents);
+    let radius = FORMATION_RADII.0 + (FORMATION_RADII.1 - FORMATION_RADII.0) * draw();
+    let (sin, cos) = libm::sincos(TAU * draw());
+    let turn = TAU * draw();
+    let circumradius = FORMATION_SIDE / 3.0f64.sqrt();
+    std::array::from_fn(|i| {
+        let (dy, dx) = libm::sincos(turn + TAU * i as f64 / SATELLITES as f64);
+        let (x, y) = (radius * cos + circumradius * dx, radius * sin + circumradius * dy);
+        let r = (x * x + y * y).sqrt();
+        let v = (GM / r).sqrt();
+        Body { x, y, vx: -v * (y / r), vy: v * (x / r) }
+    })
+}
+
+/// The laws of flight, where they do not contradict each other.
+fn physics(recipe: &Recipe) -> Result<Physics, ScenarioError> {
+    let is = |option: &str, choice: &str| recipe.option(option) == Some(choice);
+    let physics = Physics {
+        upstream: is("compat", "upstream"),
+        gravity: if is("gravity", "j2") { Gravity::J2 } else { Gravity::Point },
+        contact: match (is("contact", "swept"), is("risk", "pc")) {
+            (_, true) => Contact::Chance(recipe.param("sigma").unwrap_or(0.0)),
+            (true, false) => Contact::Swept,
+            (false, false) => Contact::EndOfStep,
+        },
+    };
+    let clash = |option: &str, with: &str, why: &str| {
+        Err(fault(&format!("physics.{option}"), format!("it cannot be had together with {with}: {why}")))
+    };
+    if is("contact", "swept") && is("risk", "pc") {
+        return clash("contact", "risk: pc", "under it no contact destroys, so there is none to sweep for");
+    }
+    if physics.upstream {
+        let why = "that is the public original's arithmetic, to the bit";
+        if physics.gravity == Gravity::J2 {
+            return clash("gravity", "compat: upstream", why);
+        }
+        if is("contact", "swept") {
+            return clash("contact", "compat: upstream", why);
+        }
+        if is("risk", "pc") {
+            return clash("risk", "compat: upstream", why);
+        }
+    }
+    Ok(physics)
+}
+
 /// Where the satellites are under hold at steps 0 to 2.
-struct EarlyPaths([[Body; SATELLITES]; FAIR_STEPS as usize + 1]);
+struct EarlyPaths {
+    paths: [[Body; SATELLITES]; FAIR_STEPS as usize + 1],
+    physics: Physics,
+}
 
 impl EarlyPaths {
-    fn of(satellites: &[Body; SATELLITES]) -> Self {
+    fn of(satellites: &[Body; SATELLITES], physics: Physics) -> Self {
         let mut paths = [*satellites; FAIR_STEPS as usize + 1];
         for step in 1..paths.len() {
-            paths[step] = paths[step - 1].map(Body::coasted);
+            paths[step] = paths[step - 1].map(|body| body.coasted(physics.gravity));
         }
-        Self(paths)
+        Self { paths, physics }
     }
 
     /// The first satellite this body touches, and when.
     fn touched_by(&self, mut body: Body) -> Option<(usize, usize)> {
-        for (step, satellites) in self.0.iter().enumerate() {
+        let swept = self.physics.contact == Contact::Swept;
+        for (step, satellites) in self.paths.iter().enumerate() {
             if step > 0 {
-                body = body.coasted();
+                body = body.coasted(self.physics.gravity);
             }
-            let touched = satellites.iter().position(|s| distance_2(s.x, s.y, body.x, body.y) < CONTACT_2);
+            let touched = satellites.iter().position(|s| {
+                let within = distance_2(s.x, s.y, body.x, body.y) < CONTACT_2;
+                let crossed = || {
+                    let (dx, dy) = (s.x - body.x, s.y - body.y);
+                    swept_2(dx, dy, s.vx - body.vx, s.vy - body.vy) < CONTACT_2
+                };
+                within || (swept && step > 0 && crossed())
+            });
             if let Some(satellite) = touched {
                 return Some((satellite, step));
             }

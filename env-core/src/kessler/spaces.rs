@@ -8,8 +8,11 @@ use crate::space::{Harder, Levels, OptionSpec, ParamSpec};
 /// Most debris a generator draws.
 pub const MAX_DEBRIS: f64 = 300.0;
 
+/// Parameters of every task.
+const PARAMS: usize = 7;
+
 #[expect(clippy::too_many_lines, reason = "a table: one entry a param")]
-const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; 6] {
+const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; PARAMS] {
     [
         ParamSpec {
             name: "debris",
@@ -77,18 +80,33 @@ const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; 6
             harder: Harder::Down,
             about: "debris farther than this from every active satellite is hidden, but flies and kills; 300 hides nothing",
         },
+        ParamSpec {
+            name: "sigma",
+            unit: "LU",
+            min: 0.05,
+            max: 10.0,
+            step: 0.05,
+            whole: false,
+            default: 0.5,
+            harder: Harder::Up,
+            about: "standard deviation of the relative position of two bodies; counts under risk: pc, and in the \
+                    probabilities and noise of warnings",
+        },
     ]
 }
 
 /// Parameters of survival.
-pub static SURVIVAL_SPACE: [ParamSpec; 6] = space(25.0, 100.0, 0.0, 0.0);
+pub static SURVIVAL_SPACE: [ParamSpec; PARAMS] = space(25.0, 100.0, 0.0, 0.0);
 /// Parameters of eco_station.
-pub static ECO_STATION_SPACE: [ParamSpec; 6] = space(35.0, 50.0, 0.8, 0.0);
+pub static ECO_STATION_SPACE: [ParamSpec; PARAMS] = space(35.0, 50.0, 0.8, 0.0);
 /// Parameters of rendezvous.
-pub static RENDEZVOUS_SPACE: [ParamSpec; 6] = space(50.0, 100.0, 1.0, 0.06);
+pub static RENDEZVOUS_SPACE: [ParamSpec; PARAMS] = space(50.0, 100.0, 1.0, 0.06);
+
+/// Parameters of formation.
+pub static FORMATION_SPACE: [ParamSpec; PARAMS] = space(25.0, 100.0, 0.0, 0.0);
 
 /// Physics options of kessler.
-pub static OPTIONS: [OptionSpec; 2] = [
+pub static OPTIONS: [OptionSpec; 6] = [
     OptionSpec {
         name: "start",
         choices: &["fair", "upstream"],
@@ -100,6 +118,29 @@ pub static OPTIONS: [OptionSpec; 2] = [
         choices: &["none", "upstream"],
         about: "upstream: burns are clamped and charged one by one, unknown satellites are ignored, debris inside \
                 the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
+    },
+    OptionSpec {
+        name: "contact",
+        choices: &["end_of_step", "swept"],
+        about: "end_of_step: bodies touch where a step ends; swept: at their closest approach within the step, so that \
+                fast crossings cannot tunnel",
+    },
+    OptionSpec {
+        name: "gravity",
+        choices: &["point", "j2"],
+        about: "point: the Earth pulls as a point; j2: with its oblateness, as felt in the equatorial plane",
+    },
+    OptionSpec {
+        name: "risk",
+        choices: &["contact", "pc"],
+        about: "contact: debris destroys what it touches; pc: every closest approach costs a probability of collision, and \
+                a satellite's cumulative survival stands where active stood in the reward",
+    },
+    OptionSpec {
+        name: "warnings",
+        choices: &["none", "exact", "noisy"],
+        about: "conjunction warnings in the observation, for visible debris, by the true dynamics under hold; noisy: with \
+                errors that grow with the time to closest approach",
     },
 ];
 
@@ -147,6 +188,19 @@ pub static RENDEZVOUS_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
             ("spread", [0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
             ("fuel", [100.0, 100.0, 100.0, 100.0, 70.0, 50.0, 40.0, 30.0, 22.0, 16.0]),
             ("rogue_probability", [0.0, 0.0, 0.0, 0.0, 0.06, 0.06, 0.1, 0.1, 0.2, 0.2]),
+            ("radar_range", RADAR),
+        ],
+    )
+});
+
+/// Levels of formation.
+pub static FORMATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    table(
+        &FORMATION_SPACE,
+        &[
+            ("debris", [5.0, 15.0, 25.0, 35.0, 40.0, 50.0, 60.0, 75.0, 100.0, 125.0]),
+            ("spread", [0.0, 0.0, 0.0, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.2]),
+            ("fuel", [100.0, 100.0, 100.0, 80.0, 70.0, 60.0, 55.0, 45.0, 40.0, 32.0]),
             ("radar_range", RADAR),
         ],
     )

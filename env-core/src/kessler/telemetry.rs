@@ -100,6 +100,9 @@ impl Objective {
             Self::Rendezvous => {
                 "RENDEZVOUS: Navigate Satellite 0 to reach and hold an orbital radius of exactly 100.0."
             }
+            Self::Formation => {
+                "FORMATION: Keep the three satellites in an equilateral triangle with sides of 20.0, losing none."
+            }
         }
     }
 }

@@ -169,13 +169,13 @@ struct Bench {
 
 impl Bench {
     fn new() -> anyhow::Result<Self> {
-        let [task, ..]: &'static [Kessler; 3] = &TASKS;
+        let [task, ..]: &'static [Kessler; 4] = &TASKS;
         let recipe = Recipe::with_params(task, [("debris", f64::from(DEBRIS))].into_iter())?;
         let setup = Setup::read(&recipe)?;
         let (start, chance) = start(&setup, 0)?;
         let bodies = DEBRIS as usize + SATELLITES * FRAGMENTS;
         let mut bench = Self {
-            flight: Flight::new(task.objective(), setup.clone(), start, chance),
+            flight: Flight::new(task.objective(), setup.clone(), &start, chance),
             setup,
             actions: actions(),
             next_action: 0,
@@ -211,7 +211,7 @@ impl Bench {
         self.look();
         if stepped.done {
             let (start, chance) = start(&self.setup, self.episodes)?;
-            self.flight.restart(start, chance);
+            self.flight.restart(&start, chance);
             self.episodes += 1;
             self.look();
         }

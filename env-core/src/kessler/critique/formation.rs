@@ -3,12 +3,10 @@
 use super::Case;
 use super::mode::Mode;
 use crate::critique::{Failure, Measure};
-use crate::kessler::constants::{GOAL, HORIZON, SATELLITES};
+use crate::kessler::constants::{FORMATION_SIDE, GOAL, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, distance_2};
-use crate::kessler::reward::Objective;
+use crate::kessler::reward::{Objective, form};
 
-/// Side of the triangle, LU, and the deviation at which a pair is worth nothing.
-const SIDE: f64 = 20.0;
 const PAIRS: [(usize, usize); SATELLITES] = [(0, 1), (0, 2), (1, 2)];
 
 type Bodies = [Body; SATELLITES];
@@ -16,8 +14,7 @@ type Bodies = [Body; SATELLITES];
 /// Why the goal was missed. Where somebody was lost, that is why.
 pub(super) fn broken(case: &Case<'_>) -> Option<Failure> {
     let flown = case.flown();
-    let formation =
-        !matches!(case.objective, Objective::Survival | Objective::EcoStation | Objective::Rendezvous);
+    let formation = case.objective == Objective::Formation;
     let goal = flown.goal.filter(|&goal| formation && goal < GOAL && flown.lost == 0)?;
     let at = |step| std::array::from_fn(|i| case.trace.satellite(i, step).body);
     let bodies: Vec<Bodies> = (0..=HORIZON).map(at).collect();
@@ -35,7 +32,8 @@ fn break_up(bodies: &[Bodies], goal: f64) -> Failure {
         None => 1,
     };
     let now = &bodies[step];
-    let pair = PAIRS.into_iter().min_by(|&a, &b| kept(now, a).total_cmp(&kept(now, b))).unwrap_or(PAIRS[0]);
+    let off = |pair| (distance(now, pair) - FORMATION_SIDE).abs();
+    let pair = PAIRS.into_iter().max_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(PAIRS[0]);
     let (there, end) = (distance(now, pair), distance(&bodies[last], pair));
     let (a, b) = pair;
     Failure {
@@ -51,19 +49,9 @@ fn break_up(bodies: &[Bodies], goal: f64) -> Failure {
         ],
         words: format!(
             "The formation was lost at step {step}: satellites {a} and {b} were {there:.1} LU apart, {end:.1} at the end, \
-             not {SIDE:.0}; mean form {goal:.2} over the last steps."
+             not {FORMATION_SIDE:.0}; mean form {goal:.2} over the last steps."
         ),
     }
-}
-
-/// Mean over the pairs.
-fn form(bodies: &Bodies) -> f64 {
-    PAIRS.iter().map(|&pair| kept(bodies, pair)).sum::<f64>() / PAIRS.len() as f64
-}
-
-/// How well a pair keeps its distance: max(0, 1 − |d − 20|/20).
-fn kept(bodies: &Bodies, pair: (usize, usize)) -> f64 {
-    (1.0 - (distance(bodies, pair) - SIDE).abs() / SIDE).max(0.0)
 }
 
 fn distance(bodies: &Bodies, (a, b): (usize, usize)) -> f64 {

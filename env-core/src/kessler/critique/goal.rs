@@ -3,7 +3,7 @@
 use super::Case;
 use super::mode::Mode;
 use crate::critique::{Failure, Measure};
-use crate::kessler::constants::{GOAL, GOAL_STEPS, HORIZON, PROXIMITY_WIDTH, TARGET_RADIUS};
+use crate::kessler::constants::{GOAL, HORIZON, PROXIMITY_WIDTH, RENDEZVOUS_STEPS, TARGET_RADIUS};
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::Objective;
 
@@ -50,7 +50,7 @@ fn overshoot(bodies: &[Body], goal: f64, first: usize, left: usize) -> Failure {
         ],
         words: format!(
             "Satellite 0 reached radius {TARGET_RADIUS:.0} at step {first} at a radial speed of {climb:.1} LU/TU and left it again \
-             at step {left}, between {lowest:.1} and {highest:.1} LU: mean proximity {goal:.2} over the last {GOAL_STEPS} steps."
+             at step {left}, between {lowest:.1} and {highest:.1} LU: mean proximity {goal:.2} over the last {RENDEZVOUS_STEPS} steps."
         ),
     }
 }
@@ -76,6 +76,8 @@ fn short(bodies: &[Body], goal: f64, arrived: Option<usize>) -> Failure {
             Measure { name: "nearest_radius", value: radius, unit: "LU" },
             Measure { name: "goal", value: goal, unit: "" },
         ],
-        words: format!("Satellite 0 {came}; mean proximity {goal:.2} over the last {GOAL_STEPS} steps."),
+        words: format!(
+            "Satellite 0 {came}; mean proximity {goal:.2} over the last {RENDEZVOUS_STEPS} steps."
+        ),
     }
 }

@@ -31,10 +31,10 @@ pub(super) fn judge(case: &Case<'_>, losses: &[Loss]) -> Judged {
     Judged { value: judged.value.clamp(-1.0, 1.0), ..judged }
 }
 
-/// 0 to 1 by score.
+/// 0 to 1 by the share of all reward there is.
 fn quiet(flown: &Flown) -> Judged {
     Judged {
-        value: (flown.score - EPSILON) / (1.0 - 2.0 * EPSILON),
+        value: (flown.total / (1.0 - 2.0 * EPSILON)).clamp(0.0, 1.0),
         case: "no_action_needed",
         words: "Nothing had to be done, and nothing was.".to_owned(),
     }

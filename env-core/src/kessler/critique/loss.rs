@@ -35,12 +35,27 @@ fn hit(case: &Case<'_>, satellite: usize, end: End, met: Met) -> Loss {
     let (mode, what) = match met.who {
         Who::Debris(_) => (Mode::Collision, "Debris"),
         Who::Rogue(_) => (Mode::Rogue, "Rogue debris"),
-        Who::Fragment(_) => (Mode::Fragment, "A fragment,"),
+        Who::Fragment(_) => (Mode::Fragment, "Fragment"),
     };
     let avoidable = encounter.avoidable;
-    let measures = vec![fuel_left(case, satellite, end.step)];
+    let mut measures = vec![fuel_left(case, satellite, end.step)];
     let what = format!("{what} {}", met.id);
-    let words = hit_words(&what, satellite, end.step, &encounter);
+    let (mode, did) = match end.passed {
+        None => (mode, format!("{what} hit satellite {satellite} at step {}", end.step)),
+        Some(passed) => {
+            let survival = case.trace.satellite(satellite, case.flown().steps).survival;
+            measures.push(Measure { name: "survival", value: survival, unit: "" });
+            measures.push(Measure { name: "miss", value: passed.miss, unit: "LU" });
+            measures.push(Measure { name: "probability", value: passed.probability, unit: "" });
+            let did = format!(
+                "Satellite {satellite} was left a survival of {survival:.2}: {what} passed it at {:.1} LU at step {} \
+                 (probability of collision {:.2})",
+                passed.miss, end.step, passed.probability
+            );
+            (Mode::Risk, did)
+        }
+    };
+    let words = hit_words(&did, &encounter);
     let failure = Failure {
         mode: mode.name(),
         agent: satellite as u32,
@@ -52,9 +67,9 @@ fn hit(case: &Case<'_>, satellite: usize, end: End, met: Met) -> Loss {
     Loss { satellite, end, avoidable, failure }
 }
 
-fn hit_words(what: &str, satellite: usize, step: u32, met: &Encounter) -> String {
+fn hit_words(did: &str, met: &Encounter) -> String {
     let came = format!(
-        "{what} hit satellite {satellite} at step {step}, from {:.0}° (radial out towards in-track) at {:.1} LU/TU",
+        "{did}, from {:.0}° (radial out towards in-track) at {:.1} LU/TU",
         met.bearing_deg, met.relative_speed
     );
     let Some(seen) = met.first_visible_step else { return format!("{came}; nobody saw it come.") };

@@ -18,6 +18,8 @@ mod trace;
 mod verdict;
 mod waste;
 
+use std::sync::Arc;
+
 pub(super) use self::mode::{MODES, SPEED_BANDS};
 
 use self::plans::Plans;
@@ -65,7 +67,7 @@ pub(super) fn critique(
     scenario: &Scenario,
     log: &ActionLog,
 ) -> Result<Critique, ReplayError> {
-    let setup = Setup::read(scenario.recipe())?;
+    let setup = Arc::new(Setup::read(scenario.recipe())?);
     let start = setup.start(&mut Seeded::new(scenario.seed()))?;
     let trace = Trace::of(objective, &setup, &start, scenario.seed(), log)?;
     let table = Table::of(&setup, &start);

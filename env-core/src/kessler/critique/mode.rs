@@ -8,6 +8,7 @@ pub(super) enum Mode {
     Collision,
     Rogue,
     Fragment,
+    Risk,
     Decay,
     FuelStarvation,
     Overshoot,
@@ -23,6 +24,7 @@ impl Mode {
             Self::Collision => "collision",
             Self::Rogue => "rogue",
             Self::Fragment => "fragment",
+            Self::Risk => "risk",
             Self::Decay => "decay",
             Self::FuelStarvation => "fuel_starvation",
             Self::Overshoot => "overshoot",
@@ -37,6 +39,7 @@ impl Mode {
             Self::Collision => "debris that was there from the start hit a satellite",
             Self::Rogue => "rogue debris hit a satellite",
             Self::Fragment => "a fragment of another satellite hit a satellite",
+            Self::Risk => "under risk: pc, encounters left a satellite less than 0.9 probability of survival",
             Self::Decay => "a satellite fell into the Earth",
             Self::FuelStarvation => "fuel was short for what would have helped",
             Self::Overshoot => "satellite 0 reached radius 100 and did not stay",
@@ -49,10 +52,11 @@ impl Mode {
 }
 
 /// Why an episode of kessler can lose score.
-pub(in crate::kessler) static MODES: [ModeSpec; 9] = [
+pub(in crate::kessler) static MODES: [ModeSpec; 10] = [
     Mode::Collision.spec(),
     Mode::Rogue.spec(),
     Mode::Fragment.spec(),
+    Mode::Risk.spec(),
     Mode::Decay.spec(),
     Mode::FuelStarvation.spec(),
     Mode::Overshoot.spec(),

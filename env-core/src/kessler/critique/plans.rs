@@ -2,9 +2,10 @@
 //! others as they flew. To the bit what the engine would give; a property test holds it to that.
 
 use crate::bracket::Flown;
-use crate::kessler::constants::{HORIZON, SATELLITES};
+use crate::kessler::constants::{HORIZON, SATELLITES, SURVIVED};
 use crate::kessler::kernel::{Body, clamped_burn};
-use crate::kessler::planner::table::{Loss, Path, Table, told, with_fragments};
+use crate::kessler::planner::judge::{told, with_fragments};
+use crate::kessler::planner::table::{Path, Table};
 use crate::kessler::reward::Objective;
 use crate::kessler::setup::{Setup, Start};
 use crate::log::ActionLog;
@@ -30,20 +31,22 @@ pub(super) struct Plans<'a> {
     pub(super) paths: [Path; SATELLITES],
 }
 
+/// One burn that is tried, and the fuel there is for it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Single {
+    pub(super) step: u32,
+    pub(super) dvx: f64,
+    pub(super) dvy: f64,
+    pub(super) fuel: f64,
+}
+
 /// How a plan fares.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fate {
     /// The engine's word.
     pub(super) flown: Flown,
-    /// How each satellite is lost.
-    pub(super) loss: [Option<Loss>; SATELLITES],
-}
-
-impl Fate {
-    /// Steps survived, summed over the satellites.
-    pub(super) fn lived(&self) -> u32 {
-        self.loss.iter().map(|loss| loss.map_or(HORIZON, |l| l.step - 1)).sum()
-    }
+    /// Steps survived, summed over the satellites, each weighed by how likely that is.
+    pub(super) lived: f64,
 }
 
 impl<'a> Plans<'a> {
@@ -56,7 +59,7 @@ impl<'a> Plans<'a> {
         log: &ActionLog,
     ) -> Self {
         let paths = start.satellites.map(|body| Path::start(body, setup.fuel));
-        let asked = asked(log, setup.upstream);
+        let asked = asked(log, setup.physics.upstream);
         let mut plans = Self { objective, setup, seed, table, starts: start.satellites, asked, paths };
         for satellite in 0..SATELLITES {
             let mut path = plans.paths[satellite].clone();
@@ -95,12 +98,13 @@ impl<'a> Plans<'a> {
         path
     }
 
-    /// The log's path up to `step`, then one burn in that step, then hold, into `path`.
-    pub(super) fn instead(&self, satellite: usize, step: u32, burn: (f64, f64), fuel: f64, path: &mut Path) {
-        path.branch(&self.paths[satellite], step);
-        path.fuel[step as usize - 1] = fuel;
-        if path.advance(self.table, step, Some(burn)) {
-            path.fly(self.table, step + 1, &[]);
+    /// The log's path up to a step, then one burn in that step, then hold, into `path`; flown only through `until`.
+    pub(super) fn instead(&self, satellite: usize, burn: &Single, until: u32, path: &mut Path) {
+        path.branch(&self.paths[satellite], burn.step);
+        path.fuel[burn.step as usize - 1] = burn.fuel;
+        let mut flies = path.advance(self.table, burn.step, Some((burn.dvx, burn.dvy)));
+        for step in burn.step + 1..=until {
+            flies = flies && path.advance(self.table, step, None);
         }
     }
 
@@ -124,9 +128,11 @@ impl<'a> Plans<'a> {
         self.judge(self.replaced(satellite, path))
     }
 
-    /// When and how a satellite is lost on this path, with the others as they flew.
-    pub(super) fn loss(&self, satellite: usize, path: &Path) -> Option<Loss> {
-        with_fragments(self.seed, self.table, self.replaced(satellite, path))[satellite]
+    /// Whether a satellite lives through `step` on this path, flown so far, with the others as they flew. What the path
+    /// holds past `step` can at most lose it later.
+    pub(super) fn outlives(&self, satellite: usize, path: &Path, step: u32) -> bool {
+        let loss = with_fragments(self.seed, self.table, self.replaced(satellite, path))[satellite];
+        loss.is_none_or(|loss| loss.step > step) && path.survival[step as usize] >= SURVIVED
     }
 
     fn replaced<'p>(&'p self, satellite: usize, path: &'p Path) -> [&'p Path; SATELLITES] {
@@ -135,7 +141,11 @@ impl<'a> Plans<'a> {
 
     fn judge(&self, paths: [&Path; SATELLITES]) -> Fate {
         let loss = with_fragments(self.seed, self.table, paths);
-        Fate { flown: told(self.objective, self.setup, paths, loss), loss }
+        let lived = paths.iter().zip(loss).map(|(path, loss)| {
+            let last = loss.map_or(HORIZON, |loss| loss.step - 1) as usize;
+            path.survival[1..=last].iter().sum::<f64>()
+        });
+        Fate { flown: told(self.objective, self.setup, paths, loss), lived: lived.sum() }
     }
 }
 

@@ -1,11 +1,11 @@
 //! Whether a loss could have been avoided, by a plan that knows only what was visible when it acts: one burn, then hold.
 
-use super::plans::Plans;
+use super::plans::{Plans, Single};
 use super::sky::Sky;
 use super::trace::{Trace, Who};
 use crate::critique::Remedy;
-use crate::kessler::constants::{EARTH_RADIUS_2, FUEL_PER_SPEED, HORIZON};
-use crate::kessler::kernel::clamped_burn;
+use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SURVIVED};
+use crate::kessler::kernel::{Body, clamped_burn};
 use crate::kessler::planner::panel::capped;
 use crate::kessler::planner::table::Path;
 
@@ -33,14 +33,6 @@ pub(super) struct Danger {
     pub(super) fuel: Option<f64>,
 }
 
-/// One burn that is tried, and the fuel there is for it.
-struct Try {
-    step: u32,
-    dvx: f64,
-    dvy: f64,
-    fuel: f64,
-}
-
 /// The cheapest burn found that avoids the loss: gentlest first, of one size the latest first, 16 directions.
 pub(super) fn search(plans: &Plans<'_>, sky: &Sky<'_>, trace: &Trace, danger: Danger) -> Option<Remedy> {
     let stride = (danger.step + 1).checked_sub(danger.from)?.div_ceil(STEPS).max(1);
@@ -57,9 +49,9 @@ pub(super) fn search(plans: &Plans<'_>, sky: &Sky<'_>, trace: &Trace, danger: Da
             affordable = true;
             for direction in 0..if size > 0.0 { DIRECTIONS } else { 1 } {
                 let (sin, cos) = libm::sincos(TAU * f64::from(direction) / f64::from(DIRECTIONS));
-                let burn = Try { step, dvx: most * cos, dvy: most * sin, fuel };
+                let burn = Single { step, dvx: most * cos, dvy: most * sin, fuel };
                 if works(plans, sky, trace, danger, &burn, &mut path) {
-                    let cost = FUEL_PER_SPEED * most;
+                    let (_, _, cost) = clamped_burn(burn.dvx, burn.dvy);
                     return Some(Remedy { step, values: vec![burn.dvx, burn.dvy], cost });
                 }
             }
@@ -78,27 +70,36 @@ fn works(
     sky: &Sky<'_>,
     trace: &Trace,
     danger: Danger,
-    burn: &Try,
+    burn: &Single,
     path: &mut Path,
 ) -> bool {
-    let mut body = trace.satellite(danger.satellite, burn.step - 1).body;
+    let of = trace.satellite(danger.satellite, burn.step - 1);
     let (dvx, dvy, _) = clamped_burn(burn.dvx, burn.dvy);
-    body.vx += dvx;
-    body.vy += dvy;
-    let begin = body;
-    for t in burn.step..=danger.step {
+    let begin = Body { vx: of.body.vx + dvx, vy: of.body.vy + dvy, ..of.body };
+    if !dodges(sky, danger, burn.step, (of.body, begin), of.survival) {
+        return false;
+    }
+    if !sky.clear(of.body, begin, burn.step, of.survival) {
+        return false;
+    }
+    let until = (danger.step + GRACE).min(HORIZON);
+    plans.instead(danger.satellite, burn, until, path);
+    plans.outlives(danger.satellite, path, until)
+}
+
+/// It clears what took the satellite, up to then: cheap, and most that is tried fails here.
+fn dodges(sky: &Sky<'_>, danger: Danger, from: u32, (before, after): (Body, Body), survival: f64) -> bool {
+    let (mut before, mut body, mut left) = (before, after, survival);
+    for t in from..=danger.step {
         if body.radius_2() < EARTH_RADIUS_2 {
             return false;
         }
-        body = body.coasted();
-        if danger.who.is_some_and(|who| sky.touches(who, t, &body)) {
+        body = body.coasted(sky.gravity());
+        left *= danger.who.map_or(1.0, |who| sky.spares(who, t, &before, &body));
+        if left < SURVIVED {
             return false;
         }
+        before = body;
     }
-    if !sky.clear(begin, burn.step) {
-        return false;
-    }
-    plans.instead(danger.satellite, burn.step, (burn.dvx, burn.dvy), burn.fuel, path);
-    let until = (danger.step + GRACE).min(HORIZON);
-    plans.loss(danger.satellite, path).is_none_or(|loss| loss.step > until)
+    true
 }

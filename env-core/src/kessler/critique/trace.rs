@@ -1,5 +1,7 @@
 //! The episode as the engine flies it: every satellite after every step, who was lost to what, which burns were refused.
 
+use std::sync::Arc;
+
 use crate::bracket::Flown;
 use crate::chance::Seeded;
 use crate::kessler::constants::{FRAGMENTS, HORIZON, SATELLITES};
@@ -29,10 +31,21 @@ pub(super) struct Trace {
 /// How a satellite was lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct End {
-    /// When, counted from 1.
+    /// When, counted from 1. Under `risk: pc` the step of the encounter that took most of its survival.
     pub(super) step: u32,
     /// By what; none is the Earth.
     pub(super) met: Option<Met>,
+    /// Under `risk: pc`, that encounter; nothing was hit.
+    pub(super) passed: Option<Passed>,
+}
+
+/// An encounter under `risk: pc`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Passed {
+    /// How near, LU.
+    pub(super) miss: f64,
+    /// Probability of collision.
+    pub(super) probability: f64,
 }
 
 /// What hit a satellite.
@@ -76,20 +89,20 @@ pub(super) struct Fragment {
     id: u32,
     /// The step in which it appeared.
     pub(super) born: u32,
-    /// Where it was after each step from then on, until it fell into the Earth.
-    pub(super) places: Vec<(f64, f64)>,
+    /// It after each step from then on, until it fell into the Earth.
+    pub(super) bodies: Vec<Body>,
 }
 
 impl Trace {
     /// Flies the episode.
     pub(super) fn of(
         objective: Objective,
-        setup: &Setup,
+        setup: &Arc<Setup>,
         start: &Start,
         seed: Seed,
         log: &ActionLog,
     ) -> Result<Self, ReplayError> {
-        let mut flight = Flight::new(objective, setup.clone(), start.clone(), Seeded::new(seed));
+        let mut flight = Flight::new(objective, Arc::clone(setup), start, Seeded::new(seed));
         let mut trace = Self {
             satellites: Vec::with_capacity(HORIZON as usize + 1),
             ends: [None; SATELLITES],
@@ -105,6 +118,10 @@ impl Trace {
             Ok(stepped.done)
         })?;
         trace.flown = flight.flown();
+        // Under `risk: pc` nothing destroys; who is too likely lost counts as lost to its worst encounter.
+        for (end, s) in trace.ends.iter_mut().zip(flight.satellites()) {
+            *end = end.filter(|_| s.lost());
+        }
         Ok(trace)
     }
 
@@ -120,14 +137,23 @@ impl Trace {
                 }
                 Event::RogueArrived { debris } => ids.rogue(debris),
                 Event::Decayed { satellite } => {
-                    self.ends[satellite as usize] = Some(End { step, met: None });
+                    self.ends[satellite as usize] = Some(End { step, met: None, passed: None });
                 }
                 Event::Collision { satellite, debris } => {
                     let body = find(flight, debris).unwrap_or_default();
                     let met = ids.who(debris).map(|who| Met { id: debris, who, body });
-                    self.ends[satellite as usize] = Some(End { step, met });
+                    self.ends[satellite as usize] = Some(End { step, met, passed: None });
                     for id in ids.fragments() {
-                        self.fragments.push(Fragment { id, born: step, places: Vec::new() });
+                        self.fragments.push(Fragment { id, born: step, bodies: Vec::new() });
+                    }
+                }
+                Event::Passed { satellite, debris, miss, probability } => {
+                    let end = &mut self.ends[satellite as usize];
+                    let worst = end.and_then(|end| end.passed).map_or(0.0, |passed| passed.probability);
+                    if probability > worst {
+                        let body = find(flight, debris).unwrap_or_default();
+                        let met = ids.who(debris).map(|who| Met { id: debris, who, body });
+                        *end = Some(End { step, met, passed: Some(Passed { miss, probability }) });
                     }
                 }
                 Event::DebrisDecayed { .. } => {}
@@ -136,7 +162,7 @@ impl Trace {
         for fragment in &mut self.fragments {
             // One that fell into the Earth is found no more.
             if let Some(body) = find(flight, fragment.id) {
-                fragment.places.push((body.x, body.y));
+                fragment.bodies.push(body);
             }
         }
         self.satellites.push(*flight.satellites());
@@ -149,11 +175,10 @@ impl Trace {
     }
 }
 
-/// Debris by its id. Ids ascend in order of arrival.
+/// Debris by its id.
 fn find(flight: &Flight<Seeded>, id: u32) -> Option<Body> {
     let debris = flight.debris();
-    let at = debris.id.binary_search(&id).ok()?;
-    Some(debris.body(at))
+    (0..debris.len()).rev().find(|&i| debris.id(i) == id).map(|i| debris.body(i))
 }
 
 /// Which body an id of the engine's is: debris of the start, then rogues and fragments as they come.

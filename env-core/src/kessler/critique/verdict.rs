@@ -6,7 +6,7 @@ use super::COUNTS;
 use super::plans::{Fate, Plans};
 use super::trace::Trace;
 use crate::critique::{ActionVerdict, Verdict};
-use crate::kessler::constants::{GOAL, SATELLITES};
+use crate::kessler::constants::{GOAL, HORIZON, SATELLITES};
 
 /// A verdict on every burn that was applied, in order of step. What one satellite burns in one step is one burn.
 pub(super) fn all(plans: &Plans<'_>, trace: &Trace) -> Vec<ActionVerdict> {
@@ -51,7 +51,9 @@ fn verdict(with: &Fate, without: &Fate) -> Verdict {
     } else if gain > COUNTS {
         Verdict::Needed
     } else if gain < -COUNTS {
-        if with.lived() < without.lived() { Verdict::Harmful } else { Verdict::Wasteful }
+        // The share of score that living is worth on survival.
+        let lived = (without.lived - with.lived) / (f64::from(HORIZON) * SATELLITES as f64);
+        if lived > COUNTS { Verdict::Harmful } else { Verdict::Wasteful }
     } else {
         Verdict::Harmless
     }

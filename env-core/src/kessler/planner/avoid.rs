@@ -6,6 +6,7 @@ use crate::chance::{Chance, Seeded, Stream};
 use crate::kessler::constants::{CONTACT_2, FUEL_PER_SPEED, HORIZON};
 use crate::kessler::kernel::clamped_burn;
 use crate::kessler::reward::Objective;
+use crate::kessler::setup::Contact;
 
 const TAU: f64 = std::f64::consts::TAU;
 const SIZES: [f64; 5] = [0.05, 0.1, 0.2, 0.4, 0.8];
@@ -17,32 +18,34 @@ const SCHEDULE_BURNS: usize = 4;
 /// What one satellite's path is worth to the team. Satellites are worth the sum of their paths, fragments aside.
 pub(super) fn worth(objective: Objective, path: &Path) -> f64 {
     match objective {
-        Objective::Survival | Objective::Rendezvous => f64::from(path.survived()),
-        Objective::EcoStation => path.fuel[1..=path.survived() as usize].iter().sum(),
+        Objective::EcoStation => path.weights().map(|(t, weight)| path.fuel[t] * weight).sum(),
+        Objective::Survival | Objective::Rendezvous | Objective::Formation => {
+            path.weights().map(|(_, weight)| weight).sum()
+        }
     }
 }
 
 /// The best path found for a satellite, given its panel (hold first).
 pub(super) fn search(objective: Objective, table: &Table, panel: &[Path], chance: &mut Seeded) -> Path {
     let hold = &panel[0];
-    if hold.loss.is_none() {
+    if !hold.lost() {
         return hold.clone();
     }
     let mut best = hold.clone();
     let mut best_worth = worth(objective, hold);
     for path in panel {
         // Panel kicks grow in size: the first that lives is the gentlest.
-        if path.loss.is_none() && worth(objective, path) > best_worth {
+        if !path.lost() && worth(objective, path) > best_worth {
             best_worth = worth(objective, path);
             best = path.clone();
         }
     }
     let thrifty = objective == Objective::EcoStation;
-    if best.loss.is_none() && !thrifty {
+    if !best.lost() && !thrifty {
         return best;
     }
     single_burns(objective, table, hold, &mut best, &mut best_worth);
-    if best.loss.is_some() {
+    if best.lost() {
         schedules(objective, table, hold, &mut best, &mut best_worth, chance);
     }
     best
@@ -50,14 +53,15 @@ pub(super) fn search(objective: Objective, table: &Table, panel: &[Path], chance
 
 /// One burn: sizes from small to large, steps from late to early, 16 directions.
 fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Path, best_worth: &mut f64) {
-    let Some(loss) = hold.loss else { return };
+    let Some(threat) = hold.threat() else { return };
     let fuel = hold.fuel[0];
-    let last = loss.step as usize;
-    let killer = loss.hit.then(|| table.touching(last, hold.bodies[last].x, hold.bodies[last].y)).flatten();
+    let last = threat as usize;
+    let hard = table.physics.contact == Contact::EndOfStep && hold.loss.is_some_and(|loss| loss.hit);
+    let killer = hard.then(|| table.touching(last, &hold.bodies[last])).flatten();
     let mut path = hold.clone();
     for size in SIZES {
         let size = capped(size, fuel);
-        for step in (1..=loss.step).rev() {
+        for step in (1..=threat).rev() {
             let most = ideal(objective, fuel, size, step);
             if most <= *best_worth {
                 break; // an earlier burn of this size is worth less still
@@ -65,7 +69,7 @@ fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Pat
             for direction in 0..DIRECTIONS {
                 let (sin, cos) = libm::sincos(TAU * f64::from(direction) / f64::from(DIRECTIONS));
                 let burn = Burn { step, dvx: size * cos, dvy: size * sin };
-                if killer.is_some_and(|column| !dodges(table, hold, burn, column, loss.step)) {
+                if killer.is_some_and(|column| !dodges(table, hold, burn, column, threat)) {
                     continue;
                 }
                 path.branch(hold, step);
@@ -75,7 +79,7 @@ fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Pat
                     *best_worth = value;
                     best.clone_from(&path);
                 }
-                if path.loss.is_none() {
+                if !path.lost() {
                     return;
                 }
             }
@@ -86,7 +90,7 @@ fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Pat
 /// The worth of a path that survives with one burn of `size` at `step`.
 fn ideal(objective: Objective, fuel: f64, size: f64, step: u32) -> f64 {
     match objective {
-        Objective::Survival | Objective::Rendezvous => f64::from(HORIZON),
+        Objective::Survival | Objective::Rendezvous | Objective::Formation => f64::from(HORIZON),
         Objective::EcoStation => {
             fuel * f64::from(HORIZON) - FUEL_PER_SPEED * size * f64::from(HORIZON + 1 - step)
         }
@@ -100,7 +104,7 @@ fn dodges(table: &Table, hold: &Path, burn: Burn, column: usize, until: u32) -> 
     body.vx += dvx;
     body.vy += dvy;
     for step in burn.step..=until {
-        body = body.coasted();
+        body = body.coasted(table.physics.gravity);
         if table.clear_of(column, step as usize, body.x, body.y) < CONTACT_2 {
             return false;
         }
@@ -117,14 +121,14 @@ fn schedules(
     best_worth: &mut f64,
     chance: &mut Seeded,
 ) {
-    let Some(loss) = hold.loss else { return };
+    let Some(threat) = hold.threat() else { return };
     let fuel = hold.fuel[0];
     let mut path = hold.clone();
     for _ in 0..SCHEDULES {
         let mut burns = [Burn { step: 1, dvx: 0.0, dvy: 0.0 }; SCHEDULE_BURNS];
         for (i, burn) in burns.iter_mut().enumerate() {
             // The first acts before the contact; the others anywhere.
-            let window = if i == 0 { loss.step } else { HORIZON };
+            let window = if i == 0 { threat } else { HORIZON };
             burn.step = 1 + (chance.uniform(Stream::Planner) * f64::from(window)) as u32;
             let most = capped(1.0, fuel / SCHEDULE_BURNS as f64 * 2.0);
             let size = most * chance.uniform(Stream::Planner);
@@ -139,7 +143,7 @@ fn schedules(
             *best_worth = value;
             best.clone_from(&path);
         }
-        if path.loss.is_none() {
+        if !path.lost() {
             return;
         }
     }

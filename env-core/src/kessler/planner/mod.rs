@@ -4,11 +4,14 @@
 //! best, never the best.
 
 mod avoid;
+pub(in crate::kessler) mod formation;
+pub(in crate::kessler) mod judge;
 pub mod panel;
 pub(in crate::kessler) mod table;
 pub(in crate::kessler) mod transfer;
 
-use self::table::{Path, Table, judge};
+use self::judge::judge;
+use self::table::{Path, Table};
 use super::constants::SATELLITES;
 use super::reward::Objective;
 use super::setup::Setup;
@@ -41,6 +44,9 @@ pub fn bracket(objective: Objective, scenario: &Scenario) -> Result<Bracket, Sce
     if objective == Objective::Rendezvous {
         planned[0] = transfer::search(&table, start.satellites[0], setup.fuel, &planned[0], &mut chance);
     }
+    if objective == Objective::Formation {
+        planned = formation::search(&setup, scenario.seed(), &table, &panels, planned, &mut chance);
+    }
     let planned_flown = judged([&planned[0], &planned[1], &planned[2]]);
 
     let best_blind =
@@ -54,7 +60,7 @@ pub fn bracket(objective: Objective, scenario: &Scenario) -> Result<Bracket, Sce
         Objective::Survival | Objective::EcoStation => {
             flown.iter().map(|f| f.score).sum::<f64>() / panel::PANEL as f64
         }
-        Objective::Rendezvous => flown[0].score,
+        Objective::Rendezvous | Objective::Formation => flown[0].score,
     };
     Ok(Bracket { planner: VERSION, floor, witness: witness(paths, reference.steps), reference, panel: flown })
 }

@@ -1,14 +1,11 @@
 //! Debris does not depend on what satellites do (fragments aside), so it is propagated once and satellites are flown
 //! against the table, one by one.
 
-use crate::bracket::Flown;
-use crate::chance::Seeded;
-use crate::kessler::constants::{CONTACT_2, EARTH_RADIUS_2, FRAGMENTS, GOAL_STEPS, HORIZON, SATELLITES};
-use crate::kessler::flight::fragment;
-use crate::kessler::kernel::{Body, clamped_burn, coast, distance_2};
-use crate::kessler::reward::{Objective, proximity, score};
-use crate::kessler::setup::{Setup, Start};
-use crate::seed::Seed;
+use crate::kessler::constants::{CONTACT_2, CONTACT_DISTANCE, EARTH_RADIUS_2, HORIZON, SIGMAS, SURVIVED};
+use crate::kessler::kernel::{
+    Body, Gravity, clamped_burn, coast, collision_probability, distance_2, passing_2, swept_2,
+};
+use crate::kessler::setup::{Contact, Physics, Setup, Start};
 
 /// Points of a trajectory: the start, and after each step.
 pub(crate) const POINTS: usize = HORIZON as usize + 1;
@@ -29,20 +26,24 @@ pub(crate) struct Table {
     n: usize,
     x: Vec<f64>,
     y: Vec<f64>,
-    upstream: bool,
+    /// Velocities, where contact asks for them.
+    vx: Vec<f64>,
+    vy: Vec<f64>,
+    pub(super) physics: Physics,
 }
 
 impl Table {
     /// All debris of an episode, rogues to come included.
     pub(crate) fn of(setup: &Setup, start: &Start) -> Self {
-        Self::propagate(&start.debris, &start.rogues, HORIZON, setup.upstream)
+        Self::propagate(&start.debris, &start.rogues, HORIZON, setup.physics)
     }
 
     /// `debris` from now on, and `rogues` from the step they arrive in, for `steps` steps.
-    pub(crate) fn propagate(debris: &[Body], rogues: &[(u32, Body)], steps: u32, upstream: bool) -> Self {
+    pub(crate) fn propagate(debris: &[Body], rogues: &[(u32, Body)], steps: u32, physics: Physics) -> Self {
         let n = debris.len() + rogues.len();
         let room = || Vec::with_capacity(n * (steps as usize + 1));
-        let mut table = Self { n, x: room(), y: room(), upstream };
+        let moving = || if physics.contact == Contact::EndOfStep { Vec::new() } else { room() };
+        let mut table = Self { n, x: room(), y: room(), vx: moving(), vy: moving(), physics };
         let mut now = Columns::with_room(n);
         debris.iter().for_each(|body| now.push(*body));
         rogues.iter().for_each(|_| now.push(ABSENT));
@@ -53,7 +54,7 @@ impl Table {
                 now.set(debris.len() + next_rogue, *body);
                 next_rogue += 1;
             }
-            now.advance(upstream);
+            now.advance(physics);
             table.row(&now);
         }
         table
@@ -67,6 +68,10 @@ impl Table {
     fn row(&mut self, now: &Columns) {
         self.x.extend_from_slice(&now.x);
         self.y.extend_from_slice(&now.y);
+        if self.physics.contact != Contact::EndOfStep {
+            self.vx.extend_from_slice(&now.vx);
+            self.vy.extend_from_slice(&now.vy);
+        }
     }
 
     /// Whether anything touches this place after `step`.
@@ -80,9 +85,71 @@ impl Table {
         any != 0
     }
 
-    /// Which column touches this place after `step`, the first in order.
-    pub(crate) fn touching(&self, step: usize, px: f64, py: f64) -> Option<usize> {
-        (0..self.n).find(|&i| self.clear_of(i, step, px, py) < CONTACT_2)
+    /// Whether anything comes near enough to a body within `step`, at whose end it is there.
+    fn crossed(&self, step: usize, body: &Body) -> bool {
+        (0..self.n).any(|column| self.crossing_2(column, step, body) < CONTACT_2)
+    }
+
+    /// Least distance squared to one column within `step`.
+    fn crossing_2(&self, column: usize, step: usize, body: &Body) -> f64 {
+        let (dx, dy, wx, wy) = self.relative(column, step, body);
+        swept_2(dx, dy, wx, wy)
+    }
+
+    /// Relative position and velocity of a body to a column after `step`.
+    fn relative(&self, column: usize, step: usize, body: &Body) -> (f64, f64, f64, f64) {
+        let at = step * self.n + column;
+        (body.x - self.x[at], body.y - self.y[at], body.vx - self.vx[at], body.vy - self.vy[at])
+    }
+
+    /// The probability that one column does not hit a body in `step`, which was at `before` and is at `body`.
+    #[inline]
+    pub(crate) fn spares(&self, column: usize, step: usize, before: &Body, body: &Body, sigma: f64) -> f64 {
+        let most = CONTACT_DISTANCE + SIGMAS * sigma;
+        let (dx, dy, wx, wy) = self.relative(column, step, body);
+        // Too far at the end to have been near within the step: (a + b)² ≤ 2a² + 2b².
+        if dx * dx + dy * dy > 2.0 * (most * most + wx * wx + wy * wy) {
+            return 1.0;
+        }
+        // Where nothing was before, nothing approached. Only a course that changes at the start of the step asks.
+        let approaching = || {
+            let (dx, dy, wx, wy) = self.relative(column, step - 1, before);
+            dx.abs() < 0.5 * NOWHERE && dx * wx + dy * wy < 0.0
+        };
+        let start = dx * wx + dy * wy - (wx * wx + wy * wy);
+        let passed = passing_2(dx, dy, wx, wy, start >= 0.0 && approaching());
+        passed
+            .filter(|&miss_2| miss_2 < most * most)
+            .map_or(1.0, |miss_2| 1.0 - collision_probability(miss_2.sqrt(), sigma))
+    }
+
+    /// What `step` leaves of a survival of `left`, of a body that was at `before` and is at `body`.
+    fn survival(&self, step: usize, before: &Body, body: &Body, sigma: f64, left: f64) -> f64 {
+        (0..self.n).fold(left, |left, column| left * self.spares(column, step, before, body, sigma))
+    }
+
+    /// Whether anything destroys a body in `step`, at whose end it is there.
+    pub(crate) fn destroyed(&self, step: usize, body: &Body) -> bool {
+        match self.physics.contact {
+            Contact::EndOfStep => self.touched(step, body.x, body.y),
+            Contact::Swept => self.crossed(step, body),
+            Contact::Chance(_) => false,
+        }
+    }
+
+    /// Whether one column meets a body in `step`, at whose end it is there.
+    pub(crate) fn meets(&self, column: usize, step: usize, body: &Body) -> bool {
+        let d2 = if self.physics.contact == Contact::Swept {
+            self.crossing_2(column, step, body)
+        } else {
+            self.clear_of(column, step, body.x, body.y)
+        };
+        d2 < CONTACT_2
+    }
+
+    /// Which column meets a body in `step`, at whose end it is there: the first in order.
+    pub(crate) fn touching(&self, step: usize, body: &Body) -> Option<usize> {
+        (0..self.n).find(|&column| self.meets(column, step, body))
     }
 
     /// Where one column is after `step`; far away where there is nothing.
@@ -126,7 +193,14 @@ impl Columns {
         self.vy[i] = body.vy;
     }
 
-    fn advance(&mut self, upstream: bool) {
+    fn advance(&mut self, physics: Physics) {
+        match physics.gravity {
+            Gravity::Point => self.advance_under::<false>(physics.upstream),
+            Gravity::J2 => self.advance_under::<true>(physics.upstream),
+        }
+    }
+
+    fn advance_under<const OBLATE: bool>(&mut self, upstream: bool) {
         let n = self.x.len();
         if self.may_be_inside {
             for i in 0..n {
@@ -136,13 +210,13 @@ impl Columns {
                     }
                     self.set(i, ABSENT);
                 }
-                coast(&mut self.x[i], &mut self.y[i], &mut self.vx[i], &mut self.vy[i]);
+                coast::<OBLATE>(&mut self.x[i], &mut self.y[i], &mut self.vx[i], &mut self.vy[i]);
             }
         } else {
             let (x, y) = (&mut self.x[..n], &mut self.y[..n]);
             let (vx, vy) = (&mut self.vx[..n], &mut self.vy[..n]);
             for i in 0..n {
-                coast(&mut x[i], &mut y[i], &mut vx[i], &mut vy[i]);
+                coast::<OBLATE>(&mut x[i], &mut y[i], &mut vx[i], &mut vy[i]);
             }
         }
         let mut inside = 0u64;
@@ -167,6 +241,8 @@ pub(crate) struct Path {
     pub bodies: [Body; POINTS],
     pub fuel: [f64; POINTS],
     pub cost: [f64; POINTS],
+    /// Probability that it still flies, encounters alone; 1 where debris destroys what it touches.
+    pub survival: [f64; POINTS],
     pub loss: Option<Loss>,
     pub burns: Vec<Burn>,
 }
@@ -177,6 +253,7 @@ impl Path {
             bodies: [body; POINTS],
             fuel: [fuel; POINTS],
             cost: [0.0; POINTS],
+            survival: [1.0; POINTS],
             loss: None,
             burns: Vec::new(),
         }
@@ -185,7 +262,8 @@ impl Path {
     /// One step under an optional burn; false once it is lost. A burn that fuel is short for is not in the plan.
     pub(crate) fn advance(&mut self, table: &Table, step: u32, burn: Option<(f64, f64)>) -> bool {
         let t = step as usize;
-        let mut body = self.bodies[t - 1];
+        let before = self.bodies[t - 1];
+        let mut body = before;
         let mut fuel = self.fuel[t - 1];
         self.cost[t] = 0.0;
         if let Some((dvx, dvy)) = burn {
@@ -199,14 +277,18 @@ impl Path {
             }
         }
         self.fuel[t] = fuel;
+        self.survival[t] = self.survival[t - 1];
         if body.radius_2() < EARTH_RADIUS_2 {
             self.bodies[t] = body;
             self.loss = Some(Loss { step, hit: false });
             return false;
         }
-        body = body.coasted();
+        body = body.coasted(table.physics.gravity);
         self.bodies[t] = body;
-        if table.touched(t, body.x, body.y) {
+        if let Contact::Chance(sigma) = table.physics.contact {
+            self.survival[t] = table.survival(t, &before, &body, sigma, self.survival[t]);
+        }
+        if table.destroyed(t, &body) {
             self.loss = Some(Loss { step, hit: true });
             return false;
         }
@@ -231,6 +313,7 @@ impl Path {
         self.bodies[..t].copy_from_slice(&from.bodies[..t]);
         self.fuel[..t].copy_from_slice(&from.fuel[..t]);
         self.cost[..t].copy_from_slice(&from.cost[..t]);
+        self.survival[..t].copy_from_slice(&from.survival[..t]);
         self.loss = None;
         self.burns.clear();
         self.burns.extend(from.burns.iter().filter(|b| b.step < step));
@@ -240,114 +323,24 @@ impl Path {
     pub(crate) fn survived(&self) -> u32 {
         self.loss.map_or(HORIZON, |loss| loss.step - 1)
     }
-}
 
-/// How three trajectories fare together: fragments of those that are hit may hit the others. Exactly what the episode
-/// gives, to the bit; a property test holds it to that.
-pub(crate) fn judge(
-    objective: Objective,
-    setup: &Setup,
-    seed: Seed,
-    table: &Table,
-    paths: [&Path; SATELLITES],
-) -> Flown {
-    told(objective, setup, paths, with_fragments(seed, table, paths))
-}
+    /// Whether it counts as lost.
+    pub(crate) fn lost(&self) -> bool {
+        self.threat().is_some()
+    }
 
-/// How three trajectories fare together where each is lost as `loss` says.
-pub(crate) fn told(
-    objective: Objective,
-    setup: &Setup,
-    paths: [&Path; SATELLITES],
-    loss: [Option<Loss>; SATELLITES],
-) -> Flown {
-    let alive = |i: usize, step: u32| loss[i].is_none_or(|l| step < l.step);
-    let mut flown = Flown { score: 0.0, total: 0.0, steps: 0, lost: 0, goal: None, fuel_used: 0.0 };
-    let mut goal = 0.0;
-    for step in 1..=HORIZON {
-        let t = step as usize;
-        let (mut active, mut fuel) = (0, 0.0);
-        for (i, path) in paths.iter().enumerate() {
-            // A burn precedes the motion: one that is lost in this step has still burnt.
-            if alive(i, step - 1) && path.cost[t] > 0.0 {
-                flown.fuel_used += path.cost[t];
-            }
-            if alive(i, step) {
-                active += 1;
-                fuel += path.fuel[t];
-            }
-        }
-        let near = if objective == Objective::Rendezvous && alive(0, step) {
-            proximity(paths[0].bodies[t].radius())
-        } else {
-            0.0
-        };
-        if step > HORIZON - GOAL_STEPS {
-            goal += near;
-        }
-        flown.total += objective.reward(active, fuel, setup.fuel, near);
-        flown.steps = step;
-        if active == 0 {
-            break;
+    /// The step at which it is lost: hit, decayed, or survival below what counts.
+    pub(crate) fn threat(&self) -> Option<u32> {
+        let doubtful = || (1..).zip(&self.survival[1..]).find(|(_, s)| **s < SURVIVED).map(|(step, _)| step);
+        match self.loss {
+            Some(loss) => Some(loss.step),
+            None if self.survival[HORIZON as usize] < SURVIVED => doubtful(),
+            None => None,
         }
     }
-    flown.lost = loss.iter().flatten().count() as u32;
-    flown.score = score(flown.total);
-    flown.goal = (objective == Objective::Rendezvous).then(|| goal / f64::from(GOAL_STEPS));
-    flown
-}
 
-/// When and how each is lost, fragments of the others included.
-pub(crate) fn with_fragments(
-    seed: Seed,
-    table: &Table,
-    paths: [&Path; SATELLITES],
-) -> [Option<Loss>; SATELLITES] {
-    let mut loss = paths.map(|path| path.loss);
-    if loss.iter().flatten().all(|l| !l.hit) {
-        return loss;
-    }
-    let mut chance = Seeded::new(seed);
-    let mut seen = [false; SATELLITES];
-    loop {
-        let next = (0..SATELLITES)
-            .filter(|&i| !seen[i])
-            .filter_map(|i| loss[i].filter(|l| l.hit).map(|l| (l.step, i)))
-            .min();
-        let Some((step, i)) = next else { return loss };
-        seen[i] = true;
-        for _ in 0..FRAGMENTS {
-            let piece = fragment(paths[i].bodies[step as usize], &mut chance);
-            fly_fragment(piece, step, i, table.upstream, paths, &mut loss);
-        }
-    }
-}
-
-fn fly_fragment(
-    mut piece: Body,
-    from: u32,
-    of: usize,
-    upstream: bool,
-    paths: [&Path; SATELLITES],
-    loss: &mut [Option<Loss>; SATELLITES],
-) {
-    for step in from..=HORIZON {
-        if step > from {
-            if piece.radius_2() < EARTH_RADIUS_2 {
-                if !upstream {
-                    return;
-                }
-            } else {
-                piece = piece.coasted();
-            }
-        }
-        for (j, path) in paths.iter().enumerate() {
-            // In the step of the collision only satellites later in order still look.
-            let looks = j != of && (step > from || j > of) && loss[j].is_none_or(|l| step < l.step);
-            let body = path.bodies[step as usize];
-            if looks && distance_2(body.x, body.y, piece.x, piece.y) < CONTACT_2 {
-                loss[j] = Some(Loss { step, hit: true });
-            }
-        }
+    /// Steps survived, each weighed by how likely that is.
+    pub(crate) fn weights(&self) -> impl Iterator<Item = (usize, f64)> {
+        (1..=self.survived() as usize).map(|t| (t, self.survival[t]))
     }
 }

@@ -5,7 +5,9 @@
 use super::panel::capped;
 use super::table::{Path, Table};
 use crate::chance::{Chance, Seeded, Stream};
-use crate::kessler::constants::{FUEL_PER_SPEED, GM, GOAL, GOAL_STEPS, HORIZON, MAX_BURN, TARGET_RADIUS};
+use crate::kessler::constants::{
+    FUEL_PER_SPEED, GM, GOAL, HORIZON, MAX_BURN, RENDEZVOUS_STEPS, TARGET_RADIUS,
+};
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::proximity;
 
@@ -40,7 +42,7 @@ pub(super) fn search(table: &Table, body: Body, fuel: f64, hold: &Path, chance: 
             best.clone_from(&path);
         }
     }
-    if best.loss.is_some() {
+    if best.lost() {
         dodge(table, hold, &mut best, best_worth, best_gains, chance);
     }
     best
@@ -67,7 +69,7 @@ fn dodge(
             best_worth = worth(&path);
             best.clone_from(&path);
         }
-        if best.loss.is_none() && goal(best) >= GOAL {
+        if !best.lost() && goal(best) >= GOAL {
             return;
         }
     }
@@ -86,17 +88,18 @@ fn around(gains: [f64; GAINS], spread: f64, chance: &mut Seeded) -> [f64; GAINS]
 /// Steps of reward that satellite 0's path earns, twice over (so that they are whole without proximity), and a bonus
 /// for what makes an episode a success.
 fn worth(path: &Path) -> f64 {
-    let survived = path.survived() as usize;
-    let near: f64 = path.bodies[1..=survived].iter().map(|b| proximity(b.radius())).sum();
-    let success = path.loss.is_none() && goal(path) >= GOAL;
-    f64::from(path.survived()) / 3.0 + near + if success { 20.0 } else { 0.0 }
+    let near: f64 = path.weights().map(|(t, weight)| proximity(path.bodies[t].radius()) * weight).sum();
+    let survived: f64 = path.weights().map(|(_, weight)| weight).sum();
+    let success = !path.lost() && goal(path) >= GOAL;
+    survived / 3.0 + near + if success { 20.0 } else { 0.0 }
 }
 
 /// Mean proximity over the last steps.
 fn goal(path: &Path) -> f64 {
-    let survived = path.survived() as usize;
-    let first = (HORIZON - GOAL_STEPS) as usize + 1;
-    (first..=survived).map(|t| proximity(path.bodies[t].radius())).sum::<f64>() / f64::from(GOAL_STEPS)
+    let first = (HORIZON - RENDEZVOUS_STEPS) as usize + 1;
+    let late = path.weights().filter(|(t, _)| *t >= first);
+    late.map(|(t, weight)| proximity(path.bodies[t].radius()) * weight).sum::<f64>()
+        / f64::from(RENDEZVOUS_STEPS)
 }
 
 /// Flies the gains from `step` on, with an optional sidestep.

@@ -4,10 +4,11 @@
 use super::Pilot;
 use super::learner::burn;
 use crate::kessler::constants::CONTACT_2;
-use crate::kessler::kernel::Body;
+use crate::kessler::kernel::{Body, Gravity};
 use crate::kessler::planner::panel::capped;
 use crate::kessler::planner::table::Table;
 use crate::kessler::planner::transfer::{affordable, feedback};
+use crate::kessler::setup::Physics;
 use crate::kessler::telemetry::Telemetry;
 use crate::log::ActionLog;
 
@@ -25,7 +26,7 @@ pub(super) struct Heuristic;
 impl Pilot for Heuristic {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
         let debris: Vec<Body> = seen.radar_debris.iter().map(|d| d.body()).collect();
-        let ahead = Table::propagate(&debris, &[], LOOK_AHEAD, false);
+        let ahead = Table::propagate(&debris, &[], LOOK_AHEAD, Physics::PLAIN);
         for s in seen.satellites.iter().filter(|s| s.active()) {
             let transferring = s.id == 0 && seen.target_radius > 0.0;
             let planned = transferring.then(|| transfer(&s.body())).flatten();
@@ -63,7 +64,7 @@ fn first_contact(mut body: Body, dv: (f64, f64), ahead: &Table, limit: f64) -> O
     body.vx += dv.0;
     body.vy += dv.1;
     (1..=LOOK_AHEAD).find(|&step| {
-        body = body.coasted();
+        body = body.coasted(Gravity::Point);
         (0..ahead.len()).any(|column| ahead.clear_of(column, step as usize, body.x, body.y) < limit)
     })
 }

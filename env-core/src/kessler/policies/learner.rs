@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use super::Pilot;
 use crate::chance::{Chance, Seeded, Stream};
 use crate::kessler::constants::{EARTH_RADIUS_2, SATELLITES};
-use crate::kessler::kernel::{Body, distance_2};
+use crate::kessler::kernel::{Body, Gravity, distance_2};
 use crate::kessler::planner::transfer::{affordable, feedback};
 use crate::kessler::telemetry::{DebrisTelemetry, SatelliteTelemetry, Telemetry};
 use crate::log::ActionLog;
@@ -156,7 +156,7 @@ impl Learner {
         let last = self.gains.look_ahead.min(self.gains.wait).min(self.forecast.ahead.len());
         let (mut body, mut step) = self.clear[index].take().unwrap_or((*satellite, 0));
         while step < last {
-            let next = body.coasted();
+            let next = body.coasted(Gravity::Point);
             if let Some(column) = self.forecast.ahead[step].nearest(&next, limit) {
                 return Some(self.forecast.miss(column, step, next));
             }
@@ -245,7 +245,7 @@ impl Forecast {
                 break;
             }
             nearest = ((x - body.x, y - body.y), d2);
-            body = body.coasted();
+            body = body.coasted(Gravity::Point);
         }
         nearest.0
     }
@@ -278,7 +278,7 @@ impl Forecast {
             row.y.clear();
             for body in &mut self.end {
                 // Inside the Earth it is gone.
-                *body = if body.radius_2() < EARTH_RADIUS_2 { GONE } else { body.coasted() };
+                *body = if body.radius_2() < EARTH_RADIUS_2 { GONE } else { body.coasted(Gravity::Point) };
                 row.x.push(body.x);
                 row.y.push(body.y);
             }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::at_level;
 use crate::chance::Seeded;
 use crate::kessler::TASKS;
-use crate::kessler::kernel::{Body, distance_2};
+use crate::kessler::kernel::{Body, Gravity, distance_2};
 use crate::kessler::setup::Setup;
 use crate::log::JointAction;
 use crate::scenario::{Recipe, Scenario};
@@ -53,7 +53,7 @@ proptest! {
         let recipe = Recipe::with_params(&TASKS[0], params.into_iter()).unwrap();
         let scenario = Scenario::new(recipe, crate::Seed::user(seed).unwrap());
         let start = Setup::read(scenario.recipe()).unwrap().start(&mut Seeded::new(scenario.seed())).unwrap();
-        let coasted = |mut body: Body, n: usize| { for _ in 0..n { body = body.coasted(); } body };
+        let coasted = |mut body: Body, n: usize| { for _ in 0..n { body = body.coasted(Gravity::Point); } body };
         for step in 0..3 {
             for s in start.satellites.map(|s| coasted(s, step)) {
                 for d in start.debris.iter().map(|d| coasted(*d, step)) {
@@ -163,10 +163,10 @@ fn errors_name_field_value_and_range() {
     };
     insta::assert_snapshot!(with("params", json!({"fuel": -1})), @"params.fuel is -1, outside 0.1 to 1000");
     insta::assert_snapshot!(with("params", json!({"debris": 2.5})), @"params.debris is 2.5, but must be a whole number");
-    insta::assert_snapshot!(with("params", json!({"fule": 1})), @"params.fule is not a known field; known are debris, fuel, spread, rogue_probability, rogue_speed, radar_range");
+    insta::assert_snapshot!(with("params", json!({"fule": 1})), @"params.fule is not a known field; known are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma");
     insta::assert_snapshot!(with("physics", json!({"compat": "downstream"})), @r#"physics.compat is "downstream"; choose one of none, upstream"#);
     insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed is 9007199254740992, outside 0 to 6755399441055743");
-    insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous"#);
+    insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation"#);
     insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris: it is 25, but the layout replaces debris by 1");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 5]]}})), @"layout.bodies.debris.0: it starts inside the Earth, 3.0 LU from its centre");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 500]]}})), @"layout.bodies.debris.0.3 is 500, outside -100 to 100");

@@ -2,6 +2,7 @@
 
 mod critique;
 mod critique_laws;
+mod critique_tasks;
 mod differences;
 mod golden;
 mod laws;

@@ -14,9 +14,28 @@ use crate::rollout::replay;
 use crate::scenario::Scenario;
 use crate::task::TaskSpec;
 
+/// Physics that can be had together.
+const PHYSICS: [&[(&str, &str)]; 6] = [
+    &[("contact", "swept")],
+    &[("gravity", "j2")],
+    &[("risk", "pc")],
+    &[("contact", "swept"), ("gravity", "j2")],
+    &[("risk", "pc"), ("gravity", "j2")],
+    &[("compat", "upstream")],
+];
+
 fn any_scenario() -> impl Strategy<Value = Scenario> {
-    (0usize..3, 0usize..10, 0u64..1 << 40)
-        .prop_map(|(task, level, seed)| at_level(TASKS[task].id(), level, seed))
+    (0..TASKS.len(), 0usize..10, 0u64..1 << 40, 0usize..2 * PHYSICS.len()).prop_map(
+        |(task, level, seed, physics)| {
+            let scenario = at_level(TASKS[task].id(), level, seed);
+            // Half of them plain.
+            let mut recipe = scenario.recipe().as_ref().clone();
+            for (option, choice) in PHYSICS.get(physics).copied().unwrap_or_default() {
+                recipe = recipe.with_option(option, choice).unwrap();
+            }
+            Scenario::new(recipe, scenario.seed())
+        },
+    )
 }
 
 /// Plan `index` of the panel as a log.
@@ -35,7 +54,7 @@ fn panel_log(scenario: &Scenario, index: usize) -> ActionLog {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// The witness, flown, earns exactly its score; so does each plan of the panel; the reference is at least each.
     #[test]
