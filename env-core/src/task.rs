@@ -4,6 +4,7 @@ use std::any::Any;
 
 use serde_json::Value;
 
+use crate::batch::{Batch, BatchConfig, BatchError, Feed};
 use crate::bracket::{Bracket, Flown};
 use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError, StepError};
@@ -63,6 +64,11 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// Something that is not an action of this task.
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError>;
+    /// Many environments of this task, stepped together; `feed` says which scenarios they fly.
+    ///
+    /// # Errors
+    /// A configuration out of range, or what the world does not have.
+    fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError>;
     /// The built-in policies, in the order people should read them. Every task has `hold`, `random`, `blind`, `frozen`,
     /// `heuristic` and `reference`.
     fn policies(&self) -> &'static [PolicySpec];

@@ -7,6 +7,7 @@ use pulp::Arch;
 
 use super::constants::{CONTACT_2, EARTH_RADIUS_2, SATELLITES};
 use super::kernel::{Body, Gravity, coast, distance_2, swept_2};
+use super::pass::{self, Columns, Found, Narrow};
 
 /// Columns are whole multiples of this: the widest vectors of today hold eight f64.
 const LANES: usize = 8;
@@ -27,13 +28,6 @@ pub struct Debris {
     /// Something may be inside the Earth: look before moving.
     pub(super) may_be_inside: bool,
     arch: Arch,
-}
-
-/// What one pass found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Found {
-    inside: bool,
-    touched: bool,
 }
 
 impl Debris {
@@ -66,6 +60,12 @@ impl Debris {
         self.id.is_empty()
     }
 
+    /// Bytes of its columns.
+    pub(super) fn bytes(&self) -> usize {
+        let wide = self.x.capacity() + self.y.capacity() + self.vx.capacity() + self.vy.capacity();
+        wide * size_of::<f64>() + self.id.capacity() * size_of::<u32>() + self.approaching.capacity()
+    }
+
     /// Debris at an index below `len`.
     #[must_use]
     pub fn body(&self, i: usize) -> Body {
@@ -86,6 +86,22 @@ impl Debris {
         self.id.clear();
         self.next_id = 0;
         self.may_be_inside = false;
+    }
+
+    /// These and no others, in order.
+    pub(super) fn load(&mut self, bodies: &[Body]) {
+        self.clear();
+        let padded = bodies.len().next_multiple_of(LANES);
+        let of = [|b: &Body| b.x, |b: &Body| b.y, |b: &Body| b.vx, |b: &Body| b.vy];
+        let columns = [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy];
+        for ((column, of), absent) in columns.into_iter().zip(of).zip([NOWHERE, NOWHERE, 0.0, 0.0]) {
+            column.extend(bodies.iter().map(of));
+            column.resize(padded, absent);
+        }
+        self.approaching.resize(padded, 0);
+        self.next_id = bodies.len() as u32;
+        self.id.extend(0..self.next_id);
+        self.may_be_inside = bodies.iter().any(|body| body.radius_2() < EARTH_RADIUS_2);
     }
 
     pub(super) fn push(&mut self, body: Body) -> u32 {
@@ -139,37 +155,18 @@ impl Debris {
 
     /// Free flight of all. True if, where the step ends or (swept) within it, one of these satellites may be touched.
     pub(super) fn advance(&mut self, gravity: Gravity, swept: bool, satellites: &[Body; SATELLITES]) -> bool {
-        let arch = self.arch;
-        let found = arch.dispatch(
-            #[inline(always)]
-            || match (gravity, swept) {
-                (Gravity::Point, false) => self.pass::<false, false>(satellites),
-                (Gravity::Point, true) => self.pass::<false, true>(satellites),
-                (Gravity::J2, false) => self.pass::<true, false>(satellites),
-                (Gravity::J2, true) => self.pass::<true, true>(satellites),
-            },
-        );
-        self.may_be_inside = found.inside;
-        found.touched
+        let columns = Columns { x: &mut self.x, y: &mut self.y, vx: &mut self.vx, vy: &mut self.vy };
+        let Found { inside, touched } = pass::advance(self.arch, gravity, swept, columns, satellites);
+        self.may_be_inside = inside;
+        touched
     }
 
-    #[inline(always)]
-    fn pass<const OBLATE: bool, const SWEPT: bool>(&mut self, satellites: &[Body; SATELLITES]) -> Found {
-        let n = self.x.len();
-        let (x, y) = (&mut self.x[..n], &mut self.y[..n]);
-        let (vx, vy) = (&mut self.vx[..n], &mut self.vy[..n]);
-        let [a, b, c] = satellites;
-        let (mut inside, mut touched) = (0u64, 0u64);
-        for i in 0..n {
-            coast::<OBLATE>(&mut x[i], &mut y[i], &mut vx[i], &mut vy[i]);
-            inside |= u64::from(x[i] * x[i] + y[i] * y[i] < EARTH_RADIUS_2);
-            for s in [a, b, c] {
-                let (dx, dy) = (s.x - x[i], s.y - y[i]);
-                let d2 = if SWEPT { swept_2(dx, dy, s.vx - vx[i], s.vy - vy[i]) } else { dx * dx + dy * dy };
-                touched |= u64::from(d2 < CONTACT_2);
-            }
-        }
-        Found { inside: inside != 0, touched: touched != 0 }
+    /// Writes positions and velocities of the first bodies as f32, one column of `bodies` values after the other; zeros
+    /// where there is none.
+    pub(super) fn narrow(&self, out: &mut [f32], bodies: usize) {
+        let there = self.len().min(bodies);
+        let columns = [&self.x, &self.y, &self.vx, &self.vy].map(|column| &column[..there]);
+        self.arch.dispatch(Narrow { columns, out, bodies });
     }
 
     /// The public original leaves debris that is inside the Earth where it is, for ever.

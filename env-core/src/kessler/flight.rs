@@ -115,29 +115,17 @@ impl<C: Chance> Flight<C> {
         self.place(start);
     }
 
-    /// Starts over with other draws of the same kind: `start` makes the start from them and from the setup.
-    ///
-    /// # Errors
-    /// What `start` says; the episode is then over.
-    pub fn restart_with<E>(
-        &mut self,
-        room: &mut Start,
-        start: impl FnOnce(&Setup, &mut C, &mut Start) -> Result<(), E>,
-    ) -> Result<(), E> {
-        self.done = true;
-        start(&self.setup, &mut self.chance, room)?;
-        self.place(room);
-        Ok(())
+    /// Its parts, for a start in the same memory: the setup, which may be replaced, and the draws.
+    pub(super) fn parts(&mut self) -> (&mut Arc<Setup>, &mut C) {
+        (&mut self.setup, &mut self.chance)
     }
 
-    fn place(&mut self, start: &Start) {
+    /// Puts everything back to `start`; the draws for it have been made.
+    pub(super) fn place(&mut self, start: &Start) {
         let fuel = self.setup.fuel;
         self.satellites =
             start.satellites.map(|body| Satellite { body, fuel, status: Status::Active, survival: 1.0 });
-        self.debris.clear();
-        for &body in &start.debris {
-            self.debris.push(body);
-        }
+        self.debris.load(&start.debris);
         if let Contact::Chance(_) = self.setup.physics.contact {
             self.debris.look_at(&start.satellites);
         }
@@ -157,18 +145,43 @@ impl<C: Chance> Flight<C> {
     /// An action that is not taken; nothing has changed then.
     pub fn step(&mut self, action: JointAction<'_>) -> Result<Stepped, StepError> {
         self.check(action)?;
-        let active_before = self.satellites.map(|s| s.active());
-        self.step += 1;
-        self.events.clear();
         if self.setup.physics.upstream {
+            let active_before = self.begin();
             for (i, &agent) in action.agents.iter().enumerate() {
                 if (agent as usize) < SATELLITES {
                     self.burn(agent as usize, action.values[2 * i], action.values[2 * i + 1]);
                 }
             }
-        } else if !action.agents.is_empty() {
-            self.burn_summed(action);
+            return Ok(self.advance(active_before));
         }
+        // The deltas of one satellite are summed, then clamped and charged once.
+        let mut sums = [None; SATELLITES];
+        for (i, &agent) in action.agents.iter().enumerate() {
+            let (x, y) = sums[agent as usize].unwrap_or((0.0, 0.0));
+            sums[agent as usize] = Some((x + action.values[2 * i], y + action.values[2 * i + 1]));
+        }
+        Ok(self.step_all(sums))
+    }
+
+    /// One step of an episode that is not over, one optional burn a satellite, each a finite number.
+    pub(super) fn step_all(&mut self, burns: [Option<(f64, f64)>; SATELLITES]) -> Stepped {
+        let active_before = self.begin();
+        for (satellite, burn) in burns.into_iter().enumerate() {
+            if let Some((dvx, dvy)) = burn {
+                self.burn(satellite, dvx, dvy);
+            }
+        }
+        self.advance(active_before)
+    }
+
+    fn begin(&mut self) -> [bool; SATELLITES] {
+        self.step += 1;
+        self.events.clear();
+        self.satellites.map(|s| s.active())
+    }
+
+    /// Everything after the burns.
+    fn advance(&mut self, active_before: [bool; SATELLITES]) -> Stepped {
         self.arrive();
         let touched = self.coast();
         match self.setup.physics.contact {
@@ -179,7 +192,7 @@ impl<C: Chance> Flight<C> {
         let reward = self.reward();
         self.total += reward;
         self.done = self.step == HORIZON || self.satellites.iter().all(|s| !s.active());
-        Ok(Stepped { reward, active_before, done: self.done })
+        Stepped { reward, active_before, done: self.done }
     }
 
     fn check(&self, action: JointAction<'_>) -> Result<(), StepError> {
@@ -202,23 +215,6 @@ impl<C: Chance> Flight<C> {
             }
         }
         Ok(())
-    }
-
-    /// The deltas of one satellite are summed, then clamped and charged once.
-    fn burn_summed(&mut self, action: JointAction<'_>) {
-        let mut sums = [(0.0f64, 0.0f64); SATELLITES];
-        let mut acts = [false; SATELLITES];
-        for (i, &agent) in action.agents.iter().enumerate() {
-            let sum = &mut sums[agent as usize];
-            sum.0 += action.values[2 * i];
-            sum.1 += action.values[2 * i + 1];
-            acts[agent as usize] = true;
-        }
-        for satellite in 0..SATELLITES {
-            if acts[satellite] {
-                self.burn(satellite, sums[satellite].0, sums[satellite].1);
-            }
-        }
     }
 
     fn burn(&mut self, satellite: usize, dvx: f64, dvy: f64) {
@@ -400,6 +396,15 @@ impl<C: Chance> Flight<C> {
     #[must_use]
     pub const fn chance(&self) -> &C {
         &self.chance
+    }
+
+    /// Bytes it takes, without the setup, which others may share.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>()
+            + self.debris.bytes()
+            + self.rogues.capacity() * size_of::<(u32, Body)>()
+            + self.events.capacity() * size_of::<Event>()
     }
 
     /// A digest of every bit of the state.

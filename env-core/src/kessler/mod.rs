@@ -2,14 +2,18 @@
 //! are those of the public kessler-env; where that is wrong this world is right, and `compat: upstream` restores its
 //! arithmetic. `docs/kessler.md` has the tables.
 
+pub mod batch;
 mod codec;
+mod columns;
 pub mod constants;
 mod critique;
 pub mod debris;
 mod episode;
 pub mod event;
 pub mod flight;
+mod forecast;
 pub mod kernel;
+mod pass;
 pub mod planner;
 pub mod plant;
 pub mod policies;
@@ -20,6 +24,8 @@ pub mod spaces;
 pub mod telemetry;
 #[cfg(test)]
 mod tests;
+pub mod tracks;
+pub mod warnings;
 mod world;
 
 use serde_json::Value;
@@ -30,6 +36,7 @@ use self::constants::{EPSILON, GOAL, HORIZON, MAX_BURN, SATELLITES};
 use self::episode::KesslerEpisode;
 use self::reward::Objective;
 use self::setup::Setup;
+use crate::batch::{Batch, BatchConfig, BatchError, Feed};
 use crate::bracket::{Bracket, Flown};
 use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError};
@@ -167,6 +174,10 @@ impl TaskSpec for Kessler {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
+        batch::batch(self.objective, self.id, feed, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

@@ -1,10 +1,11 @@
 //! A recipe read into kessler's own terms, and the start of an episode.
 
 use super::constants::{
-    CONTACT_2, DEBRIS_RADII, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE, GM,
-    HORIZON, RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII, SATELLITES,
+    CONTACT_2, DEBRIS_RADII, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE,
+    FRAGMENTS, GM, HORIZON, RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII, SATELLITES,
 };
 use super::kernel::{Body, Gravity, distance_2, swept_2};
+use super::pass::{self, BLOCK};
 use crate::chance::{Chance, Stream};
 use crate::error::ScenarioError;
 use crate::scenario::{LayoutMode, MAX_LAYOUT_ROWS, Recipe};
@@ -90,7 +91,7 @@ pub struct Setup {
 }
 
 /// Bodies at the start, and rogues to come.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Start {
     /// The satellites.
     pub satellites: [Body; SATELLITES],
@@ -98,6 +99,13 @@ pub struct Start {
     pub debris: Vec<Body>,
     /// (step, body) by step: a rogue that arrives before the motion of that step (counted from 1).
     pub rogues: Vec<(u32, Body)>,
+}
+
+impl Start {
+    /// Bytes of its tables.
+    pub(super) fn bytes(&self) -> usize {
+        self.debris.capacity() * size_of::<Body>() + self.rogues.capacity() * size_of::<(u32, Body)>()
+    }
 }
 
 impl Setup {
@@ -196,7 +204,17 @@ impl Setup {
     /// # Errors
     /// `Unfair`, where `start: fair` cannot be had: by a layout's body, or after 64 tries at one that is drawn.
     pub fn start(&self, chance: &mut impl Chance) -> Result<Start, ScenarioError> {
-        let satellites = match self.satellites {
+        let mut start = Start::default();
+        self.start_into(chance, &mut start)?;
+        Ok(start)
+    }
+
+    /// The same into memory that is there already.
+    ///
+    /// # Errors
+    /// As [`Setup::start`]; what `start` then holds is of no use.
+    pub fn start_into(&self, chance: &mut impl Chance, start: &mut Start) -> Result<(), ScenarioError> {
+        start.satellites = match self.satellites {
             Some(given) => given,
             None if self.formation => triangle(chance),
             None => [(); SATELLITES].map(|()| {
@@ -204,49 +222,77 @@ impl Setup {
                 Body::circular(radius, TAU * chance.uniform(Stream::Agents), 1.0)
             }),
         };
-        let early = EarlyPaths::of(&satellites, self.physics);
-        let mut debris = Vec::with_capacity(self.debris + self.layout_debris.len());
-        for index in 0..self.debris {
-            let mut drawn = self.draw_debris(chance, Stream::Bodies);
-            let mut tries = 0;
-            while self.fair && early.touched_by(drawn).is_some() {
-                if tries == FAIR_TRIES {
-                    return Err(unfair(
-                        "params.debris",
-                        format!("debris {index} touched a satellite before step 3 in {FAIR_TRIES} tries"),
-                    ));
-                }
-                tries += 1;
-                drawn = self.draw_debris(chance, Stream::Redraw(index as u32));
-            }
-            debris.push(drawn);
+        start.debris.clear();
+        for _ in 0..self.debris {
+            start.debris.push(self.draw_debris(chance, Stream::Bodies));
         }
-        for (index, &body) in self.layout_debris.iter().enumerate() {
-            if let (true, Some((satellite, step))) = (self.fair, early.touched_by(body)) {
+        start.debris.extend_from_slice(&self.layout_debris);
+        if self.fair {
+            self.make_fair(chance, start)?;
+        }
+        self.rogues(chance, &mut start.rogues);
+        Ok(())
+    }
+
+    /// Draws again, each from a substream of its own, what would touch a satellite before anybody could act.
+    fn make_fair(&self, chance: &mut impl Chance, start: &mut Start) -> Result<(), ScenarioError> {
+        let early = EarlyPaths::of(&start.satellites, self.physics);
+        // Bit i: somewhere in block i of eight bodies there is one that touches.
+        let mut blocks = early.may_touch(&start.debris);
+        while blocks != 0 {
+            let first = blocks.trailing_zeros() as usize * BLOCK;
+            blocks &= blocks - 1;
+            for index in first..(first + BLOCK).min(start.debris.len()) {
+                self.make_one_fair(chance, start, &early, index)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn make_one_fair(
+        &self,
+        chance: &mut impl Chance,
+        start: &mut Start,
+        early: &EarlyPaths,
+        index: usize,
+    ) -> Result<(), ScenarioError> {
+        let mut tries = 0;
+        while let Some((satellite, step)) = early.touched_by(start.debris[index]) {
+            if index >= self.debris {
                 return Err(unfair(
-                    &format!("layout.bodies.debris.{index}"),
+                    &format!("layout.bodies.debris.{}", index - self.debris),
                     format!(
                         "it touches satellite {satellite} at step {step} under hold, before anybody could act"
                     ),
                 ));
             }
-            debris.push(body);
+            if tries == FAIR_TRIES {
+                return Err(unfair(
+                    "params.debris",
+                    format!("debris {index} touched a satellite before step 3 in {FAIR_TRIES} tries"),
+                ));
+            }
+            tries += 1;
+            start.debris[index] = self.draw_debris(chance, Stream::Redraw(index as u32));
         }
-        Ok(Start { satellites, debris, rogues: self.rogues(chance) })
+        Ok(())
     }
 
     /// Angle, radius and both velocity offsets are always drawn, so that the same body is drawn at any spread.
     fn draw_debris(&self, chance: &mut impl Chance, stream: Stream) -> Body {
-        let radius = chance.between(stream, DEBRIS_RADII.0, DEBRIS_RADII.1);
-        let mut body = Body::circular(radius, TAU * chance.uniform(stream), 1.0);
-        body.vx += chance.between(stream, -1.0, 1.0) * self.spread;
-        body.vy += chance.between(stream, -1.0, 1.0) * self.spread;
+        let mut draws = [0.0; 4];
+        chance.fill(stream, &mut draws);
+        let [radius, angle, vx, vy] = draws;
+        let radius = DEBRIS_RADII.0 + (DEBRIS_RADII.1 - DEBRIS_RADII.0) * radius;
+        let mut body = Body::circular(radius, TAU * angle, 1.0);
+        body.vx += (-1.0 + 2.0 * vx) * self.spread;
+        body.vy += (-1.0 + 2.0 * vy) * self.spread;
         body
     }
 
     /// Rogues do not depend on what anybody does, so all of them are drawn at the start.
-    fn rogues(&self, chance: &mut impl Chance) -> Vec<(u32, Body)> {
-        let mut rogues = self.layout_rogues.clone();
+    fn rogues(&self, chance: &mut impl Chance, rogues: &mut Vec<(u32, Body)>) {
+        rogues.clone_from(&self.layout_rogues);
         if self.rogue_probability > 0.0 && !self.rogues_replaced {
             for step in 1..=HORIZON {
                 if chance.uniform(Stream::Arrivals) < self.rogue_probability {
@@ -254,9 +300,18 @@ impl Setup {
                     rogues.push((step, Body::circular(ROGUE_RADIUS, angle, self.rogue_speed)));
                 }
             }
-            rogues.sort_by_key(|(step, _)| *step);
+            if !rogues.is_sorted_by_key(|(step, _)| *step) {
+                rogues.sort_by_key(|(step, _)| *step);
+            }
         }
-        rogues
+    }
+
+    /// Most debris there can be at once.
+    #[must_use]
+    pub fn most_debris(&self) -> usize {
+        let drawn = self.rogue_probability > 0.0 && !self.rogues_replaced;
+        let rogues = self.layout_rogues.len() + if drawn { HORIZON as usize } else { 0 };
+        self.debris + self.layout_debris.len() + rogues + SATELLITES * FRAGMENTS
     }
 }
 
@@ -322,6 +377,15 @@ impl EarlyPaths {
             paths[step] = paths[step - 1].map(|body| body.coasted(physics.gravity));
         }
         Self { paths, physics }
+    }
+
+    /// Which blocks of bodies have one that touches a satellite in these steps; all, where there are too many to tell.
+    fn may_touch(&self, bodies: &[Body]) -> u128 {
+        if bodies.len() > BLOCK * u128::BITS as usize {
+            return u128::MAX;
+        }
+        let swept = self.physics.contact == Contact::Swept;
+        pass::early(self.physics.gravity, swept, bodies, &self.paths)
     }
 
     /// The first satellite this body touches, and when.

@@ -2,11 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::constants::{RADAR_NONE, TARGET_RADIUS};
+use super::constants::{FORMATION_SIDE, RADAR_NONE, TARGET_RADIUS};
 use super::event::Event;
 use super::flight::{Flight, Status};
 use super::kernel::Body;
 use super::reward::Objective;
+use super::setup::Contact;
+use super::warnings::Conjunction;
 use crate::chance::Chance;
 
 /// The observation of all satellites together.
@@ -16,10 +18,16 @@ pub struct Telemetry {
     pub mission_objective: String,
     /// The radius satellite 0 should reach, LU; 0 if none.
     pub target_radius: f64,
+    /// The distance from each other the satellites should keep, LU; 0 (and then not on the wire) if none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub target_separation: f64,
     /// The agents' own satellites.
     pub satellites: Vec<SatelliteTelemetry>,
     /// Debris that some active satellite's radar sees.
     pub radar_debris: Vec<DebrisTelemetry>,
+    /// Conjunctions to come, if the option `warnings` asks for them; else not on the wire.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conjunctions: Option<Vec<Conjunction>>,
     /// Radar range, LU; 0 sees everything.
     pub radar_range: f64,
     /// What happened in the last step, in words.
@@ -49,6 +57,14 @@ pub struct SatelliteTelemetry {
     pub fuel: f64,
     /// `active` or `destroyed`.
     pub status: String,
+    /// Under `risk: pc`, the probability that it still flies; else not on the wire.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub survival_probability: Option<f64>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature serde asks for")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl SatelliteTelemetry {
@@ -112,9 +128,11 @@ impl<C: Chance> Flight<C> {
     #[must_use]
     pub fn telemetry(&self, reward: f64, all: bool) -> Telemetry {
         let debris = self.debris();
+        let at_risk = matches!(self.setup().physics.contact, Contact::Chance(_));
         Telemetry {
             mission_objective: self.objective().mission().to_owned(),
             target_radius: if self.objective() == Objective::Rendezvous { TARGET_RADIUS } else { 0.0 },
+            target_separation: if self.objective() == Objective::Formation { FORMATION_SIDE } else { 0.0 },
             satellites: (0u32..)
                 .zip(self.satellites())
                 .map(|(id, s)| SatelliteTelemetry {
@@ -125,6 +143,7 @@ impl<C: Chance> Flight<C> {
                     vy: s.body.vy,
                     fuel: s.fuel,
                     status: if s.status == Status::Active { "active" } else { "destroyed" }.to_owned(),
+                    survival_probability: at_risk.then_some(s.survival),
                 })
                 .collect(),
             radar_debris: (0..debris.len())
@@ -134,37 +153,12 @@ impl<C: Chance> Flight<C> {
                     DebrisTelemetry { id: debris.id(i), x, y, vx, vy }
                 })
                 .collect(),
+            conjunctions: self.conjunctions(all),
             radar_range: self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0),
             critical_alerts: self.events().iter().filter_map(Event::alert).collect(),
             total_score: self.total(),
             reward,
             done: self.done(),
         }
-    }
-
-    /// Writes the observation as f32 columns into the caller's buffer: per satellite x, y, vx, vy, fuel, active; then
-    /// per debris x, y, vx, vy, visible (hidden ones are zero), in order. What does not fit is left out, what is left
-    /// of the buffer is zeroed.
-    #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
-    pub fn observe_into(&self, out: &mut [f32]) {
-        let mut rows = out.iter_mut();
-        let mut put = |value: f64| {
-            if let Some(cell) = rows.next() {
-                *cell = value as f32;
-            }
-        };
-        for s in self.satellites() {
-            for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, f64::from(s.active())] {
-                put(value);
-            }
-        }
-        let d = self.debris();
-        for i in 0..d.len() {
-            let seen = f64::from(self.sees(d.x[i], d.y[i]));
-            for value in [d.x[i] * seen, d.y[i] * seen, d.vx[i] * seen, d.vy[i] * seen, seen] {
-                put(value);
-            }
-        }
-        rows.for_each(|cell| *cell = 0.0);
     }
 }

@@ -219,7 +219,7 @@ impl Bench {
     }
 
     fn look(&mut self) {
-        self.flight.observe_into(&mut self.observation);
+        self.flight.observe_into(&mut self.observation, DEBRIS as usize + SATELLITES * FRAGMENTS);
         black_box(&self.observation);
     }
 }

@@ -2,9 +2,10 @@
 //! look-ahead, tries burns now in 16 directions and takes the gentlest that clears.
 
 use super::Pilot;
-use super::learner::burn;
+use super::learner::{burn, keeping};
 use crate::kessler::constants::CONTACT_2;
 use crate::kessler::kernel::{Body, Gravity};
+use crate::kessler::planner::formation::Keeping;
 use crate::kessler::planner::panel::capped;
 use crate::kessler::planner::table::Table;
 use crate::kessler::planner::transfer::{affordable, feedback};
@@ -27,9 +28,10 @@ impl Pilot for Heuristic {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
         let debris: Vec<Body> = seen.radar_debris.iter().map(|d| d.body()).collect();
         let ahead = Table::propagate(&debris, &[], LOOK_AHEAD, Physics::PLAIN);
+        let kept = keeping(seen, &Keeping::STEADY);
         for s in seen.satellites.iter().filter(|s| s.active()) {
             let transferring = s.id == 0 && seen.target_radius > 0.0;
-            let planned = transferring.then(|| transfer(&s.body())).flatten();
+            let planned = if transferring { transfer(&s.body()) } else { kept.get(s.id as usize).copied() };
             let planned = planned.and_then(|(x, y)| affordable(x, y, s.fuel));
             burn(s, dodge(s.body(), s.fuel, planned, &ahead), log);
         }

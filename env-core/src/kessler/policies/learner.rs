@@ -3,14 +3,15 @@
 //! For each satellite it predicts the first visible debris that would come nearer than a threshold under hold, and once
 //! that is soon enough burns in a direction given by a 2×2 map of where the debris will pass. Which look-ahead,
 //! threshold, wait, size and map are good is what it has to learn. For rendezvous the gains of the transfer are learnt
-//! too.
+//! too, for formation those of keeping the shape.
 
 use std::collections::VecDeque;
 
 use super::Pilot;
 use crate::chance::{Chance, Seeded, Stream};
-use crate::kessler::constants::{EARTH_RADIUS_2, SATELLITES};
+use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, Gravity, distance_2};
+use crate::kessler::planner::formation::{Keeping, keep};
 use crate::kessler::planner::transfer::{affordable, feedback};
 use crate::kessler::telemetry::{DebrisTelemetry, SatelliteTelemetry, Telemetry};
 use crate::log::ActionLog;
@@ -35,7 +36,8 @@ pub const PARAMETERS: usize = 12;
 pub struct Parameters(pub [f64; PARAMETERS]);
 
 impl Parameters {
-    /// What the numbers are, in order. The first eight serve every task, the last four the transfer of rendezvous.
+    /// What the numbers are, in order. The first eight serve every task, the last four the transfer of
+    /// rendezvous; formation takes them as its own gains: gain, steps foreseen, nothing, tolerance.
     pub const NAMES: [&str; PARAMETERS] = [
         "look_ahead",
         "miss_threshold",
@@ -124,6 +126,24 @@ struct Gains {
     deadband: f64,
 }
 
+impl Gains {
+    /// How a formation is kept, by the same last four numbers.
+    fn keeping(&self) -> Keeping {
+        // Up to 4 LU are left, and up to 6 steps are foreseen.
+        let ahead = 1.0 + 5.0 * self.circularise;
+        Keeping { ahead: ahead as u32, gain: self.gain, tolerance: self.deadband / 0.3 * 4.0, until: HORIZON }
+    }
+}
+
+/// What each satellite burns for the formation; nothing where none is asked for or somebody is lost.
+pub(super) fn keeping(seen: &Telemetry, gains: &Keeping) -> Vec<(f64, f64)> {
+    let [a, b, c] = seen.satellites.as_slice() else { return Vec::new() };
+    if seen.target_separation <= 0.0 || ![a, b, c].iter().all(|s| s.active()) {
+        return Vec::new();
+    }
+    keep(&[a.body(), b.body(), c.body()], gains, Gravity::Point).to_vec()
+}
+
 pub(super) struct Learner {
     gains: Gains,
     forecast: Forecast,
@@ -185,9 +205,11 @@ impl Pilot for Learner {
         } else {
             self.clear = [None; SATELLITES];
         }
+        let kept = keeping(seen, &self.gains.keeping());
         for (index, s) in seen.satellites.iter().enumerate().take(SATELLITES).filter(|(_, s)| s.active()) {
             let wanted = self.dodge(index, &s.body()).or_else(|| {
-                (s.id == 0 && seen.target_radius > 0.0).then(|| self.transfer(&s.body())).flatten()
+                let transferring = s.id == 0 && seen.target_radius > 0.0;
+                if transferring { self.transfer(&s.body()) } else { kept.get(index).copied() }
             });
             if wanted.is_some() {
                 self.clear[index] = None;

@@ -1,0 +1,336 @@
+//! Lanes stepped side by side.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{Autoreset, Batch, BatchConfig, BatchError, Feed, MAX_ENVS, MAX_UNFAIR, Output, Shape};
+use crate::error::ScenarioError;
+use crate::scenario::{Recipe, Scenario};
+use crate::seed::Seed;
+
+/// Environments below which a batch is stepped by the calling thread alone: handing a chunk over costs microseconds.
+const WORTH_SHARING: usize = 64;
+/// Chunks a thread gets, so that one that is held up does not hold up the others.
+const CHUNKS_PER_THREAD: usize = 4;
+
+/// One environment of a world, as a batch steps it.
+pub trait Lane: Send + Sized {
+    /// Starts over with this scenario, in the same memory.
+    ///
+    /// # Errors
+    /// A scenario that cannot start.
+    fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError>;
+    /// One step of an episode that is not over. `actions` is `agents × action`, all finite. True if the episode is over.
+    fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool;
+    /// Writes what is seen now.
+    fn observe(&mut self, out: &mut [f32]);
+    /// The sum of rewards, as the world's score has it.
+    fn score(&self) -> f64;
+    /// A digest of every bit of the state.
+    fn state_hash(&self) -> [u8; 32];
+    /// Bytes it takes.
+    fn bytes(&self) -> usize;
+}
+
+/// What a lane writes in a step.
+#[derive(Debug)]
+pub struct LaneOutput<'a> {
+    /// One a agent.
+    pub rewards: &'a mut [f32],
+    /// The team's.
+    pub team_reward: &'a mut f32,
+    /// One a agent: it has left, now or earlier.
+    pub terminated: &'a mut [bool],
+    /// One a agent: the horizon cut it off, now.
+    pub truncated: &'a mut [bool],
+}
+
+/// A lane in its slot.
+struct Seat<L> {
+    lane: L,
+    slot: usize,
+    /// Scenarios begun or passed over.
+    number: u64,
+    flies: Option<(Arc<Recipe>, Seed)>,
+    over: bool,
+}
+
+/// A batch of one world's lanes.
+pub struct Engine<L> {
+    seats: Vec<Seat<L>>,
+    feed: Box<dyn Feed>,
+    autoreset: Autoreset,
+    shape: Shape,
+}
+
+impl<L: Lane> Engine<L> {
+    /// Lanes made by `lane`, all yet to be reset.
+    ///
+    /// # Errors
+    /// No environments, or too many.
+    pub fn new(
+        config: BatchConfig,
+        shape: Shape,
+        feed: Box<dyn Feed>,
+        mut lane: impl FnMut() -> L,
+    ) -> Result<Self, BatchError> {
+        if config.envs == 0 || config.envs > MAX_ENVS {
+            return Err(BatchError::Config { field: "envs", value: config.envs, min: 1, max: MAX_ENVS });
+        }
+        let seat = |slot| Seat { lane: lane(), slot, number: 0, flies: None, over: true };
+        let seats = (0..config.envs).map(seat).collect();
+        Ok(Self { seats, feed, autoreset: config.autoreset, shape })
+    }
+
+    fn chunk(&self) -> usize {
+        let envs = self.shape.envs;
+        let threads = rayon::current_num_threads();
+        if threads == 1 || envs < WORTH_SHARING {
+            envs
+        } else {
+            envs.div_ceil(threads * CHUNKS_PER_THREAD).max(WORTH_SHARING / CHUNKS_PER_THREAD)
+        }
+    }
+
+    /// Everything that could be wrong, before anything moves.
+    fn check(&self, actions: &[f32], out: &Output<'_>) -> Result<(), BatchError> {
+        let Shape { envs, agents, action, observation } = self.shape;
+        let finals = if self.autoreset == Autoreset::SameStep { envs * observation } else { 0 };
+        let sizes = [
+            ("actions", actions.len(), envs * agents * action),
+            ("observations", out.observations.len(), envs * observation),
+            ("final_observations", out.final_observations.len(), finals),
+            ("rewards", out.rewards.len(), envs * agents),
+            ("team_rewards", out.team_rewards.len(), envs),
+            ("terminated", out.terminated.len(), envs * agents),
+            ("truncated", out.truncated.len(), envs * agents),
+            ("done", out.done.len(), envs),
+        ];
+        for (buffer, found, wanted) in sizes {
+            if found != wanted {
+                return Err(BatchError::Size { buffer, found, wanted });
+            }
+        }
+        // A sum is finite only if every term is, or terms cancel: 0·x is 0 for every finite x and NaN for the others.
+        let sum: f32 = actions.iter().map(|x| x * 0.0).sum();
+        if sum != 0.0
+            && let Some(at) = actions.iter().position(|x| !x.is_finite())
+        {
+            return Err(BatchError::NotFinite { env: at / (agents * action), agent: at / action % agents });
+        }
+        let may_step =
+            |seat: &Seat<L>| !seat.over || (self.autoreset == Autoreset::NextStep && seat.number > 0);
+        match self.seats.iter().position(|seat| !may_step(seat)) {
+            Some(env) => Err(BatchError::Ended { env }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<L: Lane> Seat<L> {
+    /// The slot's next scenario; those without a fair start are passed over.
+    fn restart(&mut self, feed: &dyn Feed) -> Result<(), BatchError> {
+        self.over = true;
+        let mut passed_over = 0;
+        loop {
+            let (recipe, seed) = feed.scenario(self.slot, self.number);
+            self.number += 1;
+            match self.lane.start(&recipe, seed) {
+                Ok(()) => {
+                    self.flies = Some((recipe, seed));
+                    self.over = false;
+                    return Ok(());
+                }
+                Err(ScenarioError::Unfair { .. }) if passed_over < MAX_UNFAIR => passed_over += 1,
+                Err(source) => return Err(BatchError::Scenario { env: self.slot, source }),
+            }
+        }
+    }
+
+    fn step(
+        &mut self,
+        feed: &dyn Feed,
+        autoreset: Autoreset,
+        actions: &[f32],
+        row: Row<'_>,
+    ) -> Result<(), BatchError> {
+        if self.over {
+            // Only under NextStep: this step is the reset.
+            row.rewards.fill(0.0);
+            *row.team_reward = 0.0;
+            row.terminated.fill(false);
+            row.truncated.fill(false);
+            *row.done = false;
+            self.restart(feed)?;
+            self.lane.observe(row.observation);
+            return Ok(());
+        }
+        let Row { observation, last, rewards, team_reward, terminated, truncated, done } = row;
+        self.over = self.lane.step(actions, LaneOutput { rewards, team_reward, terminated, truncated });
+        *done = self.over;
+        if self.over && autoreset == Autoreset::SameStep {
+            self.lane.observe(last);
+            self.restart(feed)?;
+        }
+        self.lane.observe(observation);
+        Ok(())
+    }
+}
+
+/// One environment's part of the buffers.
+struct Row<'a> {
+    observation: &'a mut [f32],
+    last: &'a mut [f32],
+    rewards: &'a mut [f32],
+    team_reward: &'a mut f32,
+    terminated: &'a mut [bool],
+    truncated: &'a mut [bool],
+    done: &'a mut bool,
+}
+
+/// A chunk's part of the buffers.
+struct Rows<'a> {
+    observations: &'a mut [f32],
+    last: &'a mut [f32],
+    rewards: &'a mut [f32],
+    team_rewards: &'a mut [f32],
+    terminated: &'a mut [bool],
+    truncated: &'a mut [bool],
+    done: &'a mut [bool],
+}
+
+/// The first `n` of a slice that is passed on: what is left stays in it.
+fn take<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
+    let whole = std::mem::take(slice);
+    let (head, tail) = whole.split_at_mut(n.min(whole.len()));
+    *slice = tail;
+    head
+}
+
+impl<'a> Rows<'a> {
+    /// The next `envs` environments' rows.
+    fn split(&mut self, envs: usize, shape: Shape) -> Self {
+        Rows {
+            observations: take(&mut self.observations, envs * shape.observation),
+            last: take(&mut self.last, envs * shape.observation),
+            rewards: take(&mut self.rewards, envs * shape.agents),
+            team_rewards: take(&mut self.team_rewards, envs),
+            terminated: take(&mut self.terminated, envs * shape.agents),
+            truncated: take(&mut self.truncated, envs * shape.agents),
+            done: take(&mut self.done, envs),
+        }
+    }
+
+    /// The next environment's row.
+    fn row(&mut self, shape: Shape) -> Option<Row<'a>> {
+        Some(Row {
+            observation: take(&mut self.observations, shape.observation),
+            last: take(&mut self.last, shape.observation),
+            rewards: take(&mut self.rewards, shape.agents),
+            team_reward: take(&mut self.team_rewards, 1).first_mut()?,
+            terminated: take(&mut self.terminated, shape.agents),
+            truncated: take(&mut self.truncated, shape.agents),
+            done: take(&mut self.done, 1).first_mut()?,
+        })
+    }
+}
+
+/// One step of all seats.
+#[derive(Clone, Copy)]
+struct Flight<'a> {
+    feed: &'a dyn Feed,
+    autoreset: Autoreset,
+    shape: Shape,
+    chunk: usize,
+}
+
+impl Flight<'_> {
+    /// Halves the seats until they are few enough for one thread: nothing is allocated.
+    fn fan<L: Lane>(
+        self,
+        seats: &mut [Seat<L>],
+        actions: &[f32],
+        mut rows: Rows<'_>,
+    ) -> Result<(), BatchError> {
+        let width = self.shape.agents * self.shape.action;
+        if seats.len() <= self.chunk {
+            for (seat, actions) in seats.iter_mut().zip(actions.chunks_exact(width)) {
+                if let Some(row) = rows.row(self.shape) {
+                    seat.step(self.feed, self.autoreset, actions, row)?;
+                }
+            }
+            return Ok(());
+        }
+        let half = seats.len() / 2;
+        let (seats, others) = seats.split_at_mut(half);
+        let (actions, other_actions) = actions.split_at(half * width);
+        let head = rows.split(half, self.shape);
+        let (a, b) = rayon::join(|| self.fan(seats, actions, head), || self.fan(others, other_actions, rows));
+        a.and(b)
+    }
+}
+
+impl<L: Lane> Batch for Engine<L> {
+    fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<(), BatchError> {
+        let Shape { envs, observation, .. } = self.shape;
+        let sizes = [
+            ("mask", mask.map_or(envs, <[bool]>::len), envs),
+            ("observations", observations.len(), envs * observation),
+        ];
+        for (buffer, found, wanted) in sizes {
+            if found != wanted {
+                return Err(BatchError::Size { buffer, found, wanted });
+            }
+        }
+        let chunk = self.chunk();
+        let feed = &*self.feed;
+        self.seats
+            .par_chunks_mut(chunk)
+            .zip(observations.par_chunks_mut((chunk * observation).max(1)))
+            .try_for_each(|(seats, rows)| {
+                for (seat, row) in seats.iter_mut().zip(rows.chunks_exact_mut(observation.max(1))) {
+                    if mask.is_none_or(|mask| mask[seat.slot]) {
+                        seat.restart(feed)?;
+                        seat.lane.observe(row);
+                    }
+                }
+                Ok(())
+            })
+    }
+
+    fn step(&mut self, actions: &[f32], out: Output<'_>) -> Result<(), BatchError> {
+        self.check(actions, &out)?;
+        let (shape, autoreset, feed) = (self.shape, self.autoreset, &*self.feed);
+        let rows = Rows {
+            observations: out.observations,
+            last: out.final_observations,
+            rewards: out.rewards,
+            team_rewards: out.team_rewards,
+            terminated: out.terminated,
+            truncated: out.truncated,
+            done: out.done,
+        };
+        let flight = Flight { feed, autoreset, shape, chunk: self.chunk() };
+        flight.fan(&mut self.seats, actions, rows)
+    }
+
+    fn episode(&self, env: usize) -> Option<(Scenario, f64)> {
+        let seat = self.seats.get(env)?;
+        let (recipe, seed) = seat.flies.as_ref()?;
+        Some((Scenario::new(Arc::clone(recipe), *seed), seat.lane.score()))
+    }
+
+    fn state_hash(&self, env: usize) -> Option<[u8; 32]> {
+        self.seats.get(env).map(|seat| seat.lane.state_hash())
+    }
+
+    fn bytes_per_env(&self) -> usize {
+        let lanes: usize = self.seats.iter().map(|seat| seat.lane.bytes() + size_of::<Seat<L>>()).sum();
+        lanes / self.seats.len().max(1)
+    }
+}

@@ -1,0 +1,284 @@
+//! A batch does what its environments do one by one: to the bit, at any size, thread count and reset mode.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::chance::{Chance, Seeded, Stream};
+use crate::log::JointAction;
+use crate::task::{Episode, StepReport, TaskSpec};
+
+/// A batch with the buffers it writes.
+struct Flying {
+    batch: Box<dyn Batch>,
+    shape: Shape,
+    observations: Vec<f32>,
+    last: Vec<f32>,
+    rewards: Vec<f32>,
+    team_rewards: Vec<f32>,
+    terminated: Vec<bool>,
+    truncated: Vec<bool>,
+    done: Vec<bool>,
+}
+
+const ALL: Observe = Observe::All { bodies: None };
+
+impl Flying {
+    fn new(recipe: &Arc<Recipe>, envs: usize, autoreset: Autoreset) -> Self {
+        let config = BatchConfig { envs, autoreset, observe: ALL };
+        let feed = Box::new(Seeds::new(Arc::clone(recipe), 5));
+        let mut batch = recipe.task().batch(feed, config).unwrap();
+        let shape = batch.shape();
+        let mut observations = vec![f32::NAN; envs * shape.observation];
+        batch.reset(None, &mut observations).unwrap();
+        let finals = if autoreset == Autoreset::SameStep { envs * shape.observation } else { 0 };
+        Self {
+            batch,
+            shape,
+            observations,
+            last: vec![f32::NAN; finals],
+            rewards: vec![f32::NAN; envs * shape.agents],
+            team_rewards: vec![f32::NAN; envs],
+            terminated: vec![false; envs * shape.agents],
+            truncated: vec![false; envs * shape.agents],
+            done: vec![false; envs],
+        }
+    }
+
+    fn step(&mut self, actions: &[f32]) -> Result<(), BatchError> {
+        let out = Output {
+            observations: &mut self.observations,
+            final_observations: &mut self.last,
+            rewards: &mut self.rewards,
+            team_rewards: &mut self.team_rewards,
+            terminated: &mut self.terminated,
+            truncated: &mut self.truncated,
+            done: &mut self.done,
+        };
+        self.batch.step(actions, out)
+    }
+
+    fn width(&self) -> usize {
+        self.shape.agents * self.shape.action
+    }
+}
+
+/// What slot `slot` does in its step `step`: a function of both, whatever the batch.
+fn action(slot: usize, step: usize, width: usize) -> Vec<f32> {
+    let mut chance = Seeded::new(Seed::user((slot * 100_000 + step) as u64).unwrap());
+    (0..width)
+        .map(|_| if chance.uniform(Stream::Policy) < 0.5 { 0.0 } else { chance.uniform(Stream::Policy) as f32 - 0.5 })
+        .collect()
+}
+
+/// One environment flown by the same actions through the contract every world answers to.
+struct Single {
+    episode: Box<dyn Episode>,
+    report: StepReport,
+}
+
+impl Single {
+    fn start(scenario: &Scenario) -> Self {
+        Self { episode: scenario.task().start(scenario).unwrap(), report: StepReport::default() }
+    }
+
+    fn step(&mut self, actions: &[f32], shape: Shape) {
+        let agents: Vec<u32> = (0..shape.agents as u32).collect();
+        let values: Vec<f64> = actions.iter().map(|&x| f64::from(x)).collect();
+        self.episode.step(JointAction { agents: &agents, values: &values }, &mut self.report).unwrap();
+    }
+}
+
+fn recipes() -> Vec<Arc<Recipe>> {
+    let mut recipes = Vec::new();
+    for task in crate::tasks() {
+        for level in [0, 9] {
+            recipes.push(Recipe::with_params(task, task.levels().params(level)).unwrap());
+        }
+        // Every choice of every option that can be had alone.
+        for option in task.options() {
+            for choice in &option.choices[1..] {
+                let base = Recipe::with_params(task, task.levels().params(6)).unwrap();
+                recipes.push(base.with_option(option.name, choice).unwrap());
+            }
+        }
+    }
+    recipes.into_iter().map(Arc::new).collect()
+}
+
+/// Every slot, stepped singly, gives the same bits and rewards, over more than one episode.
+fn matches_single(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
+    let mut flying = Flying::new(recipe, envs, Autoreset::SameStep);
+    let (shape, width) = (flying.shape, flying.width());
+    let scenario = |flying: &Flying, env: usize| flying.batch.episode(env).unwrap().0;
+    let mut singles: Vec<Single> = (0..envs).map(|env| Single::start(&scenario(&flying, env))).collect();
+    for step in 0..steps {
+        let actions: Vec<f32> = (0..envs).flat_map(|env| action(env, step, width)).collect();
+        flying.step(&actions).unwrap();
+        for (env, single) in singles.iter_mut().enumerate() {
+            single.step(&actions[env * width..(env + 1) * width], shape);
+            let told = &single.report;
+            assert_eq!(flying.done[env], told.done, "{recipe:?} env {env} step {step}");
+            assert_eq!(flying.team_rewards[env].to_bits(), (told.reward as f32).to_bits());
+            for agent in &told.agents {
+                let at = env * shape.agents + agent.agent as usize;
+                assert_eq!(flying.rewards[at].to_bits(), (agent.reward as f32).to_bits());
+                assert_eq!((flying.terminated[at], flying.truncated[at]), (agent.terminated, agent.truncated));
+            }
+            if told.done {
+                *single = Single::start(&scenario(&flying, env));
+            }
+            assert_eq!(
+                flying.batch.state_hash(env).unwrap(),
+                single.episode.state_hash(),
+                "{recipe:?} env {env} step {step}"
+            );
+        }
+        assert!(flying.observations.iter().all(|x| x.is_finite()), "{recipe:?} step {step}");
+    }
+}
+
+#[test]
+fn a_batch_is_its_environments_one_by_one() {
+    for recipe in recipes() {
+        matches_single(&recipe, 3, 70);
+    }
+}
+
+#[test]
+fn size_and_threads_move_no_bit() {
+    for task in ["kessler/rendezvous", "docking/multiagent"] {
+        let Some(task) = crate::task(task) else { continue };
+        let recipe = Arc::new(Recipe::with_params(task, task.levels().params(7)).unwrap());
+        let fly = |envs: usize, threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut flying = Flying::new(&recipe, envs, Autoreset::NextStep);
+            let width = flying.width();
+            pool.install(|| {
+                for step in 0..120 {
+                    let actions: Vec<f32> = (0..envs).flat_map(|env| action(env, step, width)).collect();
+                    flying.step(&actions).unwrap();
+                }
+            });
+            let seen = flying.observations[..5 * flying.shape.observation].to_vec();
+            let hashes: Vec<_> = (0..5).map(|env| flying.batch.state_hash(env).unwrap()).collect();
+            (hashes, seen.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
+        };
+        let alone = fly(5, 1);
+        for (envs, threads) in [(5, 3), (64, 1), (64, 2), (333, 3)] {
+            assert_eq!(fly(envs, threads), alone, "{envs} environments on {threads} threads");
+        }
+    }
+}
+
+/// Gymnasium's three modes, on an environment whose episodes are known to end at step 50.
+#[test]
+fn autoreset_modes_are_gymnasiums() {
+    let task = crate::task("kessler/survival").unwrap();
+    let recipe = Arc::new(Recipe::with_params(task, [("debris", 0.0)].into_iter()).unwrap());
+    let hold = |flying: &Flying| vec![0.0; flying.shape.envs * flying.width()];
+    for mode in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
+        let mut flying = Flying::new(&recipe, 2, mode);
+        let first = flying.observations.clone();
+        for step in 1..=50 {
+            let actions = hold(&flying);
+            flying.step(&actions).unwrap();
+            assert_eq!(flying.done, [step == 50; 2], "{mode:?} step {step}");
+        }
+        assert!(flying.truncated.iter().all(|&cut| cut) && flying.terminated.iter().all(|&left| !left));
+        let begun = |flying: &Flying| flying.batch.episode(0).unwrap().0;
+        let actions = hold(&flying);
+        match mode {
+            Autoreset::NextStep => {
+                let (before, last) = (begun(&flying), flying.observations.clone());
+                flying.step(&actions).unwrap();
+                assert_ne!(begun(&flying), before);
+                assert_ne!(flying.observations, last);
+                assert!(flying.rewards.iter().all(|&r| r == 0.0) && flying.truncated.iter().all(|&cut| !cut));
+                assert_eq!(flying.done, [false; 2]);
+                flying.step(&actions).unwrap();
+                assert!(flying.rewards.iter().all(|&r| r > 0.0));
+            }
+            Autoreset::SameStep => {
+                // What is seen is the next start; what was seen last stands beside it.
+                assert_ne!(flying.observations, flying.last);
+                assert!(flying.rewards.iter().all(|&r| r > 0.0));
+                let mut again = vec![0.0; flying.observations.len()];
+                flying.batch.reset(None, &mut again).unwrap();
+                assert_ne!(again, flying.observations);
+            }
+            Autoreset::Disabled => {
+                assert_eq!(flying.step(&actions), Err(BatchError::Ended { env: 0 }));
+                flying.batch.reset(Some(&[true, false]), &mut flying.observations).unwrap();
+                assert_eq!(flying.step(&actions), Err(BatchError::Ended { env: 1 }));
+            }
+        }
+        assert_ne!(flying.observations, first);
+    }
+}
+
+#[test]
+fn what_is_wrong_is_said_and_moves_nothing() {
+    let task = crate::task("kessler/survival").unwrap();
+    let recipe = Arc::new(Recipe::new(task).unwrap());
+    let mut flying = Flying::new(&recipe, 2, Autoreset::NextStep);
+    let before = flying.batch.state_hash(1);
+    let mut actions = vec![0.0; 12];
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        actions[8] = bad;
+        assert_eq!(flying.step(&actions), Err(BatchError::NotFinite { env: 1, agent: 1 }));
+    }
+    let error = flying.step(&actions[..11]).unwrap_err();
+    assert_eq!(error.to_string(), "actions holds 11 values, not 12");
+    flying.done.pop();
+    actions[8] = 0.0;
+    assert_eq!(flying.step(&actions).unwrap_err().to_string(), "done holds 1 values, not 2");
+    assert_eq!(flying.batch.state_hash(1), before);
+    let config = |envs| BatchConfig { envs, autoreset: Autoreset::NextStep, observe: ALL };
+    let wrong = |envs| task.batch(Box::new(Seeds::new(Arc::clone(&recipe), 0)), config(envs)).err().unwrap();
+    assert_eq!(wrong(0).to_string(), "envs is 0, outside 1 to 1048576");
+    assert_eq!(wrong(MAX_ENVS + 1), BatchError::Config { field: "envs", value: MAX_ENVS + 1, min: 1, max: MAX_ENVS });
+    assert!(wrong_mask(&recipe).contains("mask holds 1 values, not 2"));
+}
+
+fn wrong_mask(recipe: &Arc<Recipe>) -> String {
+    let mut flying = Flying::new(recipe, 2, Autoreset::Disabled);
+    flying.batch.reset(Some(&[true]), &mut flying.observations).unwrap_err().to_string()
+}
+
+#[test]
+fn nothing_is_allocated_after_the_first_episodes() {
+    for task in crate::tasks() {
+        let recipe = Arc::new(Recipe::with_params(task, task.levels().params(8)).unwrap());
+        let mut flying = Flying::new(&recipe, 4, Autoreset::SameStep);
+        let actions: Vec<f32> = (0..4).flat_map(|env| action(env, 1, flying.width())).collect();
+        // Memory grows to what the largest of the first episodes needs.
+        for _ in 0..2500 {
+            flying.step(&actions).unwrap();
+        }
+        let counted = allocation_counter::measure(|| {
+            for _ in 0..200 {
+                flying.step(&actions).unwrap();
+            }
+        });
+        assert_eq!(counted.count_total, 0, "{}", task.id());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Slots get scenarios of their own, all of them a user's.
+    #[test]
+    fn seeds_are_a_function_of_slot_and_number(seed: u64, slot in 0usize..1 << 20, number in 0u64..1 << 40) {
+        let recipe = Arc::new(Recipe::new(crate::task("kessler/survival").unwrap()).unwrap());
+        let feed = Seeds::new(Arc::clone(&recipe), seed);
+        let (_, one) = feed.scenario(slot, number);
+        prop_assert_eq!(feed.scenario(slot, number).1, one);
+        prop_assert_ne!(feed.scenario(slot + 1, number).1, one);
+        prop_assert_ne!(feed.scenario(slot, number + 1).1, one);
+        prop_assert_ne!(feed.scenario(slot + 1, number.wrapping_sub(1) & ((1 << 40) - 1)).1, one);
+        prop_assert_eq!(one.space(), SeedSpace::User);
+    }
+}

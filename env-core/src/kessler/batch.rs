@@ -1,0 +1,112 @@
+//! kessler as lanes of a batch.
+
+use std::sync::Arc;
+
+use super::constants::SATELLITES;
+use super::flight::{Flight, Status};
+use super::reward::{Objective, score};
+use super::setup::{Setup, Start};
+use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape};
+use crate::chance::Seeded;
+use crate::error::ScenarioError;
+use crate::scenario::Recipe;
+use crate::seed::Seed;
+
+/// Values of one satellite in an observation of everything: x, y, vx, vy, fuel, survival.
+pub const SATELLITE_VALUES: usize = 6;
+/// Columns of debris in an observation of everything: x, y, vx, vy, visible.
+pub const DEBRIS_COLUMNS: usize = 5;
+
+/// A batch of this objective's episodes.
+pub(super) fn batch(
+    objective: Objective,
+    task: &'static str,
+    feed: Box<dyn Feed>,
+    config: BatchConfig,
+) -> Result<Box<dyn Batch>, BatchError> {
+    let (recipe, _) = feed.scenario(0, 0);
+    let setup = Arc::new(Setup::read(&recipe).map_err(|source| BatchError::Scenario { env: 0, source })?);
+    let Observe::All { bodies } = config.observe else {
+        return Err(BatchError::Unsupported("kessler's batch does not observe tracks yet"));
+    };
+    let bodies = bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize);
+    let shape = Shape {
+        envs: config.envs,
+        agents: SATELLITES,
+        action: 2,
+        observation: SATELLITES * SATELLITE_VALUES + DEBRIS_COLUMNS * bodies,
+    };
+    let lane = || {
+        let start = Start::default();
+        let nothing = Seeded::new(Seed::in_space(crate::seed::SeedSpace::User, 0));
+        let flight = Flight::new(objective, Arc::clone(&setup), &start, nothing);
+        KesslerLane { task, flight, start, recipe: Arc::clone(&recipe), bodies }
+    };
+    Ok(Box::new(Engine::new(config, shape, feed, lane)?))
+}
+
+struct KesslerLane {
+    task: &'static str,
+    flight: Flight<Seeded>,
+    start: Start,
+    /// What the flight's setup was read from.
+    recipe: Arc<Recipe>,
+    bodies: usize,
+}
+
+impl Lane for KesslerLane {
+    fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
+        let (setup, chance) = self.flight.parts();
+        if !Arc::ptr_eq(recipe, &self.recipe) {
+            if recipe.task().id() != self.task {
+                return Err(ScenarioError::UnknownChoice {
+                    field: "task".to_owned(),
+                    value: recipe.task().id().to_owned(),
+                    choices: self.task.to_owned(),
+                });
+            }
+            *setup = Arc::new(Setup::read(recipe)?);
+            self.recipe = Arc::clone(recipe);
+        }
+        chance.reseed(seed);
+        setup.start_into(chance, &mut self.start)?;
+        self.flight.place(&self.start);
+        Ok(())
+    }
+
+    fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool {
+        let mut burns = [None; SATELLITES];
+        for (burn, action) in burns.iter_mut().zip(actions.chunks_exact(2)) {
+            // Hold is not looked at: a burn of nothing changes nothing.
+            let (dvx, dvy) = (f64::from(action[0]), f64::from(action[1]));
+            *burn = (dvx != 0.0 || dvy != 0.0).then_some((dvx, dvy));
+        }
+        let stepped = self.flight.step_all(burns);
+        #[expect(clippy::cast_possible_truncation, reason = "rewards are single precision here")]
+        let reward = stepped.reward as f32;
+        *out.team_reward = reward;
+        for (i, satellite) in self.flight.satellites().iter().enumerate() {
+            let alive = satellite.status == Status::Active;
+            out.rewards[i] = if stepped.active_before[i] { reward } else { 0.0 };
+            out.terminated[i] = !alive;
+            out.truncated[i] = alive && stepped.done;
+        }
+        stepped.done
+    }
+
+    fn observe(&mut self, out: &mut [f32]) {
+        self.flight.observe_into(out, self.bodies);
+    }
+
+    fn score(&self) -> f64 {
+        score(self.flight.total())
+    }
+
+    fn state_hash(&self) -> [u8; 32] {
+        self.flight.state_hash()
+    }
+
+    fn bytes(&self) -> usize {
+        self.flight.bytes() + self.flight.chance().bytes() + self.start.bytes()
+    }
+}

@@ -1,0 +1,176 @@
+//! Where debris will be, carried from step to step: debris keeps its course whatever satellites do, so one step later
+//! the forecast needs one row more, not all of them again. What it says does not depend on whether it was carried: a
+//! row that is kept is bit for bit the row that would be computed again.
+
+use std::collections::VecDeque;
+
+use pulp::Arch;
+
+use super::constants::EARTH_RADIUS_2;
+use super::debris::{ABSENT, Debris};
+use super::kernel::{Body, Gravity, coast, swept_2};
+use super::setup::Physics;
+use super::warnings::time_back;
+
+/// Debris at one time, as columns.
+#[derive(Debug, Clone, Default)]
+struct Row {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    vx: Vec<f64>,
+    vy: Vec<f64>,
+}
+
+impl Row {
+    fn columns(&mut self) -> [&mut Vec<f64>; 4] {
+        [&mut self.x, &mut self.y, &mut self.vx, &mut self.vy]
+    }
+
+    /// Whether this is exactly where debris is now.
+    fn is(&self, debris: &Debris) -> bool {
+        // Bits, not numbers: what is carried must be what would be computed.
+        let same = |mine: &[f64], theirs: &[f64]| {
+            mine.iter().zip(theirs).fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0
+        };
+        self.x.len() == debris.len()
+            && same(&self.x, &debris.x)
+            && same(&self.y, &debris.y)
+            && same(&self.vx, &debris.vx)
+            && same(&self.vy, &debris.vy)
+    }
+
+    fn take(&mut self, debris: &Debris) {
+        let n = debris.len();
+        for (mine, theirs) in self.columns().into_iter().zip([&debris.x, &debris.y, &debris.vx, &debris.vy]) {
+            mine.clear();
+            // As much room as the episode's own columns have, so that arrivals need none.
+            mine.reserve(theirs.capacity());
+            mine.extend_from_slice(&theirs[..n]);
+        }
+    }
+
+    /// One step after `before`, without a branch per body, so that it vectorises.
+    #[inline(always)]
+    fn follow<const OBLATE: bool>(&mut self, before: &Self, upstream: bool) {
+        let n = before.x.len();
+        for (mine, theirs) in self.columns().into_iter().zip([&before.x, &before.y, &before.vx, &before.vy]) {
+            mine.clear();
+            mine.reserve(theirs.capacity());
+            mine.resize(n, 0.0);
+        }
+        let (bx, by, bvx, bvy) = (&before.x[..n], &before.y[..n], &before.vx[..n], &before.vy[..n]);
+        let (x, y) = (&mut self.x[..n], &mut self.y[..n]);
+        let (vx, vy) = (&mut self.vx[..n], &mut self.vy[..n]);
+        for i in 0..n {
+            let mut body = Body { x: bx[i], y: by[i], vx: bvx[i], vy: bvy[i] };
+            let inside = body.radius_2() < EARTH_RADIUS_2;
+            coast::<OBLATE>(&mut body.x, &mut body.y, &mut body.vx, &mut body.vy);
+            // As `debris_moved` has it: gone, or frozen.
+            let (gone_x, gone_y) = if upstream { (bx[i], by[i]) } else { (ABSENT.x, ABSENT.y) };
+            x[i] = if inside { gone_x } else { body.x };
+            y[i] = if inside { gone_y } else { body.y };
+            vx[i] = if inside { 0.0 } else { body.vx };
+            vy[i] = if inside { 0.0 } else { body.vy };
+        }
+    }
+}
+
+/// How near each piece of debris comes to one satellite, by index.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Nearest {
+    /// Least distance squared within the look-ahead, LU².
+    pub distance_2: Vec<f64>,
+    /// When, TU from now.
+    pub time: Vec<f64>,
+}
+
+/// The forecast.
+#[derive(Debug, Clone)]
+pub(super) struct Forecast {
+    look_ahead: usize,
+    physics: Physics,
+    /// Now, then after each step ahead. Empty before the first use.
+    rows: VecDeque<Row>,
+    arch: Arch,
+}
+
+impl Forecast {
+    pub(super) fn new(look_ahead: usize) -> Self {
+        Self { look_ahead, physics: Physics::PLAIN, rows: VecDeque::new(), arch: Arch::new() }
+    }
+
+    /// Takes what is there now.
+    pub(super) fn move_on(&mut self, debris: &Debris, physics: Physics) {
+        let known = physics == self.physics && self.rows.len() > self.look_ahead;
+        if known && self.rows[0].is(debris) {
+            return;
+        }
+        if known && self.rows[1].is(debris) {
+            self.rows.rotate_left(1);
+            self.extend(self.look_ahead);
+            return;
+        }
+        self.physics = physics;
+        self.rows.resize_with(self.look_ahead + 1, Row::default);
+        self.rows[0].take(debris);
+        for step in 1..=self.look_ahead {
+            self.extend(step);
+        }
+    }
+
+    fn extend(&mut self, step: usize) {
+        let mut row = std::mem::take(&mut self.rows[step]);
+        let (before, upstream) = (&self.rows[step - 1], self.physics.upstream);
+        self.arch.dispatch(
+            #[inline(always)]
+            || match self.physics.gravity {
+                Gravity::Point => row.follow::<false>(before, upstream),
+                Gravity::J2 => row.follow::<true>(before, upstream),
+            },
+        );
+        self.rows[step] = row;
+    }
+
+    /// How near everything comes to a satellite that holds from here.
+    pub(super) fn nearest(&self, satellite: Body, found: &mut Nearest) {
+        let Some(now) = self.rows.front() else { return };
+        let n = now.x.len();
+        found.distance_2.clear();
+        found.distance_2.reserve(now.x.capacity());
+        found.distance_2.extend((0..n).map(|i| {
+            let (dx, dy) = (satellite.x - now.x[i], satellite.y - now.y[i]);
+            dx * dx + dy * dy
+        }));
+        found.time.clear();
+        found.time.reserve(now.x.capacity());
+        found.time.resize(n, 0.0);
+        let mut body = satellite;
+        for (row, step) in self.rows.range(1..).zip(1u32..) {
+            if body.radius_2() < EARTH_RADIUS_2 {
+                break;
+            }
+            body = body.coasted(self.physics.gravity);
+            let start = f64::from(step);
+            self.arch.dispatch(
+                #[inline(always)]
+                || pass(row, &body, start, found),
+            );
+        }
+    }
+}
+
+/// One step's closest approaches, without a branch per body, so that it vectorises.
+#[inline(always)]
+fn pass(row: &Row, s: &Body, end: f64, found: &mut Nearest) {
+    let n = found.distance_2.len();
+    let (x, y, vx, vy) = (&row.x[..n], &row.y[..n], &row.vx[..n], &row.vy[..n]);
+    let (distance_2, time) = (&mut found.distance_2[..n], &mut found.time[..n]);
+    for i in 0..n {
+        let (dx, dy) = (s.x - x[i], s.y - y[i]);
+        let (wx, wy) = (s.vx - vx[i], s.vy - vy[i]);
+        let near = swept_2(dx, dy, wx, wy);
+        let nearer = near < distance_2[i];
+        distance_2[i] = if nearer { near } else { distance_2[i] };
+        time[i] = if nearer { end - time_back(dx, dy, wx, wy) } else { time[i] };
+    }
+}
