@@ -19,7 +19,16 @@ pub(crate) fn judge(
     table: &Table,
     paths: [&Path; SATELLITES],
 ) -> Flown {
-    let loss = with_fragments(seed, table, paths);
+    told(objective, setup, paths, with_fragments(seed, table, paths))
+}
+
+/// How three trajectories fare together where each is lost as `loss` says.
+pub(crate) fn told(
+    objective: Objective,
+    setup: &Setup,
+    paths: [&Path; SATELLITES],
+    loss: [Option<Loss>; SATELLITES],
+) -> Flown {
     let alive = |i: usize, step: u32| loss[i].is_none_or(|l| step < l.step);
     let mut flown = Flown { score: 0.0, total: 0.0, steps: 0, lost: 0, goal: None, fuel_used: 0.0 };
     let mut goal = 0.0;
@@ -55,7 +64,12 @@ pub(crate) fn judge(
     flown
 }
 
-fn with_fragments(seed: Seed, table: &Table, paths: [&Path; SATELLITES]) -> [Option<Loss>; SATELLITES] {
+/// When and how each is destroyed, fragments of the others included.
+pub(crate) fn with_fragments(
+    seed: Seed,
+    table: &Table,
+    paths: [&Path; SATELLITES],
+) -> [Option<Loss>; SATELLITES] {
     let mut loss = paths.map(|path| path.loss);
     if loss.iter().flatten().all(|l| !l.hit) {
         return loss;

@@ -102,33 +102,60 @@ impl Table {
         (body.x - self.x[at], body.y - self.y[at], body.vx - self.vx[at], body.vy - self.vy[at])
     }
 
-    /// What `step` leaves of a survival of `left`, of a body that was at `before` and is at `body`.
-    fn survival(&self, step: usize, before: &Body, body: &Body, sigma: f64, mut left: f64) -> f64 {
+    /// The probability that one column does not hit a body in `step`, which was at `before` and is at `body`.
+    #[inline]
+    pub(crate) fn spares(&self, column: usize, step: usize, before: &Body, body: &Body, sigma: f64) -> f64 {
         let most = CONTACT_DISTANCE + SIGMAS * sigma;
-        for column in 0..self.n {
-            let (dx, dy, wx, wy) = self.relative(column, step, body);
-            // Where nothing was before, nothing approached. Only a course that changes at the start of the step asks.
-            let approaching = || {
-                let (dx, dy, wx, wy) = self.relative(column, step - 1, before);
-                dx.abs() < 0.5 * NOWHERE && dx * wx + dy * wy < 0.0
-            };
-            let start = dx * wx + dy * wy - (wx * wx + wy * wy);
-            let passed = passing_2(dx, dy, wx, wy, start >= 0.0 && approaching());
-            if let Some(miss_2) = passed.filter(|&m| m < most * most) {
-                left *= 1.0 - collision_probability(miss_2.sqrt(), sigma);
-            }
+        let (dx, dy, wx, wy) = self.relative(column, step, body);
+        // Too far at the end to have been near within the step: (a + b)² ≤ 2a² + 2b².
+        if dx * dx + dy * dy > 2.0 * (most * most + wx * wx + wy * wy) {
+            return 1.0;
         }
-        left
+        // Where nothing was before, nothing approached. Only a course that changes at the start of the step asks.
+        let approaching = || {
+            let (dx, dy, wx, wy) = self.relative(column, step - 1, before);
+            dx.abs() < 0.5 * NOWHERE && dx * wx + dy * wy < 0.0
+        };
+        let start = dx * wx + dy * wy - (wx * wx + wy * wy);
+        let passed = passing_2(dx, dy, wx, wy, start >= 0.0 && approaching());
+        passed
+            .filter(|&miss_2| miss_2 < most * most)
+            .map_or(1.0, |miss_2| 1.0 - collision_probability(miss_2.sqrt(), sigma))
+    }
+
+    /// What `step` leaves of a survival of `left`, of a body that was at `before` and is at `body`.
+    fn survival(&self, step: usize, before: &Body, body: &Body, sigma: f64, left: f64) -> f64 {
+        (0..self.n).fold(left, |left, column| left * self.spares(column, step, before, body, sigma))
+    }
+
+    /// Whether anything destroys a body in `step`, at whose end it is there.
+    pub(crate) fn destroyed(&self, step: usize, body: &Body) -> bool {
+        match self.physics.contact {
+            Contact::EndOfStep => self.touched(step, body.x, body.y),
+            Contact::Swept => self.crossed(step, body),
+            Contact::Chance(_) => false,
+        }
+    }
+
+    /// Whether one column meets a body in `step`, at whose end it is there.
+    pub(crate) fn meets(&self, column: usize, step: usize, body: &Body) -> bool {
+        let d2 = if self.physics.contact == Contact::Swept {
+            self.crossing_2(column, step, body)
+        } else {
+            self.clear_of(column, step, body.x, body.y)
+        };
+        d2 < CONTACT_2
     }
 
     /// Which column meets a body in `step`, at whose end it is there: the first in order.
     pub(crate) fn touching(&self, step: usize, body: &Body) -> Option<usize> {
-        let swept = self.physics.contact == Contact::Swept;
-        (0..self.n).find(|&i| {
-            let d2 =
-                if swept { self.crossing_2(i, step, body) } else { self.clear_of(i, step, body.x, body.y) };
-            d2 < CONTACT_2
-        })
+        (0..self.n).find(|&column| self.meets(column, step, body))
+    }
+
+    /// Where one column is after `step`; far away where there is nothing.
+    pub(crate) fn place(&self, column: usize, step: usize) -> (f64, f64) {
+        let at = step * self.n + column;
+        (self.x[at], self.y[at])
     }
 
     /// Distance squared to one column after `step`.
@@ -258,15 +285,10 @@ impl Path {
         }
         body = body.coasted(table.physics.gravity);
         self.bodies[t] = body;
-        let hit = match table.physics.contact {
-            Contact::EndOfStep => table.touched(t, body.x, body.y),
-            Contact::Swept => table.crossed(t, &body),
-            Contact::Chance(sigma) => {
-                self.survival[t] = table.survival(t, &before, &body, sigma, self.survival[t]);
-                false
-            }
-        };
-        if hit {
+        if let Contact::Chance(sigma) = table.physics.contact {
+            self.survival[t] = table.survival(t, &before, &body, sigma, self.survival[t]);
+        }
+        if table.destroyed(t, &body) {
             self.loss = Some(Loss { step, hit: true });
             return false;
         }

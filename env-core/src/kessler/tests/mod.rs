@@ -1,6 +1,9 @@
 //! What kessler is held to.
 
 mod bad_input;
+mod critique;
+mod critique_laws;
+mod critique_tasks;
 mod differences;
 mod fuzz;
 mod golden;
