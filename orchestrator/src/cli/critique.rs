@@ -287,5 +287,4 @@ fn verdicts(actions: &[ActionVerdict]) -> String {
 }
 
 #[cfg(test)]
-#[path = "critique_tests.rs"]
 mod tests;

@@ -217,3 +217,6 @@ fn example(nth: i64, place: i64, lease: i64, number: i64, failing: &profile::Fai
         avoidable: met.and_then(|m| m.avoidable),
     }
 }
+
+#[cfg(test)]
+mod tests;
