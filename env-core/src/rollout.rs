@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::bracket::Flown;
-use crate::error::{LogError, ScenarioError};
+use crate::error::{LogError, ScenarioError, StepError};
 use crate::log::{ActionLog, JointAction, MAX_STEPS, Precision, Stopped};
 use crate::policy::Policy;
 use crate::scenario::Scenario;
@@ -45,20 +45,36 @@ pub fn fly(scenario: &Scenario, policy: &mut dyn Policy) -> Result<(Flown, Actio
 pub fn replay(scenario: &Scenario, log: &ActionLog) -> Result<Flown, ReplayError> {
     let mut episode = scenario.task().start(scenario)?;
     let mut report = StepReport::default();
-    for (index, action) in log.steps().enumerate() {
-        if episode.done() {
-            return Err(LogError::TooLong { steps: log.len(), ended: episode.steps() }.into());
-        }
-        episode.step(action, &mut report).map_err(|source| LogError::Step { step: index + 1, source })?;
-    }
-    if !episode.done() && log.stopped.is_none() {
-        return Err(LogError::TooShort { steps: log.len() }.into());
-    }
-    while !episode.done() {
-        let step = episode.steps() as usize + 1;
-        episode.step(JointAction::HOLD, &mut report).map_err(|source| LogError::Step { step, source })?;
-    }
+    follow(log, |action| episode.step(action, &mut report).map(|()| report.done))?;
     Ok(episode.flown())
+}
+
+/// Steps by a log, and by hold where it stopped early, until `step` says that the episode is over.
+///
+/// # Errors
+/// A log that is too long, too short without a word why, or refused by the environment.
+pub(crate) fn follow(
+    log: &ActionLog,
+    mut step: impl FnMut(JointAction<'_>) -> Result<bool, StepError>,
+) -> Result<(), LogError> {
+    let (mut steps, mut done) = (0, false);
+    let mut advance = |action: JointAction<'_>, steps: &mut u32| {
+        *steps += 1;
+        step(action).map_err(|source| LogError::Step { step: *steps as usize, source })
+    };
+    for action in log.steps() {
+        if done {
+            return Err(LogError::TooLong { steps: log.len(), ended: steps });
+        }
+        done = advance(action, &mut steps)?;
+    }
+    if !done && log.stopped.is_none() {
+        return Err(LogError::TooShort { steps: log.len() });
+    }
+    while !done {
+        done = advance(JointAction::HOLD, &mut steps)?;
+    }
+    Ok(())
 }
 
 /// Reads a log in the wire form: a list of steps in the task's own form, `"f32"` or `"f64"`, and why it stopped.

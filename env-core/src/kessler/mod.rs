@@ -179,7 +179,7 @@ impl TaskSpec for Kessler {
     }
 
     fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {
-        critique::critique(scenario, log)
+        critique::critique(self.objective, scenario, log)
     }
 
     fn policy(&self, name: &str, scenario: &Scenario, seed: u64) -> Result<Box<dyn Policy>, PolicyError> {

@@ -1,22 +1,87 @@
-//! What an episode of kessler shows.
+//! What an episode of kessler shows: why score was lost, with the geometry of it; what each burn was worth, by the same
+//! episode without it; and the deterministic judge's word. `docs/critique.md` has the definitions and the numbers.
+//!
+//! `trace` replays the episode by the engine and keeps what the others ask of it; `plans` flies single satellites again
+//! under changed burns; `sky` knows where everything is and since when it is visible.
 
-use crate::critique::{Critique, Judged, ModeSpec, SpeedBands};
+mod formation;
+mod goal;
+mod judge;
+mod loss;
+mod meeting;
+mod mode;
+mod plans;
+mod remedy;
+mod sky;
+mod starvation;
+mod trace;
+mod verdict;
+mod waste;
+
+pub use self::mode::{MODES, SPEED_BANDS};
+
+use self::plans::Plans;
+use self::sky::Sky;
+use self::trace::Trace;
+use super::planner::table::Table;
+use super::reward::Objective;
+use super::setup::Setup;
+use crate::bracket::Flown;
+use crate::chance::Seeded;
+use crate::critique::{ActionVerdict, Critique};
 use crate::log::ActionLog;
 use crate::rollout::ReplayError;
 use crate::scenario::Scenario;
 
-/// Why an episode of kessler can lose score.
-pub static MODES: [ModeSpec; 1] = [ModeSpec { name: "collision", about: "debris hit a satellite" }];
+/// Score that counts: a smaller difference is no difference. The world's ε.
+pub(super) const COUNTS: f64 = super::constants::EPSILON;
 
-/// How relative speeds are sorted.
-pub const SPEED_BANDS: SpeedBands = SpeedBands { edges: &[1.0, 2.0, 4.0, 8.0], unit: "LU/TU" };
+/// What everything below is asked of.
+struct Case<'a> {
+    objective: Objective,
+    setup: &'a Setup,
+    trace: &'a Trace,
+    plans: &'a Plans<'a>,
+    sky: &'a Sky<'a>,
+    verdicts: &'a [ActionVerdict],
+}
+
+impl Case<'_> {
+    /// How the episode went.
+    const fn flown(&self) -> &Flown {
+        &self.trace.flown
+    }
+
+    /// The cost of this satellite's burns with a verdict, and what they gained, summed.
+    fn spent(&self, wanted: impl Fn(&ActionVerdict) -> bool) -> (f64, f64) {
+        let chosen = self.verdicts.iter().filter(|v| wanted(v));
+        chosen.fold((0.0, 0.0), |(cost, gain), v| (cost + v.cost, gain + v.gain))
+    }
+}
 
 /// What an episode shows.
-pub(super) fn critique(scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {
-    crate::rollout::replay(scenario, log)?;
-    Ok(Critique {
-        failures: Vec::new(),
-        actions: Vec::new(),
-        judged: Judged { value: 0.0, case: "no_action_needed", words: String::new() },
-    })
+pub(super) fn critique(
+    objective: Objective,
+    scenario: &Scenario,
+    log: &ActionLog,
+) -> Result<Critique, ReplayError> {
+    let setup = Setup::read(scenario.recipe())?;
+    let start = setup.start(&mut Seeded::new(scenario.seed()))?;
+    let trace = Trace::of(objective, &setup, &start, scenario.seed(), log)?;
+    let table = Table::of(&setup, &start);
+    let plans = Plans::of(objective, &setup, &start, scenario.seed(), &table, log);
+    let verdicts = verdict::all(&plans, &trace);
+    let sky = Sky::of(&setup, &start, &table, &trace);
+    let case =
+        Case { objective, setup: &setup, trace: &trace, plans: &plans, sky: &sky, verdicts: &verdicts };
+
+    let losses = loss::all(&case);
+    let judged = judge::judge(&case, &losses);
+    let mut failures: Vec<_> = starvation::all(&case, &losses);
+    failures.extend(losses.into_iter().map(|loss| loss.failure));
+    failures.extend(goal::missed(&case));
+    failures.extend(formation::broken(&case));
+    failures.extend(waste::all(&case));
+    failures.sort_by_key(|failure| (failure.step, failure.agent));
+    Ok(Critique { failures, actions: verdicts, judged })
 }

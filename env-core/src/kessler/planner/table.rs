@@ -85,6 +85,12 @@ impl Table {
         (0..self.n).find(|&i| self.clear_of(i, step, px, py) < CONTACT_2)
     }
 
+    /// Where one column is after `step`; far away where there is nothing.
+    pub(crate) fn place(&self, column: usize, step: usize) -> (f64, f64) {
+        let at = step * self.n + column;
+        (self.x[at], self.y[at])
+    }
+
     /// Distance squared to one column after `step`.
     pub(crate) fn clear_of(&self, column: usize, step: usize, px: f64, py: f64) -> f64 {
         let at = step * self.n + column;
@@ -245,7 +251,16 @@ pub(crate) fn judge(
     table: &Table,
     paths: [&Path; SATELLITES],
 ) -> Flown {
-    let loss = with_fragments(seed, table, paths);
+    told(objective, setup, paths, with_fragments(seed, table, paths))
+}
+
+/// How three trajectories fare together where each is lost as `loss` says.
+pub(crate) fn told(
+    objective: Objective,
+    setup: &Setup,
+    paths: [&Path; SATELLITES],
+    loss: [Option<Loss>; SATELLITES],
+) -> Flown {
     let alive = |i: usize, step: u32| loss[i].is_none_or(|l| step < l.step);
     let mut flown = Flown { score: 0.0, total: 0.0, steps: 0, lost: 0, goal: None, fuel_used: 0.0 };
     let mut goal = 0.0;
@@ -282,7 +297,12 @@ pub(crate) fn judge(
     flown
 }
 
-fn with_fragments(seed: Seed, table: &Table, paths: [&Path; SATELLITES]) -> [Option<Loss>; SATELLITES] {
+/// When and how each is lost, fragments of the others included.
+pub(crate) fn with_fragments(
+    seed: Seed,
+    table: &Table,
+    paths: [&Path; SATELLITES],
+) -> [Option<Loss>; SATELLITES] {
     let mut loss = paths.map(|path| path.loss);
     if loss.iter().flatten().all(|l| !l.hit) {
         return loss;
