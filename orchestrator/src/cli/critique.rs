@@ -170,7 +170,7 @@ impl Shown {
     fn tables(&self) -> String {
         let mut parts = vec![self.outcome()];
         if self.critique.failures.is_empty() {
-            parts.push("Nothing was lost that could be told.".to_owned());
+            parts.push("No failures.".to_owned());
         } else {
             parts.push(self.failures());
         }
@@ -254,18 +254,12 @@ fn verdicts(actions: &[ActionVerdict]) -> String {
     if actions.is_empty() {
         return "No actions were taken.".to_owned();
     }
-    let mut sums = table(&["verdict", "actions", "cost", "gain"], 1);
+    let mut sums = table(&["verdict", "actions", "cost"], 1);
     for verdict in [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful] {
         let of = || actions.iter().filter(|action| action.verdict == verdict);
-        let cost: f64 = of().map(|action| action.cost).sum();
-        let gain: f64 = of().map(|action| action.gain).sum();
-        let count = of().count();
-        sums.add_row([
-            word(verdict).to_owned(),
-            count.to_string(),
-            format!("{cost:.2}"),
-            format!("{gain:+.3}"),
-        ]);
+        // The sum of nothing is −0.
+        let cost = of().map(|action| action.cost).sum::<f64>() + 0.0;
+        sums.add_row([word(verdict).to_owned(), of().count().to_string(), format!("{cost:.2}")]);
     }
     let mut listed: Vec<&ActionVerdict> = actions.iter().collect();
     listed.sort_by(|a, b| b.gain.abs().total_cmp(&a.gain.abs()).then(b.cost.total_cmp(&a.cost)));
