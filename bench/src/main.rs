@@ -2,6 +2,7 @@
 //! better than the goal).
 
 mod bracket;
+mod critique;
 mod results;
 mod steps;
 
@@ -13,7 +14,7 @@ use clap::Parser;
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure; everything if none is named.
-    #[arg(value_parser = ["bracket", "steps", "results"])]
+    #[arg(value_parser = ["bracket", "critique", "steps", "results"])]
     what: Vec<String>,
 }
 
@@ -40,6 +41,9 @@ fn main() -> anyhow::Result<()> {
     show(vec![Row { what: "what".into(), measured: "measured".into(), goal: "goal".into(), ratio: None }])?;
     if wanted("bracket") {
         show(bracket::measure()?)?;
+    }
+    if wanted("critique") {
+        show(critique::measure()?)?;
     }
     if wanted("steps") {
         show(steps::measure()?)?;

@@ -18,7 +18,7 @@ mod trace;
 mod verdict;
 mod waste;
 
-pub use self::mode::{MODES, SPEED_BANDS};
+pub(super) use self::mode::{MODES, SPEED_BANDS};
 
 use self::plans::Plans;
 use self::sky::Sky;
@@ -34,7 +34,7 @@ use crate::rollout::ReplayError;
 use crate::scenario::Scenario;
 
 /// Score that counts: a smaller difference is no difference. The world's ε.
-pub(super) const COUNTS: f64 = super::constants::EPSILON;
+const COUNTS: f64 = super::constants::EPSILON;
 
 /// What everything below is asked of.
 struct Case<'a> {

@@ -49,7 +49,7 @@ impl Mode {
 }
 
 /// Why an episode of kessler can lose score.
-pub static MODES: [ModeSpec; 9] = [
+pub(in crate::kessler) static MODES: [ModeSpec; 9] = [
     Mode::Collision.spec(),
     Mode::Rogue.spec(),
     Mode::Fragment.spec(),
@@ -62,4 +62,5 @@ pub static MODES: [ModeSpec; 9] = [
 ];
 
 /// How relative speeds are sorted.
-pub const SPEED_BANDS: SpeedBands = SpeedBands { edges: &[1.0, 2.0, 4.0, 8.0], unit: "LU/TU" };
+pub(in crate::kessler) const SPEED_BANDS: SpeedBands =
+    SpeedBands { edges: &[1.0, 2.0, 4.0, 8.0], unit: "LU/TU" };

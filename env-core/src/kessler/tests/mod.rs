@@ -1,5 +1,7 @@
 //! What kessler is held to.
 
+mod critique;
+mod critique_laws;
 mod differences;
 mod golden;
 mod laws;
