@@ -21,12 +21,15 @@ use crate::store::{StoreError, episodes, leases};
 /// Episodes of a job at most.
 pub const JOB: usize = 64;
 
+/// Scenario and log of an episode, or why they cannot be had.
+type Stage = Result<(Scenario, ActionLog), String>;
+
 /// A job with what is needed to do it.
 #[derive(Debug)]
 pub struct Material {
     job: Job,
-    /// What is criticised: index in the lease, and scenario and log or why they cannot be had.
-    chosen: Vec<(i64, Result<(Scenario, ActionLog), String>)>,
+    /// What is criticised, by index in the lease.
+    chosen: Vec<(i64, Stage)>,
     skipped: i64,
 }
 
@@ -124,7 +127,7 @@ pub fn criticise(material: Material) -> Done {
     Done { job, notes, skipped, failed: reasons.len() as i64, reason: reasons.into_iter().next() }
 }
 
-fn note(number: i64, stage: Result<(Scenario, ActionLog), String>) -> Result<Note, String> {
+fn note(number: i64, stage: Stage) -> Result<Note, String> {
     let told = stage.and_then(|(scenario, log)| {
         let task = scenario.task();
         let critique = std::panic::catch_unwind(AssertUnwindSafe(|| task.critique(&scenario, &log)))
