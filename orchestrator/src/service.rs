@@ -9,14 +9,14 @@ use std::time::Duration;
 
 use sqlx::SqlitePool;
 use tokio::net::TcpListener;
-use tokio::sync::{Notify, Semaphore, watch};
+use tokio::sync::{Semaphore, watch};
 use tokio::task::{JoinHandle, JoinSet};
 
 use crate::clock::Clock;
 use crate::http;
 use crate::ids::RunId;
 use crate::store::{Claim, OpenError, claim, reader, writer};
-use crate::training::Writer;
+use crate::training::{Wakes, Writer};
 use crate::workers;
 
 /// Batches of results that are parsed and replayed at once.
@@ -55,7 +55,7 @@ pub enum StartError {
     )]
     Public(SocketAddr),
     /// The system gives no threads.
-    #[error("no threads to prepare scenarios: {0}")]
+    #[error("no threads to work in the background: {0}")]
     Threads(rayon::ThreadPoolBuildError),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {reason}")]
@@ -132,14 +132,14 @@ impl Service {
         let address =
             listener.local_addr().map_err(|reason| StartError::Listen { address: config.bind, reason })?;
 
-        let wake = Arc::new(Notify::new());
-        let (writer, writer_task) = Writer::start(connection, config.clock.clone(), Arc::clone(&wake));
+        let wakes = Wakes::default();
+        let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
         let mut jobs = JoinSet::new();
         let preparer = workers::prepare::Preparer {
             readers: readers.clone(),
             writer: writer.clone(),
-            wake,
+            wake: wakes.prepare,
             ready: ready_tx,
             hopeless: Arc::default(),
             pool: Arc::new(
@@ -151,6 +151,13 @@ impl Service {
         };
         jobs.spawn(preparer.run());
         jobs.spawn(workers::expire::run(writer.clone()));
+        let critic = workers::critique::Critic {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            wake: wakes.critique,
+            pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
+        };
+        jobs.spawn(critic.run());
 
         let stopping = Arc::new(AtomicBool::new(false));
         let app = App {

@@ -5,6 +5,7 @@
 
 pub mod bench;
 pub mod bootstrap;
+pub mod critique;
 pub mod demo;
 pub mod design;
 pub mod eval;
@@ -53,6 +54,7 @@ enum Command {
     Eval(eval::Args),
     Suite(suite::Args),
     Replay(replay::Args),
+    Critique(critique::Args),
     Bench(bench::Args),
 }
 
@@ -70,6 +72,7 @@ impl Command {
             Self::Eval(args) => eval::run(args),
             Self::Suite(args) => suite::run(args),
             Self::Replay(args) => replay::run(args),
+            Self::Critique(args) => critique::run(args),
             Self::Bench(args) => bench::run(args),
         }
     }

@@ -32,6 +32,7 @@ fn help_teaches() {
         &["suite", "build"],
         &["suite", "verify"],
         &["replay"],
+        &["critique"],
         &["bench"],
     ] {
         insta::assert_snapshot!(format!("help_{}", path.join("_")), help(path));
@@ -49,6 +50,9 @@ fn bad_arguments_are_usage_errors() {
         "sparring eval --policy hold --seed -1",
         "sparring replay",
         "sparring replay x.json --tolerance NaN",
+        "sparring critique",
+        "sparring critique x.json --policy hold --actions y.json",
+        "sparring critique x.json --seed 3",
         "sparring bench --seconds 0",
         "sparring bench --env docking",
         "sparring suite",
@@ -67,6 +71,9 @@ fn good_arguments_are_taken() {
         "sparring eval --policy hold",
         "sparring eval --suite x.json --policy hold,blind --policy random --seed 3 --format json --rollouts 4",
         "sparring replay a.json b.json.gz --tolerance 1e-6 --format json",
+        "sparring critique x.json",
+        "sparring critique x.json --policy random --seed 3 --format json",
+        "sparring critique x.json --actions y.json",
         "sparring bench --env kessler --seconds 0.5 --json -v debug",
         "sparring --log info,sqlx=warn --log-format json suite verify",
         "sparring suite build --name x-v1 --out x.json --tasks kessler/survival --levels 1,2",

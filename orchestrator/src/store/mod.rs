@@ -2,8 +2,10 @@
 //! else.
 
 pub mod brackets;
+pub mod critiques;
 pub mod curriculum;
 pub mod episodes;
+pub mod failures;
 pub mod leases;
 mod open;
 pub mod progress;

@@ -4,19 +4,22 @@
 pub mod audit;
 mod close;
 pub mod create_run;
+pub mod criticise;
 pub mod eval_lease;
 pub mod lease;
 mod mind;
 pub mod prepare;
+pub mod profile;
 mod queue;
 pub mod report;
+pub mod sample;
 pub mod settings;
 pub mod status;
 pub mod writer;
 
 pub use mind::Mind;
 pub use settings::RunSettings;
-pub use writer::{Change, Work, Writer};
+pub use writer::{Change, Wakes, Work, Writer};
 
 use crate::curriculum::{RestoreError, SettingsError};
 use crate::store::StoreError;

@@ -5,6 +5,7 @@ use std::collections::btree_map::Entry;
 
 use super::audit::{Audited, Verdict};
 use super::close::close_group;
+use super::criticise::JOB;
 use super::writer::Work;
 use super::{Change, TrainingError};
 use crate::curriculum::Move;
@@ -13,7 +14,7 @@ use crate::store::brackets::StoredFlown;
 use crate::store::episodes::{self, EpisodeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{runs, to_json};
+use crate::store::{critiques, runs, to_json};
 
 /// What became of one reported episode.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
@@ -85,6 +86,8 @@ struct Books {
     leases: BTreeMap<i64, LeaseRow>,
     groups: BTreeMap<(i64, i64), GroupRow>,
     sums: BTreeMap<(String, Option<i64>), Sums>,
+    /// Indices of episodes that the critique has to look at, by lease and task.
+    to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
 }
 
@@ -179,6 +182,9 @@ impl Books {
         // An evaluation moves nothing, plain sums included.
         if group.proposal.is_some() {
             self.sums.entry((group.task.clone(), group.level)).or_default().add(&sums);
+            if row.state == "finished" {
+                self.to_criticise.entry((lease.id, group.task.clone())).or_default().push(row.number);
+            }
         }
         Ok(match (row.state.as_str(), group.evidence != 0) {
             ("failed", _) => "failed",
@@ -192,6 +198,12 @@ impl Books {
         let mut moves = Vec::new();
         for ((task, level), sums) in &self.sums {
             sums::add(&mut work.conn, run, task, *level, sums).await?;
+        }
+        for ((lease, task), numbers) in &self.to_criticise {
+            for job in numbers.chunks(JOB) {
+                critiques::enqueue(&mut work.conn, run, task, *lease, job).await?;
+            }
+            work.wake_critique();
         }
         if self.newest_policy > 0 {
             let (mind, conn) = work.mind(run).await?;

@@ -31,6 +31,16 @@ pub struct Work {
     minds: HashMap<String, Mind>,
     touched: Vec<String>,
     wake_prepare: bool,
+    wake_critique: bool,
+}
+
+/// Who is woken after a commit that made work for them.
+#[derive(Debug, Clone, Default)]
+pub struct Wakes {
+    /// The worker that prepares scenarios.
+    pub prepare: Arc<Notify>,
+    /// The worker that criticises episodes.
+    pub critique: Arc<Notify>,
 }
 
 impl Work {
@@ -54,6 +64,11 @@ impl Work {
     pub const fn wake_prepare(&mut self) {
         self.wake_prepare = true;
     }
+
+    /// Wakes the worker that criticises episodes, after the commit.
+    pub const fn wake_critique(&mut self) {
+        self.wake_critique = true;
+    }
 }
 
 /// Something that changes the database.
@@ -74,11 +89,12 @@ pub struct Writer {
 impl Writer {
     /// Starts the writer. It ends, with snapshots taken, when every handle is gone.
     #[must_use]
-    pub fn start(conn: SqliteConnection, clock: Clock, prepare: Arc<Notify>) -> (Self, JoinHandle<()>) {
+    pub fn start(conn: SqliteConnection, clock: Clock, wakes: Wakes) -> (Self, JoinHandle<()>) {
         let (queue, inbox) = mpsc::channel(QUEUE);
         let now = clock.now();
-        let work = Work { conn, now, minds: HashMap::new(), touched: Vec::new(), wake_prepare: false };
-        let task = tokio::spawn(serve(work, inbox, clock, prepare));
+        let (minds, touched) = (HashMap::new(), Vec::new());
+        let work = Work { conn, now, minds, touched, wake_prepare: false, wake_critique: false };
+        let task = tokio::spawn(serve(work, inbox, clock, wakes));
         (Self { queue }, task)
     }
 
@@ -131,12 +147,7 @@ impl<C: Change> Errand for Parcel<C> {
     }
 }
 
-async fn serve(
-    mut work: Work,
-    mut inbox: mpsc::Receiver<Box<dyn Errand>>,
-    clock: Clock,
-    prepare: Arc<Notify>,
-) {
+async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock: Clock, wakes: Wakes) {
     let mut batch = Vec::with_capacity(BATCH);
     while inbox.recv_many(&mut batch, BATCH).await > 0 {
         work.now = clock.now();
@@ -151,7 +162,10 @@ async fn serve(
             delivery(committed.as_ref().copied());
         }
         if std::mem::take(&mut work.wake_prepare) {
-            prepare.notify_one();
+            wakes.prepare.notify_one();
+        }
+        if std::mem::take(&mut work.wake_critique) {
+            wakes.critique.notify_one();
         }
     }
     farewell(work).await;

@@ -189,17 +189,21 @@ pub(super) async fn replayed(
 }
 
 /// An episode and everything around it.
-struct Found {
-    id: EpisodeId,
+pub(super) struct Found {
+    pub(super) id: EpisodeId,
     lease: LeaseRow,
     group: GroupRow,
     row: Option<EpisodeRow>,
-    log: Option<ActionLog>,
-    scenario: Scenario,
+    pub(super) log: Option<ActionLog>,
+    pub(super) scenario: Scenario,
 }
 
 impl Found {
-    async fn look(conn: &mut SqliteConnection, run: &RunId, id: EpisodeId) -> Result<Self, Problem> {
+    pub(super) async fn look(
+        conn: &mut SqliteConnection,
+        run: &RunId,
+        id: EpisodeId,
+    ) -> Result<Self, Problem> {
         let unknown = || TrainingError::UnknownEpisode(id.to_string());
         let lease = find(conn, run, &id.lease).await.map_err(|_| unknown())?;
         let group = leases::group(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;

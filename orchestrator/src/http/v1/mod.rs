@@ -1,6 +1,9 @@
 //! `/v1`: one file per resource.
 
+mod critique;
 mod episodes;
+mod failure_list;
+mod failures;
 mod leases;
 mod mastery;
 mod results;
@@ -32,6 +35,9 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(episodes::list))
         .routes(routes!(episodes::show))
         .routes(routes!(episodes::replayed))
+        .routes(routes!(critique::show))
+        .routes(routes!(failures::show))
+        .routes(routes!(failure_list::list))
         .routes(routes!(scenarios::check))
         .routes(routes!(tasks::list))
 }

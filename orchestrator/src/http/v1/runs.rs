@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::super::extract::{Json, Path, Query};
 use super::super::problem::Problem;
+use super::failures::Backlog;
 use super::{Page, next, run_id};
 use crate::clock::rfc3339;
 use crate::service::App;
@@ -49,6 +50,16 @@ impl Run {
             policy_version: row.policy_version,
         })
     }
+}
+
+/// A run, and how far what happens behind the acknowledgement has come.
+#[derive(Serialize, ToSchema)]
+pub(super) struct RunNow {
+    /// The run.
+    #[serde(flatten)]
+    run: Run,
+    /// How far the critique is behind.
+    critique: Backlog,
 }
 
 /// A page of runs.
@@ -98,17 +109,18 @@ pub(super) async fn list(
 /// Show a run.
 #[utoipa::path(
     get, path = "/runs/{run}", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
-    responses((status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses((status = 200, body = RunNow), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub(super) async fn show(
     State(app): State<App>,
     Path(run): Path<String>,
-) -> Result<axum::Json<Run>, Problem> {
+) -> Result<axum::Json<RunNow>, Problem> {
     let run = run_id(&run)?;
     let mut conn = app.readers.acquire().await?;
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
-    Ok(axum::Json(Run::of(row)?))
+    let critique = Backlog::look(&mut conn, &run).await?;
+    Ok(axum::Json(RunNow { run: Run::of(row)?, critique }))
 }
 
 /// Pause a run: it grants no more leases; results of those it has granted are still taken.

@@ -1,4 +1,4 @@
-//! Scenarios by hand: validate, bracket, and replay.
+//! Scenarios by hand: validate, bracket, replay, and criticise.
 
 use env_core::bracket::{SuccessRule, admit, success};
 use env_core::rollout::{read_log, replay};
@@ -9,6 +9,7 @@ use utoipa::ToSchema;
 
 use super::super::extract::Json;
 use super::super::problem::Problem;
+use super::critique::CritiqueView;
 use super::leases::BracketView;
 use super::results::Actions;
 use crate::store::brackets::StoredFlown;
@@ -44,6 +45,8 @@ pub(super) struct Checked {
     bracket: Option<BracketView>,
     /// How the actions fared, if any were sent.
     flown: Option<Judged>,
+    /// What the actions show, if any were sent: why score was lost, and what each was worth.
+    critique: Option<CritiqueView>,
 }
 
 /// How actions fared.
@@ -58,7 +61,7 @@ struct Judged {
     success: bool,
 }
 
-/// Validate, bracket and replay a scenario by hand. Nothing is stored.
+/// Validate, bracket, replay and criticise a scenario by hand. Nothing is stored.
 #[utoipa::path(
     post, path = "/scenarios", tag = "scenarios", request_body = Wish,
     responses(
@@ -89,7 +92,7 @@ pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>,
 
 fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Problem> {
     let admission = admit(scenario);
-    let mut judged = None;
+    let (mut judged, mut critique) = (None, None);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(Into::into);
         let refuse = |error: String| Problem::invalid("actions", error);
@@ -101,6 +104,8 @@ fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Probl
             success: success(scenario, SuccessRule::Task, bracket, &flown),
             flown: flown.into(),
         });
+        let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse(error.to_string()))?;
+        critique = Some(CritiqueView::of(scenario, shown));
     }
     Ok(Checked {
         scenario_id: scenario.id().to_string(),
@@ -111,5 +116,6 @@ fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Probl
         contested: admission.contested,
         bracket: admission.bracket.map(|b| BracketView::of(scenario, &b)),
         flown: judged,
+        critique,
     })
 }

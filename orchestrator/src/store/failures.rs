@@ -1,0 +1,312 @@
+//! The failure profile: cells of (mode, bearing sector, speed band), and the newest failures of each.
+
+use sqlx::{SqliteConnection, query};
+
+use super::StoreError;
+use crate::clock::Millis;
+
+/// Newest failures that are kept of each cell.
+pub const RING: i64 = 64;
+
+/// Sector and band of a failure in which nothing was met.
+const NOWHERE: i64 = -1;
+
+/// Which cell of a task's profile.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CellKey {
+    /// The failure mode.
+    pub mode: String,
+    /// (bearing sector, speed band); none where nothing was met.
+    pub met: Option<(u32, u32)>,
+}
+
+impl CellKey {
+    fn columns(&self) -> (i64, i64) {
+        self.met.map_or((NOWHERE, NOWHERE), |(sector, band)| (i64::from(sector), i64::from(band)))
+    }
+
+    fn of(mode: String, sector: i64, band: i64) -> Self {
+        Self { mode, met: u32::try_from(sector).ok().zip(u32::try_from(band).ok()) }
+    }
+}
+
+/// A cell's sums.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct CellSums {
+    /// Failures.
+    pub count: i64,
+    /// Of these, could have been avoided.
+    pub avoidable: i64,
+    /// Of these, were seen and could not.
+    pub unavoidable: i64,
+    /// The sum of the steps that were left to act.
+    pub steps_left: i64,
+    /// The count, halving every half-life, as it stood at `as_of`.
+    pub weight: f64,
+    /// The last one's place among the task's criticised episodes, from 1.
+    pub as_of: i64,
+    /// When the last one was entered.
+    pub last_at: Millis,
+}
+
+/// A failure that is kept as an example.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Example {
+    /// Which of its cell's it is, from 1.
+    pub nth: i64,
+    /// The episode's place among the task's criticised ones, from 1.
+    pub place: i64,
+    /// The episode's lease.
+    pub lease: i64,
+    /// Its index in the lease.
+    pub number: i64,
+    /// Whose.
+    pub agent: i64,
+    /// When, from 1.
+    pub step: i64,
+    /// From where, degrees.
+    pub bearing_deg: Option<f64>,
+    /// How fast, in the world's unit.
+    pub relative_speed: Option<f64>,
+    /// Steps that were left to act.
+    pub steps_left: Option<i64>,
+    /// Whether it could have been avoided; none if nothing was met, or seen.
+    pub avoidable: Option<bool>,
+}
+
+/// A cell by its key, with the number that its examples are under.
+///
+/// # Errors
+/// The database's.
+pub async fn cell(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    key: &CellKey,
+) -> Result<Option<(i64, CellSums)>, StoreError> {
+    let (sector, band) = key.columns();
+    let row = query!(
+        "SELECT cell, count, avoidable, unavoidable, steps_left, weight, as_of, last_at FROM failure_profile
+         WHERE run = ? AND task = ? AND mode = ? AND sector = ? AND band = ?",
+        run,
+        task,
+        key.mode,
+        sector,
+        band
+    )
+    .fetch_optional(conn)
+    .await?;
+    Ok(row.map(|r| {
+        let sums = CellSums {
+            count: r.count,
+            avoidable: r.avoidable,
+            unavoidable: r.unavoidable,
+            steps_left: r.steps_left,
+            weight: r.weight,
+            as_of: r.as_of,
+            last_at: r.last_at,
+        };
+        (r.cell, sums)
+    }))
+}
+
+/// Writes a cell; its number.
+///
+/// # Errors
+/// The database's.
+pub async fn put_cell(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    key: &CellKey,
+    sums: &CellSums,
+) -> Result<i64, StoreError> {
+    let (sector, band) = key.columns();
+    Ok(sqlx::query_scalar!(
+        r#"INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left, weight,
+                                        as_of, last_at)
+           VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+           ON CONFLICT (run, task, mode, sector, band) DO UPDATE SET
+               count = excluded.count, avoidable = excluded.avoidable, unavoidable = excluded.unavoidable,
+               steps_left = excluded.steps_left, weight = excluded.weight, as_of = excluded.as_of,
+               last_at = excluded.last_at
+           RETURNING cell AS "cell!""#,
+        run,
+        task,
+        key.mode,
+        sector,
+        band,
+        sums.count,
+        sums.avoidable,
+        sums.unavoidable,
+        sums.steps_left,
+        sums.weight,
+        sums.as_of,
+        sums.last_at
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
+/// Keeps a failure in its cell's ring, in the place of the oldest.
+///
+/// # Errors
+/// The database's.
+pub async fn put_example(conn: &mut SqliteConnection, cell: i64, x: &Example) -> Result<(), StoreError> {
+    let slot = x.nth % RING;
+    let avoidable = x.avoidable.map(i64::from);
+    query!(
+        "INSERT OR REPLACE INTO failure_examples (cell, slot, nth, place, lease, number, agent, step, bearing_deg,
+             relative_speed, steps_left, avoidable)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        cell,
+        slot,
+        x.nth,
+        x.place,
+        x.lease,
+        x.number,
+        x.agent,
+        x.step,
+        x.bearing_deg,
+        x.relative_speed,
+        x.steps_left,
+        avoidable
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// The whole profile of a run's task, by mode, sector and band.
+///
+/// # Errors
+/// The database's.
+pub async fn profile(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+) -> Result<Vec<(i64, CellKey, CellSums)>, StoreError> {
+    let rows = query!(
+        "SELECT cell, mode, sector, band, count, avoidable, unavoidable, steps_left, weight, as_of, last_at
+         FROM failure_profile WHERE run = ? AND task = ? ORDER BY mode, sector, band",
+        run,
+        task
+    )
+    .fetch_all(conn)
+    .await?;
+    let cells = rows.into_iter().map(|r| {
+        let sums = CellSums {
+            count: r.count,
+            avoidable: r.avoidable,
+            unavoidable: r.unavoidable,
+            steps_left: r.steps_left,
+            weight: r.weight,
+            as_of: r.as_of,
+            last_at: r.last_at,
+        };
+        (r.cell, CellKey::of(r.mode, r.sector, r.band), sums)
+    });
+    Ok(cells.collect())
+}
+
+/// The newest episodes behind every cell of a run's task: (cell, lease, token, index), newest first in each.
+///
+/// # Errors
+/// The database's.
+pub async fn newest(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    most: i64,
+) -> Result<Vec<(i64, i64, String, i64)>, StoreError> {
+    let rows = query!(
+        r#"SELECT p.cell AS "cell!", l.id AS "lease!", l.token AS "token!", x.number AS "number!"
+           FROM failure_profile p JOIN failure_examples x ON x.cell = p.cell AND x.nth > p.count - ?3
+           JOIN leases l ON l.id = x.lease
+           WHERE p.run = ?1 AND p.task = ?2 ORDER BY p.cell, x.nth DESC"#,
+        run,
+        task,
+        most
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|r| (r.cell, r.lease, r.token, r.number)).collect())
+}
+
+/// Which failures are asked for.
+#[derive(Debug, Clone, Default)]
+pub struct Wanted {
+    /// Of this mode.
+    pub mode: Option<String>,
+    /// Of this sector.
+    pub sector: Option<u32>,
+    /// Of this band.
+    pub band: Option<u32>,
+    /// Older than (place, cell, nth).
+    pub before: Option<(i64, i64, i64)>,
+}
+
+/// A failure with the cell it is in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kept {
+    /// The cell's number.
+    pub cell: i64,
+    /// Its key.
+    pub key: CellKey,
+    /// The token of the episode's lease.
+    pub token: String,
+    /// The failure.
+    pub example: Example,
+}
+
+/// Failures that are kept of a run's task, the newest first.
+///
+/// # Errors
+/// The database's.
+pub async fn kept(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    wanted: &Wanted,
+    limit: i64,
+) -> Result<Vec<Kept>, StoreError> {
+    let (place, cell, nth) = wanted.before.unwrap_or((i64::MAX, i64::MAX, i64::MAX));
+    let rows = query!(
+        r#"SELECT p.cell AS "cell!", p.mode AS "mode!", p.sector AS "sector!", p.band AS "band!", l.token AS "token!",
+                  x.nth AS "nth!", x.place AS "place!", x.lease AS "lease!", x.number AS "number!", x.agent AS "agent!",
+                  x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable
+           FROM failure_profile p JOIN failure_examples x ON x.cell = p.cell JOIN leases l ON l.id = x.lease
+           WHERE p.run = ?1 AND p.task = ?2 AND (?3 IS NULL OR p.mode = ?3) AND (?4 IS NULL OR p.sector = ?4)
+                 AND (?5 IS NULL OR p.band = ?5) AND (x.place, x.cell, x.nth) < (?6, ?7, ?8)
+           ORDER BY x.place DESC, x.cell DESC, x.nth DESC LIMIT ?9"#,
+        run,
+        task,
+        wanted.mode,
+        wanted.sector,
+        wanted.band,
+        place,
+        cell,
+        nth,
+        limit
+    )
+    .fetch_all(conn)
+    .await?;
+    let kept = rows.into_iter().map(|r| Kept {
+        cell: r.cell,
+        key: CellKey::of(r.mode, r.sector, r.band),
+        token: r.token,
+        example: Example {
+            nth: r.nth,
+            place: r.place,
+            lease: r.lease,
+            number: r.number,
+            agent: r.agent,
+            step: r.step,
+            bearing_deg: r.bearing_deg,
+            relative_speed: r.relative_speed,
+            steps_left: r.steps_left,
+            avoidable: r.avoidable.map(|a| a != 0),
+        },
+    });
+    Ok(kept.collect())
+}

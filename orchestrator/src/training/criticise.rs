@@ -1,0 +1,225 @@
+//! Criticising what was reported: what an episode shows about why score was lost goes into the failure profile.
+//!
+//! It runs behind the acknowledgement. Episodes wait in a durable queue; a job of it is some episodes of one lease and
+//! task, and leaves the queue in the transaction that enters what they showed.
+
+use std::collections::BTreeMap;
+use std::panic::AssertUnwindSafe;
+
+use env_core::{ActionLog, Scenario};
+use rayon::prelude::*;
+use sqlx::SqliteConnection;
+
+use super::profile::{self, Note};
+use super::{Change, TrainingError, Work, sample};
+use crate::clock::Millis;
+use crate::store::critiques::{self, Job};
+use crate::store::failures::{self, CellKey, CellSums, Example, RING};
+use crate::store::scenarios::Loader;
+use crate::store::{StoreError, episodes, leases};
+
+/// Episodes of a job at most.
+pub const JOB: usize = 64;
+
+/// Scenario and log of an episode, or why they cannot be had.
+type Stage = Result<(Scenario, ActionLog), String>;
+
+/// A job with what is needed to do it.
+#[derive(Debug)]
+pub struct Material {
+    job: Job,
+    /// What is criticised, by index in the lease.
+    chosen: Vec<(i64, Stage)>,
+    skipped: i64,
+}
+
+impl Material {
+    /// How many episodes are criticised.
+    #[must_use]
+    pub const fn chosen(&self) -> usize {
+        self.chosen.len()
+    }
+
+    /// Loads a job, with the share of its episodes that so many halvings leave.
+    ///
+    /// # Errors
+    /// The database's. An episode that cannot be read back fails by itself.
+    pub async fn load(
+        conn: &mut SqliteConnection,
+        loader: &mut Loader,
+        job: Job,
+        halvings: u32,
+    ) -> Result<Self, StoreError> {
+        let numbers = match job.numbers() {
+            Ok(numbers) => numbers,
+            Err(error) => {
+                let broken = (0..job.episodes).map(|_| (0, Err(error.to_string()))).collect();
+                return Ok(Self { job, chosen: broken, skipped: 0 });
+            }
+        };
+        let of_all = numbers.len();
+        let mut chosen = Vec::with_capacity(of_all);
+        let mut scenario: Option<(i64, Scenario)> = None; // siblings follow each other
+        for number in numbers.into_iter().filter(|number| sample::kept(job.lease, *number, halvings)) {
+            let group = number / job.group_size.max(1);
+            let known = scenario.take().filter(|(of, _)| *of == group).map(|(_, scenario)| scenario);
+            let stage = match stage(conn, loader, known, (job.lease, number, group)).await {
+                Ok(stage) => {
+                    scenario = Some((group, stage.0.clone()));
+                    Ok(stage)
+                }
+                Err(StoreError::Unreadable { what, reason }) => Err(format!("{what}: {reason}")),
+                Err(error) => return Err(error),
+            };
+            chosen.push((number, stage));
+        }
+        let skipped = (of_all - chosen.len()) as i64;
+        Ok(Self { job, chosen, skipped })
+    }
+}
+
+async fn stage(
+    conn: &mut SqliteConnection,
+    loader: &mut Loader,
+    known: Option<Scenario>,
+    (lease, number, group): (i64, i64, i64),
+) -> Result<(Scenario, ActionLog), StoreError> {
+    let scenario = match known {
+        Some(scenario) => scenario,
+        None => {
+            let row = leases::group(conn, lease, group).await?;
+            let row = row.ok_or_else(|| StoreError::unreadable("a group", "it is gone"))?;
+            loader.get(conn, &row.scenario).await?
+        }
+    };
+    let log = episodes::log(conn, lease, number).await?;
+    let log = log.ok_or_else(|| StoreError::unreadable("an action log", "it is gone"))?;
+    Ok((scenario, ActionLog::decode(&log)?))
+}
+
+/// A job that was done.
+#[derive(Debug)]
+pub struct Done {
+    /// The job.
+    pub job: Job,
+    /// What its episodes showed.
+    pub notes: Vec<Note>,
+    /// Episodes sampled out.
+    pub skipped: i64,
+    /// Episodes that could not be criticised.
+    pub failed: i64,
+    /// Why, for the first of them.
+    pub reason: Option<String>,
+}
+
+/// Criticises the episodes of a job, in parallel. One that cannot be criticised is counted and holds up no other.
+#[must_use]
+pub fn criticise(material: Material) -> Done {
+    let Material { job, chosen, skipped } = material;
+    let (mut notes, mut reasons) = (Vec::with_capacity(chosen.len()), Vec::new());
+    let noted: Vec<_> = chosen.into_par_iter().map(|(number, stage)| note(number, stage)).collect();
+    for noted in noted {
+        match noted {
+            Ok(note) => notes.push(note),
+            Err(reason) => reasons.push(reason),
+        }
+    }
+    Done { job, notes, skipped, failed: reasons.len() as i64, reason: reasons.into_iter().next() }
+}
+
+fn note(number: i64, stage: Stage) -> Result<Note, String> {
+    let told = stage.and_then(|(scenario, log)| {
+        let task = scenario.task();
+        let critique = std::panic::catch_unwind(AssertUnwindSafe(|| task.critique(&scenario, &log)))
+            .map_err(|_| "the critique panicked".to_owned())?
+            .map_err(|error| error.to_string())?;
+        Note::of(number, &critique, task.speed_bands())
+    });
+    told.map_err(|reason| format!("episode {number}: {reason}"))
+}
+
+/// Enters what jobs showed into the profiles, and takes the jobs off the queue. A job that is not on it any more was
+/// entered before, and is left alone.
+#[derive(Debug)]
+pub struct Enter(pub Vec<Done>);
+
+impl Change for Enter {
+    type Answer = ();
+
+    async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
+        let mut by_task: BTreeMap<(String, String), Vec<Done>> = BTreeMap::new();
+        for done in self.0 {
+            if critiques::take(&mut work.conn, done.job.id).await? {
+                by_task.entry((done.job.run.clone(), done.job.task.clone())).or_default().push(done);
+            }
+        }
+        for ((run, task), all) in by_task {
+            enter(&mut work.conn, work.now, &run, &task, &all).await?;
+        }
+        Ok(())
+    }
+}
+
+/// A cell that a batch touches.
+struct Touched {
+    sums: CellSums,
+    examples: Vec<Example>,
+}
+
+async fn enter(
+    conn: &mut SqliteConnection,
+    now: Millis,
+    run: &str,
+    task: &str,
+    all: &[Done],
+) -> Result<(), StoreError> {
+    let mut sums = critiques::sums(conn, run, task).await?;
+    let mut cells: BTreeMap<CellKey, Touched> = BTreeMap::new();
+    for done in all {
+        sums.skipped += done.skipped;
+        sums.failed += done.failed;
+        for note in &done.notes {
+            profile::enter(&mut sums, note);
+            for failing in &note.failures {
+                if !cells.contains_key(&failing.key) {
+                    let known = failures::cell(conn, run, task, &failing.key).await?;
+                    let known = known.map_or_else(CellSums::default, |(_, sums)| sums);
+                    cells.insert(failing.key.clone(), Touched { sums: known, examples: Vec::new() });
+                }
+                if let Some(cell) = cells.get_mut(&failing.key) {
+                    profile::enter_failure(&mut cell.sums, sums.criticised, now, failing);
+                    let nth = cell.sums.count;
+                    cell.examples.push(example(nth, sums.criticised, done.job.lease, note.number, failing));
+                }
+            }
+        }
+    }
+    critiques::put_sums(conn, run, task, &sums).await?;
+    for (key, Touched { sums, examples }) in &cells {
+        let cell = failures::put_cell(conn, run, task, key, sums).await?;
+        let newest = examples.len().saturating_sub(RING as usize);
+        for example in &examples[newest..] {
+            failures::put_example(conn, cell, example).await?;
+        }
+    }
+    Ok(())
+}
+
+fn example(nth: i64, place: i64, lease: i64, number: i64, failing: &profile::Failing) -> Example {
+    let met = failing.met;
+    Example {
+        nth,
+        place,
+        lease,
+        number,
+        agent: i64::from(failing.agent),
+        step: i64::from(failing.step),
+        bearing_deg: met.map(|m| m.bearing_deg),
+        relative_speed: met.map(|m| m.relative_speed),
+        steps_left: met.map(|m| i64::from(m.steps_left)),
+        avoidable: met.and_then(|m| m.avoidable),
+    }
+}
+
+#[cfg(test)]
+mod tests;

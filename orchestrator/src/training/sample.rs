@@ -1,0 +1,67 @@
+//! Which episodes are criticised when more are reported than can be.
+
+/// Episodes of a run that may wait before some of them are skipped.
+pub const PATIENCE: i64 = 2000;
+
+/// Halvings of the share that is criticised, by how many episodes of the run wait: none up to [`PATIENCE`], one up to
+/// twice that, two up to four times, and so on. However long the queue, about [`PATIENCE`] critiques and a few more are
+/// behind it, and the share grows back as it drains.
+#[must_use]
+pub fn halvings(waiting: i64) -> u32 {
+    let over = waiting.max(0) / PATIENCE;
+    if waiting <= PATIENCE { 0 } else { over.ilog2() + 1 }
+}
+
+/// The share of episodes that is criticised.
+#[must_use]
+pub fn share(halvings: u32) -> f64 {
+    libm::exp2(-f64::from(halvings))
+}
+
+/// Whether an episode is among those that are criticised: by its name alone, so that what it shows has no say, and what
+/// is kept under more halvings is kept under fewer.
+#[must_use]
+pub fn kept(lease: i64, number: i64, halvings: u32) -> bool {
+    let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 critique sample");
+    hasher.update(&lease.to_le_bytes()).update(&number.to_le_bytes());
+    let mut word = [0; 8];
+    word.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
+    u64::from_le_bytes(word).trailing_zeros() >= halvings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_skipped_until_too_many_wait() {
+        let at = [
+            (-1, 0),
+            (0, 0),
+            (2000, 0),
+            (2001, 1),
+            (3999, 1),
+            (4000, 2),
+            (7999, 2),
+            (8000, 3),
+            (2_000_000, 10),
+        ];
+        for (waiting, wanted) in at {
+            assert_eq!(halvings(waiting), wanted, "{waiting}");
+        }
+        assert_eq!([0, 1, 3].map(share), [1.0, 0.5, 0.125]);
+        assert_eq!(halvings(i64::MAX), 53);
+    }
+
+    #[test]
+    fn samples_are_nested_and_of_the_size_they_say() {
+        let all: Vec<(i64, i64)> = (1..=40).flat_map(|lease| (0..500).map(move |n| (lease, n))).collect();
+        for h in 0..6 {
+            let n = all.iter().filter(|(l, n)| kept(*l, *n, h)).count() as f64;
+            let wanted = all.len() as f64 * share(h);
+            // Binomial: four standard deviations, one draw in 16 000 would be outside.
+            assert!((n - wanted).abs() <= 4.0 * (wanted * (1.0 - share(h))).sqrt(), "{h}: {n}, not {wanted}");
+            assert!(all.iter().all(|(l, n)| !kept(*l, *n, h + 1) || kept(*l, *n, h)), "nested");
+        }
+    }
+}
