@@ -4,13 +4,14 @@
 //! any IEEE-754 platform. Therefore the dynamics use only `+ − × ÷ √`, transcendental functions come from the `libm`
 //! crate, and every random draw goes through [`chance::Chance`].
 //!
-//! A *task* is one [`task::TaskSpec`]; a *world* is a module of them ([`kessler`] is the first). Nothing outside a
+//! A *task* is one [`task::TaskSpec`]; a *world* is a module of them ([`kessler`], [`docking`]). Nothing outside a
 //! world's own module knows its columns: the service reads parameter spaces, levels and outcomes as data.
 
 pub mod bracket;
 mod canonical;
 pub mod chance;
 pub mod critique;
+pub mod docking;
 pub mod error;
 pub mod kessler;
 pub mod log;

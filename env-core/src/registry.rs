@@ -1,11 +1,11 @@
 //! All worlds, and all tasks of them.
 
-use crate::kessler;
 use crate::task::TaskSpec;
 use crate::world::World;
+use crate::{docking, kessler};
 
 /// Every world.
-static WORLDS: [&dyn World; 1] = [&kessler::KESSLER];
+static WORLDS: [&dyn World; 2] = [&kessler::KESSLER, &docking::DOCKING];
 
 /// Every world.
 pub fn worlds() -> impl Iterator<Item = &'static dyn World> {

@@ -1,0 +1,105 @@
+//! docking's parameter spaces and levels, as data.
+
+use std::sync::LazyLock;
+
+use super::constants::{MAX_THRUST_N, TIME_LIMIT_S};
+use crate::space::{Harder, Levels, ParamSpec};
+
+const DEPUTIES: ParamSpec = ParamSpec {
+    name: "deputies",
+    unit: "",
+    min: 1.0,
+    max: 5.0,
+    step: 1.0,
+    whole: true,
+    default: 3.0,
+    harder: Harder::Up,
+    about: "deputies, each an agent",
+};
+
+const START_RADIUS: ParamSpec = ParamSpec {
+    name: "start_radius",
+    unit: "m",
+    min: 10.0,
+    max: 1000.0,
+    step: 5.0,
+    whole: false,
+    default: 150.0,
+    harder: Harder::Up,
+    about: "deputies start between two thirds of this distance of the chief and all of it",
+};
+
+const SPEED_RATIO: ParamSpec = ParamSpec {
+    name: "speed_ratio",
+    unit: "",
+    min: 0.0,
+    max: 5.0,
+    step: 0.1,
+    whole: false,
+    default: 0.8,
+    harder: Harder::Up,
+    about: "speeds at the start are U(0, this) times the speed limit there, in any direction",
+};
+
+const TIME_LIMIT: ParamSpec = ParamSpec {
+    name: "time_limit_s",
+    unit: "s",
+    min: 20.0,
+    max: TIME_LIMIT_S,
+    step: 10.0,
+    whole: true,
+    default: TIME_LIMIT_S,
+    harder: Harder::Down,
+    about: "time after which a deputy that has not docked has failed",
+};
+
+const THRUST_BOUND: ParamSpec = ParamSpec {
+    name: "thrust_bound",
+    unit: "N",
+    min: 0.01,
+    max: MAX_THRUST_N,
+    step: 0.01,
+    whole: false,
+    default: MAX_THRUST_N,
+    harder: Harder::Down,
+    about: "thrust on each axis is clamped to plus and minus this",
+};
+
+/// Parameters of single.
+pub static SINGLE_SPACE: [ParamSpec; 4] = [START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND];
+/// Parameters of multiagent.
+pub static MULTIAGENT_SPACE: [ParamSpec; 5] = [DEPUTIES, START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND];
+
+fn table(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Levels {
+    let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
+    Levels::new(space, names, rows)
+        .expect("the committed tables are within their spaces: a test reads them all")
+}
+
+/// Levels of single.
+pub static SINGLE_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    table(
+        &SINGLE_SPACE,
+        &[
+            ("start_radius", [50.0, 100.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0]),
+            ("speed_ratio", [0.0, 0.4, 0.8, 0.8, 0.8, 0.8, 1.0, 1.2, 1.5, 2.0]),
+            ("time_limit_s", [2000.0, 2000.0, 2000.0, 1000.0, 700.0, 600.0, 550.0, 525.0, 500.0, 475.0]),
+            ("thrust_bound", [1.0, 1.0, 1.0, 1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.08]),
+        ],
+    )
+});
+
+/// Levels of multiagent.
+pub static MULTIAGENT_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    table(
+        &MULTIAGENT_SPACE,
+        &[
+            ("deputies", [1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 4.0, 4.0, 5.0, 5.0]),
+            ("start_radius", [50.0, 100.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0]),
+            ("speed_ratio", [0.0, 0.4, 0.8, 0.8, 0.8, 0.8, 1.0, 1.2, 1.5, 2.0]),
+            ("time_limit_s", [2000.0, 2000.0, 2000.0, 1000.0, 700.0, 600.0, 575.0, 550.0, 540.0, 520.0]),
+            ("thrust_bound", [1.0, 1.0, 1.0, 1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.08]),
+        ],
+    )
+});

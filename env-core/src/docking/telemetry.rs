@@ -1,0 +1,167 @@
+//! What the agents see, in the wire form.
+
+use serde::Serialize;
+
+use super::constants::{DOCKING_RADIUS_M, OBSERVATION, STEP_S};
+use super::event::Event;
+use super::flight::{Flight, Status, observe};
+use super::relative::{State, distance, relative_speed, separation, speed, speed_limit};
+use super::reward::Reward;
+
+/// The observation of all deputies together. Units are SI, the frame is Hill's: x radial out, y in-track, z cross-track,
+/// the chief at its origin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Telemetry {
+    /// The goal in words.
+    pub mission_objective: &'static str,
+    /// Time that passed, s.
+    pub time_s: f64,
+    /// Time at which a deputy that has not docked has failed, s.
+    pub time_limit_s: f64,
+    /// Largest thrust per axis, N.
+    pub thrust_bound: f64,
+    /// Within this distance a deputy docks or crashes, m.
+    pub docking_radius: f64,
+    /// The deputies.
+    pub deputies: Vec<DeputyTelemetry>,
+    /// What happened in the last step, and who is too fast now, in words.
+    pub critical_alerts: Vec<String>,
+    /// The sum of the team's rewards.
+    pub total_score: f64,
+    /// The team's reward of the last step: the mean over the initial deputies.
+    pub reward: f64,
+    /// The episode is over.
+    pub done: bool,
+}
+
+/// One deputy as seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct DeputyTelemetry {
+    /// Counted from 0.
+    pub id: u32,
+    /// What became of it.
+    pub status: Status,
+    /// m.
+    pub x: f64,
+    /// m.
+    pub y: f64,
+    /// m.
+    pub z: f64,
+    /// m/s.
+    pub vx: f64,
+    /// m/s.
+    pub vy: f64,
+    /// m/s.
+    pub vz: f64,
+    /// From the chief, m.
+    pub distance: f64,
+    /// Relative to the chief, m/s.
+    pub speed: f64,
+    /// The speed limit here, m/s.
+    pub speed_limit: f64,
+    /// The eight numbers of the original's observation.
+    pub observation: [f32; OBSERVATION],
+    /// The nearest other deputy that flies.
+    pub nearest: Option<Nearest>,
+    /// Its velocity reward so far; at −5 it is stopped.
+    pub velocity_penalty: f64,
+    /// Its reward of the last step, by component.
+    pub reward: Reward,
+    /// The sum of its rewards.
+    pub total_reward: f64,
+}
+
+/// Another deputy, seen from one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Nearest {
+    /// Which.
+    pub id: u32,
+    /// How far, m.
+    pub distance: f64,
+    /// Relative speed, m/s.
+    pub relative_speed: f64,
+}
+
+impl DeputyTelemetry {
+    /// Whether it flies.
+    #[must_use]
+    pub fn active(&self) -> bool {
+        self.status == Status::Active
+    }
+
+    /// Position and velocity.
+    #[must_use]
+    pub const fn state(&self) -> State {
+        [self.x, self.y, self.z, self.vx, self.vy, self.vz]
+    }
+}
+
+const MISSION: &str = "DOCKING: Bring every deputy within 0.5 m of the chief at no more than 0.2 m/s, below the speed \
+                       limit on the way, before time runs out.";
+
+impl Flight {
+    /// What the agents see. `rewards` are those of the last step, by deputy, `reward` the team's.
+    #[must_use]
+    pub fn telemetry(&self, rewards: &[Reward], reward: f64) -> Telemetry {
+        let deputies: Vec<DeputyTelemetry> = (0..self.deputies())
+            .map(|i| self.deputy_telemetry(i, rewards.get(i).copied().unwrap_or_default()))
+            .collect();
+        let mut critical_alerts: Vec<String> = self.events().iter().map(Event::alert).collect();
+        for d in deputies.iter().filter(|d| d.active() && d.speed > d.speed_limit) {
+            critical_alerts.push(format!(
+                "WARNING: Deputy {} flies at {:.3} m/s, above the limit of {:.3} m/s.",
+                d.id, d.speed, d.speed_limit
+            ));
+        }
+        Telemetry {
+            mission_objective: MISSION,
+            time_s: f64::from(self.steps()) * STEP_S,
+            time_limit_s: f64::from(self.setup().time_limit) * STEP_S,
+            thrust_bound: self.setup().thrust_bound,
+            docking_radius: DOCKING_RADIUS_M,
+            deputies,
+            critical_alerts,
+            total_score: self.total(),
+            reward,
+            done: self.done(),
+        }
+    }
+
+    fn deputy_telemetry(&self, i: usize, reward: Reward) -> DeputyTelemetry {
+        let state = &self.states()[i];
+        let [x, y, z, vx, vy, vz] = *state;
+        let distance = distance(state);
+        DeputyTelemetry {
+            id: i as u32,
+            status: self.status(i),
+            x,
+            y,
+            z,
+            vx,
+            vy,
+            vz,
+            distance,
+            speed: speed(state),
+            speed_limit: speed_limit(distance),
+            observation: observe(state),
+            nearest: self.nearest(i),
+            velocity_penalty: self.velocity_sums()[i],
+            reward,
+            total_reward: self.returns()[i],
+        }
+    }
+
+    /// The nearest other deputy that flies.
+    fn nearest(&self, i: usize) -> Option<Nearest> {
+        let state = &self.states()[i];
+        let others = self.states().iter().enumerate();
+        others
+            .filter(|(j, _)| *j != i && self.status(*j) == Status::Active)
+            .map(|(j, other)| Nearest {
+                id: j as u32,
+                distance: separation(state, other),
+                relative_speed: relative_speed(state, other),
+            })
+            .min_by(|a, b| a.distance.total_cmp(&b.distance))
+    }
+}
