@@ -111,8 +111,8 @@ async fn lease(api: &Api) -> anyhow::Result<Lease> {
     anyhow::bail!("the server prepares too slowly")
 }
 
-/// Batches of results, ready to be sent. Every episode is flown by the learner's reflex at random numbers: burns of all
-/// kinds, some satellites lost.
+/// Batches of results, ready to be sent. Every episode is flown by the task's reflex at random numbers: actions of all
+/// kinds, some agents lost.
 fn bodies(lease: &Lease) -> anyhow::Result<Vec<String>> {
     let flown: Vec<Value> = lease
         .episodes()

@@ -1,6 +1,6 @@
 //! The gate: what a layout must pass before an agent sees it. A refusal is a sentence that goes back to the designer.
 
-use env_core::bracket::{Bracket, MAX_BLIND_SUCCESSES, MIN_GAP, admit, panel_success};
+use env_core::bracket::{Bracket, MIN_GAP, admit, panel_success};
 use env_core::{Scenario, ScenarioError};
 
 /// Why a layout is refused.
@@ -10,23 +10,25 @@ pub enum Refusal {
     #[error("{0}")]
     Unfair(ScenarioError),
     /// The reference planner does not succeed.
-    #[error(
-        "the planner finds no way to succeed within the fuel: its best scores {reference:.3} and loses {lost}"
-    )]
+    #[error("the planner finds no way to succeed: its best scores {reference:.3} and loses {lost}")]
     Unsolvable {
         /// Its best score.
         reference: f64,
-        /// Satellites it loses.
+        /// Agents it loses.
         lost: u32,
     },
     /// Acting well hardly matters.
     #[error(
-        "it threatens nobody enough: {blind} of 16 blind plans succeed (at most {MAX_BLIND_SUCCESSES} may), and the \
+        "acting blindly does nearly as well: {blind} of {panel} blind plans succeed (at most {most} may), and the \
          reference is {gap:.3} above the floor (at least {MIN_GAP} is wanted)"
     )]
     Uncontested {
         /// Blind plans that succeed.
         blind: usize,
+        /// Blind plans that may.
+        most: usize,
+        /// Blind plans there are.
+        panel: usize,
         /// reference − floor.
         gap: f64,
     },
@@ -49,6 +51,8 @@ pub fn threat(scenario: &Scenario) -> Result<Bracket, Refusal> {
     if !admission.contested {
         return Err(Refusal::Uncontested {
             blind: panel_success(scenario, &bracket),
+            most: bracket.most_blind_successes(),
+            panel: bracket.panel.len(),
             gap: bracket.reference.score - bracket.floor,
         });
     }

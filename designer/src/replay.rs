@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(rest.len(), 1);
         assert_eq!(
             gate::threat(&rest[0].scenario).unwrap_err(),
-            gate::Refusal::Uncontested { blind: 16, gap: 0.0 }
+            gate::Refusal::Uncontested { blind: 16, most: 8, panel: 16, gap: 0.0 }
         );
         assert!(ask(&mut designer, 9).unwrap().is_empty());
     }

@@ -32,8 +32,6 @@ pub enum SuccessRule {
 
 /// Denominator of skill below which there is none: acting well and acting blindly come to the same.
 pub const MIN_GAP: f64 = 0.05;
-/// Blind plans that may succeed on a contested scenario.
-pub const MAX_BLIND_SUCCESSES: usize = 8;
 
 /// Panel, floor and reference of a scenario.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,6 +53,12 @@ impl Bracket {
     #[must_use]
     pub fn hold(&self) -> f64 {
         self.panel.first().map_or(0.0, |flown| flown.score)
+    }
+
+    /// Blind plans that may succeed on a contested scenario: half of them.
+    #[must_use]
+    pub const fn most_blind_successes(&self) -> usize {
+        self.panel.len() / 2
     }
 
     /// (score − floor)/(reference − floor) within [−1, 1]; none where the denominator is below 0.05.
@@ -122,5 +126,5 @@ pub fn contested(scenario: &Scenario, bracket: &Bracket) -> bool {
     }
     !scenario.task().blind_can_succeed()
         || (bracket.reference.score - bracket.floor >= MIN_GAP
-            && panel_success(scenario, bracket) <= MAX_BLIND_SUCCESSES)
+            && panel_success(scenario, bracket) <= bracket.most_blind_successes())
 }

@@ -30,7 +30,7 @@ pub use bracket::{Admission, Bracket, Flown, SuccessRule};
 pub use critique::Critique;
 pub use error::{LogError, ScenarioError, StepError};
 pub use log::{ActionLog, JointAction, Stopped};
-pub use registry::{task, tasks, world, worlds};
+pub use registry::{task, tasks, usual_tasks, world, worlds};
 pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
 pub use seed::{Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};

@@ -2,6 +2,8 @@
 
 use std::any::Any;
 
+use serde::Serialize;
+
 use crate::error::ScenarioError;
 use crate::log::ActionLog;
 
@@ -12,7 +14,7 @@ pub trait Policy: Send {
 }
 
 /// A built-in policy, as data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct PolicySpec {
     /// Its name.
     pub name: &'static str,

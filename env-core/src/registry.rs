@@ -23,6 +23,13 @@ pub fn tasks() -> impl Iterator<Item = &'static dyn TaskSpec> {
     worlds().flat_map(World::tasks)
 }
 
+/// The tasks of the first world: what is meant where nobody says which. One agent has one action space, so all tasks of
+/// all worlds would be nobody's.
+#[must_use]
+pub fn usual_tasks() -> Vec<&'static dyn TaskSpec> {
+    worlds().next().map(World::tasks).unwrap_or_default()
+}
+
 /// A task by its id.
 #[must_use]
 pub fn task(id: &str) -> Option<&'static dyn TaskSpec> {

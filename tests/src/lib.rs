@@ -227,8 +227,12 @@ pub fn wire(log: &ActionLog) -> Value {
     let steps: Vec<Value> = log
         .steps()
         .map(|step| {
-            let burns = step.agents.iter().zip(step.values.chunks(log.dim()));
-            burns.map(|(agent, v)| json!([agent, v[0], v[1]])).collect()
+            let entries = step.agents.iter().zip(step.values.chunks(log.dim()));
+            let entry = |(agent, values): (&u32, &[f64])| {
+                let cells = std::iter::once(json!(agent)).chain(values.iter().map(|value| json!(value)));
+                cells.collect::<Value>()
+            };
+            entries.map(entry).collect()
         })
         .collect();
     json!({ "steps": steps })

@@ -16,6 +16,7 @@ pub mod serve;
 pub mod suite;
 #[cfg(test)]
 mod tests;
+mod worlds;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -27,8 +28,7 @@ use self::logs::Logs;
 /// What went wrong was the input or the machine, not a check.
 const FAULT: u8 = 2;
 
-/// Trains agents that fly satellites through debris: the better the agent gets, the harder its sparring partner fights
-/// back.
+/// Trains agents that fly satellites: the better the agent gets, the harder its sparring partner fights back.
 ///
 /// `sparring` remembers what an agent has mastered, picks what it should face next, and judges what it did by replaying
 /// its actions. Every subcommand explains itself: `sparring eval --help`.

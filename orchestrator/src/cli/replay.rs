@@ -1,29 +1,32 @@
 //! `sparring replay`: recorded episodes, flown again and compared.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, anyhow, ensure};
-use env_core::kessler::constants::SATELLITES;
-use env_core::kessler::record::{Differences, Recording, compare};
+use anyhow::{Context, anyhow, bail, ensure};
+use env_core::World;
+use env_core::world::{Compared, FirstDifference};
 use serde::Serialize;
+use serde_json::Value;
 
 use super::output::{self, Format};
+use super::worlds;
 
 /// Replay recorded episodes and compare them number by number.
 ///
-/// Each file holds episodes recorded in the public kessler-env, with the burns, the random draws and the state after
-/// every step. They are flown again under `compat: upstream` with the same draws; every satellite, debris, reward and
-/// score is compared, and every status, alert and visible debris. Exit 1 where a number differs by more than the
-/// tolerance or a word differs at all.
+/// Each file holds episodes recorded in the public original of one of the worlds, with what was done and drawn and the
+/// state after every step. They are flown again under its arithmetic with the same draws, and everything recorded is
+/// compared: numbers within the tolerance, words to the letter. Exit 1 where a number differs by more than the tolerance
+/// or a word differs at all; differences that a world documents and means are told and do not count.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Recordings, as .json or .json.gz
+    /// Recordings, as .json or .json.gz; each is one world's, which it shows by itself
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Largest absolute difference of a number that passes
+    /// Largest absolute difference of a number that passes, unless its world has a wider one for it
     #[arg(long, default_value = "1e-9", value_parser = tolerance)]
     tolerance: f64,
     /// How the result is printed
@@ -32,9 +35,10 @@ pub struct Args {
 }
 
 const AFTER_HELP: &str = "\
-JSON (--format json): one object {tolerance, files}. Each file: {file, within, episodes, steps, satellite, debris, reward, \
-total_score, first}: the worst absolute difference of each quantity (null: not a finite number), and the first step that \
-differs as {episode (from 0), step (from 1), what}, or null.
+JSON (--format json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, first, documented} \
+and the worst absolute difference of each of the world's quantities under its name, as {satellite, debris, reward, \
+total_score} for kessler (null: not a finite number). first is the first step that differs as {episode (from 0), step \
+(from 1), what}, or null; documented is a list of sentences.
 
 Example:
   sparring replay env-core/fixtures/kessler-episodes.json.gz --tolerance 1e-12";
@@ -43,31 +47,63 @@ Example:
 const MOST_BYTES: u64 = 1 << 30;
 
 /// What a file's episodes came to.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-struct Compared {
+#[derive(Debug, Clone, PartialEq)]
+struct Judged {
     file: String,
-    within: bool,
-    episodes: usize,
-    steps: usize,
-    satellite: f64,
-    debris: f64,
-    reward: f64,
-    total_score: f64,
-    first: Option<FirstDifference>,
+    world: &'static str,
+    compared: Compared,
 }
 
-/// The first step that differs.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-struct FirstDifference {
-    episode: usize,
-    step: usize,
-    what: String,
+impl Judged {
+    /// Nothing differs that counts.
+    const fn within(&self) -> bool {
+        self.compared.first.is_none()
+    }
+}
+
+impl Serialize for Judged {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Wire<'a> {
+            file: &'a str,
+            world: &'a str,
+            within: bool,
+            episodes: usize,
+            steps: usize,
+            #[serde(flatten)]
+            worst: BTreeMap<&'static str, f64>,
+            first: Option<First<'a>>,
+            documented: &'a [String],
+        }
+        #[derive(Serialize)]
+        struct First<'a> {
+            episode: usize,
+            step: usize,
+            what: &'a str,
+        }
+        let Compared { episodes, steps, worst, first, documented } = &self.compared;
+        Wire {
+            file: &self.file,
+            world: self.world,
+            within: self.within(),
+            episodes: *episodes,
+            steps: *steps,
+            worst: worst.iter().copied().collect(),
+            first: first.as_ref().map(|FirstDifference { episode, step, what }| First {
+                episode: *episode,
+                step: *step,
+                what,
+            }),
+            documented,
+        }
+        .serialize(serializer)
+    }
 }
 
 #[derive(Serialize)]
 struct Answer<'a> {
     tolerance: f64,
-    files: &'a [Compared],
+    files: &'a [Judged],
 }
 
 /// Replays every file and prints what was found.
@@ -75,79 +111,53 @@ struct Answer<'a> {
 /// # Errors
 /// A file that cannot be read or holds no recording; what the others came to is printed all the same.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let (compared, verdict) = judge(args);
+    let (judged, verdict) = judge(args);
     match args.format {
-        Format::Json => output::print_json(&Answer { tolerance: args.tolerance, files: &compared })?,
-        Format::Table if compared.is_empty() => {}
-        Format::Table => output::print(&table(&compared, args.tolerance))?,
+        Format::Json => output::print_json(&Answer { tolerance: args.tolerance, files: &judged })?,
+        Format::Table if judged.is_empty() => {}
+        Format::Table => output::print(&tables(&judged, args.tolerance))?,
     }
     verdict
 }
 
 /// What could be compared, and what it all comes to.
-fn judge(args: &Args) -> (Vec<Compared>, anyhow::Result<ExitCode>) {
-    let mut compared = Vec::new();
+fn judge(args: &Args) -> (Vec<Judged>, anyhow::Result<ExitCode>) {
+    let mut judged = Vec::new();
     let mut faults = Vec::new();
     for path in &args.files {
         match compare_file(path, args.tolerance) {
-            Ok(found) => compared.push(found),
+            Ok(found) => judged.push(found),
             Err(error) => faults.push(format!("{}: {error:#}", path.display())),
         }
     }
     let verdict = if !faults.is_empty() {
         Err(anyhow!(faults.join("; ")))
-    } else if compared.iter().all(|file| file.within) {
+    } else if judged.iter().all(Judged::within) {
         Ok(ExitCode::SUCCESS)
     } else {
         Ok(ExitCode::FAILURE)
     };
-    (compared, verdict)
+    (judged, verdict)
 }
 
-fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<Compared> {
+/// Asks every world whether the file is one of its recordings; the first that knows it compares.
+fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<Judged> {
     let recording = read(path)?;
-    ensure!(!recording.episodes.is_empty(), "it holds no episodes");
-    let mut all = Compared {
-        file: path.display().to_string(),
-        within: true,
-        episodes: recording.episodes.len(),
-        steps: 0,
-        satellite: 0.0,
-        debris: 0.0,
-        reward: 0.0,
-        total_score: 0.0,
-        first: None,
-    };
-    for (index, episode) in recording.episodes.iter().enumerate() {
-        ensure!(!episode.steps.is_empty(), "episode {index}: it has no steps");
-        // What a step leaves out could not differ.
-        if let Some(step) = episode.steps.iter().position(|step| step.satellites.len() != SATELLITES) {
-            return Err(anyhow!("episode {index}: step {} does not have {SATELLITES} satellites", step + 1));
-        }
-        let found = compare(episode, tolerance).with_context(|| format!("episode {index}"))?;
-        all.add(index, &found);
-    }
-    Ok(all)
-}
-
-impl Compared {
-    fn add(&mut self, episode: usize, found: &Differences) {
-        self.steps += found.steps;
-        self.satellite = self.satellite.max(found.satellite);
-        self.debris = self.debris.max(found.debris);
-        self.reward = self.reward.max(found.reward);
-        self.total_score = self.total_score.max(found.total_score);
-        let first =
-            [&found.first_beyond, &found.first_mismatch].into_iter().flatten().min_by_key(|(step, _)| *step);
-        if let Some((step, what)) = first {
-            self.within = false;
-            self.first.get_or_insert_with(|| FirstDifference { episode, step: *step, what: what.clone() });
+    let none = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
+    ensure!(!recording.get("episodes").is_some_and(none), "it holds no episodes");
+    let file = path.display().to_string();
+    for world in env_core::worlds() {
+        if let Some(compared) = world.compare(&recording, tolerance) {
+            let compared = compared?;
+            ensure!(compared.episodes > 0, "it holds no episodes");
+            return Ok(Judged { file, world: World::name(world), compared });
         }
     }
+    bail!("it is not a recording of a world known here ({})", worlds::names().join(", "))
 }
 
-/// Reads a recording, unpacking it where it is packed, whatever its name says.
-fn read(path: &Path) -> anyhow::Result<Recording> {
+/// Reads a file of JSON, unpacking it where it is packed, whatever its name says.
+fn read(path: &Path) -> anyhow::Result<Value> {
     let bytes = std::fs::read(path).context("it cannot be read")?;
     let unpacked = if bytes.starts_with(&[0x1f, 0x8b]) {
         let mut unpacked = Vec::new();
@@ -158,26 +168,34 @@ fn read(path: &Path) -> anyhow::Result<Recording> {
         bytes
     };
     ensure!(unpacked.len() as u64 <= MOST_BYTES, "it is larger than {MOST_BYTES} bytes");
-    serde_json::from_slice(&unpacked).context("it is not a recording")
+    serde_json::from_slice(&unpacked).context("it is not JSON")
 }
 
-fn table(compared: &[Compared], tolerance: f64) -> String {
-    let header = ["file", "episodes", "steps", "satellite", "debris", "reward", "total_score", "verdict"];
-    let mut table = output::table(&header, 1);
-    for file in compared {
-        let verdict = if file.within { "within" } else { "DIFFERS" };
-        let worst = [file.satellite, file.debris, file.reward, file.total_score].map(|d| format!("{d:.1e}"));
-        let counts = [file.episodes.to_string(), file.steps.to_string()];
-        let cells = std::iter::once(file.file.clone()).chain(counts).chain(worst);
-        table.add_row(cells.chain([verdict.to_owned()]).collect::<Vec<_>>());
+/// A table for each run of files with the same quantities, then what is to be said of single files.
+fn tables(judged: &[Judged], tolerance: f64) -> String {
+    let mut text = format!("Worst absolute differences; the tolerance is {tolerance:e}.\n");
+    let quantities = |file: &Judged| file.compared.worst.iter().map(|(name, _)| *name).collect::<Vec<_>>();
+    for block in judged.chunk_by(|a, b| a.world == b.world && quantities(a) == quantities(b)) {
+        let names = block.first().map(quantities).unwrap_or_default();
+        let header: Vec<&str> =
+            ["file", "episodes", "steps"].into_iter().chain(names).chain(["verdict"]).collect();
+        let mut table = output::table(&header, 1);
+        for file in block {
+            let verdict = if file.within() { "within" } else { "DIFFERS" };
+            let counts = [file.compared.episodes, file.compared.steps].map(|count| count.to_string());
+            let worst = file.compared.worst.iter().map(|(_, worst)| format!("{worst:.1e}"));
+            let cells = std::iter::once(file.file.clone()).chain(counts).chain(worst);
+            table.add_row(cells.chain([verdict.to_owned()]).collect::<Vec<_>>());
+        }
+        text.push_str(&format!("{table}\n"));
     }
-    let mut text = format!("Worst absolute differences; the tolerance is {tolerance:e}.\n{table}\n");
-    for file in compared {
-        if let Some(first) = &file.first {
-            text.push_str(&format!(
-                "{}: the first difference is in episode {}, step {}: {}\n",
-                file.file, first.episode, first.step, first.what
-            ));
+    for Judged { file, compared, .. } in judged {
+        if let Some(FirstDifference { episode, step, what }) = &compared.first {
+            let found = format!("the first difference is in episode {episode}, step {step}: {what}");
+            text.push_str(&format!("{file}: {found}\n"));
+        }
+        for documented in &compared.documented {
+            text.push_str(&format!("{file}: documented: {documented}\n"));
         }
     }
     text
@@ -217,8 +235,8 @@ mod tests {
     #[test]
     fn validate_kessler_env_the_fixture_replays() {
         let found = compare_file(&fixture(), 1e-9).unwrap();
-        assert!(found.within, "{found:?}");
-        assert_eq!((found.episodes, found.steps, found.first.clone()), (30, 1361, None));
+        assert!(found.within() && found.world == "kessler", "{found:?}");
+        assert_eq!((found.compared.episodes, found.compared.steps), (30, 1361));
         assert_eq!(judge(&args(vec![fixture()])).1.unwrap(), ExitCode::SUCCESS);
     }
 
@@ -229,10 +247,11 @@ mod tests {
             *x = serde_json::json!(x.as_f64().unwrap() + 1e-6);
         });
         let found = compare_file(number.path(), 1e-9).unwrap();
-        let first = found.first.unwrap();
+        let first = found.compared.first.clone().unwrap();
         assert_eq!((first.episode, first.step), (3, 7));
         assert!(first.what.starts_with("satellite 1: "), "{}", first.what);
-        assert!(!found.within && (found.satellite - 1e-6).abs() < 1e-9);
+        let satellite = serde_json::to_value(&found).unwrap()["satellite"].as_f64().unwrap();
+        assert!(!found.within() && (satellite - 1e-6).abs() < 1e-9);
         let file = vec![number.path().to_owned()];
         assert_eq!(judge(&args(file.clone())).1.unwrap(), ExitCode::FAILURE);
         let loose = Args { tolerance: 1e-5, ..args(file) };
@@ -240,7 +259,38 @@ mod tests {
 
         let word = tampered(|v| v["episodes"][0]["steps"][2]["satellites"][0][5] = "lost".into());
         let found = compare_file(word.path(), 1e-9).unwrap();
-        assert_eq!(found.first.map(|f| (f.episode, f.step)), Some((0, 3)));
+        assert_eq!(found.compared.first.map(|f| (f.episode, f.step)), Some((0, 3)));
+    }
+
+    /// Files of two worlds, one of them with everything there is to say.
+    fn judged() -> [Judged; 2] {
+        let compared = |worst: &[(&'static str, f64)], first, documented| Compared {
+            episodes: 2,
+            steps: 90,
+            worst: worst.to_vec(),
+            first,
+            documented,
+        };
+        let first = FirstDifference { episode: 1, step: 7, what: "reward: 1 here, 2 recorded".to_owned() };
+        let known = ["episode 0, step 9: the recording pays twice".to_owned()];
+        [
+            Judged {
+                file: "a.json".to_owned(),
+                world: "kessler",
+                compared: compared(&[("satellite", 2.5e-13), ("reward", 0.0)], None, Vec::new()),
+            },
+            Judged {
+                file: "b.json".to_owned(),
+                world: "elsewhere",
+                compared: compared(&[("position", f64::INFINITY)], Some(first), known.to_vec()),
+            },
+        ]
+    }
+
+    #[test]
+    fn every_world_has_its_own_quantities() {
+        insta::assert_snapshot!("tables", tables(&judged(), 1e-9));
+        insta::assert_json_snapshot!("json", Answer { tolerance: 1e-9, files: &judged() });
     }
 
     #[test]
@@ -260,6 +310,7 @@ mod tests {
             with(b"{\"episodes\": []}"),
             with(&[0x1f, 0x8b, 8, 0]),
             with(b"{\"episodes\": 5}"),
+            with(b"[1, 2]"),
             tell(cut.path()),
             tell(short.path()),
         ].join("\n"), @r"

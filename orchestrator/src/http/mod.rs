@@ -32,7 +32,7 @@ const TIMEOUT: Duration = Duration::from_secs(60);
 #[openapi(
     info(
         title = "Sparring",
-        description = "An adaptive curriculum for agents that fly satellites through debris. A trainer creates a run, \
+        description = "An adaptive curriculum for agents that fly satellites. A trainer creates a run, \
             leases groups of scenarios, flies them, and reports the actions; the server replays them and decides what \
             comes next. Errors are problem details (RFC 9457) with the field at fault."
     ),

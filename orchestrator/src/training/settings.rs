@@ -88,7 +88,8 @@ pub struct RunWish {
     pub evidence_from: Option<EvidenceFrom>,
     /// When an episode is a success (task).
     pub success: Option<SuccessSetting>,
-    /// The tasks (all there are).
+    /// The tasks (those of the first world, kessler). Tasks of several worlds may be mixed where the agent can act in
+    /// all of them.
     pub tasks: Option<Vec<String>>,
     /// What is special about single tasks, by id.
     pub task_settings: BTreeMap<String, TaskWish>,
@@ -123,8 +124,8 @@ impl RunSettings {
         within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         let min_group = wish.min_group.unwrap_or(group_size.div_ceil(2));
         within("min_group", min_group, 1, group_size)?;
-        let ids =
-            wish.tasks.clone().unwrap_or_else(|| env_core::tasks().map(|t| t.id().to_owned()).collect());
+        let usual = || env_core::usual_tasks().iter().map(|task| task.id().to_owned()).collect();
+        let ids = wish.tasks.clone().unwrap_or_else(usual);
         if ids.len() > 100 {
             return Err(TrainingError::invalid("tasks", "at most 100 are taken"));
         }

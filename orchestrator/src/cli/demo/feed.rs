@@ -9,6 +9,11 @@ use serde::ser::{SerializeSeq, SerializeTuple, Serializer};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+/// Most episodes the service takes in one report.
+pub(super) const MAX_RESULTS: usize = 5000;
+/// Bytes of one report that are aimed at: the service takes 16 MiB.
+const MAX_BYTES: usize = 12 << 20;
+
 /// What a trainer asks of the service.
 pub(super) trait Feed {
     /// Leases groups.
@@ -50,9 +55,44 @@ impl Finished {
     pub(super) const fn new(episode: String, log: ActionLog) -> Self {
         Self { episode, status: "finished", actions: Actions(log) }
     }
+
+    /// What it takes as JSON at most.
+    fn most_bytes(&self) -> usize {
+        /// Of a number with its comma: a sign, 17 digits, a point, and an exponent of three with its sign.
+        const NUMBER: usize = 25;
+        /// Of names and punctuation around the steps.
+        const FRAME: usize = 100;
+        let log = &self.actions.0;
+        let entries: usize = log.steps().map(|step| step.agents.len()).sum();
+        FRAME + self.episode.len() + 3 * log.len() + entries * (3 + 10 + log.dim() * NUMBER)
+    }
 }
 
-/// An action log as it is sent: `{"precision": "f64", "steps": [[[satellite, dvx, dvy], …], [], …]}`.
+/// Splits a report into those that the service takes: by the bytes of their logs, since an episode of one world may have
+/// a hundred times the actions of another's. Each `whole` episodes that follow each other stay together, as siblings of a
+/// group do.
+pub(super) fn batches(finished: Vec<Finished>, whole: usize) -> Vec<Vec<Finished>> {
+    let mut batches: Vec<Vec<Finished>> = Vec::new();
+    let mut bytes = 0;
+    let mut finished = finished.into_iter().peekable();
+    while finished.peek().is_some() {
+        let group: Vec<Finished> = finished.by_ref().take(whole.max(1)).collect();
+        let size = group.iter().map(Finished::most_bytes).sum::<usize>();
+        match batches.last_mut() {
+            Some(batch) if bytes + size <= MAX_BYTES && batch.len() + group.len() <= MAX_RESULTS => {
+                bytes += size;
+                batch.extend(group);
+            }
+            _ => {
+                bytes = size;
+                batches.push(group);
+            }
+        }
+    }
+    batches
+}
+
+/// An action log as it is sent: `{"precision": "f64", "steps": [[[agent, value, …], …], [], …]}`.
 #[derive(Debug, Clone)]
 pub(super) struct Actions(pub(super) ActionLog);
 
@@ -203,7 +243,34 @@ mod tests {
     }
 
     #[test]
-    fn a_step_without_burns_is_an_empty_list() {
+    fn reports_are_split_by_their_bytes_and_siblings_stay_together() {
+        let flown = |steps: usize, name: usize| {
+            let mut log = ActionLog::new(3, Precision::F64);
+            for _ in 0..steps {
+                (0..5).for_each(|agent| log.act(u32::MAX - agent, &[-1.234_567_890_123_456_7e-101; 3]));
+                log.end_step();
+            }
+            Finished::new(format!("ep_1-abcdef_{name}"), log)
+        };
+        let long: Vec<Finished> = (0..36).map(|name| flown(2000, name)).collect();
+        let sizes: Vec<usize> = long.iter().map(|one| serde_json::to_string(one).unwrap().len()).collect();
+        for (one, size) in long.iter().zip(&sizes) {
+            assert!(one.most_bytes() >= *size && one.most_bytes() < size + size / 10 + 100, "{size}");
+        }
+        let split = batches(long, 6);
+        assert!(split.len() > 2, "{} bytes in all", sizes.iter().sum::<usize>());
+        for batch in &split {
+            assert!(batch.len() % 6 == 0 && serde_json::to_string(batch).unwrap().len() < MAX_BYTES);
+        }
+        assert_eq!(split.iter().flatten().count(), 36);
+        assert_eq!(batches((0..288).map(|name| flown(1, name)).collect(), 12).len(), 1);
+        let many = batches((0..MAX_RESULTS + 7).map(|name| flown(0, name)).collect(), 1);
+        assert_eq!(many.iter().map(Vec::len).collect::<Vec<_>>(), [MAX_RESULTS, 7]);
+        assert!(batches(Vec::new(), 12).is_empty());
+    }
+
+    #[test]
+    fn a_step_without_actions_is_an_empty_list() {
         let mut log = ActionLog::new(2, Precision::F64);
         log.act(2, &[0.25, -0.5]);
         log.end_step();

@@ -37,7 +37,7 @@ pub(super) fn sorties(lease: &Lease, trainees: &BTreeMap<String, Trainee>) -> an
             task: group.task.clone(),
             contested: group.contested,
             scenario: Scenario::new(Arc::clone(recipe), Seed::new(group.seed)?),
-            crew: group.episodes.iter().cloned().zip(members.iter().copied()).collect(),
+            crew: group.episodes.iter().cloned().zip(members.iter().cloned()).collect(),
         })
     };
     lease.groups.iter().map(sortie).collect()
@@ -45,9 +45,9 @@ pub(super) fn sorties(lease: &Lease, trainees: &BTreeMap<String, Trainee>) -> an
 
 /// Flies them all.
 pub(super) fn fly(sorties: &[Sortie]) -> anyhow::Result<Vec<Finished>> {
-    let episodes: Vec<(&Scenario, &String, Member)> = sorties
+    let episodes: Vec<(&Scenario, &String, &Member)> = sorties
         .iter()
-        .flat_map(|sortie| sortie.crew.iter().map(|(episode, member)| (&sortie.scenario, episode, *member)))
+        .flat_map(|sortie| sortie.crew.iter().map(|(episode, member)| (&sortie.scenario, episode, member)))
         .collect();
     episodes
         .into_par_iter()

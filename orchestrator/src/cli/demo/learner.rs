@@ -1,9 +1,8 @@
-//! The learner: the cross-entropy method (Rubinstein 1999) over the dozen numbers of [`Parameters`].
+//! The learner: the cross-entropy method (Rubinstein 1999) over the numbers of a task's reflex, each in [0, 1].
 //!
 //! Ask for a population, fly all of it on the same scenarios, tell how each member fared: the fittest third gives the
 //! mean and spread from which the next population is drawn. Only the order of the fitness counts.
 
-use env_core::kessler::policies::learner::{PARAMETERS, Parameters};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -24,19 +23,19 @@ const UNIFORM_SPREAD: f64 = 0.288_675_134_594_812_9;
 /// The cross-entropy method: where the next population is drawn.
 #[derive(Debug, Clone)]
 pub(super) struct CrossEntropy {
-    mean: [f64; PARAMETERS],
-    spread: [f64; PARAMETERS],
+    mean: Vec<f64>,
+    spread: Vec<f64>,
     floor: f64,
     generation: u32,
     chance: ChaCha8Rng,
 }
 
 impl CrossEntropy {
-    /// At its start: the first population is uniform, as [`Parameters::random`] is.
-    pub(super) fn new(seed: u64) -> Self {
+    /// Over so many numbers, at its start: the first population is uniform, as the policy `frozen` is.
+    pub(super) fn new(numbers: usize, seed: u64) -> Self {
         Self {
-            mean: [0.5; PARAMETERS],
-            spread: [UNIFORM_SPREAD; PARAMETERS],
+            mean: vec![0.5; numbers],
+            spread: vec![UNIFORM_SPREAD; numbers],
             floor: FLOOR.0,
             generation: 0,
             chance: ChaCha8Rng::seed_from_u64(seed),
@@ -49,13 +48,14 @@ impl CrossEntropy {
     }
 
     /// The centre of what is asked for now.
-    pub(super) const fn mean(&self) -> Parameters {
-        Parameters(self.mean)
+    pub(super) fn mean(&self) -> &[f64] {
+        &self.mean
     }
 
     /// A population of this size.
-    pub(super) fn ask(&mut self, size: usize) -> Vec<Parameters> {
-        (0..size).map(|_| Parameters(std::array::from_fn(|i| self.draw(i)))).collect()
+    pub(super) fn ask(&mut self, size: usize) -> Vec<Vec<f64>> {
+        let numbers = self.mean.len();
+        (0..size).map(|_| (0..numbers).map(|i| self.draw(i)).collect()).collect()
     }
 
     fn draw(&mut self, i: usize) -> f64 {
@@ -73,15 +73,15 @@ impl CrossEntropy {
     }
 
     /// Takes a population's fitness (higher is better); the places of its elite, best first.
-    pub(super) fn tell(&mut self, population: &[Parameters], fitness: &[f64]) -> Vec<usize> {
+    pub(super) fn tell(&mut self, population: &[Vec<f64>], fitness: &[f64]) -> Vec<usize> {
         let mut places: Vec<usize> = (0..population.len().min(fitness.len())).collect();
         places.sort_by(|&a, &b| fitness[b].total_cmp(&fitness[a]));
         places.truncate(elite(places.len()));
         let pull = if self.generation == 0 { 1.0 } else { PULL };
         self.generation += 1;
         self.floor = FLOOR.1 + FLOOR_DECAY * (self.floor - FLOOR.1);
-        for i in 0..PARAMETERS {
-            let of_elite = || places.iter().map(|&place| population[place].0[i]);
+        for i in 0..self.mean.len() {
+            let of_elite = || places.iter().map(|&place| population[place][i]);
             let count = places.len() as f64;
             let mean = of_elite().sum::<f64>() / count;
             let variance = of_elite().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count;
@@ -104,15 +104,15 @@ mod tests {
     use super::*;
 
     /// Minus the squared distance to a point near a corner.
-    fn fitness(member: &Parameters) -> f64 {
-        -member.0.iter().zip(TARGET).map(|(x, t)| (x - t) * (x - t)).sum::<f64>()
+    fn fitness(member: &Vec<f64>) -> f64 {
+        -member.iter().zip(TARGET).map(|(x, t)| (x - t) * (x - t)).sum::<f64>()
     }
-    const TARGET: [f64; PARAMETERS] = [0.9, 0.1, 0.3, 0.6, 0.0, 1.0, 0.8, 0.2, 0.5, 0.4, 0.7, 0.95];
+    const TARGET: [f64; 12] = [0.9, 0.1, 0.3, 0.6, 0.0, 1.0, 0.8, 0.2, 0.5, 0.4, 0.7, 0.95];
 
     #[test]
     fn it_improves_on_a_known_function() {
         for seed in 0..5 {
-            let mut method = CrossEntropy::new(seed);
+            let mut method = CrossEntropy::new(TARGET.len(), seed);
             let mut means = Vec::new();
             for _ in 0..80 {
                 let population = method.ask(12);
@@ -128,24 +128,24 @@ mod tests {
     #[test]
     fn only_the_order_of_fitness_counts_and_equal_seeds_are_equal() {
         let run = |scale: f64| {
-            let mut method = CrossEntropy::new(7);
+            let mut method = CrossEntropy::new(TARGET.len(), 7);
             for _ in 0..5 {
                 let population = method.ask(9);
                 let scores: Vec<f64> = population.iter().map(|p| scale * fitness(p)).collect();
                 assert_eq!(method.tell(&population, &scores).len(), 3);
             }
-            method.mean()
+            method.mean().to_vec()
         };
         assert_eq!(run(1.0), run(1000.0));
     }
 
     #[test]
     fn a_population_stays_in_range() {
-        let mut method = CrossEntropy::new(1);
+        let mut method = CrossEntropy::new(6, 1);
         let population = method.ask(50);
-        let scores: Vec<f64> = population.iter().map(|p| p.0[0]).collect();
+        let scores: Vec<f64> = population.iter().map(|p| p[0]).collect();
         method.tell(&population, &scores);
-        assert!(method.ask(200).iter().flat_map(|p| p.0).all(|x| (0.0..=1.0).contains(&x)));
+        assert!(method.ask(200).iter().flatten().all(|x| (0.0..=1.0).contains(x)));
         assert_eq!(elite(1), 1);
     }
 }

@@ -21,28 +21,29 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::PossibleValuesParser;
-use env_core::{TaskSpec, kessler};
+use env_core::{Recipe, TaskSpec};
 
 use self::http::{HttpFeed, RunWish};
 use self::show::Screen;
 use self::summary::Summary;
 use self::train::{MEMBERS, Plan, Progress, train};
 use self::trainee::Kind;
-use super::output;
+use super::{output, worlds};
 use crate::service::{Config, Service};
 
 /// Train a built-in learner against the service, over HTTP as any trainer would.
 ///
-/// The service runs on a free port of this machine. The learner is a reflex with a dozen numbers (how far to look
-/// ahead, what to dodge, when, how hard, and in which direction), improved by the cross-entropy method from the scores
-/// that come back: a population of 12 flies every scenario. It starts at level 0 of every task and climbs as it masters
-/// them. The controls show what the levels are worth: `hold`, `blind` and, for the luck of a first draw, `frozen`.
+/// The service runs on a free port of this machine. The learner is the task's own reflex, a policy with a few numbers and
+/// nothing that searches (in kessler how far to look ahead, what to dodge, when, how hard, and in which direction),
+/// improved by the cross-entropy method from the scores that come back: a population of 12 flies every scenario. It starts
+/// at level 0 of every task and climbs as it masters them. The controls show what the levels are worth: `hold`, `blind`
+/// and, for the luck of a first draw, `frozen`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub struct Args {
-    /// How many episodes to fly, over all tasks
-    #[arg(long, value_name = "N", default_value_t = 60_000, value_parser = episodes)]
-    episodes: usize,
+    /// How many episodes to fly, over all tasks; unless told, 60 000, and fewer where they are long
+    #[arg(long, value_name = "N", value_parser = episodes)]
+    episodes: Option<usize>,
     /// Keep the run in this database; else it is forgotten
     #[arg(long, value_name = "PATH", conflicts_with = "url")]
     db: Option<PathBuf>,
@@ -52,9 +53,9 @@ pub struct Args {
     /// Who flies
     #[arg(long, value_enum, default_value = "learn")]
     learner: Kind,
-    /// Only this task; repeat the option for more
+    /// This task, of any world; repeat the option for more. All tasks of the first world unless told
     #[arg(long = "task", value_name = "TASK",
-          value_parser = PossibleValuesParser::new(kessler::TASKS.iter().map(TaskSpec::id)))]
+          value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
     tasks: Vec<String>,
     /// Train against a running service instead of starting one, as http://127.0.0.1:8700
     #[arg(long, value_name = "URL")]
@@ -62,6 +63,26 @@ pub struct Args {
     /// Print one JSON object last, and words to stderr
     #[arg(long)]
     json: bool,
+}
+
+/// Episodes of a run of the shortest tasks.
+const MOST_EPISODES: usize = 60_000;
+/// Steps that the episodes of longer tasks may have together, at their horizons.
+const STEPS: usize = 6_000_000;
+/// Fewer than this show nothing: a level takes two blocks of 32 contested scenarios, 12 episodes each.
+const FEWEST_EPISODES: usize = 12_000;
+
+fn after_help() -> String {
+    format!(
+        "\
+Controls: {}.
+
+Episodes, unless told: {STEPS} steps at the longest horizon of the tasks, but {FEWEST_EPISODES} at least and \
+{MOST_EPISODES} at most.
+
+{AFTER_HELP}",
+        worlds::policies_in_words(&["hold", "blind", "frozen"])
+    )
 }
 
 const AFTER_HELP: &str = "\
@@ -120,13 +141,14 @@ async fn demo(args: &Args) -> anyhow::Result<(Progress, String)> {
 
 async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> {
     let tasks = if args.tasks.is_empty() {
-        kessler::TASKS.iter().map(|task| task.id().to_owned()).collect()
+        env_core::usual_tasks().iter().map(|task| task.id().to_owned()).collect()
     } else {
         let mut tasks = args.tasks.clone();
         tasks.sort_unstable();
         tasks.dedup();
         tasks
     };
+    let episodes = args.episodes.unwrap_or_else(|| usual_episodes(&tasks));
     let wish = RunWish {
         name: "sparring demo",
         seed: args.seed,
@@ -139,11 +161,22 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         tasks: &tasks,
     };
     let feed = HttpFeed::create(url, &wish).await?;
-    let plan = Plan { kind: args.learner, seed: args.seed, episodes: args.episodes, tasks: tasks.clone() };
-    let mut screen = Screen::new(args.episodes)?;
+    let plan = Plan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone() };
+    let mut screen = Screen::new(episodes)?;
     let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
     screen.close();
     Ok((trained?, feed.run().to_owned()))
+}
+
+/// How many episodes show a learner climb in reasonable time, by the longest horizon of these tasks.
+fn usual_episodes(tasks: &[String]) -> usize {
+    let horizon = |task: &String| {
+        let task = env_core::task(task)?;
+        let recipe = Recipe::with_params(task, task.levels().params(0)).ok()?;
+        usize::try_from(task.horizon(&recipe)).ok()
+    };
+    let longest = tasks.iter().filter_map(horizon).max().unwrap_or(1);
+    (STEPS / longest.max(1)).clamp(FEWEST_EPISODES, MOST_EPISODES)
 }
 
 /// Set by the first Ctrl-C; the second ends the program.

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
+use env_core::reflex::Meaning;
 use serde::Serialize;
 
 use super::feed::{Posterior, TaskMastery};
@@ -81,7 +82,6 @@ impl<'a> Summary<'a> {
 impl<'a> TaskSummary<'a> {
     fn new(progress: &'a Progress, task: &'a TaskMastery) -> Self {
         let trainee = progress.trainees.get(&task.task);
-        let learnt = trainee.and_then(Trainee::parameters);
         let mastery = task.evidence().unwrap_or(NO_EVIDENCE);
         Self {
             level: task.level,
@@ -96,7 +96,7 @@ impl<'a> TaskSummary<'a> {
             last_generation: trainee.and_then(Trainee::fared),
             generations: trainee.map_or(0, Trainee::generation),
             params: &task.params,
-            learnt: learnt.iter().flat_map(|p| p.meaning()).map(|(name, value, _)| (name, value)).collect(),
+            learnt: meaning(progress, task).iter().map(|m| (m.name, m.value)).collect(),
             moves: moves(progress, &task.task)
                 .map(|m| MoveSummary { episodes: m.at, from: m.from, to: m.to })
                 .collect(),
@@ -114,8 +114,8 @@ pub(super) fn words(progress: &Progress, run: &str, db: Option<&Path>) -> String
     let who = match progress.plan.kind {
         Kind::Learn => "The learner",
         Kind::Hold => "Holding (a control: it does nothing)",
-        Kind::Blind => "The blind kick (a control: it reads nothing)",
-        Kind::Frozen => "The frozen learner (a control: random parameters, never updated)",
+        Kind::Blind => "The blind plan (a control: it looks at nothing)",
+        Kind::Frozen => "The frozen learner (a control: random numbers, never updated)",
     };
     let seconds = progress.elapsed.as_secs_f64();
     let mut out = format!(
@@ -219,24 +219,37 @@ fn harder(task: &str, level: u32) -> String {
     told.collect::<Vec<_>>().join(", ")
 }
 
-/// The reflex at the centre of the population, in the world's units.
+/// What the numbers of the reflex at the centre of the population stand for.
+fn meaning(progress: &Progress, task: &TaskMastery) -> Vec<Meaning> {
+    let numbers = progress.trainees.get(&task.task).and_then(Trainee::numbers);
+    let spec = env_core::task(&task.task);
+    numbers.zip(spec).map(|(numbers, spec)| (spec.reflex().meaning)(numbers)).unwrap_or_default()
+}
+
+/// The same in words.
 fn learnt(progress: &Progress, task: &TaskMastery) -> Option<String> {
-    let trainee = progress.trainees.get(&task.task)?;
-    let values: BTreeMap<&str, f64> =
-        trainee.parameters()?.meaning().iter().map(|(name, value, _)| (*name, *value)).collect();
-    let value = |name: &str| values.get(name).copied().unwrap_or_default();
-    let verb = if trainee.generation() > 0 { "Learnt" } else { "Its reflex" };
-    let from = match trainee.generation() {
-        0 => String::new(),
-        n => format!(" in {n} generations"),
+    let generations = progress.trainees.get(&task.task).map_or(0, Trainee::generation);
+    let numbers: Vec<String> = meaning(progress, task).iter().map(told).collect();
+    let who = match generations {
+        0 => "Its reflex".to_owned(),
+        n => format!("Learnt in {n} generations"),
     };
-    Some(format!(
-        "{verb}{from}: look {:.0} steps ahead; dodge what comes within {:.1} LU, {:.0} steps before it does, by {:.2} LU/TU.",
-        value("look_ahead"),
-        value("miss_threshold"),
-        value("wait").min(value("look_ahead")),
-        value("burn_size"),
-    ))
+    (!numbers.is_empty()).then(|| format!("{who}: {}.", numbers.join(", ")))
+}
+
+/// A number of a reflex, as "burn size 0.22 LU/TU": three digits, as many as mean anything.
+fn told(meaning: &Meaning) -> String {
+    let Meaning { name, value, unit } = meaning;
+    let digits = match value.abs() {
+        size if size >= 100.0 => 0,
+        size if size >= 10.0 => 1,
+        size if size >= 0.1 || size == 0.0 => 2,
+        _ => 4,
+    };
+    let number = format!("{value:.digits$}");
+    let number =
+        if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { &number };
+    format!("{} {number}{}{unit}", name.replace('_', " "), if unit.is_empty() { "" } else { " " })
 }
 
 /// The level over the run, from left to right, as blocks.
@@ -265,6 +278,16 @@ mod tests {
         assert_eq!(drawn.chars().filter(|c| *c == '█').count(), PICTURE / 2 + 1);
         assert!(drawn.starts_with('▁') && drawn.ends_with('█'));
         assert!(picture(&[], 0, 9).chars().all(|c| c == '▁'));
+    }
+
+    #[test]
+    fn numbers_of_a_reflex_are_told_with_their_units() {
+        let say = |name, value, unit| told(&Meaning { name, value, unit });
+        assert_eq!(say("look_ahead", 8.0, "steps"), "look ahead 8 steps");
+        assert_eq!(say("burn_size", 0.2178, "LU/TU"), "burn size 0.22 LU/TU");
+        assert_eq!(say("map", -0.5, ""), "map -0.5");
+        assert_eq!(say("damping", 0.01234, "1/s"), "damping 0.0123 1/s");
+        assert_eq!([say("far", 1234.5, "m"), say("off", 0.0, "")], ["far 1234 m", "off 0"]);
     }
 
     #[test]

@@ -183,7 +183,7 @@ fn fitness(members: &[Member]) -> f64 {
 
 #[test]
 fn the_learner_learns_and_climbs() {
-    let before = fitness(Trainee::new(Kind::Learn, MEMBERS, 5).members());
+    let before = fitness(Trainee::new(Kind::Learn, MEMBERS, 12, 5).members());
     let progress = trained(Kind::Learn, 5, 6000);
     let trainee = &progress.trainees[TASK];
     let after = fitness(trainee.members());
@@ -226,7 +226,7 @@ fn the_summary_says_what_happened() {
     let progress = trained(Kind::Learn, 5, 3000);
     let words = super::summary::words(&progress, "r", Some(std::path::Path::new("x.sqlite3")));
     for part in
-        ["The learner flew 3000 episodes", TASK, "Mastered:", "steps ahead", "sparring serve --db x.sqlite3"]
+        ["The learner flew 3000 episodes", TASK, "Mastered:", "look ahead", "sparring serve --db x.sqlite3"]
     {
         assert!(words.contains(part), "{part} is missing in\n{words}");
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::feed::{Feed, Lease, Move, Receipts, TaskMastery};
+use super::feed::{Feed, Finished, Lease, MAX_RESULTS, Move, Receipts, TaskMastery, batches};
 use super::fly::{fly, outcomes, sorties};
 use super::trainee::{Kind, Trainee};
 
@@ -13,8 +13,6 @@ use super::trainee::{Kind, Trainee};
 pub(super) const MEMBERS: usize = 12;
 /// Groups leased at a time, per task.
 const GROUPS_PER_TASK: usize = 8;
-/// Most episodes the service takes in one report.
-const MAX_RESULTS: usize = 5000;
 
 /// What to train.
 #[derive(Debug, Clone)]
@@ -103,7 +101,8 @@ impl<'a, F: Feed> Training<'a, F> {
         let trainee = |(at, task): (u64, &String)| {
             // Seeds of one run's tasks must differ, and so must those of neighbouring runs.
             let seed = plan.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(at);
-            (task.clone(), Trainee::new(plan.kind, MEMBERS, seed))
+            let numbers = env_core::task(task).map_or(0, |spec| spec.reflex().names.len());
+            (task.clone(), Trainee::new(plan.kind, MEMBERS, numbers, seed))
         };
         let trainees = (0..).zip(&plan.tasks).map(trainee).collect();
         let progress = Progress {
@@ -142,7 +141,7 @@ impl<'a, F: Feed> Training<'a, F> {
         let next = self.lease().await?;
         let finished = flying.await??;
         let flown = finished.len();
-        let Receipts { results, moves } = self.feed.report(self.policy_version, finished).await?;
+        let Receipts { results, moves } = self.report(finished).await?;
         self.progress.flown += flown;
         self.progress.late += results.iter().filter(|receipt| receipt.status == "late").count();
         for (sortie, outcomes) in sorties.iter().zip(outcomes(&sorties, results)?) {
@@ -155,6 +154,17 @@ impl<'a, F: Feed> Training<'a, F> {
         }
         self.note(moves, watch);
         Ok(next)
+    }
+
+    /// Reports what was flown, in as few reports as the service takes it.
+    async fn report(&self, finished: Vec<Finished>) -> anyhow::Result<Receipts> {
+        let mut all = Receipts { results: Vec::with_capacity(finished.len()), moves: Vec::new() };
+        for batch in batches(finished, MEMBERS) {
+            let Receipts { results, moves } = self.feed.report(self.policy_version, batch).await?;
+            all.results.extend(results);
+            all.moves.extend(moves);
+        }
+        Ok(all)
     }
 
     fn note(&mut self, moves: Vec<Move>, watch: &mut impl Watch) {

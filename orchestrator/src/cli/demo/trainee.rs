@@ -1,9 +1,8 @@
 //! What is trained on one task: a population, and what its members have earned so far.
 
 use clap::ValueEnum;
-use env_core::kessler::policies::learner::Parameters;
+use env_core::Scenario;
 use env_core::policy::{Policy, PolicyError};
-use env_core::{Scenario, kessler};
 use serde::Serialize;
 
 use super::learner::CrossEntropy;
@@ -19,17 +18,17 @@ pub(super) enum Kind {
     Learn,
     /// Does nothing
     Hold,
-    /// One fixed radial kick of 0.2 LU/TU at the first step
+    /// Acts by one fixed plan that looks at nothing
     Blind,
-    /// The learner's policy at random parameters, never updated
+    /// The learner's reflex at random numbers, never updated
     Frozen,
 }
 
 /// One member's policy.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Member {
-    /// The reflex at these parameters.
-    Reflex(Parameters),
+    /// The task's reflex at these numbers.
+    Reflex(Vec<f64>),
     /// A built-in policy by its name.
     Named(&'static str),
 }
@@ -38,7 +37,7 @@ impl Member {
     /// A pilot for one episode.
     pub(super) fn pilot(&self, scenario: &Scenario) -> Result<Box<dyn Policy>, PolicyError> {
         match self {
-            Self::Reflex(parameters) => Ok(kessler::policies::learner(*parameters)),
+            Self::Reflex(numbers) => Ok((scenario.task().reflex().policy)(numbers)),
             Self::Named(name) => scenario.task().policy(name, scenario, 0),
         }
     }
@@ -83,13 +82,13 @@ pub(super) struct Trainee {
 }
 
 impl Trainee {
-    /// A population of `size`; `seed` is its own.
-    pub(super) fn new(kind: Kind, size: usize, seed: u64) -> Self {
-        let mut method = CrossEntropy::new(seed);
+    /// A population of `size` of a reflex with so many numbers; `seed` is its own.
+    pub(super) fn new(kind: Kind, size: usize, numbers: usize, seed: u64) -> Self {
+        let mut method = CrossEntropy::new(numbers, seed);
         let members = match kind {
             Kind::Learn => reflexes(method.ask(size)),
             // One draw from what the learner starts from, flown by every sibling.
-            Kind::Frozen => reflexes(vec![method.ask(1)[0]; size]),
+            Kind::Frozen => reflexes(method.ask(1).into_iter().cycle().take(size).collect()),
             Kind::Hold => vec![Member::Named("hold"); size],
             Kind::Blind => vec![Member::Named("blind"); size],
         };
@@ -113,11 +112,11 @@ impl Trainee {
         self.fared
     }
 
-    /// The parameters at the centre of the population; none where nothing is parametrised.
-    pub(super) fn parameters(&self) -> Option<Parameters> {
+    /// The numbers of the reflex at the centre of the population; none where nobody flies a reflex.
+    pub(super) fn numbers(&self) -> Option<&[f64]> {
         match (&self.method, self.members.first()) {
             (Some(method), _) => Some(method.mean()),
-            (None, Some(Member::Reflex(parameters))) => Some(*parameters),
+            (None, Some(Member::Reflex(numbers))) => Some(numbers),
             _ => None,
         }
     }
@@ -147,7 +146,7 @@ impl Trainee {
         let all: Vec<usize> = (0..earned.len()).collect();
         let elite = match &mut self.method {
             Some(method) => {
-                let asked: Vec<Parameters> = self.members.iter().filter_map(reflex).collect();
+                let asked: Vec<Vec<f64>> = self.members.iter().filter_map(reflex).collect();
                 let fitness: Vec<f64> = earned.iter().map(|e| e.fitness).collect();
                 let elite = method.tell(&asked, &fitness);
                 self.members = reflexes(method.ask(asked.len()));
@@ -167,13 +166,13 @@ impl Trainee {
     }
 }
 
-fn reflexes(parameters: Vec<Parameters>) -> Vec<Member> {
-    parameters.into_iter().map(Member::Reflex).collect()
+fn reflexes(population: Vec<Vec<f64>>) -> Vec<Member> {
+    population.into_iter().map(Member::Reflex).collect()
 }
 
-const fn reflex(member: &Member) -> Option<Parameters> {
+fn reflex(member: &Member) -> Option<Vec<f64>> {
     match member {
-        Member::Reflex(parameters) => Some(*parameters),
+        Member::Reflex(numbers) => Some(numbers.clone()),
         Member::Named(_) => None,
     }
 }
@@ -188,7 +187,7 @@ mod tests {
 
     #[test]
     fn a_generation_ends_after_its_scenarios_and_the_elite_is_told_apart() {
-        let mut trainee = Trainee::new(Kind::Learn, 6, 1);
+        let mut trainee = Trainee::new(Kind::Learn, 6, 12, 1);
         let before = trainee.members().to_vec();
         let outcomes: Vec<Outcome> = (0..6).map(|i| outcome(f64::from(i) / 5.0)).collect();
         for _ in 0..GENERATION {
@@ -204,7 +203,7 @@ mod tests {
     #[test]
     fn controls_stay_what_they_are() {
         for kind in [Kind::Hold, Kind::Blind, Kind::Frozen] {
-            let mut trainee = Trainee::new(kind, 4, 3);
+            let mut trainee = Trainee::new(kind, 4, 12, 3);
             let before = trainee.members().to_vec();
             assert!(before.windows(2).all(|pair| pair[0] == pair[1]), "{kind:?}");
             for _ in 0..3 * GENERATION {
@@ -218,13 +217,13 @@ mod tests {
 
     #[test]
     fn frozen_is_a_member_of_the_learners_first_population() {
-        let learner = Trainee::new(Kind::Learn, 4, 9);
-        assert_eq!(Trainee::new(Kind::Frozen, 4, 9).members()[0], learner.members()[0]);
+        let learner = Trainee::new(Kind::Learn, 4, 6, 9);
+        assert_eq!(Trainee::new(Kind::Frozen, 4, 6, 9).members()[0], learner.members()[0]);
     }
 
     #[test]
     fn a_group_that_lost_siblings_is_not_learnt_from() {
-        let mut trainee = Trainee::new(Kind::Learn, 4, 1);
+        let mut trainee = Trainee::new(Kind::Learn, 4, 12, 1);
         for _ in 0..2 * GENERATION {
             trainee.take(&[outcome(1.0)], true);
         }

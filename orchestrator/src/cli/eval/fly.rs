@@ -20,10 +20,7 @@ pub(super) struct Row {
     pub(super) measures: Vec<Measures>,
 }
 
-/// Policies whose actions are drawn.
-const WITH_CHANCE: [&str; 2] = ["random", "frozen"];
-
-/// Flies a policy on every scenario.
+/// Flies a policy on every scenario: `rollouts` times where its actions are drawn.
 pub(super) fn fly(
     suite: &Suite,
     policy: &str,
@@ -31,13 +28,15 @@ pub(super) fn fly(
     rollouts: u32,
     bar: &ProgressBar,
 ) -> anyhow::Result<Row> {
-    let rollouts = if WITH_CHANCE.contains(&policy) { rollouts } else { 1 };
     let entries: Vec<&Entry> = suite.entries().collect();
     let measures = entries
         .into_par_iter()
         .map(|entry| {
-            let flown: anyhow::Result<Vec<Measures>> =
-                (0..rollouts).map(|rollout| fly_once(entry, policy, seed, rollout)).collect();
+            let mut specs = entry.scenario.task().policies().iter();
+            let drawn = specs.any(|spec| spec.name == policy && spec.chance);
+            let flown: anyhow::Result<Vec<Measures>> = (0..if drawn { rollouts } else { 1 })
+                .map(|rollout| fly_once(entry, policy, seed, rollout))
+                .collect();
             bar.inc(1);
             Ok(mean(&flown?))
         })

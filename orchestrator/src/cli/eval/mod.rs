@@ -7,37 +7,37 @@ mod tests;
 
 use std::process::ExitCode;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
-use env_core::kessler::policies::SPECS;
 
 use self::fly::Row;
 use self::report::Report;
 use super::output::{self, Format};
 use super::suite::{Suite, file};
+use super::worlds;
 
 /// Fly policies over a frozen suite: one table, with 95 % intervals.
 ///
 /// Every policy flies every scenario of the suite, whose seeds no training run is ever given. Two rows stand beside
-/// those asked for: `frozen`, the built-in learner's policy at random parameters, and `blind_panel`, the mean of the 16
-/// plans that look at nothing, from the suite's brackets. A policy that does not beat both has learnt nothing.
+/// those asked for: `frozen`, the task's trainable reflex at random numbers, and `blind_panel`, the mean of the plans
+/// that look at nothing, from the suite's brackets. A policy that does not beat both has learnt nothing.
 ///
 /// Columns are means over scenarios: the world's score; the share of successes by the task's own rule; skill, (score −
-/// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of satellites lost; and
-/// fuel used by all satellites together. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
+/// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of agents lost; and
+/// fuel used by all agents together, in the world's unit. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
 /// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
 /// together; there the suite decides how many are of which kind.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub struct Args {
     /// A built-in suite by its name, or a suite file
-    #[arg(long, value_name = "NAME|FILE", default_value = "kessler-heldout-v1")]
+    #[arg(long, value_name = "NAME|FILE", default_value = file::DEFAULT)]
     suite: String,
     /// The policies, each once: repeat the option, or separate them by commas
     #[arg(long = "policy", value_name = "POLICY", required = true, value_delimiter = ',',
-          value_parser = PossibleValuesParser::new(SPECS.map(|spec| spec.name)))]
+          value_parser = PossibleValuesParser::new(worlds::policy_names()))]
     policies: Vec<String>,
-    /// What policies with chance in them (random, frozen) and the resamples draw from
+    /// What policies with chance in them and the resamples draw from
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// How often policies with chance in them fly each scenario: their mean counts as one
@@ -48,10 +48,15 @@ pub struct Args {
     format: Format,
 }
 
-const AFTER_HELP: &str = "\
-Policies: hold does nothing; random burns at random; blind is one fixed kick; frozen is the learner untrained, with \
-fresh random parameters in every rollout; heuristic looks ahead and dodges; reference is the planner, with hindsight.
+fn after_help() -> String {
+    format!(
+        "Policies: {}.\n\nBuilt-in suites: {}.\n\n{AFTER_HELP}",
+        worlds::policies_in_words(&worlds::policy_names()),
+        file::names()
+    )
+}
 
+const AFTER_HELP: &str = "\
 JSON (--format json): one object {suite, suite_hash, planner, seed, rollouts, confidence, resamples, scenarios, rows}. \
 Each row: {task (an id, or \"all\"), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
 skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is null where it is nowhere defined.
@@ -67,6 +72,7 @@ Examples:
 /// A suite that cannot be used, or stdout that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (suite, hash) = file::open(&args.suite).with_context(|| format!("suite {}", args.suite))?;
+    check(&suite, args)?;
     let rows = fly_all(&suite, args)?;
     let report = Report::new(&suite, hash, args, &rows);
     match args.format {
@@ -74,6 +80,19 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Format::Json => output::print_json(&report)?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Every task of the suite must have every policy asked for: a row is flown on all of it.
+fn check(suite: &Suite, args: &Args) -> anyhow::Result<()> {
+    for group in &suite.groups {
+        let task = group.recipe.task();
+        let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
+        if let Some(name) = args.policies.iter().find(|name| !known.contains(&name.as_str())) {
+            let (task, known) = (task.id(), known.join(", "));
+            bail!("suite {} has scenarios of {task}, which has no policy {name}; it has {known}", suite.name);
+        }
+    }
+    Ok(())
 }
 
 /// The policies asked for, then `frozen`, then the blind panel.

@@ -13,10 +13,12 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
 use super::{Entry, Group, Part, Suite, file};
-use crate::cli::output;
+use crate::cli::{output, worlds};
 
-/// Draws after which a level is given up on: the rarest contested scenarios of kessler are 1 in 27.
+/// Draws after which a level is given up on: the rarest contested scenarios of the committed levels are 1 in 27.
 const MOST_DRAWS: usize = 20_000;
+/// The levels of a suite unless told: dense where agents differ.
+const LEVELS: [usize; 8] = [0, 2, 4, 5, 6, 7, 8, 9];
 /// Draws judged together, in parallel, at least; which scenarios are kept does not depend on it.
 const BATCH: usize = 8;
 
@@ -34,11 +36,11 @@ pub struct Args {
     /// The file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The tasks, all of them unless told
-    #[arg(long, value_name = "TASK", value_delimiter = ',')]
+    /// The tasks, or a world's name for all of its; those of the first world unless told
+    #[arg(long, value_name = "TASK|WORLD", value_delimiter = ',')]
     tasks: Vec<String>,
-    /// The levels of each task
-    #[arg(long, value_name = "LEVEL", value_delimiter = ',', default_value = "0,2,4,5,6,7,8,9")]
+    /// The levels of each task; 0, 2, 4 to 9 unless told, as far as there are
+    #[arg(long, value_name = "LEVEL", value_delimiter = ',')]
     levels: Vec<usize>,
     /// Contested scenarios per task and level
     #[arg(long, value_name = "N", default_value_t = 16)]
@@ -50,7 +52,7 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  sparring suite build --name kessler-heldout-v1 --out orchestrator/suites/kessler-heldout-v1.json
+  sparring suite build --name my-suite-v1 --tasks kessler --out my-suite-v1.json
   sparring suite build --name small-v1 --out small-v1.json --tasks kessler/survival --levels 5,7";
 
 /// What to draw.
@@ -108,24 +110,44 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 impl Args {
     fn plan(&self) -> anyhow::Result<Plan> {
-        let tasks = if self.tasks.is_empty() {
-            env_core::tasks().collect()
+        let tasks = if self.tasks.is_empty() { env_core::usual_tasks() } else { named(&self.tasks)? };
+        let levels = if self.levels.is_empty() {
+            let fewest = tasks.iter().map(|task| task.levels().len()).min().unwrap_or(0);
+            LEVELS.into_iter().filter(|&level| level < fewest).collect()
         } else {
-            let known = || env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ");
-            let named = self.tasks.iter().map(|id| {
-                env_core::task(id).with_context(|| format!("{id:?} is not a task; known are {}", known()))
-            });
-            named.collect::<anyhow::Result<Vec<_>>>()?
+            self.levels.clone()
         };
         ensure!(self.contested + self.as_they_come > 0, "a suite needs at least one scenario per level");
         Ok(Plan {
             name: self.name.clone(),
             tasks,
-            levels: self.levels.clone(),
+            levels,
             contested: self.contested,
             as_they_come: self.as_they_come,
         })
     }
+}
+
+/// Tasks by their ids, and all tasks of a world by its name; each once.
+fn named(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpec>> {
+    let mut tasks: Vec<&'static dyn TaskSpec> = Vec::new();
+    for name in names {
+        let meant = match (env_core::task(name), env_core::world(name)) {
+            (Some(task), _) => vec![task],
+            (None, Some(world)) => world.tasks(),
+            (None, None) => {
+                let tasks = env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ");
+                let worlds = worlds::names().join(", ");
+                bail!("{name:?} is neither a task ({tasks}) nor a world ({worlds})");
+            }
+        };
+        for task in meant {
+            if !tasks.iter().any(|known| known.id() == task.id()) {
+                tasks.push(task);
+            }
+        }
+    }
+    Ok(tasks)
 }
 
 /// Draws a suite. The same plan gives the same suite, at any number of threads.

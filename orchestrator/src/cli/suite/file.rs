@@ -10,6 +10,10 @@
 //! "hash":"<blake3>"}
 //! ```
 //!
+//! `planner` is the version of the planner that made the brackets; a group made by another than the suite's, as tasks of
+//! another world have it, says so by a `planner` of its own after its level. No witness is stored: whoever doubts a
+//! reference has it planned again (`sparring suite verify`).
+//!
 //! A recipe stands once per task and level; `canonical` is the scenario's canonical bytes in hex. A suite is written in
 //! one way only, so `head -n -1 FILE | b3sum` gives its hash.
 
@@ -23,9 +27,21 @@ use serde_json::Value;
 
 use super::{Entry, Group, Part, Suite, SuiteError};
 
+/// A suite that comes with the program: its name and its file.
+type BuiltIn = (&'static str, &'static [u8]);
+
 /// The suites that come with the program.
-pub const BUILT_IN: [(&str, &[u8]); 1] =
-    [("kessler-heldout-v1", include_bytes!("../../../suites/kessler-heldout-v1.json"))];
+pub const BUILT_IN: &[BuiltIn] =
+    &[("kessler-heldout-v1", include_bytes!("../../../suites/kessler-heldout-v1.json"))];
+
+/// The suite that is meant where nobody says which.
+pub const DEFAULT: &str = "kessler-heldout-v1";
+
+/// The names of the suites that come with the program, for people.
+#[must_use]
+pub fn names() -> String {
+    BUILT_IN.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+}
 
 const FORMAT: &str = "sparring-suite/1";
 const FORMAT_START: &str = "{\"format\":\"";
@@ -53,6 +69,7 @@ struct StoredScenario {
 struct StoredGroup {
     task: String,
     level: usize,
+    planner: Option<u32>,
     recipe: Value,
     scenarios: Vec<StoredScenario>,
 }
@@ -81,8 +98,7 @@ pub fn open(which: &str) -> Result<(Suite, String), SuiteError> {
     }
     let path = Path::new(which);
     if !path.exists() {
-        let known = BUILT_IN.map(|(name, _)| name).join(", ");
-        return Err(SuiteError::Unknown { which: which.to_owned(), known });
+        return Err(SuiteError::Unknown { which: which.to_owned(), known: names() });
     }
     let bytes =
         std::fs::read(path).map_err(|source| SuiteError::Unreadable { path: path.to_owned(), source })?;
@@ -133,7 +149,8 @@ fn hash_line(hash: &str) -> String {
 }
 
 fn read_group(stored: StoredGroup, planner: u32) -> Result<Group, SuiteError> {
-    let StoredGroup { task, level, recipe, scenarios } = stored;
+    let StoredGroup { task, level, planner: own, recipe, scenarios } = stored;
+    let planner = own.unwrap_or(planner);
     let recipe = Recipe::from_json(&recipe).map_err(|source| SuiteError::Scenario {
         task: task.clone(),
         level,
@@ -209,13 +226,17 @@ pub fn write(suite: &Suite) -> Result<String, serde_json::Error> {
         let task = serde_json::to_string(group.recipe.task().id())?;
         let recipe = group.recipe.to_json();
         let separator = if at == 0 { "" } else { ",\n" };
+        let planner = match group.planner() {
+            Some(planner) if planner != suite.planner => format!(",\"planner\":{planner}"),
+            _ => String::new(),
+        };
         let lines: Result<Vec<_>, _> = group.entries.iter().map(write_entry).collect();
         let lines = lines?.join(",\n");
         text.push_str(separator);
         // Writing to a string cannot fail.
         let _ = write!(
             text,
-            "{{\"task\":{task},\"level\":{},\"recipe\":{recipe},\"scenarios\":[\n{lines}\n]}}",
+            "{{\"task\":{task},\"level\":{}{planner},\"recipe\":{recipe},\"scenarios\":[\n{lines}\n]}}",
             group.level
         );
     }

@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 pub struct Suite {
     /// What it is called.
     pub name: String,
-    /// Version of the planner that made the brackets.
+    /// Version of the planner that made the brackets; the newest where tasks of several worlds are in it.
     pub planner: u32,
     /// The program and the arguments that made it.
     pub created_by: String,
@@ -72,6 +72,14 @@ pub struct Group {
     pub recipe: Arc<Recipe>,
     /// The scenarios.
     pub entries: Vec<Entry>,
+}
+
+impl Group {
+    /// Version of the planner that made its brackets; none without scenarios.
+    #[must_use]
+    pub fn planner(&self) -> Option<u32> {
+        self.entries.first().map(|entry| entry.bracket.planner)
+    }
 }
 
 /// One scenario of a suite.

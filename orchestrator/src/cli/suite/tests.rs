@@ -8,16 +8,17 @@ use super::build::{Plan, build};
 use super::verify::differences;
 use super::{Part, Suite, SuiteError, file};
 
-/// A small suite of every task, built once.
+/// A small suite of three tasks, built once.
 pub(crate) fn small() -> Suite {
     static SUITE: LazyLock<Suite> = LazyLock::new(fresh);
     SUITE.clone()
 }
 
 fn fresh() -> Suite {
+    let tasks = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
     let plan = Plan {
         name: "small".to_owned(),
-        tasks: env_core::tasks().collect(),
+        tasks: tasks.iter().map(|id| env_core::task(id).unwrap()).collect(),
         levels: vec![2, 6],
         contested: 3,
         as_they_come: 2,
@@ -112,15 +113,42 @@ fn an_altered_bracket_is_found_by_verify() {
 }
 
 #[test]
-fn the_built_in_suite_reads() {
-    let (suite, _) = file::open("kessler-heldout-v1").unwrap();
-    assert_eq!(suite.name, "kessler-heldout-v1");
-    assert_eq!(suite.planner, env_core::kessler::planner::VERSION);
-    for group in &suite.groups {
-        let contested = group.entries.iter().filter(|e| e.part == Part::Contested).count();
-        assert_eq!((contested, group.entries.len()), (16, 24));
+fn built_in_suites_read_and_are_small_enough_to_commit() {
+    assert!(file::BUILT_IN.iter().any(|(name, _)| *name == file::DEFAULT));
+    for (name, bytes) in file::BUILT_IN {
+        let (suite, _) = file::open(name).unwrap();
+        assert_eq!(suite.name, *name);
+        for group in &suite.groups {
+            let contested = group.entries.iter().filter(|e| e.part == Part::Contested).count();
+            assert!(contested > 0 && contested < group.entries.len(), "{name}: both parts");
+            let first = &group.entries[0];
+            let here = first.scenario.task().bracket(&first.scenario).unwrap();
+            assert_eq!(group.planner(), Some(here.planner), "{name}: {}", first.scenario.task().id());
+        }
+        assert!(bytes.len() < 1_500_000, "{name}");
+        assert_eq!(file::write(&suite).unwrap().as_bytes(), *bytes, "{name}: written in one way only");
     }
-    assert!(file::BUILT_IN[0].1.len() < 1_500_000);
+}
+
+/// Committed once, a suite never changes: results on it would not compare.
+#[test]
+fn regress_built_in_suites_are_the_committed_ones() {
+    let hashes = file::BUILT_IN.iter().map(|(name, _)| format!("{name} {}", file::open(name).unwrap().1));
+    insta::assert_snapshot!("built_in", hashes.collect::<Vec<_>>().join("\n"));
+}
+
+/// Tasks of several worlds have planners of their own.
+#[test]
+fn a_group_names_its_planner_where_it_is_not_the_suites() {
+    let mut suite = small();
+    suite.groups.truncate(2);
+    suite.planner = 7;
+    suite.groups[1].entries.iter_mut().for_each(|entry| entry.bracket.planner = 7);
+    let text = file::write(&suite).unwrap();
+    let level = suite.groups[0].level;
+    assert!(text.contains(&format!("\"level\":{level},\"planner\":1,\"recipe\"")), "{text}");
+    assert_eq!(text.matches("\"planner\":7").count(), 1);
+    assert_eq!(file::read(text.as_bytes()).unwrap().0, suite);
 }
 
 #[test]
@@ -128,7 +156,7 @@ fn what_is_neither_a_name_nor_a_file_is_said_so() {
     let error = file::open("kessler-heldout-v9").unwrap_err();
     assert_eq!(
         error.to_string(),
-        "\"kessler-heldout-v9\" is neither a built-in suite (kessler-heldout-v1) nor a file"
+        format!("\"kessler-heldout-v9\" is neither a built-in suite ({}) nor a file", file::names())
     );
 }
 

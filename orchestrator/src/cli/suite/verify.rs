@@ -7,7 +7,7 @@ use env_core::Bracket;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use super::{Entry, Part, Suite, file};
+use super::{Entry, Group, Part, Suite, file};
 use crate::cli::output;
 
 /// Differences that are told one by one.
@@ -15,14 +15,18 @@ const TOLD: usize = 10;
 
 /// Recompute every id, every bracket and the hash of a suite; exit 1 on any difference.
 ///
-/// A difference means that the file was altered, or that this build's worlds or planner are not those that built it:
+/// A difference means that the file was altered, or that this build's worlds or planners are not those that built it:
 /// its numbers would not compare with those of others.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub struct Args {
     /// A built-in suite by its name, or a suite file
-    #[arg(value_name = "NAME|FILE", default_value = "kessler-heldout-v1")]
+    #[arg(value_name = "NAME|FILE", default_value = file::DEFAULT)]
     suite: String,
+}
+
+fn after_help() -> String {
+    format!("Built-in suites: {}.\n\n{AFTER_HELP}", file::names())
 }
 
 const AFTER_HELP: &str = "\
@@ -61,10 +65,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
          equal: {verdict}",
         suite.name,
         count - differences.len(),
-        suite.planner
+        planners(&suite)
     ));
     output::print(&text)?;
     Ok(if differences.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The versions of the planners that made its brackets, as "1" or "1 and 2".
+fn planners(suite: &Suite) -> String {
+    let mut versions: Vec<u32> = suite.groups.iter().filter_map(Group::planner).collect();
+    versions.sort_unstable();
+    versions.dedup();
+    versions.iter().map(u32::to_string).collect::<Vec<_>>().join(" and ")
 }
 
 /// One sentence per scenario whose bracket is not what is stored.

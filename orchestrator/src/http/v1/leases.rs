@@ -115,8 +115,10 @@ pub(super) struct BracketView {
     hold: f64,
     /// What the planner earned, with hindsight.
     reference: f64,
-    /// How many of the 16 blind plans succeed.
+    /// How many of the blind plans succeed.
     panel_success: usize,
+    /// How many blind plans there are.
+    panel: usize,
 }
 
 impl BracketView {
@@ -127,6 +129,7 @@ impl BracketView {
             hold: bracket.hold(),
             reference: bracket.reference.score,
             panel_success: panel_success(scenario, bracket),
+            panel: bracket.panel.len(),
         }
     }
 }

@@ -28,7 +28,7 @@ const MAX_REASON: usize = 1000;
 pub(super) struct Results {
     /// The policy that flew them, where an episode does not say (the lease's).
     policy_version: Option<u32>,
-    /// At most 5 000.
+    /// At most 5 000, and 16 MiB together: episodes of many steps come fewer at a time.
     results: Vec<ResultItem>,
 }
 
@@ -66,7 +66,8 @@ const fn finished() -> Status {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Actions {
-    /// One entry a step, in the task's own form; kessler: a list of `[satellite, dvx, dvy]`.
+    /// One entry a step, in the task's own form: a list of `[agent, value, …]` with the values of its action space, as
+    /// `[satellite, dvx, dvy]` for kessler. An agent without an entry goes on as it is.
     #[schema(value_type = Vec<Vec<Object>>, example = json!([[[0, 0.1, 0.0]], [], []]))]
     pub(super) steps: Vec<Value>,
     /// `f32` or `f64` (default): the precision the actions were taken in.

@@ -1,0 +1,229 @@
+//! `sparring bench`: environment steps a second on one thread.
+
+mod actions;
+mod episode;
+mod kessler;
+
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::builder::PossibleValuesParser;
+use env_core::{Seed, SeedSpace, World};
+use serde::Serialize;
+
+use super::bootstrap::quantile;
+use super::{output, worlds};
+
+/// Pieces a measurement is cut into; their median is told, so that one disturbance does not count.
+const SLICES: u32 = 20;
+/// Share of the time spent before anything is counted.
+const WARM_UP: f64 = 0.1;
+/// Steps between two looks at the clock.
+const STEPS_PER_LOOK: u32 = 1000;
+
+/// Measure how many environment steps a second one thread does.
+///
+/// Steps one environment of a world in this process, at the task and params that the world names for it (kessler: survival
+/// with 50 debris): small actions by about half of the agents in every step, a fresh seed for every episode, observations
+/// made after every step and reset, resets included. The time is cut into 20 slices; their median is told, and the 5th and
+/// 95th percentile as its spread.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// The world; the first unless told
+    #[arg(long, value_name = "WORLD", value_parser = PossibleValuesParser::new(worlds::names()))]
+    env: Option<String>,
+    /// How long to measure, seconds
+    #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
+    seconds: f64,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+JSON (--json): one object {env, debris, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
+resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
+debris is null in worlds without it. What a step of the public original costs in Python is a stated constant (kessler: \
+125 µs), measured elsewhere, and null where it was not measured; bench/ measures both here.
+
+Examples:
+  sparring bench
+  sparring bench --env kessler --seconds 10 --json";
+
+/// What was measured.
+#[derive(Debug, Serialize)]
+pub struct Measured {
+    env: &'static str,
+    debris: Option<u32>,
+    seconds: f64,
+    slices: u32,
+    /// See the help of the command.
+    pub single_thread_env_steps_per_s: f64,
+    /// See the help of the command.
+    pub low: f64,
+    /// See the help of the command.
+    pub high: f64,
+    us_per_step: f64,
+    resets_per_s: f64,
+    /// See the help of the command.
+    pub python_env_us_per_step: Option<f64>,
+    /// See the help of the command.
+    pub times_python_env: Option<f64>,
+    /// Task and params, for people.
+    #[serde(skip)]
+    pub what: String,
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// A world that cannot start, or stdout that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let world = match &args.env {
+        Some(name) => env_core::world(name),
+        None => env_core::worlds().next(),
+    };
+    let measured = measure(world.context("there is no such world")?, args.seconds)?;
+    if args.json {
+        output::print_json(&measured)?;
+    } else {
+        output::print(&measured.sentences())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Measures a world for about so many seconds.
+///
+/// # Errors
+/// A world whose own benchmark cannot start.
+pub fn measure(world: &'static dyn World, seconds: f64) -> anyhow::Result<Measured> {
+    let spec = world.bench();
+    let mut stepper = stepper(world)?;
+    fly_for(&mut *stepper, Duration::from_secs_f64(seconds * WARM_UP))?;
+    let slice = Duration::from_secs_f64(seconds / f64::from(SLICES));
+    let mut rates = Vec::new();
+    let mut resets = Vec::new();
+    for _ in 0..SLICES {
+        let (steps, begun, took) = fly_for(&mut *stepper, slice)?;
+        rates.push(steps / took);
+        resets.push(begun / took);
+    }
+    rates.sort_by(f64::total_cmp);
+    resets.sort_by(f64::total_cmp);
+    let at = |sorted: &[f64], share| quantile(sorted, share).unwrap_or(0.0);
+    let median = at(&rates, 0.5);
+    let params = spec.params.iter().map(|(name, value)| format!(", {name} {value}"));
+    Ok(Measured {
+        env: world.name(),
+        debris: spec.params.iter().find(|(name, _)| *name == "debris").map(|(_, value)| *value as u32),
+        seconds,
+        slices: SLICES,
+        single_thread_env_steps_per_s: median,
+        low: at(&rates, 0.05),
+        high: at(&rates, 0.95),
+        us_per_step: 1e6 / median,
+        resets_per_s: at(&resets, 0.5),
+        python_env_us_per_step: spec.original_us_per_step,
+        times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
+        what: format!("{}{}", spec.task, params.collect::<String>()),
+    })
+}
+
+impl Measured {
+    fn sentences(&self) -> String {
+        let mut text = format!(
+            "{}, one thread, observations made, resets included ({} slices in {} s)\n\
+             {:.0} env-steps/s ({:.0} to {:.0}), {:.3} µs a step, {:.0} resets/s",
+            self.what,
+            self.slices,
+            self.seconds,
+            self.single_thread_env_steps_per_s,
+            self.low,
+            self.high,
+            self.us_per_step,
+            self.resets_per_s,
+        );
+        if let Some((times, us)) = self.times_python_env.zip(self.python_env_us_per_step) {
+            text.push_str(&format!("\n{times:.0} times the public Python environment at {us} µs a step"));
+        }
+        text
+    }
+}
+
+/// One environment that is stepped again and again: the seam between what is measured and how it is engineered.
+trait Stepper {
+    /// One step, with the observation after it; where that ended the episode, another has begun. True if it did.
+    fn step(&mut self) -> anyhow::Result<bool>;
+}
+
+/// The fastest way there is to step a world.
+fn stepper(world: &'static dyn World) -> anyhow::Result<Box<dyn Stepper>> {
+    let spec = world.bench();
+    Ok(match world.id() {
+        env_core::kessler::WORLD => Box::new(kessler::Engine::new(spec)?),
+        _ => Box::new(episode::ByContract::new(spec)?),
+    })
+}
+
+/// Steps for at least this long: (steps, resets, seconds).
+fn fly_for(stepper: &mut dyn Stepper, time: Duration) -> anyhow::Result<(f64, f64, f64)> {
+    let begun = Instant::now();
+    let (mut steps, mut resets) = (0.0, 0.0);
+    loop {
+        for _ in 0..STEPS_PER_LOOK {
+            resets += f64::from(u8::from(stepper.step()?));
+        }
+        steps += f64::from(STEPS_PER_LOOK);
+        let took = begun.elapsed();
+        if took >= time {
+            return Ok((steps, resets, took.as_secs_f64()));
+        }
+    }
+}
+
+const fn seed(number: u64) -> Seed {
+    Seed::in_space(SeedSpace::User, number)
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.05..=3600.0).contains(&value) => Ok(value),
+        _ => Err("measure for 0.05 to 3600 seconds".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_measured_is_consistent() {
+        let found = measure(&env_core::kessler::KESSLER, 0.2).unwrap();
+        assert!(
+            found.low <= found.single_thread_env_steps_per_s
+                && found.single_thread_env_steps_per_s <= found.high
+        );
+        assert!((found.us_per_step * found.single_thread_env_steps_per_s - 1e6).abs() < 1.0);
+        // Small burns lose few satellites early: episodes are nearly always as long as the horizon.
+        let length = found.single_thread_env_steps_per_s / found.resets_per_s;
+        assert!((20.0..=60.0).contains(&length), "{length} steps per reset");
+        let told = serde_json::to_value(&found).unwrap();
+        assert!(told["single_thread_env_steps_per_s"].is_f64() && told["debris"] == 50, "{told}");
+        assert!(told["python_env_us_per_step"] == 125.0 && told["times_python_env"].is_f64(), "{told}");
+        assert_eq!(told.as_object().unwrap().len(), 11);
+    }
+
+    /// Every world can be stepped by its contract alone, and an engine of its own does no more episodes per step.
+    #[test]
+    fn every_world_is_stepped() {
+        for world in env_core::worlds() {
+            let mut engine = stepper(world).unwrap();
+            let mut contract = episode::ByContract::new(world.bench()).unwrap();
+            let ended = |stepper: &mut dyn Stepper| (0..20_000).filter(|_| stepper.step().unwrap()).count();
+            let (own, plain) = (ended(&mut *engine), ended(&mut contract));
+            assert!(own > 0 && own == plain, "{}: {own} and {plain}", world.name());
+        }
+    }
+}
