@@ -3,9 +3,10 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use env_core::batch::{Autoreset, Batch, BatchConfig, Observe, Output, Seeds, Shape};
-use env_core::chance::{Chance, Seeded, Stream};
-use env_core::{Recipe, Seed, SeedSpace};
+use anyhow::Context;
+use env_core::Recipe;
+use env_core::scenario::{Layout, LayoutMode};
+use orchestrator::cli::bench::flying::Flying;
 
 use crate::Row;
 use crate::bare::Bare;
@@ -16,92 +17,10 @@ const ENVS: usize = 256;
 /// told: what the machine gives when nothing else runs on it.
 const SLICES: usize = 80;
 const SLICE: Duration = Duration::from_millis(8);
-/// Joint actions drawn beforehand.
-const ACTIONS: usize = 13;
 /// Largest burn per axis, LU/TU.
-const BURN: f32 = 0.05;
-
-/// A batch with its buffers.
-pub(crate) struct Flying {
-    batch: Box<dyn Batch>,
-    shape: Shape,
-    actions: Vec<Vec<f32>>,
-    next: usize,
-    observations: Vec<f32>,
-    last: Vec<f32>,
-    rewards: Vec<f32>,
-    team_rewards: Vec<f32>,
-    terminated: Vec<bool>,
-    truncated: Vec<bool>,
-    done: Vec<bool>,
-}
-
-impl Flying {
-    pub(crate) fn new(task: &str, params: &[(&str, f64)], envs: usize, action: f32) -> anyhow::Result<Self> {
-        let spec = env_core::task(task).ok_or_else(|| anyhow::anyhow!("{task} is gone"))?;
-        let recipe = Recipe::with_params(spec, params.iter().copied())?;
-        let config =
-            BatchConfig { envs, autoreset: Autoreset::SameStep, observe: Observe::All { bodies: None } };
-        let mut batch = spec.batch(Box::new(Seeds::new(recipe, 1)), config)?;
-        let shape = batch.shape();
-        let width = shape.agents * shape.action;
-        let mut observations = vec![0.0; envs * shape.observation];
-        batch.reset(None, &mut observations)?;
-        Ok(Self {
-            batch,
-            shape,
-            actions: (0..ACTIONS as u64).map(|i| draw(i, envs * width, shape.action, action)).collect(),
-            next: 0,
-            last: observations.clone(),
-            observations,
-            rewards: vec![0.0; envs * shape.agents],
-            team_rewards: vec![0.0; envs],
-            terminated: vec![false; envs * shape.agents],
-            truncated: vec![false; envs * shape.agents],
-            done: vec![false; envs],
-        })
-    }
-
-    /// One step of all; how many.
-    pub(crate) fn step(&mut self) -> anyhow::Result<usize> {
-        self.next = (self.next + 1) % ACTIONS;
-        let out = Output {
-            observations: &mut self.observations,
-            final_observations: &mut self.last,
-            rewards: &mut self.rewards,
-            team_rewards: &mut self.team_rewards,
-            terminated: &mut self.terminated,
-            truncated: &mut self.truncated,
-            done: &mut self.done,
-        };
-        self.batch.step(black_box(&self.actions[self.next]), out)?;
-        black_box(&self.observations);
-        Ok(self.shape.envs)
-    }
-
-    pub(crate) fn shape(&self) -> Shape {
-        self.shape
-    }
-
-    pub(crate) fn bytes_per_env(&self) -> usize {
-        self.batch.bytes_per_env()
-    }
-}
-
-/// Small actions by about half of the agents, drawn beforehand so that drawing is not measured.
-#[expect(clippy::cast_possible_truncation, reason = "actions are single precision")]
-fn draw(seed: u64, values: usize, action: usize, most: f32) -> Vec<f32> {
-    let mut chance = Seeded::new(Seed::in_space(SeedSpace::User, seed));
-    let mut actions = Vec::with_capacity(values);
-    while actions.len() < values {
-        let acts = chance.uniform(Stream::Policy) < 0.5;
-        for _ in 0..action {
-            let value = chance.between(Stream::Policy, -1.0, 1.0) as f32 * most;
-            actions.push(if acts { value } else { 0.0 });
-        }
-    }
-    actions
-}
+const BURN: f64 = 0.05;
+/// Most debris of a generator.
+const MOST: usize = 300;
 
 /// Rates of rivals that take turns: of each, what its best tenth of slices reaches.
 pub(crate) fn race(rivals: &mut [&mut dyn FnMut() -> anyhow::Result<usize>]) -> anyhow::Result<Vec<f64>> {
@@ -144,7 +63,7 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
                     black_box(bare.step(&mut seen));
                     Ok(ENVS)
                 },
-                &mut || flying.step(),
+                &mut || flying.step().map(|()| ENVS),
             ])
         })?;
         rows.push(Row {
@@ -156,6 +75,7 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     }
     rows.push(second_core(&one, &two)?);
     rows.extend(per_body(&one)?);
+    rows.push(docking(&one)?);
     Ok(rows)
 }
 
@@ -172,12 +92,12 @@ fn second_core(one: &rayon::ThreadPool, two: &rayon::ThreadPool) -> anyhow::Resu
     })
 }
 
-/// Cost per body from few to very many, and memory.
+/// Cost per body from few to very many, and memory. Past what the generator draws, a layout gives the rest.
 fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    for debris in [25usize, 50, 100, 200, 300] {
-        let mut flying = Flying::new("kessler/survival", &[("debris", debris as f64)], 64, BURN)?;
-        let rate = one.install(|| race(&mut [&mut || flying.step()]))?[0];
+    for debris in [25usize, 50, 100, 200, 400, 800] {
+        let mut flying = Flying::of(crowd(debris)?, 64, BURN)?;
+        let rate = one.install(|| race(&mut [&mut || flying.step().map(|()| 64)]))?[0];
         rows.push(Row {
             what: format!("kessler, {debris} debris: time a body and step; memory an environment"),
             measured: format!("{:.2} ns; {} bytes", 1e9 / rate / (debris + 3) as f64, flying.bytes_per_env()),
@@ -186,4 +106,36 @@ fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
         });
     }
     Ok(rows)
+}
+
+/// Survival with so much debris.
+fn crowd(debris: usize) -> anyhow::Result<Recipe> {
+    let task = env_core::task("kessler/survival").context("kessler/survival is gone")?;
+    let drawn = debris.min(MOST);
+    let recipe = Recipe::with_params(task, [("debris", drawn as f64)].into_iter())?;
+    // Far out, where they meet nobody.
+    let row = |i: usize| vec![-300.0 - i as f64, 0.0, 0.0, 1.0];
+    let rows: Vec<Vec<f64>> = (drawn..debris).map(row).collect();
+    if rows.is_empty() {
+        return Ok(recipe);
+    }
+    let bodies = [("debris".to_owned(), rows)].into_iter().collect();
+    Ok(recipe.with_layout(Some(Layout { mode: LayoutMode::Extend, bodies, provenance: None }))?)
+}
+
+/// Deputies flown by full random thrust; those that have left do not count.
+fn docking(one: &rayon::ThreadPool) -> anyhow::Result<Row> {
+    let mut flying = Flying::new("docking/multiagent", &[("deputies", 3.0)], ENVS, 1.0)?;
+    let rate = one.install(|| {
+        race(&mut [&mut || {
+            flying.step()?;
+            Ok(flying.agents())
+        }])
+    })?[0];
+    Ok(Row {
+        what: format!("docking batch of {ENVS}, three deputies, one core"),
+        measured: format!("{:.1} M agent-steps/s; {} bytes", rate / 1e6, flying.bytes_per_env()),
+        goal: "≥ 5 M agent-steps/s".into(),
+        ratio: Some(rate / 5e6),
+    })
 }

@@ -1,8 +1,10 @@
 //! Benchmarks that anyone can run: each prints what was measured in this run, the goal, and their ratio (above 1 is
 //! better than the goal).
 
+mod bare;
 mod bracket;
 mod critique;
+mod engine;
 mod results;
 mod steps;
 
@@ -14,7 +16,7 @@ use clap::Parser;
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure; everything if none is named.
-    #[arg(value_parser = ["bracket", "critique", "steps", "results"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results"])]
     what: Vec<String>,
 }
 
@@ -34,11 +36,14 @@ fn main() -> anyhow::Result<()> {
     let mut show = |rows: Vec<Row>| -> std::io::Result<()> {
         for row in rows {
             let ratio = row.ratio.map_or_else(String::new, |r| format!("{r:.2}×"));
-            writeln!(out, "{:<58} {:>26}  {:<24} {ratio:>8}", row.what, row.measured, row.goal)?;
+            writeln!(out, "{:<80} {:>26}  {:<24} {ratio:>8}", row.what, row.measured, row.goal)?;
         }
         out.flush()
     };
     show(vec![Row { what: "what".into(), measured: "measured".into(), goal: "goal".into(), ratio: None }])?;
+    if wanted("engine") {
+        show(engine::measure()?)?;
+    }
     if wanted("bracket") {
         show(bracket::measure()?)?;
     }

@@ -129,8 +129,10 @@ fn inspect(flight: &Flight<Seeded>, tracks: &mut Tracks, cells: &mut Vec<f32>) -
         prop_assert!([d.x, d.y, d.vx, d.vy].iter().all(|v| v.is_finite()), "{d:?}");
     }
     cells.clear();
-    cells.resize(SATELLITES * 6 + 5 * flight.debris().len() + 7, f32::NAN);
-    flight.observe_into(cells);
+    // Room for more bodies than there are.
+    let bodies = flight.debris().len() + 7;
+    cells.resize(SATELLITES * 6 + 5 * bodies, f32::NAN);
+    flight.observe_into(cells, bodies);
     prop_assert!(cells.iter().all(|v| v.is_finite()));
     cells.clear();
     cells.resize(tracks.total(), f32::NAN);
