@@ -83,7 +83,9 @@ fn second_core(one: &rayon::ThreadPool, two: &rayon::ThreadPool) -> anyhow::Resu
     let params = [("debris", 50.0)];
     let mut alone = Flying::new("kessler/survival", &params, 4 * ENVS, BURN)?;
     let mut shared = Flying::new("kessler/survival", &params, 4 * ENVS, BURN)?;
-    let rates = race(&mut [&mut || one.install(|| alone.step()), &mut || two.install(|| shared.step())])?;
+    let rates = race(&mut [&mut || one.install(|| alone.step()).map(|()| 4 * ENVS), &mut || {
+        two.install(|| shared.step()).map(|()| 4 * ENVS)
+    }])?;
     Ok(Row {
         what: format!("kessler batch of {}, 50 debris, two cores beside one", 4 * ENVS),
         measured: format!("{:.2} of {:.2} M steps/s", rates[1] / 1e6, rates[0] / 1e6),
