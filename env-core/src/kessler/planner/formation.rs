@@ -1,8 +1,10 @@
 //! Keeping a triangle. The law is deadbeat (a burn moves the next place by itself, since `p += v` comes last): foresee
 //! where the three will be without a burn, lay the nearest triangle of the right side over that, and burn by what is
 //! missing. Only the shape is kept: where the triangle goes and how it turns is left to nature, which costs least. The
-//! planner searches the law's few gains, and sidesteps where somebody is hit.
+//! planner searches the law's few gains, how far to look ahead for debris, and sidesteps where somebody is hit all the
+//! same.
 
+use super::ahead::LookAhead;
 use super::judge::judge;
 use super::panel::PANEL;
 use super::table::{Path, Table};
@@ -117,19 +119,21 @@ pub(super) fn search(
     let mut search = Search { setup, seed, table, holds, best: planned, worth: 0.0, trial };
     search.worth = search.worth_of(&search.best);
     let mut gains = Keeping::STEADY;
-    search.fly(&gains, None);
+    let mut look = LookAhead::STEADY;
+    search.fly(&gains, &look, None);
     search.keep_if_better();
     for number in 0..RANDOM + LOCAL {
         let next = if number < RANDOM { anywhere(chance) } else { around(gains, chance) };
-        search.fly(&next, None);
+        let watch = lookout(chance);
+        search.fly(&next, &watch, None);
         if search.keep_if_better() {
-            gains = next;
+            (gains, look) = (next, watch);
         }
     }
     for _ in 0..SIDESTEPS {
         let Some(threat) = search.threat(chance) else { break };
         let sidestep = aside(threat, chance);
-        search.fly(&gains, Some(sidestep));
+        search.fly(&gains, &look, Some(sidestep));
         search.keep_if_better();
     }
     search.best
@@ -143,6 +147,13 @@ fn anywhere(chance: &mut Seeded) -> Keeping {
         tolerance: draw(0.0, 4.0) * draw(0.0, 1.0),
         until: if draw(0.0, 1.0) < 0.6 { HORIZON } else { draw(20.0, 50.0) as u32 },
     }
+}
+
+/// With hindsight it pays to look farther, and to act sooner or later.
+fn lookout(chance: &mut Seeded) -> LookAhead {
+    let mut draw = |low: f64, high: f64| chance.between(Stream::Planner, low, high);
+    let act_within = draw(2.0, 14.0) as u32;
+    LookAhead { steps: act_within + draw(2.0, 10.0) as u32, act_within, margin: draw(1.0, 2.0) }
 }
 
 fn around(near: Keeping, chance: &mut Seeded) -> Keeping {
@@ -166,8 +177,8 @@ fn aside((satellite, lost): (usize, u32), chance: &mut Seeded) -> Sidestep {
 }
 
 impl Search<'_> {
-    /// Flies the law, with an optional sidestep, into `trial`.
-    fn fly(&mut self, gains: &Keeping, sidestep: Option<Sidestep>) {
+    /// Flies the law, dodging what comes, with an optional sidestep, into `trial`.
+    fn fly(&mut self, gains: &Keeping, look: &LookAhead, sidestep: Option<Sidestep>) {
         for (path, hold) in self.trial.iter_mut().zip(self.holds) {
             path.branch(hold, 1);
         }
@@ -189,7 +200,10 @@ impl Search<'_> {
                     Some(s) if s.step < step && step < s.until => (0.0, 0.0),
                     _ => burns[i],
                 };
-                path.advance(self.table, step, affordable(dvx, dvy, path.fuel[t - 1]));
+                let fuel = path.fuel[t - 1];
+                let planned = affordable(dvx, dvy, fuel);
+                let burn = look.dodge(path.bodies[t - 1], fuel, planned, self.table, t - 1);
+                path.advance(self.table, step, burn);
             }
         }
     }

@@ -3,6 +3,7 @@
 //! It works with hindsight: it knows rogues to come and debris no radar sees. What it earns is a lower bound on the
 //! best, never the best.
 
+pub(in crate::kessler) mod ahead;
 mod avoid;
 pub(in crate::kessler) mod formation;
 pub(in crate::kessler) mod judge;

@@ -24,6 +24,7 @@ pub(crate) struct Burn {
 /// Where all debris is after every step.
 pub(crate) struct Table {
     n: usize,
+    rows: usize,
     x: Vec<f64>,
     y: Vec<f64>,
     /// Velocities, where contact asks for them.
@@ -43,7 +44,8 @@ impl Table {
         let n = debris.len() + rogues.len();
         let room = || Vec::with_capacity(n * (steps as usize + 1));
         let moving = || if physics.contact == Contact::EndOfStep { Vec::new() } else { room() };
-        let mut table = Self { n, x: room(), y: room(), vx: moving(), vy: moving(), physics };
+        let mut table =
+            Self { n, rows: steps as usize + 1, x: room(), y: room(), vx: moving(), vy: moving(), physics };
         let mut now = Columns::with_room(n);
         debris.iter().for_each(|body| now.push(*body));
         rogues.iter().for_each(|_| now.push(ABSENT));
@@ -74,13 +76,23 @@ impl Table {
         }
     }
 
+    /// How many points of time there are, the start included.
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
     /// Whether anything touches this place after `step`.
     pub(crate) fn touched(&self, step: usize, px: f64, py: f64) -> bool {
+        self.nearer(step, px, py, CONTACT_2)
+    }
+
+    /// Whether anything is nearer to this place than `limit`, squared, after `step`.
+    pub(crate) fn nearer(&self, step: usize, px: f64, py: f64, limit: f64) -> bool {
         let at = step * self.n..(step + 1) * self.n;
         let (x, y) = (&self.x[at.clone()], &self.y[at]);
         let mut any = 0u64;
         for i in 0..x.len() {
-            any |= u64::from(distance_2(px, py, x[i], y[i]) < CONTACT_2);
+            any |= u64::from(distance_2(px, py, x[i], y[i]) < limit);
         }
         any != 0
     }
