@@ -192,7 +192,7 @@ fn whose_task_and_seed_are_none() {
     scenario is "kessler/survival", but must be an object
     task is missing: a task's id, as kessler/survival
     task is 1, but must be a task's id, as kessler/survival
-    task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation
+    task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent
     seed is missing: a whole number below 2^53
     seed is -1, but must be a whole number below 2^53
     seed is 1.5, but must be a whole number below 2^53
