@@ -59,11 +59,10 @@ impl Row {
         }
         let before = [&before.x[..], &before.y, &before.vx, &before.vy];
         let (x, y, vx, vy) = (&mut self.x[..], &mut self.y[..], &mut self.vx[..], &mut self.vy[..]);
+        let upstream = physics.upstream;
         match physics.gravity {
-            Gravity::Point => {
-                arch.dispatch(Coast::<false> { x, y, vx, vy, before, upstream: physics.upstream })
-            }
-            Gravity::J2 => arch.dispatch(Coast::<true> { x, y, vx, vy, before, upstream: physics.upstream }),
+            Gravity::Point => arch.dispatch(Coast::<false> { x, y, vx, vy, before, upstream }),
+            Gravity::J2 => arch.dispatch(Coast::<true> { x, y, vx, vy, before, upstream }),
         }
     }
 }
