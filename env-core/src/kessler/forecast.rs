@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::constants::EARTH_RADIUS_2;
 use super::debris::{ABSENT, Debris};
@@ -49,24 +49,50 @@ impl Row {
         }
     }
 
-    /// One step after `before`, without a branch per body, so that it vectorises.
-    #[inline(always)]
-    fn follow<const OBLATE: bool>(&mut self, before: &Self, upstream: bool) {
+    /// One step after `before`.
+    fn follow(&mut self, before: &Self, physics: Physics, arch: Arch) {
         let n = before.x.len();
         for (mine, theirs) in self.columns().into_iter().zip([&before.x, &before.y, &before.vx, &before.vy]) {
             mine.clear();
             mine.reserve(theirs.capacity());
             mine.resize(n, 0.0);
         }
-        let (bx, by, bvx, bvy) = (&before.x[..n], &before.y[..n], &before.vx[..n], &before.vy[..n]);
-        let (x, y) = (&mut self.x[..n], &mut self.y[..n]);
+        let before = [&before.x[..], &before.y, &before.vx, &before.vy];
+        let (x, y, vx, vy) = (&mut self.x[..], &mut self.y[..], &mut self.vx[..], &mut self.vy[..]);
+        let upstream = physics.upstream;
+        match physics.gravity {
+            Gravity::Point => arch.dispatch(Coast::<false> { x, y, vx, vy, before, upstream }),
+            Gravity::J2 => arch.dispatch(Coast::<true> { x, y, vx, vy, before, upstream }),
+        }
+    }
+}
+
+/// One step of everything, without a branch per body, so that it vectorises. A type of its own, since a closure is not
+/// compiled for the vectors that [`Arch`] finds.
+struct Coast<'a, const OBLATE: bool> {
+    x: &'a mut [f64],
+    y: &'a mut [f64],
+    vx: &'a mut [f64],
+    vy: &'a mut [f64],
+    before: [&'a [f64]; 4],
+    upstream: bool,
+}
+
+impl<const OBLATE: bool> WithSimd for Coast<'_, OBLATE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.x.len();
+        let (x, y) = (self.x, &mut self.y[..n]);
         let (vx, vy) = (&mut self.vx[..n], &mut self.vy[..n]);
+        let [bx, by, bvx, bvy] = self.before.map(|column| &column[..n]);
         for i in 0..n {
             let mut body = Body { x: bx[i], y: by[i], vx: bvx[i], vy: bvy[i] };
             let inside = body.radius_2() < EARTH_RADIUS_2;
             coast::<OBLATE>(&mut body.x, &mut body.y, &mut body.vx, &mut body.vy);
             // As `debris_moved` has it: gone, or frozen.
-            let (gone_x, gone_y) = if upstream { (bx[i], by[i]) } else { (ABSENT.x, ABSENT.y) };
+            let (gone_x, gone_y) = if self.upstream { (bx[i], by[i]) } else { (ABSENT.x, ABSENT.y) };
             x[i] = if inside { gone_x } else { body.x };
             y[i] = if inside { gone_y } else { body.y };
             vx[i] = if inside { 0.0 } else { body.vx };
@@ -120,14 +146,7 @@ impl Forecast {
 
     fn extend(&mut self, step: usize) {
         let mut row = std::mem::take(&mut self.rows[step]);
-        let (before, upstream) = (&self.rows[step - 1], self.physics.upstream);
-        self.arch.dispatch(
-            #[inline(always)]
-            || match self.physics.gravity {
-                Gravity::Point => row.follow::<false>(before, upstream),
-                Gravity::J2 => row.follow::<true>(before, upstream),
-            },
-        );
+        row.follow(&self.rows[step - 1], self.physics, self.arch);
         self.rows[step] = row;
     }
 
@@ -150,27 +169,45 @@ impl Forecast {
                 break;
             }
             body = body.coasted(self.physics.gravity);
-            let start = f64::from(step);
-            self.arch.dispatch(
-                #[inline(always)]
-                || pass(row, &body, start, found),
-            );
+            self.arch.dispatch(Approaches {
+                distance_2: &mut found.distance_2,
+                time: &mut found.time,
+                debris: [&row.x, &row.y, &row.vx, &row.vy],
+                satellite: body,
+                end: f64::from(step),
+            });
         }
     }
 }
 
-/// One step's closest approaches, without a branch per body, so that it vectorises.
-#[inline(always)]
-fn pass(row: &Row, s: &Body, end: f64, found: &mut Nearest) {
-    let n = found.distance_2.len();
-    let (x, y, vx, vy) = (&row.x[..n], &row.y[..n], &row.vx[..n], &row.vy[..n]);
-    let (distance_2, time) = (&mut found.distance_2[..n], &mut found.time[..n]);
-    for i in 0..n {
-        let (dx, dy) = (s.x - x[i], s.y - y[i]);
-        let (wx, wy) = (s.vx - vx[i], s.vy - vy[i]);
-        let near = swept_2(dx, dy, wx, wy);
-        let nearer = near < distance_2[i];
-        distance_2[i] = if nearer { near } else { distance_2[i] };
-        time[i] = if nearer { end - time_back(dx, dy, wx, wy) } else { time[i] };
+/// One step's closest approaches to a satellite, as [`Coast`] is made.
+struct Approaches<'a> {
+    distance_2: &'a mut [f64],
+    time: &'a mut [f64],
+    debris: [&'a [f64]; 4],
+    /// At the end of the step.
+    satellite: Body,
+    /// When that is, TU from now.
+    end: f64,
+}
+
+impl WithSimd for Approaches<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.distance_2.len();
+        let (distance_2, time) = (self.distance_2, &mut self.time[..n]);
+        let [x, y, vx, vy] = self.debris.map(|column| &column[..n]);
+        let s = self.satellite;
+        for i in 0..n {
+            let (dx, dy) = (s.x - x[i], s.y - y[i]);
+            let (wx, wy) = (s.vx - vx[i], s.vy - vy[i]);
+            let near = swept_2(dx, dy, wx, wy);
+            let at = self.end - time_back(dx, dy, wx, wy);
+            let nearer = near < distance_2[i];
+            distance_2[i] = if nearer { near } else { distance_2[i] };
+            time[i] = if nearer { at } else { time[i] };
+        }
     }
 }

@@ -26,7 +26,7 @@ fn all(table: &[&[(&str, Value)]]) -> String {
     table.iter().map(|changes| said(changes) + "\n").collect()
 }
 
-fn with_bodies(table: &str, rows: Value) -> Value {
+fn with_bodies(table: &str, rows: &Value) -> Value {
     json!({"mode": "extend", "bodies": {table: rows}})
 }
 
@@ -114,7 +114,7 @@ fn options_unknown_or_contradictory() {
 #[test]
 fn layouts_that_cannot_be() {
     let far = vec![json!([500, 0, 0, 1]); MAX_LAYOUT_ROWS + 1];
-    let bodies = |table, rows| [("layout", with_bodies(table, rows))];
+    let bodies = |table, rows| [("layout", with_bodies(table, &rows))];
     let replaced = |count: u32, rows: Value| {
         [("params.debris", json!(count)), ("layout", json!({"mode": "replace", "bodies": {"debris": rows}}))]
     };

@@ -75,7 +75,7 @@ fn come_true(scenario: &Scenario, now: u32) -> usize {
                 (None, None) => {}
                 // At the very start a bend counts if they were approaching before, which positions alone do not say.
                 (None, Some(row)) => {
-                    assert!(row.time_to_closest_approach == 0.0, "{row:?} did not come true")
+                    assert_eq!(row.time_to_closest_approach, 0.0, "{row:?} did not come true");
                 }
                 (Some(found), None) => panic!("{number} and {id}: {found:?} was not foretold"),
                 (Some((time, miss, speed)), Some(row)) => {
