@@ -48,11 +48,11 @@ impl Episode for DockingEpisode {
         (self.rewards, self.reward) = (stepped.rewards, stepped.reward);
         self.seen = OnceCell::new();
         report.agents.clear();
-        for (i, reward) in stepped.rewards.iter().enumerate().take(self.flight.deputies()) {
+        for (i, (deputy, reward)) in self.flight.deputies().iter().zip(stepped.rewards).enumerate() {
             if !stepped.live_before[i] {
                 continue;
             }
-            let ends = self.flight.ends(i);
+            let ends = deputy.ends;
             report.agents.push(AgentReport {
                 agent: i as u32,
                 reward: reward.total(),

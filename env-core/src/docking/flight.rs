@@ -4,12 +4,12 @@
 use serde::Serialize;
 
 use super::constants::{
-    COLLISION_DISTANCE_M, DOCKING_RADIUS_M, MAX_DEPUTIES, MAX_DISTANCE_M, OBSERVATION, POSITION_SCALE_M,
-    SATURATION, STEP_S, VELOCITY_SCALE_M_S,
+    COLLISION_DISTANCE_M, MAX_DEPUTIES, OBSERVATION, POSITION_SCALE_M, VELOCITY_SCALE_M_S,
 };
+use super::deputy::Deputy;
 use super::event::Event;
 use super::relative::{State, Step, distance, limit_line, separation, speed, speed_limit};
-use super::reward::{FAILED, Reward, approach, delta_v, docking, nearness, thrusting, violation};
+use super::reward::Reward;
 use super::setup::{Setup, Start};
 use crate::bracket::Flown;
 use crate::error::StepError;
@@ -95,12 +95,8 @@ pub struct Stepped {
 pub struct Flight {
     setup: Setup,
     law: &'static Step,
-    deputies: usize,
-    states: [State; MAX_DEPUTIES],
-    ends: [Ends; MAX_DEPUTIES],
-    nearness: [f64; MAX_DEPUTIES],
-    velocity_sum: [f64; MAX_DEPUTIES],
-    returns: [f64; MAX_DEPUTIES],
+    count: usize,
+    deputies: [Deputy; MAX_DEPUTIES],
     step: u32,
     total: f64,
     delta_v: f64,
@@ -118,12 +114,8 @@ impl Flight {
         let mut flight = Self {
             setup,
             law: Step::one(),
-            deputies: 0,
-            states: [[0.0; 6]; MAX_DEPUTIES],
-            ends: [Ends::default(); MAX_DEPUTIES],
-            nearness: [0.0; MAX_DEPUTIES],
-            velocity_sum: [0.0; MAX_DEPUTIES],
-            returns: [0.0; MAX_DEPUTIES],
+            count: 0,
+            deputies: [Deputy::default(); MAX_DEPUTIES],
             step: 0,
             total: 0.0,
             delta_v: 0.0,
@@ -136,12 +128,8 @@ impl Flight {
 
     /// Starts over from `start`, keeping the memory.
     pub fn restart(&mut self, start: &Start) {
-        self.deputies = start.deputies.clamp(1, MAX_DEPUTIES);
-        self.states = start.states;
-        self.ends = [Ends::default(); MAX_DEPUTIES];
-        self.nearness = [0.0; MAX_DEPUTIES];
-        self.velocity_sum = [0.0; MAX_DEPUTIES];
-        self.returns = [0.0; MAX_DEPUTIES];
+        self.count = start.deputies.clamp(1, MAX_DEPUTIES);
+        self.deputies = start.states.map(Deputy::at);
         self.step = 0;
         self.total = 0.0;
         self.delta_v = 0.0;
@@ -178,8 +166,8 @@ impl Flight {
             return Err(StepError::Shape { values: action.values.len(), entries, dim: 3 });
         }
         for (&agent, values) in action.agents.iter().zip(action.values.chunks_exact(3)) {
-            if agent as usize >= self.deputies {
-                return Err(StepError::UnknownAgent { agent, last: self.deputies as u32 - 1 });
+            if agent as usize >= self.count {
+                return Err(StepError::UnknownAgent { agent, last: self.count as u32 - 1 });
             }
             if !values.iter().all(|v| v.is_finite()) {
                 return Err(StepError::NotFinite { agent });
@@ -202,87 +190,44 @@ impl Flight {
         }
         self.step += 1;
         self.events.clear();
+        let mut sum = 0.0;
         for (i, thrust) in thrusts.into_iter().enumerate() {
             if stepped.live_before[i] {
-                stepped.rewards[i] = self.move_one(i, thrust);
+                let moved = self.deputies[i].fly(self.law, &self.setup, self.step, thrust);
+                stepped.rewards[i] = moved.reward;
+                self.delta_v += moved.delta_v;
+                sum += moved.reward.total();
+                if !self.deputies[i].flies() {
+                    self.tell(i);
+                }
             }
         }
-        if self.deputies > 1 {
+        if self.count > 1 {
             self.collide();
         }
-        let mut sum = 0.0;
-        for i in 0..self.deputies {
-            let reward = stepped.rewards[i].total();
-            self.returns[i] += reward;
-            sum += reward;
-        }
-        stepped.reward = sum / self.deputies as f64;
+        stepped.reward = sum / self.count as f64;
         self.total += stepped.reward;
-        self.done = (0..self.deputies).all(|i| self.ends[i].any());
+        self.done = !self.deputies().iter().any(Deputy::flies);
         stepped.done = self.done;
         stepped
     }
 
-    /// Thrust, motion, ends and reward of one deputy.
-    #[inline]
-    fn move_one(&mut self, i: usize, thrust: [f64; 3]) -> Reward {
-        let bound = self.setup.thrust_bound;
-        let thrust = thrust.map(|axis| axis.clamp(-bound, bound));
-        let state = self.law.advance(&self.states[i], thrust);
-        self.states[i] = state;
-        let (d, v) = (distance(&state), speed(&state));
-        let limit = speed_limit(d);
-        let time = f64::from(self.step) * STEP_S;
-
-        let change = delta_v(thrust);
-        self.delta_v += change;
-        let near = nearness(d);
-        let mut reward = Reward {
-            distance: if self.step == 1 { 0.0 } else { approach(self.nearness[i], near) },
-            delta_v: thrusting(change),
-            velocity: violation(v, limit),
-            ..Reward::default()
-        };
-        self.nearness[i] = near;
-        self.velocity_sum[i] += reward.velocity;
-
-        let inside = d <= DOCKING_RADIUS_M;
-        let ends = Ends {
-            timeout: self.step >= self.setup.time_limit,
-            out_of_bounds: d > MAX_DISTANCE_M,
-            crash: inside && v > limit,
-            docked: inside && v <= limit,
-            saturated: self.velocity_sum[i] <= SATURATION,
-            collision: false,
-        };
-        if ends.any() {
-            self.ends[i] = ends;
-            if ends.docked {
-                reward.success = docking(time, f64::from(self.setup.time_limit) * STEP_S);
-            }
-            if ends.timeout || ends.out_of_bounds || ends.crash {
-                reward.failure = FAILED;
-            }
-            self.tell(i, ends, d, v, limit);
-        }
-        reward
-    }
-
     /// The events of a deputy that leaves.
     #[cold]
-    fn tell(&mut self, i: usize, ends: Ends, distance: f64, speed: f64, limit: f64) {
-        let deputy = i as u32;
+    fn tell(&mut self, i: usize) {
+        let Deputy { state, velocity_sum, ends, .. } = self.deputies[i];
+        let (deputy, distance, speed) = (i as u32, distance(&state), speed(&state));
         if ends.docked {
             self.events.push(Event::Docked { deputy, speed });
         }
         if ends.crash {
-            self.events.push(Event::Crashed { deputy, speed, limit });
+            self.events.push(Event::Crashed { deputy, speed, limit: speed_limit(distance) });
         }
         if ends.out_of_bounds {
             self.events.push(Event::OutOfBounds { deputy, distance });
         }
         if ends.saturated {
-            self.events.push(Event::Saturated { deputy, sum: self.velocity_sum[i] });
+            self.events.push(Event::Saturated { deputy, sum: velocity_sum });
         }
         if ends.timeout && !ends.docked {
             self.events.push(Event::TimedOut { deputy, distance });
@@ -292,12 +237,13 @@ impl Flight {
     /// Among deputies that have not left, also not in this step: two too close end the episode for all of them.
     fn collide(&mut self) {
         let mut collided = false;
-        for i in 0..self.deputies {
-            for j in i + 1..self.deputies {
-                if self.ends[i].any() || self.ends[j].any() {
+        for i in 0..self.count {
+            for j in i + 1..self.count {
+                let (a, b) = (&self.deputies[i], &self.deputies[j]);
+                if !(a.flies() && b.flies()) {
                     continue;
                 }
-                let apart = separation(&self.states[i], &self.states[j]);
+                let apart = separation(&a.state, &b.state);
                 if apart < COLLISION_DISTANCE_M {
                     collided = true;
                     let (first, second) = (i as u32, j as u32);
@@ -306,8 +252,8 @@ impl Flight {
             }
         }
         if collided {
-            for ends in self.ends[..self.deputies].iter_mut().filter(|ends| !ends.any()) {
-                ends.collision = true;
+            for deputy in self.deputies[..self.count].iter_mut().filter(|deputy| deputy.flies()) {
+                deputy.ends.collision = true;
             }
         }
     }
@@ -317,9 +263,9 @@ impl Flight {
     /// fit is left out, what is left of the buffer is zeroed.
     pub fn observe_into(&self, out: &mut [f32]) {
         let mut rows = out.chunks_mut(OBSERVATION);
-        for state in &self.states[..self.deputies] {
+        for deputy in self.deputies() {
             let Some(row) = rows.next() else { return };
-            let seen = observe(state);
+            let seen = observe(&deputy.state);
             row.copy_from_slice(&seen[..row.len()]);
         }
         rows.for_each(|row| row.fill(0.0));
@@ -328,43 +274,19 @@ impl Flight {
     /// Which deputies fly.
     #[must_use]
     pub fn live(&self) -> [bool; MAX_DEPUTIES] {
-        std::array::from_fn(|i| i < self.deputies && !self.ends[i].any())
+        std::array::from_fn(|i| i < self.count && self.deputies[i].flies())
     }
 
-    /// Deputies at the start.
+    /// The deputies; those that have left stay as they left.
     #[must_use]
-    pub const fn deputies(&self) -> usize {
-        self.deputies
-    }
-
-    /// Positions and velocities; those of deputies that have left stay where they left.
-    #[must_use]
-    pub fn states(&self) -> &[State] {
-        &self.states[..self.deputies]
-    }
-
-    /// By which rules a deputy has left.
-    #[must_use]
-    pub const fn ends(&self, deputy: usize) -> Ends {
-        self.ends[deputy]
+    pub fn deputies(&self) -> &[Deputy] {
+        &self.deputies[..self.count]
     }
 
     /// What became of a deputy.
     #[must_use]
-    pub const fn status(&self, deputy: usize) -> Status {
-        self.ends[deputy].status()
-    }
-
-    /// The rewards of each deputy so far, added up.
-    #[must_use]
-    pub fn returns(&self) -> &[f64] {
-        &self.returns[..self.deputies]
-    }
-
-    /// The velocity rewards of each deputy so far, added up.
-    #[must_use]
-    pub fn velocity_sums(&self) -> &[f64] {
-        &self.velocity_sum[..self.deputies]
+    pub fn status(&self, deputy: usize) -> Status {
+        self.deputies[deputy].ends.status()
     }
 
     /// What happened in the last step.
@@ -404,12 +326,12 @@ impl Flight {
         let mut put = |value: f64| {
             hasher.update(&value.to_bits().to_le_bytes());
         };
-        for i in 0..self.deputies {
-            self.states[i].iter().for_each(|&value| put(value));
-            put(f64::from(self.ends[i].status() as u8));
-            put(self.nearness[i]);
-            put(self.velocity_sum[i]);
-            put(self.returns[i]);
+        for deputy in self.deputies() {
+            deputy.state.iter().for_each(|&value| put(value));
+            put(f64::from(deputy.ends.status() as u8));
+            put(deputy.nearness);
+            put(deputy.velocity_sum);
+            put(deputy.earned);
         }
         put(f64::from(self.step));
         put(self.total);
@@ -422,7 +344,7 @@ impl Flight {
     #[must_use]
     pub fn flown(&self) -> Flown {
         let count = |wanted: fn(Status) -> bool| {
-            self.ends[..self.deputies].iter().filter(|ends| wanted(ends.status())).count()
+            self.deputies().iter().filter(|deputy| wanted(deputy.ends.status())).count()
         };
         let docked = count(|status| status == Status::Docked);
         let left = count(|status| status != Status::Active);
@@ -431,7 +353,7 @@ impl Flight {
             total: self.total,
             steps: self.step,
             lost: (left - docked) as u32,
-            goal: Some(docked as f64 / self.deputies as f64),
+            goal: Some(docked as f64 / self.count as f64),
             fuel_used: self.delta_v,
         }
     }

@@ -103,7 +103,7 @@ impl Flight {
     /// What the agents see. `rewards` are those of the last step, by deputy, `reward` the team's.
     #[must_use]
     pub fn telemetry(&self, rewards: &[Reward], reward: f64) -> Telemetry {
-        let deputies: Vec<DeputyTelemetry> = (0..self.deputies())
+        let deputies: Vec<DeputyTelemetry> = (0..self.deputies().len())
             .map(|i| self.deputy_telemetry(i, rewards.get(i).copied().unwrap_or_default()))
             .collect();
         let mut critical_alerts: Vec<String> = self.events().iter().map(Event::alert).collect();
@@ -128,7 +128,8 @@ impl Flight {
     }
 
     fn deputy_telemetry(&self, i: usize, reward: Reward) -> DeputyTelemetry {
-        let state = &self.states()[i];
+        let deputy = &self.deputies()[i];
+        let state = &deputy.state;
         let [x, y, z, vx, vy, vz] = *state;
         let distance = distance(state);
         DeputyTelemetry {
@@ -145,22 +146,22 @@ impl Flight {
             speed_limit: speed_limit(distance),
             observation: observe(state),
             nearest: self.nearest(i),
-            velocity_penalty: self.velocity_sums()[i],
+            velocity_penalty: deputy.velocity_sum,
             reward,
-            total_reward: self.returns()[i],
+            total_reward: deputy.earned,
         }
     }
 
     /// The nearest other deputy that flies.
     fn nearest(&self, i: usize) -> Option<Nearest> {
-        let state = &self.states()[i];
-        let others = self.states().iter().enumerate();
+        let state = &self.deputies()[i].state;
+        let others = self.deputies().iter().enumerate();
         others
-            .filter(|(j, _)| *j != i && self.status(*j) == Status::Active)
+            .filter(|(j, other)| *j != i && other.flies())
             .map(|(j, other)| Nearest {
                 id: j as u32,
-                distance: separation(state, other),
-                relative_speed: relative_speed(state, other),
+                distance: separation(state, &other.state),
+                relative_speed: relative_speed(state, &other.state),
             })
             .min_by(|a, b| a.distance.total_cmp(&b.distance))
     }

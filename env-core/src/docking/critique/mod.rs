@@ -1,6 +1,14 @@
-//! What an episode of docking shows.
+//! What an episode of docking shows: why each deputy that did not dock was lost, what its thrusts were worth, and the
+//! judge's word.
 
-use crate::critique::{Critique, Judged, ModeSpec, SpeedBands};
+mod arcs;
+mod collision;
+mod failures;
+mod flown;
+mod judge;
+
+use self::flown::Course;
+use crate::critique::{Critique, ModeSpec, SpeedBands};
 use crate::log::ActionLog;
 use crate::rollout::ReplayError;
 use crate::scenario::Scenario;
@@ -14,15 +22,11 @@ pub(super) static MODES: [ModeSpec; 5] = [
     ModeSpec { name: "timeout", about: "a deputy had not docked when time ran out" },
 ];
 
-/// How relative speeds are sorted.
+/// How relative speeds are sorted: docking is allowed up to 0.2 m/s.
 pub(super) const SPEED_BANDS: SpeedBands = SpeedBands { edges: &[0.1, 0.2, 0.4, 0.8], unit: "m/s" };
 
 /// What an episode shows.
 pub(super) fn critique(scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {
-    crate::rollout::replay(scenario, log)?;
-    Ok(Critique {
-        failures: Vec::new(),
-        actions: Vec::new(),
-        judged: Judged { value: 0.0, case: "no_action_needed", words: String::new() },
-    })
+    let course = Course::fly(scenario, log)?;
+    Ok(Critique { failures: failures::of(&course), actions: arcs::of(&course), judged: judge::of(&course) })
 }

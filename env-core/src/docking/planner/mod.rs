@@ -5,12 +5,12 @@
 //! together; where two collide, one of them takes its next best law, until nobody does. What it earns is a lower bound
 //! on the best, never the best.
 
-mod solo;
+pub(super) mod solo;
 
 use self::solo::{Solo, laws};
 use super::constants::MAX_DEPUTIES;
 use super::event::Event;
-use super::flight::{Flight, Status, Thrusts};
+use super::flight::{Flight, Thrusts};
 use super::setup::{Setup, Start};
 use crate::bracket::{Bracket, Flown};
 use crate::chance::Seeded;
@@ -99,9 +99,9 @@ fn together<'a>(
     let mut log = ActionLog::new(3, Precision::F64);
     while !flight.done() {
         let mut thrusts: Thrusts = [[0.0; 3]; MAX_DEPUTIES];
-        for (i, state) in flight.states().iter().enumerate() {
-            if flight.status(i) == Status::Active {
-                thrusts[i] = law(i).law.thrust(state, bound);
+        for (i, deputy) in flight.deputies().iter().enumerate() {
+            if deputy.flies() {
+                thrusts[i] = law(i).law.thrust(&deputy.state, bound);
                 log.act(i as u32, &thrusts[i]);
             }
         }

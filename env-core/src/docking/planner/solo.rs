@@ -3,9 +3,9 @@
 use std::cmp::Ordering;
 
 use crate::docking::approach::Approach;
-use crate::docking::constants::{DOCKING_RADIUS_M, MASS_KG, MAX_DISTANCE_M, SATURATION};
-use crate::docking::relative::{State, Step, distance, speed, speed_limit};
-use crate::docking::reward::{FAILED, approach, delta_v, docking, nearness, thrusting, violation};
+use crate::docking::constants::MASS_KG;
+use crate::docking::deputy::Deputy;
+use crate::docking::relative::{State, Step};
 use crate::docking::setup::Setup;
 
 /// Wanted speeds over the speed limit. Violating it costs more a second than the second is worth, so the first that
@@ -15,7 +15,7 @@ const FRACTIONS: [f64; 8] = [0.98, 0.94, 0.88, 1.15, 1.4, 1.8, 2.6, 4.0];
 const BRAKING: [f64; 2] = [0.75, 0.4];
 
 /// The laws that are tried, for a thrust bound in N.
-pub(super) fn laws(bound: f64) -> Vec<Approach> {
+pub(in crate::docking) fn laws(bound: f64) -> Vec<Approach> {
     let law = |fraction: f64, share: f64| Approach {
         fraction,
         gain: MASS_KG,
@@ -29,48 +29,28 @@ pub(super) fn laws(bound: f64) -> Vec<Approach> {
 }
 
 /// How one deputy fared by itself under one law.
-pub(super) struct Solo {
-    pub(super) law: Approach,
-    pub(super) docked: bool,
+pub(in crate::docking) struct Solo {
+    pub(in crate::docking) law: Approach,
+    pub(in crate::docking) docked: bool,
     /// The sum of its rewards.
-    pub(super) reward: f64,
+    pub(in crate::docking) reward: f64,
 }
 
 impl Solo {
-    /// Flies it by the rules of the world, leaving collisions out. Nearness is only looked at where it counts: its
-    /// changes add up to last less first.
-    pub(super) fn fly(setup: &Setup, mut state: State, law: Approach) -> Self {
-        let step_law = Step::one();
-        let (mut spent, mut over, mut first) = (0.0, 0.0, 0.0);
-        for step in 1..=setup.time_limit {
-            let thrust = law.thrust(&state, setup.thrust_bound);
-            state = step_law.advance(&state, thrust);
-            let (d, v) = (distance(&state), speed(&state));
-            let limit = speed_limit(d);
-            spent += delta_v(thrust);
-            over += violation(v, limit);
-            if step == 1 {
-                first = nearness(d);
-            }
-            let inside = d <= DOCKING_RADIUS_M;
-            let timeout = step == setup.time_limit;
-            if inside || timeout || d > MAX_DISTANCE_M || over <= SATURATION {
-                let docked = inside && v <= limit;
-                let mut reward = approach(first, nearness(d)) + thrusting(spent) + over;
-                if docked {
-                    reward += docking(f64::from(step), f64::from(setup.time_limit));
-                }
-                if timeout || d > MAX_DISTANCE_M || (inside && !docked) {
-                    reward += FAILED;
-                }
-                return Self { law, docked, reward };
-            }
+    /// Flies it by the rules of the world, from a state as if that were the start; collisions are left out.
+    pub(in crate::docking) fn fly(setup: &Setup, state: State, law: Approach) -> Self {
+        let mut deputy = Deputy::at(state);
+        let mut step = 0;
+        while deputy.flies() {
+            step += 1;
+            let thrust = law.thrust(&deputy.state, setup.thrust_bound);
+            deputy.fly(Step::one(), setup, step, thrust);
         }
-        Self { law, docked: false, reward: FAILED } // cannot be: the time limit is at least one step
+        Self { law, docked: deputy.ends.docked, reward: deputy.earned }
     }
 
     /// Docked first; then the larger reward.
-    pub(super) fn best_first(a: &Self, b: &Self) -> Ordering {
+    pub(in crate::docking) fn best_first(a: &Self, b: &Self) -> Ordering {
         b.docked.cmp(&a.docked).then(b.reward.total_cmp(&a.reward))
     }
 }

@@ -1,6 +1,8 @@
 //! What docking is held to.
 
+mod critique;
 mod levels;
+mod reference;
 
 use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;

@@ -1,0 +1,92 @@
+//! Against the recorded episodes of safe-autonomy-sims.
+
+use std::io::Read;
+
+use serde_json::{Value, json};
+
+use crate::world::Compared;
+
+/// What the issue asks for: states to 1e-9 m and components to 1e-9, since Φ and Γ differ from the recording's only by
+/// rounding (about 1e-16 of 100 m a step, growing with time over up to 2000 steps).
+const TOLERANCE: f64 = 1e-9;
+
+fn recording(packed: &[u8]) -> Value {
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(packed).read_to_string(&mut text).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+fn compare(recording: &Value) -> Compared {
+    let found: Vec<_> = crate::worlds().filter_map(|world| world.compare(recording, TOLERANCE)).collect();
+    assert_eq!(found.len(), 1, "one world knows it");
+    found.into_iter().next().unwrap().unwrap()
+}
+
+fn edge() -> Value {
+    recording(include_bytes!("../../../fixtures/docking-edge.json.gz"))
+}
+
+fn print(name: &str, found: &Compared) {
+    println!("{name}: {} episodes, {} steps", found.episodes, found.steps);
+    for (what, worst) in &found.worst {
+        println!("  {what}: {worst:.2e}");
+    }
+    found.documented.iter().for_each(|why| println!("  {why}"));
+}
+
+#[test]
+fn validate_safe_autonomy_docks() {
+    let found = compare(&recording(include_bytes!("../../../fixtures/docking-docks.json.gz")));
+    print("docks", &found);
+    assert_eq!((found.first, found.documented.len(), found.steps), (None, 0, 524));
+}
+
+#[test]
+fn validate_safe_autonomy_random() {
+    let found = compare(&recording(include_bytes!("../../../fixtures/docking-random.json.gz")));
+    print("random", &found);
+    assert_eq!((found.first, found.documented.len(), found.steps), (None, 0, 512 + 782));
+}
+
+#[test]
+fn validate_safe_autonomy_edge_cases() {
+    let found = compare(&edge());
+    print("edge", &found);
+    assert_eq!((found.first, found.documented.len()), (None, 1));
+}
+
+#[test]
+fn validate_safe_autonomy_timeouts() {
+    let found = compare(&recording(include_bytes!("../../../fixtures/docking-timeout.json.gz")));
+    print("timeout", &found);
+    assert_eq!((found.first, found.documented.len(), found.steps), (None, 1, 16));
+}
+
+/// The comparison can fail: one number, one flag, one reason, one action changed.
+#[test]
+fn a_changed_recording_is_seen() {
+    let changed = |path: &str, value: Value| {
+        let mut recording = edge();
+        *recording.pointer_mut(path).unwrap() = value;
+        let first = compare(&recording).first.unwrap();
+        (first.episode, first.step)
+    };
+    let agent = |rest: &str| format!("/episodes/5/steps/9/agents/blue0_ctrl/{rest}");
+    assert_eq!(changed(&agent("components/DockingVelocityConstraintReward"), json!(-0.05)), (5, 10));
+    assert_eq!(changed(&agent("obs/3"), json!(0.5)), (5, 10));
+    assert_eq!(changed(&agent("done"), json!(true)), (5, 10));
+    assert_eq!(changed(&agent("action/0"), json!(1e-3)), (5, 10));
+    assert_eq!(changed("/episodes/0/steps/0/agents/blue0_ctrl/done_info/0", json!("Timeout")), (0, 1));
+    assert_eq!(changed("/episodes/2/steps/2/all_done", json!(false)), (2, 3));
+    assert_eq!(changed("/episodes/4/init_state/blue0_ctrl/1", json!(2e-9)).0, 4);
+}
+
+#[test]
+fn a_recording_that_is_none_is_a_typed_error() {
+    let wrong = json!({"episodes": [{"init_state": {}, "steps": [{"agents": {}}]}]});
+    assert!(crate::world("docking").unwrap().compare(&wrong, TOLERANCE).unwrap().is_err());
+    let mut short = recording(include_bytes!("../../../fixtures/docking-timeout.json.gz"));
+    short["episodes"][0]["note"] = Value::Null;
+    let error = crate::world("docking").unwrap().compare(&short, TOLERANCE).unwrap().unwrap_err();
+    assert_eq!(error.to_string(), "episode 0: it lists 8 of 2000 steps, and does not say which");
+}
