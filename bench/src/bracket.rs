@@ -14,11 +14,12 @@ type Cell = (&'static str, &'static [(&'static str, f64)], f64);
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    let cells: [Cell; 4] = [
+    let cells: [Cell; 5] = [
         ("kessler/survival", &[("debris", 50.0)], 0.5),
         ("kessler/survival", &[("debris", 50.0), ("spread", 1.0), ("fuel", 20.0)], 0.5),
         ("kessler/eco_station", &[("debris", 50.0)], 0.5),
         ("kessler/rendezvous", &[("debris", 50.0)], 5.0),
+        ("docking/multiagent", &[("deputies", 3.0)], 5.0),
     ];
     for (task, params, goal_ms) in cells {
         let spec = env_core::task(task).ok_or_else(|| anyhow::anyhow!("{task} is gone"))?;

@@ -315,10 +315,11 @@ mod tests {
             tell(short.path()),
         ].join("\n"), @r"
         it cannot be read: No such file or directory (os error 2)
-        it is not a recording: EOF while parsing an object at line 1 column 1
+        it is not JSON: EOF while parsing an object at line 1 column 1
         it holds no episodes
         it cannot be unpacked: unexpected end of file
-        it is not a recording: invalid type: integer `5`, expected a sequence at line 1 column 14
+        it is not a recording of a world known here (kessler, docking)
+        it is not a recording of a world known here (kessler, docking)
         episode 1: step 5 does not have 3 satellites
         episode 1: it has no steps
         ");

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::PossibleValuesParser;
-use env_core::{Recipe, TaskSpec};
+use env_core::{Recipe, TaskSpec, World};
 
 use self::http::{HttpFeed, RunWish};
 use self::show::Screen;
@@ -67,22 +67,33 @@ pub struct Args {
 
 /// Episodes of a run of the shortest tasks.
 const MOST_EPISODES: usize = 60_000;
-/// Steps that the episodes of longer tasks may have together, at their horizons.
+/// Steps that the episodes of longer tasks may have together, if all came to their horizons.
 const STEPS: usize = 6_000_000;
 /// Fewer than this show nothing: a level takes two blocks of 32 contested scenarios, 12 episodes each.
-const FEWEST_EPISODES: usize = 12_000;
+const FEWEST_EPISODES: usize = 20_000;
 
 fn after_help() -> String {
     format!(
         "\
-Controls: {}.
+Controls:
+{}
 
-Episodes, unless told: {STEPS} steps at the longest horizon of the tasks, but {FEWEST_EPISODES} at least and \
-{MOST_EPISODES} at most.
+Episodes, unless told: {STEPS} steps' worth at the longest horizon of the tasks, but at least {FEWEST_EPISODES} and at \
+most {MOST_EPISODES}: {}.
 
 {AFTER_HELP}",
-        worlds::policies_in_words(&["hold", "blind", "frozen"])
+        worlds::policies_in_words(&["hold", "blind", "frozen"]),
+        episodes_in_words()
     )
+}
+
+/// How many episodes each world's tasks get, for people.
+fn episodes_in_words() -> String {
+    let world = |world: &'static dyn World| {
+        let tasks: Vec<String> = world.tasks().iter().map(|task| task.id().to_owned()).collect();
+        format!("{} for {}", usual_episodes(&tasks), world.name())
+    };
+    env_core::worlds().map(world).collect::<Vec<_>>().join(", ")
 }
 
 const AFTER_HELP: &str = "\

@@ -7,7 +7,7 @@ use comfy_table::{Cell, ColumnConstraint, Table};
 use env_core::space::Harder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::super::output;
+use super::super::{output, worlds};
 use super::feed::TaskMastery;
 use super::train::{Moved, Progress, Watch};
 use super::trainee::Trainee;
@@ -165,7 +165,7 @@ fn params(task: &TaskMastery) -> String {
     let told = harder.filter_map(|param| {
         let value = *task.params.get(param.name)?;
         let easiest = if param.harder == Harder::Down { param.max } else { param.min };
-        (value != easiest).then(|| format!("{} {value}", param.name.replace('_', " ")))
+        (value != easiest).then(|| worlds::param_in_words(param, &value.to_string()))
     });
     told.collect::<Vec<_>>().join(", ")
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use env_core::reflex::Meaning;
 use serde::Serialize;
 
+use super::super::worlds;
 use super::feed::{Posterior, TaskMastery};
 use super::show::{rate, share, table};
 use super::train::{Moved, Progress};
@@ -214,8 +215,10 @@ fn harder(task: &str, level: u32) -> String {
     let levels = spec.levels();
     let rows = levels.params(below as usize).zip(levels.params(level as usize));
     let changed = rows.filter(|(before, now)| before.1 != now.1);
-    let told =
-        changed.map(|((name, before), (_, now))| format!("{} {before} → {now}", name.replace('_', " ")));
+    let told = changed.filter_map(|((name, before), (_, now))| {
+        let param = spec.params().iter().find(|param| param.name == name)?;
+        Some(worlds::param_in_words(param, &format!("{before} → {now}")))
+    });
     told.collect::<Vec<_>>().join(", ")
 }
 
@@ -307,5 +310,6 @@ mod tests {
         assert_eq!(harder("kessler/survival", 0), "");
         assert_eq!(harder("kessler/survival", 5), "fuel 10 → 5");
         assert_eq!(harder("kessler/survival", 6), "debris 100 → 125, fuel 5 → 4, radar range 300 → 20");
+        assert_eq!(harder("docking/single", 3), "time limit 2000 → 1000 s");
     }
 }

@@ -50,7 +50,7 @@ pub struct Args {
 
 fn after_help() -> String {
     format!(
-        "Policies: {}.\n\nBuilt-in suites: {}.\n\n{AFTER_HELP}",
+        "Policies:\n{}\n\nBuilt-in suites: {}.\n\n{AFTER_HELP}",
         worlds::policies_in_words(&worlds::policy_names()),
         file::names()
     )

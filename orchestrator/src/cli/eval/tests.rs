@@ -5,7 +5,7 @@ use indicatif::ProgressBar;
 use super::fly::{Row, blind_panel, fly, measure};
 use super::report::Report;
 use super::*;
-use crate::cli::suite::tests::small;
+use crate::cli::suite::tests::{mixed, small};
 
 fn flown(suite: &Suite, policy: &str, rollouts: u32) -> Row {
     fly(suite, policy, 0, rollouts, &ProgressBar::hidden()).unwrap()
@@ -80,6 +80,20 @@ fn the_tables_are_readable() {
     let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), blind_panel(&suite)];
     let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args(&[]), &rows);
     insta::assert_snapshot!("tables", report.tables());
+}
+
+#[test]
+fn policies_are_those_of_every_world_in_the_suite() {
+    let suite = mixed();
+    let row = flown(&suite, "heuristic", 1);
+    assert_eq!(row.measures.len(), 9);
+    let contested =
+        suite.entries().zip(&row.measures).filter(|(e, _)| e.part == crate::cli::suite::Part::Contested);
+    let successes: f64 = contested.filter_map(|(_, measures)| measures[1]).sum();
+    assert!(successes >= 5.0, "the heuristics of both worlds are good at level 2: {successes} of 6");
+    assert!(check(&suite, &args(&["hold", "reference"])).is_ok());
+    let error = check(&suite, &args(&["hold", "golf"])).unwrap_err().to_string();
+    assert!(error.contains("docking/single, which has no policy golf; it has hold, random"), "{error}");
 }
 
 #[test]

@@ -129,7 +129,7 @@ impl Args {
 }
 
 /// Tasks by their ids, and all tasks of a world by its name; each once.
-fn named(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpec>> {
+pub(super) fn named(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpec>> {
     let mut tasks: Vec<&'static dyn TaskSpec> = Vec::new();
     for name in names {
         let meant = match (env_core::task(name), env_core::world(name)) {

@@ -8,6 +8,20 @@ use super::build::{Plan, build};
 use super::verify::differences;
 use super::{Part, Suite, SuiteError, file};
 
+/// A small suite of another world, with one level of a task of the first.
+pub(crate) fn mixed() -> Suite {
+    let plan = Plan {
+        name: "mixed".to_owned(),
+        tasks: ["docking/single", "docking/multiagent", "kessler/survival"]
+            .map(|id| env_core::task(id).unwrap())
+            .to_vec(),
+        levels: vec![2],
+        contested: 2,
+        as_they_come: 1,
+    };
+    build(&plan, &ProgressBar::hidden()).unwrap()
+}
+
 /// A small suite of three tasks, built once.
 pub(crate) fn small() -> Suite {
     static SUITE: LazyLock<Suite> = LazyLock::new(fresh);
@@ -36,6 +50,16 @@ fn a_suite_reads_back_and_builds_the_same_again() {
     assert_eq!(hash.len(), 64);
     assert_eq!(file::write(&fresh()).unwrap(), text);
     assert_eq!(differences(&again, &ProgressBar::hidden()), Vec::<String>::new());
+}
+
+#[test]
+fn a_suite_of_several_worlds_is_one_like_any_other() {
+    let suite = mixed();
+    let text = file::write(&suite).unwrap();
+    assert_eq!(file::read(text.as_bytes()).unwrap().0, suite);
+    assert_eq!(differences(&suite, &ProgressBar::hidden()), Vec::<String>::new());
+    // Whatever an episode's length, a scenario is a line of 1 to 2 kB: no log is stored.
+    assert!(text.len() < 9 * 2000 + 3000, "{} bytes for 9 scenarios", text.len());
 }
 
 #[test]
@@ -135,6 +159,20 @@ fn built_in_suites_read_and_are_small_enough_to_commit() {
 fn regress_built_in_suites_are_the_committed_ones() {
     let hashes = file::BUILT_IN.iter().map(|(name, _)| format!("{name} {}", file::open(name).unwrap().1));
     insta::assert_snapshot!("built_in", hashes.collect::<Vec<_>>().join("\n"));
+}
+
+/// Levels are taken as far as every task has them, and worlds by their names.
+#[test]
+fn tasks_are_named_one_by_one_or_by_their_world() {
+    let ids = |names: &[&str]| {
+        let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+        super::build::named(&names).map(|tasks| tasks.iter().map(|task| task.id()).collect::<Vec<_>>())
+    };
+    assert_eq!(ids(&["docking"]).unwrap(), ["docking/single", "docking/multiagent"]);
+    let both = ["docking/multiagent", "docking", "kessler/survival"];
+    assert_eq!(ids(&both).unwrap(), ["docking/multiagent", "docking/single", "kessler/survival"]);
+    let error = ids(&["golf"]).unwrap_err().to_string();
+    assert!(error.starts_with("\"golf\" is neither a task (kessler/survival, "), "{error}");
 }
 
 /// Tasks of several worlds have planners of their own.

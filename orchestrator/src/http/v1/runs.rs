@@ -71,7 +71,7 @@ pub(super) struct Runs {
     next: Option<String>,
 }
 
-/// Create a run. Everything may be left out: `{}` is a ladder over all tasks.
+/// Create a run. Everything may be left out: `{}` is a ladder over the tasks of the first world.
 #[utoipa::path(
     post, path = "/runs", tag = "runs", request_body = RunWish,
     responses(
