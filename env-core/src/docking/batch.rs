@@ -94,11 +94,11 @@ impl Lane for DockingLane {
         let stepped = self.flight.fly(thrusts);
         *out.team_reward = stepped.reward as f32;
         let live = self.flight.live();
-        for agent in 0..self.agents {
+        for (agent, live) in live.into_iter().enumerate().take(self.agents) {
             let before = stepped.live_before[agent];
             out.rewards[agent] = if before { stepped.rewards[agent].total() as f32 } else { 0.0 };
             // As the episode has it: time running out is both.
-            out.terminated[agent] = !live[agent];
+            out.terminated[agent] = !live;
             out.truncated[agent] =
                 before && self.flight.deputies().get(agent).is_some_and(|d| d.ends.timeout);
         }
