@@ -189,7 +189,7 @@ impl TaskSpec for Kessler {
     }
 
     fn failure_modes(&self) -> &'static [ModeSpec] {
-        &critique::MODES
+        critique::modes(self.objective)
     }
 
     fn speed_bands(&self) -> SpeedBands {

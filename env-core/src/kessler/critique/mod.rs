@@ -20,7 +20,7 @@ mod waste;
 
 use std::sync::Arc;
 
-pub(super) use self::mode::{MODES, SPEED_BANDS};
+pub(super) use self::mode::{SPEED_BANDS, modes};
 
 use self::plans::Plans;
 use self::sky::Sky;

@@ -1,6 +1,9 @@
 //! The failure modes, typed inside and named outside.
 
+use std::sync::LazyLock;
+
 use crate::critique::{ModeSpec, SpeedBands};
+use crate::kessler::reward::Objective;
 
 /// Why an episode of kessler loses score.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,7 +37,7 @@ impl Mode {
         }
     }
 
-    const fn spec(self) -> ModeSpec {
+    fn spec(self) -> ModeSpec {
         let about = match self {
             Self::Collision => "debris that was there from the start hit a satellite",
             Self::Rogue => "rogue debris hit a satellite",
@@ -51,19 +54,31 @@ impl Mode {
     }
 }
 
-/// Why an episode of kessler can lose score.
-pub(in crate::kessler) static MODES: [ModeSpec; 10] = [
-    Mode::Collision.spec(),
-    Mode::Rogue.spec(),
-    Mode::Fragment.spec(),
-    Mode::Risk.spec(),
-    Mode::Decay.spec(),
-    Mode::FuelStarvation.spec(),
-    Mode::Overshoot.spec(),
-    Mode::Short.spec(),
-    Mode::BreakUp.spec(),
-    Mode::WastedFuel.spec(),
-];
+/// Why an episode of this objective can lose score.
+pub(in crate::kessler) fn modes(objective: Objective) -> &'static [ModeSpec] {
+    static LISTS: LazyLock<[Vec<ModeSpec>; 4]> = LazyLock::new(|| {
+        [
+            list(&[]),
+            list(&[Mode::WastedFuel]),
+            list(&[Mode::Overshoot, Mode::Short]),
+            list(&[Mode::BreakUp]),
+        ]
+    });
+    let [survival, eco_station, rendezvous, formation] = &*LISTS;
+    match objective {
+        Objective::Survival => survival,
+        Objective::EcoStation => eco_station,
+        Objective::Rendezvous => rendezvous,
+        Objective::Formation => formation,
+    }
+}
+
+/// What can happen in every task, and more.
+fn list(more: &[Mode]) -> Vec<ModeSpec> {
+    let common =
+        [Mode::Collision, Mode::Rogue, Mode::Fragment, Mode::Risk, Mode::Decay, Mode::FuelStarvation];
+    common.iter().chain(more).map(|mode| mode.spec()).collect()
+}
 
 /// How relative speeds are sorted.
 pub(in crate::kessler) const SPEED_BANDS: SpeedBands =

@@ -310,6 +310,6 @@ mod tests {
         assert_eq!(harder("kessler/survival", 0), "");
         assert_eq!(harder("kessler/survival", 5), "fuel 10 → 5");
         assert_eq!(harder("kessler/survival", 6), "debris 100 → 125, fuel 5 → 4, radar range 300 → 20");
-        assert_eq!(harder("docking/single", 3), "time limit 2000 → 1000 s");
+        assert_eq!(harder("docking/single", 3), "time limit 1500 → 1000 s, thrust bound 1 → 0.5");
     }
 }

@@ -150,7 +150,9 @@ fn built_in_suites_read_and_are_small_enough_to_commit() {
             assert_eq!(group.planner(), Some(here.planner), "{name}: {}", first.scenario.task().id());
         }
         assert!(bytes.len() < 1_500_000, "{name}");
-        assert_eq!(file::write(&suite).unwrap().as_bytes(), *bytes, "{name}: written in one way only");
+        // Not always the same bytes: params and options that came later are written out at their defaults.
+        let again = file::read(file::write(&suite).unwrap().as_bytes()).unwrap().0;
+        assert!(again == suite, "{name}: what is written reads back");
     }
 }
 
