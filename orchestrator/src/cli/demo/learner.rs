@@ -80,14 +80,14 @@ impl CrossEntropy {
         let pull = if self.generation == 0 { 1.0 } else { PULL };
         self.generation += 1;
         self.floor = FLOOR.1 + FLOOR_DECAY * (self.floor - FLOOR.1);
-        for i in 0..self.mean.len() {
+        let count = places.len() as f64;
+        for (i, (centre, spread)) in self.mean.iter_mut().zip(&mut self.spread).enumerate() {
             let of_elite = || places.iter().map(|&place| population[place][i]);
-            let count = places.len() as f64;
             let mean = of_elite().sum::<f64>() / count;
             let variance = of_elite().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count;
-            self.mean[i] += pull * (mean - self.mean[i]);
-            self.spread[i] += RELAX * (variance.sqrt() - self.spread[i]);
-            self.spread[i] = self.spread[i].max(self.floor);
+            *centre += pull * (mean - *centre);
+            *spread += RELAX * (variance.sqrt() - *spread);
+            *spread = spread.max(self.floor);
         }
         places
     }
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     /// Minus the squared distance to a point near a corner.
-    fn fitness(member: &Vec<f64>) -> f64 {
+    fn fitness(member: &[f64]) -> f64 {
         -member.iter().zip(TARGET).map(|(x, t)| (x - t) * (x - t)).sum::<f64>()
     }
     const TARGET: [f64; 12] = [0.9, 0.1, 0.3, 0.6, 0.0, 1.0, 0.8, 0.2, 0.5, 0.4, 0.7, 0.95];
@@ -116,7 +116,7 @@ mod tests {
             let mut means = Vec::new();
             for _ in 0..80 {
                 let population = method.ask(12);
-                let scores: Vec<f64> = population.iter().map(fitness).collect();
+                let scores: Vec<f64> = population.iter().map(|p| fitness(p)).collect();
                 means.push(scores.iter().sum::<f64>() / 12.0);
                 method.tell(&population, &scores);
             }
