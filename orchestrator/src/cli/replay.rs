@@ -1,6 +1,5 @@
 //! `sparring replay`: recorded episodes, flown again and compared.
 
-use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -71,9 +70,16 @@ impl Serialize for Judged {
             episodes: usize,
             steps: usize,
             #[serde(flatten)]
-            worst: BTreeMap<&'static str, f64>,
+            worst: Worst<'a>,
             first: Option<First<'a>>,
             documented: &'a [String],
+        }
+        /// In the world's own order.
+        struct Worst<'a>(&'a [(&'static str, f64)]);
+        impl Serialize for Worst<'_> {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_map(self.0.iter().copied())
+            }
         }
         #[derive(Serialize)]
         struct First<'a> {
@@ -88,7 +94,7 @@ impl Serialize for Judged {
             within: self.within(),
             episodes: *episodes,
             steps: *steps,
-            worst: worst.iter().copied().collect(),
+            worst: Worst(worst),
             first: first.as_ref().map(|FirstDifference { episode, step, what }| First {
                 episode: *episode,
                 step: *step,
@@ -260,6 +266,20 @@ mod tests {
         let word = tampered(|v| v["episodes"][0]["steps"][2]["satellites"][0][5] = "lost".into());
         let found = compare_file(word.path(), 1e-9).unwrap();
         assert_eq!(found.compared.first.map(|f| (f.episode, f.step)), Some((0, 3)));
+    }
+
+    /// Every world's recordings are known by themselves and replay; none of its quantities is called like one of the keys
+    /// that every file has.
+    #[test]
+    fn validate_safe_autonomy_sims_the_fixtures_replay() {
+        let folder = fixture().parent().unwrap().to_owned();
+        for name in ["docking-docks", "docking-edge", "docking-random", "docking-timeout"] {
+            let found = compare_file(&folder.join(format!("{name}.json.gz")), 1e-9).unwrap();
+            assert!(found.within() && found.world == "docking" && found.compared.steps > 0, "{found:?}");
+            let told = serde_json::to_value(&found).unwrap();
+            let keys = told.as_object().unwrap().len();
+            assert_eq!(keys, 7 + found.compared.worst.len(), "{told}");
+        }
     }
 
     /// Files of two worlds, one of them with everything there is to say.
