@@ -3,9 +3,6 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
-use env_core::Recipe;
-use env_core::scenario::{Layout, LayoutMode};
 use orchestrator::cli::bench::flying::Flying;
 
 use crate::Row;
@@ -19,8 +16,6 @@ const SLICES: usize = 80;
 const SLICE: Duration = Duration::from_millis(8);
 /// Largest burn per axis, LU/TU.
 const BURN: f64 = 0.05;
-/// Most debris of a generator.
-const MOST: usize = 300;
 
 /// Rates of rivals that take turns: of each, what its best tenth of slices reaches.
 pub(crate) fn race(rivals: &mut [&mut dyn FnMut() -> anyhow::Result<usize>]) -> anyhow::Result<Vec<f64>> {
@@ -94,11 +89,11 @@ fn second_core(one: &rayon::ThreadPool, two: &rayon::ThreadPool) -> anyhow::Resu
     })
 }
 
-/// Cost per body from few to very many, and memory. Past what the generator draws, a layout gives the rest.
+/// Cost per body from few to very many, and memory.
 fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    for debris in [25usize, 50, 100, 200, 400, 800] {
-        let mut flying = Flying::of(crowd(debris)?, 64, BURN)?;
+    for debris in [25usize, 50, 100, 250, 500, 1000] {
+        let mut flying = Flying::new("kessler/survival", &[("debris", debris as f64)], 64, BURN)?;
         let rate = one.install(|| race(&mut [&mut || flying.step().map(|()| 64)]))?[0];
         rows.push(Row {
             what: format!("kessler, {debris} debris: time a body and step; memory an environment"),
@@ -108,21 +103,6 @@ fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
         });
     }
     Ok(rows)
-}
-
-/// Survival with so much debris.
-fn crowd(debris: usize) -> anyhow::Result<Recipe> {
-    let task = env_core::task("kessler/survival").context("kessler/survival is gone")?;
-    let drawn = debris.min(MOST);
-    let recipe = Recipe::with_params(task, [("debris", drawn as f64)].into_iter())?;
-    // Far out, where they meet nobody.
-    let row = |i: usize| vec![-300.0 - i as f64, 0.0, 0.0, 1.0];
-    let rows: Vec<Vec<f64>> = (drawn..debris).map(row).collect();
-    if rows.is_empty() {
-        return Ok(recipe);
-    }
-    let bodies = [("debris".to_owned(), rows)].into_iter().collect();
-    Ok(recipe.with_layout(Some(Layout { mode: LayoutMode::Extend, bodies, provenance: None }))?)
 }
 
 /// Deputies flown by full random thrust; those that have left do not count.

@@ -1,6 +1,5 @@
 //! Another world than the first through the same doors: long episodes, one to five agents, three values an action.
 
-
 use std::any::Any;
 
 use env_core::ActionLog;

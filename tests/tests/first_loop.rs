@@ -110,10 +110,10 @@ async fn baselines_serve_their_samples() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "fixed", "strategy": "fixed"})).await.expect(201);
-    let lease = api.lease("fixed", json!({"groups": 6})).await;
+    let lease = api.lease("fixed", json!({"groups": 8})).await;
     let tasks: Vec<_> =
         lease.0["groups"].as_array().unwrap().iter().map(|g| g["task"].as_str().unwrap()).collect();
-    assert_eq!(tasks[..3], tasks[3..], "in turn");
+    assert_eq!(tasks[..4], tasks[4..], "in turn");
     assert_eq!(lease.0["recipes"][0]["params"]["debris"], 25.0);
     let _ =
         api.post("/v1/runs", json!({"id": "uniform", "strategy": "uniform", "seed": 5})).await.expect(201);

@@ -222,17 +222,26 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The next environment's row.
-    fn row(&mut self, shape: Shape) -> Option<Row<'a>> {
-        Some(Row {
-            observation: take(&mut self.observations, shape.observation),
-            last: take(&mut self.last, shape.observation),
-            rewards: take(&mut self.rewards, shape.agents),
-            team_reward: take(&mut self.team_rewards, 1).first_mut()?,
-            terminated: take(&mut self.terminated, shape.agents),
-            truncated: take(&mut self.truncated, shape.agents),
-            done: take(&mut self.done, 1).first_mut()?,
-        })
+    /// Row by row. Where there are no final observations every row has an empty one.
+    fn rows(self, shape: Shape) -> impl Iterator<Item = Row<'a>> {
+        let Shape { agents, observation, .. } = shape;
+        let mut last = self.last.chunks_exact_mut(observation.max(1));
+        self.observations
+            .chunks_exact_mut(observation.max(1))
+            .zip(self.rewards.chunks_exact_mut(agents))
+            .zip(self.terminated.chunks_exact_mut(agents))
+            .zip(self.truncated.chunks_exact_mut(agents))
+            .zip(self.team_rewards)
+            .zip(self.done)
+            .map(move |(((((observation, rewards), terminated), truncated), team_reward), done)| Row {
+                observation,
+                last: last.next().unwrap_or_default(),
+                rewards,
+                team_reward,
+                terminated,
+                truncated,
+                done,
+            })
     }
 }
 
@@ -255,10 +264,10 @@ impl Flight<'_> {
     ) -> Result<(), BatchError> {
         let width = self.shape.agents * self.shape.action;
         if seats.len() <= self.chunk {
-            for (seat, actions) in seats.iter_mut().zip(actions.chunks_exact(width)) {
-                if let Some(row) = rows.row(self.shape) {
-                    seat.step(self.feed, self.autoreset, actions, row)?;
-                }
+            for (seat, (actions, row)) in
+                seats.iter_mut().zip(actions.chunks_exact(width).zip(rows.rows(self.shape)))
+            {
+                seat.step(self.feed, self.autoreset, actions, row)?;
             }
             return Ok(());
         }

@@ -168,9 +168,9 @@ fn tracks_are_seen_from_a_batch_too() {
     let mut seen = vec![f32::NAN; 3 * shape.observation];
     batch.reset(None, &mut seen).unwrap();
     assert!(seen.iter().all(|x| x.abs() <= crate::kessler::tracks::LIMIT));
-    let wrong = BatchConfig { observe: Observe::Tracks { threats: 301, look_ahead: 12 }, ..config };
+    let wrong = BatchConfig { observe: Observe::Tracks { threats: 1001, look_ahead: 12 }, ..config };
     let error = task.batch(Box::new(Seeds::new(recipe, 9)), wrong).err().unwrap();
-    assert_eq!(error.to_string(), "threats is 301, outside 0 to 300");
+    assert_eq!(error.to_string(), "threats is 1001, outside 0 to 1000");
 }
 
 #[test]

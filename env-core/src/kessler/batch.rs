@@ -100,9 +100,10 @@ impl Lane for KesslerLane {
     fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool {
         let mut burns = [None; SATELLITES];
         for (burn, action) in burns.iter_mut().zip(actions.chunks_exact(2)) {
-            // Hold is not looked at: a burn of nothing changes nothing.
-            let (dvx, dvy) = (f64::from(action[0]), f64::from(action[1]));
-            *burn = (dvx != 0.0 || dvy != 0.0).then_some((dvx, dvy));
+            // Hold is a burn of minus zero: adding that changes no bit, and asking whether to add would be a branch that
+            // nobody can foresee.
+            let quiet = |value: f32| if value == 0.0 { -0.0 } else { f64::from(value) };
+            *burn = Some((quiet(action[0]), quiet(action[1])));
         }
         let stepped = self.flight.step_all(burns);
         #[expect(clippy::cast_possible_truncation, reason = "rewards are single precision here")]

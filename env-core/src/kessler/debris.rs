@@ -10,7 +10,7 @@ use super::kernel::{Body, Gravity, coast, distance_2, swept_2};
 use super::pass::{self, Columns, Found, Narrow};
 
 /// Columns are whole multiples of this: the widest vectors of today hold eight f64.
-const LANES: usize = 8;
+const LANES: usize = pass::BLOCK;
 /// Where bodies are put that are not there: far from everything, and still a number.
 const NOWHERE: f64 = 1e12;
 
@@ -169,8 +169,8 @@ impl Debris {
     /// where there is none.
     pub(super) fn narrow(&self, out: &mut [f32], bodies: usize) {
         let there = self.len().min(bodies);
-        let columns = [&self.x, &self.y, &self.vx, &self.vy].map(|column| &column[..there]);
-        self.arch.dispatch(Narrow { columns, out, bodies });
+        let columns = [&self.x[..], &self.y, &self.vx, &self.vy];
+        self.arch.dispatch(Narrow { columns, out, bodies, there });
     }
 
     /// The public original leaves debris that is inside the Earth where it is, for ever.

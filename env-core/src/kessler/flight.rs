@@ -185,6 +185,7 @@ impl<C: Chance> Flight<C> {
     }
 
     /// Everything after the burns.
+    #[inline]
     fn advance(&mut self, active_before: [bool; SATELLITES]) -> Stepped {
         self.arrive();
         let touched = self.coast();
@@ -221,6 +222,7 @@ impl<C: Chance> Flight<C> {
         Ok(())
     }
 
+    #[inline]
     fn burn(&mut self, satellite: usize, dvx: f64, dvy: f64) {
         let s = &mut self.satellites[satellite];
         if !s.active() {
@@ -237,6 +239,7 @@ impl<C: Chance> Flight<C> {
         }
     }
 
+    #[inline]
     fn arrive(&mut self) {
         while let Some(&(step, body)) = self.rogues.get(self.next_rogue) {
             if step > self.step {
@@ -249,6 +252,7 @@ impl<C: Chance> Flight<C> {
     }
 
     /// Satellites, then debris. True if some satellite may have been touched.
+    #[inline]
     fn coast(&mut self) -> bool {
         let physics = self.setup.physics;
         for (i, s) in self.satellites.iter_mut().enumerate() {
@@ -281,6 +285,7 @@ impl<C: Chance> Flight<C> {
         self.debris.advance(physics.gravity, physics.contact == Contact::Swept, &there)
     }
 
+    #[cold]
     fn contacts(&mut self) {
         let swept = self.setup.physics.contact == Contact::Swept;
         let moved = self.debris.len();
@@ -325,6 +330,7 @@ impl<C: Chance> Flight<C> {
         }
     }
 
+    #[inline]
     fn reward(&mut self) -> f64 {
         let fleet = Fleet {
             bodies: self.satellites.map(|s| s.body),

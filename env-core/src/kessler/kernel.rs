@@ -57,6 +57,7 @@ impl Body {
 
     /// One step of free flight.
     #[must_use]
+    #[inline]
     pub fn coasted(mut self, gravity: Gravity) -> Self {
         match gravity {
             Gravity::Point => coast::<false>(&mut self.x, &mut self.y, &mut self.vx, &mut self.vy),

@@ -189,11 +189,12 @@ impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Early<'_, OBLATE, SWEPT
     }
 }
 
-/// Columns rounded to f32, each to `bodies` values, zeros where the source ends.
+/// Columns rounded to f32, each to `bodies` values; zeros from the `there`-th on. Columns are whole blocks.
 pub(super) struct Narrow<'a> {
     pub columns: [&'a [f64]; 4],
     pub out: &'a mut [f32],
     pub bodies: usize,
+    pub there: usize,
 }
 
 impl WithSimd for Narrow<'_> {
@@ -204,11 +205,11 @@ impl WithSimd for Narrow<'_> {
     #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
     fn with_simd<S: Simd>(self, _: S) {
         for (column, source) in self.out.chunks_exact_mut(self.bodies.max(1)).zip(self.columns) {
-            let (there, absent) = column.split_at_mut(source.len().min(column.len()));
-            for (cell, value) in there.iter_mut().zip(source) {
+            // What is there, and what pads it: whole vectors where there is room.
+            for (cell, value) in column.iter_mut().zip(source) {
                 *cell = *value as f32;
             }
-            absent.fill(0.0);
+            column[self.there.min(self.bodies)..].fill(0.0);
         }
     }
 }

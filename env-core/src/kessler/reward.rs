@@ -21,12 +21,14 @@ pub enum Objective {
 
 /// max(0, 1 − |r − 100|/30).
 #[must_use]
+#[inline]
 pub fn proximity(radius: f64) -> f64 {
     (1.0 - (radius - TARGET_RADIUS).abs() / PROXIMITY_WIDTH).max(0.0)
 }
 
 /// Mean over the three pairs of max(0, 1 − |d − 20|/20).
 #[must_use]
+#[inline]
 pub fn form(satellites: &[Body; SATELLITES]) -> f64 {
     let pair = |i: usize, j: usize| {
         let (a, b) = (&satellites[i], &satellites[j]);
@@ -60,6 +62,7 @@ impl Objective {
 
     /// How near the goal is: proximity of satellite 0, or form; zero where there is none.
     #[must_use]
+    #[inline]
     pub fn goal(self, fleet: &Fleet) -> f64 {
         match self {
             Self::Survival | Self::EcoStation => 0.0,
@@ -74,6 +77,7 @@ impl Objective {
     /// The team's reward for one step; `initial_fuel` is that of one satellite at the start, `goal` that of
     /// [`Objective::goal`].
     #[must_use]
+    #[inline]
     pub fn reward(self, fleet: &Fleet, initial_fuel: f64, goal: f64) -> f64 {
         let full = (1.0 - 2.0 * EPSILON) / f64::from(HORIZON);
         let active: f64 = fleet.alive.iter().sum();

@@ -6,7 +6,7 @@ use super::constants::RADAR_NONE;
 use crate::space::{Harder, Levels, OptionSpec, ParamSpec};
 
 /// Most debris a generator draws.
-pub const MAX_DEBRIS: f64 = 300.0;
+pub const MAX_DEBRIS: f64 = 1000.0;
 
 /// Parameters of every task.
 const PARAMS: usize = 7;

@@ -98,7 +98,7 @@ impl Default for Tracks {
 }
 
 impl Tracks {
-    /// Tracks of `k` pieces of debris per satellite (0 to 300), foreseen for `look_ahead` steps (1 to 50).
+    /// Tracks of `k` pieces of debris per satellite (0 to 1000), foreseen for `look_ahead` steps (1 to 50).
     ///
     /// # Errors
     /// A number outside its bounds.

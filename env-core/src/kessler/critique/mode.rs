@@ -57,12 +57,7 @@ impl Mode {
 /// Why an episode of this objective can lose score.
 pub(in crate::kessler) fn modes(objective: Objective) -> &'static [ModeSpec] {
     static LISTS: LazyLock<[Vec<ModeSpec>; 4]> = LazyLock::new(|| {
-        [
-            list(&[]),
-            list(&[Mode::WastedFuel]),
-            list(&[Mode::Overshoot, Mode::Short]),
-            list(&[Mode::BreakUp]),
-        ]
+        [list(&[]), list(&[Mode::WastedFuel]), list(&[Mode::Overshoot, Mode::Short]), list(&[Mode::BreakUp])]
     });
     let [survival, eco_station, rendezvous, formation] = &*LISTS;
     match objective {

@@ -34,7 +34,7 @@ fn with_bodies(table: &str, rows: &Value) -> Value {
 fn params_out_of_range() {
     insta::assert_snapshot!(all(&[
         &[("params.debris", json!(-5))],
-        &[("params.debris", json!(305))],
+        &[("params.debris", json!(1005))],
         &[("params.debris", json!(7.5))],
         &[("params.debris", json!("many"))],
         &[("params.debris", json!(null))],
@@ -54,8 +54,8 @@ fn params_out_of_range() {
         &[("params.warnings", json!(1))],
         &[("params", json!([1, 2]))],
     ]), @r#"
-    params.debris is -5, outside 0 to 300
-    params.debris is 305, outside 0 to 300
+    params.debris is -5, outside 0 to 1000
+    params.debris is 1005, outside 0 to 1000
     params.debris is 7.5, but must be a whole number
     params.debris is "many", but must be a finite number
     params.debris is null, but must be a finite number

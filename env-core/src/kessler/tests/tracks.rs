@@ -204,7 +204,7 @@ fn any_buffer_will_do() {
 #[test]
 fn numbers_that_cannot_be_had_are_refused() {
     let refused = |k, look_ahead| Tracks::new(k, look_ahead).unwrap_err().to_string();
-    insta::assert_snapshot!(refused(301, 15), @"k is 301, outside 0 to 300");
+    insta::assert_snapshot!(refused(1001, 15), @"k is 1001, outside 0 to 1000");
     insta::assert_snapshot!(refused(8, 0), @"look_ahead is 0, outside 1 to 50");
     insta::assert_snapshot!(refused(8, 51), @"look_ahead is 51, outside 1 to 50");
 }

@@ -117,7 +117,7 @@ fn a_forged_suite_is_refused() {
     scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
     scenario 0 of kessler/survival level 2: seed is 9007199254740992, outside 0 to 6755399441055743
     scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
-    scenario 0 of kessler/survival level 2: params.debris is 5000, outside 0 to 300
+    scenario 0 of kessler/survival level 2: params.debris is 5000, outside 0 to 1000
     scenario 0 of kessler/eco_station level 2: its recipe is one of kessler/survival
     its format is "sparring-suite/2"; this build reads "sparring-suite/1"
     it is not a suite file: unknown field `ceiling`, expected one of `part`, `seed`, `id`, `canonical`, `floor`, `reference`, `panel` at line 3 column 518
