@@ -63,7 +63,7 @@ skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is
 
 Examples:
   sparring eval --policy heuristic
-  sparring eval --suite kessler-heldout-v1 --policy hold,blind,heuristic,reference --format json
+  sparring eval --suite docking-heldout-v1 --policy hold,blind,heuristic,reference --format json
   sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
 
 /// Flies the policies and prints what they earned.

@@ -31,11 +31,14 @@ use super::{Entry, Group, Part, Suite, SuiteError};
 type BuiltIn = (&'static str, &'static [u8]);
 
 /// The suites that come with the program.
-pub const BUILT_IN: &[BuiltIn] =
-    &[("kessler-heldout-v1", include_bytes!("../../../suites/kessler-heldout-v1.json"))];
+pub const BUILT_IN: &[BuiltIn] = &[
+    ("kessler-heldout-v2", include_bytes!("../../../suites/kessler-heldout-v2.json")),
+    ("docking-heldout-v1", include_bytes!("../../../suites/docking-heldout-v1.json")),
+    ("kessler-heldout-v1", include_bytes!("../../../suites/kessler-heldout-v1.json")),
+];
 
 /// The suite that is meant where nobody says which.
-pub const DEFAULT: &str = "kessler-heldout-v1";
+pub const DEFAULT: &str = "kessler-heldout-v2";
 
 /// The names of the suites that come with the program, for people.
 #[must_use]
