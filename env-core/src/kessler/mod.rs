@@ -19,6 +19,7 @@ pub mod plant;
 pub mod policies;
 pub mod record;
 pub mod reward;
+mod scatter;
 pub mod setup;
 pub mod spaces;
 pub mod telemetry;

@@ -201,7 +201,7 @@ fn restage(episode: &RecordedEpisode) -> Result<Flight<Scripted>, RecordError> {
     let mut start = Start {
         satellites: [Body::default(); SATELLITES],
         debris: episode.initial.debris.iter().map(|&[x, y, vx, vy]| Body { x, y, vx, vy }).collect(),
-        rogues: Vec::new(),
+        ..Start::default()
     };
     for (body, s) in start.satellites.iter_mut().zip(&episode.initial.satellites) {
         *body = Body { x: s.0, y: s.1, vx: s.2, vy: s.3 };

@@ -1,11 +1,12 @@
 //! A recipe read into kessler's own terms, and the start of an episode.
 
 use super::constants::{
-    CONTACT_2, DEBRIS_RADII, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE,
-    FRAGMENTS, GM, HORIZON, RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII, SATELLITES,
+    CONTACT_2, EARTH_RADIUS, FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE, FRAGMENTS, GM, HORIZON,
+    RADAR_NONE, ROGUE_RADIUS, SATELLITE_RADII, SATELLITES,
 };
 use super::kernel::{Body, Gravity, distance_2, swept_2};
 use super::pass::{self, BLOCK};
+use super::scatter::{self, DRAWS};
 use crate::chance::{Chance, Stream};
 use crate::error::ScenarioError;
 use crate::scenario::{LayoutMode, MAX_LAYOUT_ROWS, Recipe};
@@ -99,12 +100,16 @@ pub struct Start {
     pub debris: Vec<Body>,
     /// (step, body) by step: a rogue that arrives before the motion of that step (counted from 1).
     pub rogues: Vec<(u32, Body)>,
+    /// What debris was drawn from.
+    pub(super) draws: Vec<f64>,
 }
 
 impl Start {
     /// Bytes of its tables.
     pub(super) fn bytes(&self) -> usize {
-        self.debris.capacity() * size_of::<Body>() + self.rogues.capacity() * size_of::<(u32, Body)>()
+        self.draws.capacity() * size_of::<f64>()
+            + self.debris.capacity() * size_of::<Body>()
+            + self.rogues.capacity() * size_of::<(u32, Body)>()
     }
 }
 
@@ -222,10 +227,10 @@ impl Setup {
                 Body::circular(radius, TAU * chance.uniform(Stream::Agents), 1.0)
             }),
         };
-        start.debris.clear();
-        for _ in 0..self.debris {
-            start.debris.push(self.draw_debris(chance, Stream::Bodies));
-        }
+        start.draws.clear();
+        start.draws.resize(self.debris * DRAWS, 0.0);
+        chance.fill(Stream::Bodies, &mut start.draws);
+        scatter::bodies(&start.draws, self.spread, &mut start.debris);
         start.debris.extend_from_slice(&self.layout_debris);
         if self.fair {
             self.make_fair(chance, start)?;
@@ -280,14 +285,9 @@ impl Setup {
 
     /// Angle, radius and both velocity offsets are always drawn, so that the same body is drawn at any spread.
     fn draw_debris(&self, chance: &mut impl Chance, stream: Stream) -> Body {
-        let mut draws = [0.0; 4];
+        let mut draws = [0.0; DRAWS];
         chance.fill(stream, &mut draws);
-        let [radius, angle, vx, vy] = draws;
-        let radius = DEBRIS_RADII.0 + (DEBRIS_RADII.1 - DEBRIS_RADII.0) * radius;
-        let mut body = Body::circular(radius, TAU * angle, 1.0);
-        body.vx += (-1.0 + 2.0 * vx) * self.spread;
-        body.vy += (-1.0 + 2.0 * vy) * self.spread;
-        body
+        scatter::body(draws, self.spread)
     }
 
     /// Rogues do not depend on what anybody does, so all of them are drawn at the start.

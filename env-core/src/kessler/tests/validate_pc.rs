@@ -83,7 +83,7 @@ fn validate_pc_of_an_encounter_that_the_engine_flies() {
         let mut draw = normals(100 + case);
         let swept = staged(&apart(), &[debris], &json!({"contact": "swept"}), &json!({}), 1);
         let setup = Setup::read(swept.recipe()).unwrap();
-        let mut start = Start { satellites: apart(), debris: vec![debris], rogues: Vec::new() };
+        let mut start = Start { satellites: apart(), debris: vec![debris], ..Start::default() };
         let seed = Seed::user(1).unwrap();
         let mut flight = Flight::new(TASKS[0].objective(), setup, &start, Seeded::new(seed));
         let hits = (0..DRAWS)
