@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ScenarioError {
     /// A field nobody knows.
-    #[error("{field} is not a known field; known are {known}")]
+    #[error("{field} is not a known field; {}", if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") })]
     UnknownField {
         /// Where it stands, as a dotted path.
         field: String,

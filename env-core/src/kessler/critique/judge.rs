@@ -9,8 +9,8 @@ use crate::kessler::constants::{EPSILON, GOAL, SATELLITES};
 /// Better than hold by so much: the burns served the task.
 const SERVED: f64 = 0.01;
 
-/// The judge's word.
-pub(super) fn judge(case: &Case<'_>, losses: &[Loss]) -> Judged {
+/// The judge's word; `starved` are the satellites whose fuel was short for what would have helped.
+pub(super) fn judge(case: &Case<'_>, losses: &[Loss], starved: &[u32]) -> Judged {
     let flown = case.flown();
     let hold = case.plans.hold().flown;
     let hold_does = hold.lost == 0 && hold.goal.is_none_or(|goal| goal >= GOAL);
@@ -18,7 +18,7 @@ pub(super) fn judge(case: &Case<'_>, losses: &[Loss]) -> Judged {
     let judged = if hold_does && flown.fuel_used <= 0.0 {
         quiet(flown)
     } else if flown.lost > 0 {
-        lost(case, losses, &hold)
+        lost(case, losses, starved, &hold)
     } else if hold_does && !serves {
         unnecessary(case)
     } else {
@@ -51,22 +51,44 @@ fn unnecessary(case: &Case<'_>) -> Judged {
     }
 }
 
-/// −1 where somebody could have known better, 0 where nobody could.
-fn lost(case: &Case<'_>, losses: &[Loss], hold: &Flown) -> Judged {
+/// −1 where somebody could have known better or did the harm, 0 where no burn that was tried would have helped.
+fn lost(case: &Case<'_>, losses: &[Loss], starved: &[u32], hold: &Flown) -> Judged {
     if hold.lost == 0 && case.flown().goal.is_none() {
         return Judged {
             value: -1.0,
             case: "harmful_burn",
-            words: format!("Holding would have lost nobody; {} lost after burning.", satellites(losses)),
+            words: format!(
+                "{} lost after burning, where holding would have lost nobody.",
+                satellites(losses)
+            ),
         };
     }
     let missed: Vec<&Loss> = losses.iter().filter(|loss| loss.avoidable == Some(true)).collect();
+    if missed.is_empty() && case.verdicts.iter().any(|v| v.verdict == Verdict::Harmful) {
+        return Judged {
+            value: -1.0,
+            case: "harmful_burn",
+            words: format!("{} lost, and without some burn fewer would have been.", satellites(losses)),
+        };
+    }
+    let squandered: Vec<&Loss> = losses
+        .iter()
+        .filter(|loss| starved.contains(&(loss.satellite as u32)))
+        .filter(|loss| case.spent(|v| v.agent as usize == loss.satellite).0 > 0.0)
+        .collect();
+    if missed.is_empty() && !squandered.is_empty() {
+        return Judged {
+            value: -1.0,
+            case: "fuel_squandered",
+            words: format!("{} lost for want of fuel that had been spent before.", satellites(squandered)),
+        };
+    }
     if missed.is_empty() {
         return Judged {
             value: 0.0,
             case: "unavoidable",
             words: format!(
-                "{} lost to what nobody could have avoided knowing what was visible.",
+                "{} lost to what no single burn that was tried would have avoided, knowing what was visible.",
                 satellites(losses)
             ),
         };

@@ -78,8 +78,9 @@ pub(super) fn critique(
         Case { objective, setup: &setup, trace: &trace, plans: &plans, sky: &sky, verdicts: &verdicts };
 
     let losses = loss::all(&case);
-    let judged = judge::judge(&case, &losses);
     let mut failures: Vec<_> = starvation::all(&case, &losses);
+    let starved: Vec<u32> = failures.iter().map(|failure| failure.agent).collect();
+    let judged = judge::judge(&case, &losses, &starved);
     failures.extend(losses.into_iter().map(|loss| loss.failure));
     failures.extend(goal::missed(&case));
     failures.extend(formation::broken(&case));

@@ -163,7 +163,7 @@ fn layouts_that_cannot_be() {
     layout.bodies.rogues.0: 4 numbers; a rogue is step, x, y, vx, vy
     layout.bodies.rogues.0.2 is -1001, outside -1000 to 1000
     layout.bodies.rogues.0.4 is 101, outside -100 to 100
-    params.debris: it is 3, but the layout replaces debris by 1
+    params.debris: it is 3, but the layout replaces debris by 1: say 1
     "#);
 }
 

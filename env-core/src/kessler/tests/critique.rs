@@ -262,7 +262,7 @@ fn fuel_spent_early_is_missed_later() {
     let told = critique(&scenario, &burns(&[(1, 0, 0.49, 0.0), (2, 0, -0.49, 0.0)]));
     let starved = told.failures.iter().find(|f| f.mode == "fuel_starvation").unwrap();
     insta::assert_snapshot!(starved.words, @"Satellite 0 had 0.10 fuel left when it could see what hit it; 1.00 at step 17 would have avoided it.");
-    assert_eq!(told.judged.case, "unavoidable");
+    assert_eq!((told.judged.case, told.judged.value), ("harmful_burn", -1.0));
 }
 
 #[test]

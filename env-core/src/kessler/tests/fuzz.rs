@@ -10,6 +10,7 @@ use crate::kessler::TASKS;
 use crate::kessler::constants::SATELLITES;
 use crate::kessler::flight::Flight;
 use crate::kessler::setup::Setup;
+use crate::kessler::spaces::MAX_DEBRIS;
 use crate::kessler::tracks::{LIMIT, Tracks};
 use crate::kessler::warnings::LOOK_AHEAD;
 use crate::log::{JointAction, MAX_ENTRIES};
@@ -88,6 +89,12 @@ fn scenario() -> impl Strategy<Value = Value> {
                     params["debris"] = json!(count);
                 }
                 let layout = layout.map(|(layout, _)| layout);
+                // What is drawn and what is given are at most so many together.
+                let given = layout.as_ref().and_then(|l| l["bodies"]["debris"].as_array()).map_or(0, Vec::len);
+                let room = MAX_DEBRIS - given as f64;
+                if params["debris"].as_f64().is_some_and(|drawn| drawn > room) {
+                    params["debris"] = json!(room);
+                }
                 json!({"task": TASKS[task].id(), "params": params, "physics": physics, "layout": layout, "seed": seed})
             },
         )

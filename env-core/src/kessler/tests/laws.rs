@@ -167,7 +167,7 @@ fn errors_name_field_value_and_range() {
     insta::assert_snapshot!(with("physics", json!({"compat": "downstream"})), @r#"physics.compat is "downstream"; choose one of none, upstream"#);
     insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed is 9007199254740992, outside 0 to 6755399441055743");
     insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent"#);
-    insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris: it is 25, but the layout replaces debris by 1");
+    insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris: it is 25, but the layout replaces debris by 1: say 1");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 5]]}})), @"layout.bodies.debris.0: it starts inside the Earth, 3.0 LU from its centre");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 500]]}})), @"layout.bodies.debris.0.3 is 500, outside -100 to 100");
 }
