@@ -5,6 +5,7 @@ mod bare;
 mod bracket;
 mod critique;
 mod engine;
+mod levels;
 mod results;
 mod steps;
 
@@ -15,8 +16,8 @@ use clap::Parser;
 /// Measures Sparring against its goals. Run it on an idle machine, in release: `make bench`.
 #[derive(Debug, Parser)]
 struct Args {
-    /// What to measure; everything if none is named.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results"])]
+    /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level.
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "levels"])]
     what: Vec<String>,
 }
 
@@ -55,6 +56,9 @@ fn main() -> anyhow::Result<()> {
     }
     if wanted("results") {
         show(results::measure()?)?;
+    }
+    if args.what.iter().any(|what| what == "levels") {
+        show(levels::measure()?)?;
     }
     Ok(())
 }

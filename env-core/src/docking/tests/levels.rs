@@ -54,15 +54,3 @@ fn levels_never_get_easier() {
         }
     }
 }
-
-#[test]
-#[ignore = "prints the measured tables of docs/docking.md"]
-fn measures_the_levels() {
-    let n = std::env::var("SCENARIOS").ok().and_then(|n| n.parse().ok()).unwrap_or(200);
-    for task in &TASKS {
-        println!("{}: contested, hold, blind, random, frozen, heuristic", task.id());
-        for level in 0..task.levels().len() {
-            println!("L{level} {:.2?}", measure(task, level, n));
-        }
-    }
-}

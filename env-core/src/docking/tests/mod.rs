@@ -7,7 +7,6 @@ mod laws;
 mod levels;
 mod motion;
 mod reference;
-mod timing;
 
 use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;

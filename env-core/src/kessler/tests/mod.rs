@@ -8,7 +8,6 @@ mod differences;
 mod fuzz;
 mod golden;
 mod laws;
-mod levels;
 mod planned;
 mod reference;
 mod staging;
