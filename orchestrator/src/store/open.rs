@@ -77,7 +77,15 @@ fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {
 /// Keeps a database to one server: held as long as this lives, by the operating system, so that a server that is killed
 /// lets go of it.
 #[derive(Debug)]
-pub struct Claim(#[expect(dead_code, reason = "the open file is the lock")] std::fs::File);
+pub struct Claim(std::fs::File);
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // Closing is not enough: a child that is being spawned elsewhere in this process holds a copy of the file until
+        // it has started its own program. What cannot be unlocked is unlocked by the system when the last copy closes.
+        let _ = self.0.unlock();
+    }
+}
 
 /// Claims a database for this process.
 ///
@@ -168,5 +176,31 @@ fn explain(name: &str, error: &sqlx::Error) -> OpenError {
         Some(5 | 6) => OpenError::Locked(name.to_owned()),
         Some(14) => OpenError::NoFolder(name.to_owned()),
         _ => OpenError::Other { path: name.to_owned(), reason: error.to_string() },
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::claim;
+
+    #[test]
+    fn a_claim_that_is_let_go_can_be_taken_while_children_are_spawned() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let db = folder.path().join("db");
+        let done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    while !done.load(Ordering::Relaxed) {
+                        let _ = std::process::Command::new("true").status();
+                    }
+                });
+            }
+            let refused = (0..20_000).filter(|_| claim(&db).is_err()).count();
+            done.store(true, Ordering::Relaxed);
+            assert_eq!(refused, 0);
+        });
     }
 }
