@@ -43,10 +43,9 @@ pub(super) fn batch(
     };
     let shape = Shape { envs: config.envs, agents: SATELLITES, action: 2, observation: observer.len() };
     let lane = || {
-        let start = Start::default();
         let nothing = Seeded::new(Seed::in_space(crate::seed::SeedSpace::User, 0));
-        let flight = Flight::new(objective, Arc::clone(&setup), &start, nothing);
-        KesslerLane { task, flight, start, recipe: Arc::clone(&recipe), observer: observer.clone() }
+        let flight = Flight::new(objective, Arc::clone(&setup), &Start::default(), nothing);
+        KesslerLane { task, flight, recipe: Arc::clone(&recipe), observer: observer.clone() }
     };
     Ok(Box::new(Engine::new(config, shape, feed, lane)?))
 }
@@ -71,7 +70,6 @@ impl Observer {
 struct KesslerLane {
     task: &'static str,
     flight: Flight<Seeded>,
-    start: Start,
     /// What the flight's setup was read from.
     recipe: Arc<Recipe>,
     observer: Observer,
@@ -79,7 +77,7 @@ struct KesslerLane {
 
 impl Lane for KesslerLane {
     fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
-        let (setup, chance) = self.flight.parts();
+        let mut setup = None;
         if !Arc::ptr_eq(recipe, &self.recipe) {
             if recipe.task().id() != self.task {
                 return Err(ScenarioError::UnknownChoice {
@@ -88,24 +86,18 @@ impl Lane for KesslerLane {
                     choices: self.task.to_owned(),
                 });
             }
-            *setup = Arc::new(Setup::read(recipe)?);
+            setup = Some(Arc::new(Setup::read(recipe)?));
             self.recipe = Arc::clone(recipe);
         }
-        chance.reseed(seed);
-        setup.start_into(chance, &mut self.start)?;
-        self.flight.place(&self.start);
-        Ok(())
+        self.flight.draw(setup, seed)
     }
 
     fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool {
-        let mut burns = [None; SATELLITES];
-        for (burn, action) in burns.iter_mut().zip(actions.chunks_exact(2)) {
-            // Hold is a burn of minus zero: adding that changes no bit, and asking whether to add would be a branch that
-            // nobody can foresee.
-            let quiet = |value: f32| if value == 0.0 { -0.0 } else { f64::from(value) };
-            *burn = Some((quiet(action[0]), quiet(action[1])));
-        }
-        let stepped = self.flight.step_all(burns);
+        // Hold is a burn of minus zero: adding that changes no bit, and asking whether to add would be a branch that nobody
+        // can foresee.
+        let quiet = |value: f32| if value == 0.0 { -0.0 } else { f64::from(value) };
+        let (actions, _) = actions.as_chunks::<2>();
+        let stepped = self.flight.step_all(|i| actions.get(i).map(|&[x, y]| (quiet(x), quiet(y))));
         #[expect(clippy::cast_possible_truncation, reason = "rewards are single precision here")]
         let reward = stepped.reward as f32;
         *out.team_reward = reward;
@@ -134,6 +126,6 @@ impl Lane for KesslerLane {
     }
 
     fn bytes(&self) -> usize {
-        self.flight.bytes() + self.flight.chance().bytes() + self.start.bytes()
+        self.flight.bytes() + self.flight.chance().bytes()
     }
 }

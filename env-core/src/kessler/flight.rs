@@ -1,62 +1,24 @@
 //! One episode of kessler, step by step, in the order that is part of the contract: burns, rogue arrival, motion,
 //! contact, reward.
 
+mod account;
 mod encounter;
+mod satellite;
 
 use std::sync::Arc;
 
 pub(crate) use self::encounter::fragment;
-use super::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES, SURVIVED};
+pub use self::satellite::{Satellite, Status};
+use super::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES};
 use super::debris::{ABSENT, Debris};
 use super::event::Event;
-use super::kernel::{Body, clamped_burn, distance_2};
-use super::reward::{Fleet, Objective, score};
-use super::setup::{Contact, Setup, Start};
-use crate::bracket::Flown;
-use crate::chance::Chance;
-use crate::error::StepError;
+use super::kernel::{Body, clamped_burn};
+use super::reward::{Fleet, Objective};
+use super::setup::{Contact, Draft, Setup, Start};
+use crate::chance::{Chance, Seeded};
+use crate::error::{ScenarioError, StepError};
 use crate::log::{JointAction, MAX_ENTRIES};
-
-/// What became of a satellite.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Status {
-    /// It flies.
-    Active,
-    /// It was hit, or fell into the Earth.
-    Lost,
-}
-
-/// One satellite.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Satellite {
-    /// Where it is and how it moves.
-    pub body: Body,
-    /// Fuel left.
-    pub fuel: f64,
-    /// Whether it flies.
-    pub status: Status,
-    /// Probability that it still flies: 1 or 0, or under `risk: pc` the product over its encounters of 1 − Pc.
-    pub survival: f64,
-}
-
-impl Satellite {
-    /// Whether it flies.
-    #[must_use]
-    pub fn active(&self) -> bool {
-        self.status == Status::Active
-    }
-
-    /// Whether it counts as lost.
-    #[must_use]
-    pub fn lost(&self) -> bool {
-        !self.active() || self.survival < SURVIVED
-    }
-
-    fn lose(&mut self) {
-        self.status = Status::Lost;
-        self.survival = 0.0;
-    }
-}
+use crate::seed::Seed;
 
 /// What a step gave.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,6 +47,29 @@ pub struct Flight<C> {
     fuel_used: f64,
     done: bool,
     events: Vec<Event>,
+}
+
+impl Flight<Seeded> {
+    /// Starts over with the draws of this seed, and with another setup where one is given, in the same memory.
+    ///
+    /// # Errors
+    /// Where the setup cannot start; there is no episode then.
+    pub(super) fn draw(&mut self, setup: Option<Arc<Setup>>, seed: Seed) -> Result<(), ScenarioError> {
+        if let Some(setup) = setup {
+            self.setup = setup;
+        }
+        self.chance.reseed(seed);
+        let mut satellites = [ABSENT; SATELLITES];
+        let (debris, rogues) = (self.debris.cloud(), &mut self.rogues);
+        let draft = Draft { satellites: &mut satellites, debris, rogues };
+        let drawn = self.setup.start_into(&mut self.chance, draft);
+        if drawn.is_err() {
+            self.debris.cloud().clear(0);
+            self.rogues.clear();
+        }
+        self.begin(&satellites);
+        drawn
+    }
 }
 
 /// Events of one step that there is room for from the start.
@@ -120,23 +105,28 @@ impl<C: Chance> Flight<C> {
         self.place(start);
     }
 
-    /// Its parts, for a start in the same memory: the setup, which may be replaced, and the draws.
-    pub(super) fn parts(&mut self) -> (&mut Arc<Setup>, &mut C) {
-        (&mut self.setup, &mut self.chance)
-    }
-
     /// Puts everything back to `start`; the draws for it have been made.
-    pub(super) fn place(&mut self, start: &Start) {
-        let fuel = self.setup.fuel;
-        self.satellites =
-            start.satellites.map(|body| Satellite { body, fuel, status: Status::Active, survival: 1.0 });
-        self.debris.load(&start.debris, self.setup.most_debris());
-        if let Contact::Chance(_) = self.setup.physics.contact {
-            self.debris.look_at(&start.satellites);
+    fn place(&mut self, start: &Start) {
+        let cloud = self.debris.cloud();
+        cloud.clear(self.setup.most_debris());
+        for body in &start.debris {
+            cloud.push(*body);
         }
         self.rogues.clear();
         self.rogues.reserve(self.setup.most_rogues());
         self.rogues.extend_from_slice(&start.rogues);
+        self.begin(&start.satellites);
+    }
+
+    /// Begins with the debris and rogues that were put in place.
+    fn begin(&mut self, satellites: &[Body; SATELLITES]) {
+        let fuel = self.setup.fuel;
+        self.satellites =
+            satellites.map(|body| Satellite { body, fuel, status: Status::Active, survival: 1.0 });
+        self.debris.begin(self.setup.most_debris());
+        if let Contact::Chance(_) = self.setup.physics.contact {
+            self.debris.look_at(satellites);
+        }
         self.next_rogue = 0;
         self.step = 0;
         self.total = 0.0;
@@ -153,7 +143,7 @@ impl<C: Chance> Flight<C> {
     pub fn step(&mut self, action: JointAction<'_>) -> Result<Stepped, StepError> {
         self.check(action)?;
         if self.setup.physics.upstream {
-            let active_before = self.begin();
+            let active_before = self.begin_step();
             for (i, &agent) in action.agents.iter().enumerate() {
                 if (agent as usize) < SATELLITES {
                     self.burn(agent as usize, action.values[2 * i], action.values[2 * i + 1]);
@@ -167,24 +157,26 @@ impl<C: Chance> Flight<C> {
             let (x, y) = sums[agent as usize].unwrap_or((0.0, 0.0));
             sums[agent as usize] = Some((x + action.values[2 * i], y + action.values[2 * i + 1]));
         }
-        Ok(self.step_all(sums))
+        Ok(self.step_all(|satellite| sums[satellite]))
     }
 
-    /// One step of an episode that is not over, one optional burn a satellite, each a finite number.
-    pub(super) fn step_all(&mut self, burns: [Option<(f64, f64)>; SATELLITES]) -> Stepped {
-        let active_before = self.begin();
-        for (satellite, burn) in burns.into_iter().enumerate() {
-            if let Some((dvx, dvy)) = burn {
+    /// One step of an episode that is not over; of each satellite its burn, if any, in finite numbers.
+    #[inline(always)]
+    pub(super) fn step_all(&mut self, burn: impl Fn(usize) -> Option<(f64, f64)>) -> Stepped {
+        let active_before = self.begin_step();
+        for satellite in 0..SATELLITES {
+            if let Some((dvx, dvy)) = burn(satellite) {
                 self.burn(satellite, dvx, dvy);
             }
         }
         self.advance(active_before)
     }
 
-    fn begin(&mut self) -> [bool; SATELLITES] {
+    #[inline(always)]
+    fn begin_step(&mut self) -> [bool; SATELLITES] {
         self.step += 1;
         self.events.clear();
-        self.satellites.map(|s| s.active())
+        self.satellites.each_ref().map(Satellite::active)
     }
 
     /// Everything after the burns.
@@ -258,6 +250,7 @@ impl<C: Chance> Flight<C> {
     #[inline]
     fn coast(&mut self) -> bool {
         let physics = self.setup.physics;
+        let mut there = [ABSENT; SATELLITES];
         for (i, s) in self.satellites.iter_mut().enumerate() {
             if !s.active() {
                 continue;
@@ -267,6 +260,7 @@ impl<C: Chance> Flight<C> {
                 self.events.push(Event::Decayed { satellite: i as u32 });
             } else {
                 s.body = s.body.coasted(physics.gravity);
+                there[i] = s.body;
             }
         }
         if self.debris.may_be_inside {
@@ -284,133 +278,20 @@ impl<C: Chance> Flight<C> {
                 }
             }
         }
-        let there = self.satellites.map(|s| if s.active() { s.body } else { ABSENT });
         self.debris.advance(physics.gravity, physics.contact == Contact::Swept, &there)
     }
 
     #[inline]
     fn reward(&mut self) -> f64 {
         let fleet = Fleet {
-            bodies: self.satellites.map(|s| s.body),
-            fuel: self.satellites.map(|s| s.fuel),
-            alive: self.satellites.map(|s| s.survival),
+            bodies: self.satellites.each_ref().map(|s| s.body),
+            fuel: self.satellites.each_ref().map(|s| s.fuel),
+            alive: self.satellites.each_ref().map(|s| s.survival),
         };
         let goal = self.objective.goal(&fleet);
         if self.step > HORIZON - self.objective.goal_steps() {
             self.goal_sum += goal;
         }
         self.objective.reward(&fleet, self.setup.fuel, goal)
-    }
-
-    /// Whether some active satellite's radar sees this place.
-    #[must_use]
-    pub fn sees(&self, x: f64, y: f64) -> bool {
-        self.setup.radar_range.is_none_or(|range| {
-            self.satellites
-                .iter()
-                .any(|s| s.active() && distance_2(s.body.x, s.body.y, x, y) <= range * range)
-        })
-    }
-
-    /// The satellites.
-    #[must_use]
-    pub const fn satellites(&self) -> &[Satellite; SATELLITES] {
-        &self.satellites
-    }
-
-    /// All debris, hidden or not.
-    #[must_use]
-    pub const fn debris(&self) -> &Debris {
-        &self.debris
-    }
-
-    /// What happened in the last step.
-    #[must_use]
-    pub fn events(&self) -> &[Event] {
-        &self.events
-    }
-
-    /// Steps taken.
-    #[must_use]
-    pub const fn steps(&self) -> u32 {
-        self.step
-    }
-
-    /// Whether it is over.
-    #[must_use]
-    pub const fn done(&self) -> bool {
-        self.done
-    }
-
-    /// The sum of rewards.
-    #[must_use]
-    pub const fn total(&self) -> f64 {
-        self.total
-    }
-
-    /// The recipe in kessler's terms.
-    #[must_use]
-    pub fn setup(&self) -> &Setup {
-        &self.setup
-    }
-
-    /// What the task rewards.
-    #[must_use]
-    pub const fn objective(&self) -> Objective {
-        self.objective
-    }
-
-    /// The source of draws.
-    #[must_use]
-    pub const fn chance(&self) -> &C {
-        &self.chance
-    }
-
-    /// Bytes it takes, without the setup, which others may share.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        size_of::<Self>()
-            + self.debris.bytes()
-            + self.rogues.capacity() * size_of::<(u32, Body)>()
-            + self.events.capacity() * size_of::<Event>()
-    }
-
-    /// A digest of every bit of the state.
-    #[must_use]
-    pub fn state_hash(&self) -> [u8; 32] {
-        let mut hasher = blake3::Hasher::new();
-        let mut put = |value: f64| {
-            hasher.update(&value.to_bits().to_le_bytes());
-        };
-        for s in &self.satellites {
-            for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, s.survival] {
-                put(value);
-            }
-        }
-        for i in 0..self.debris.len() {
-            let body = self.debris.body(i);
-            for value in [f64::from(self.debris.id(i)), body.x, body.y, body.vx, body.vy] {
-                put(value);
-            }
-        }
-        put(f64::from(self.step));
-        put(self.total);
-        put(self.goal_sum);
-        *hasher.finalize().as_bytes()
-    }
-
-    /// How it went so far.
-    #[must_use]
-    pub fn flown(&self) -> Flown {
-        let lost = self.satellites.iter().filter(|s| s.lost()).count();
-        let steps = self.objective.goal_steps();
-        Flown {
-            score: score(self.total),
-            total: self.total,
-            steps: self.step,
-            lost: lost as u32,
-            goal: (steps > 0).then(|| self.goal_sum / f64::from(steps)),
-            fuel_used: self.fuel_used,
-        }
     }
 }

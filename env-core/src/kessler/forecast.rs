@@ -28,24 +28,25 @@ impl Row {
 
     /// Whether this is exactly where debris is now.
     fn is(&self, debris: &Debris) -> bool {
+        if self.x.len() != debris.len() {
+            return false;
+        }
         // Bits, not numbers: what is carried must be what would be computed.
-        let same = |mine: &[f64], theirs: &[f64]| {
-            mine.iter().zip(theirs).fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0
-        };
-        self.x.len() == debris.len()
-            && same(&self.x, &debris.x)
-            && same(&self.y, &debris.y)
-            && same(&self.vx, &debris.vx)
-            && same(&self.vy, &debris.vy)
+        let differ = |a: f64, b: f64| a.to_bits() ^ b.to_bits();
+        let all = debris.bodies().enumerate().fold(0, |all, (i, d)| {
+            let place = differ(self.x[i], d.x) | differ(self.y[i], d.y);
+            all | place | differ(self.vx[i], d.vx) | differ(self.vy[i], d.vy)
+        });
+        all == 0
     }
 
     fn take(&mut self, debris: &Debris) {
-        let n = debris.len();
-        for (mine, theirs) in self.columns().into_iter().zip([&debris.x, &debris.y, &debris.vx, &debris.vy]) {
+        let of = [|b: Body| b.x, |b: Body| b.y, |b: Body| b.vx, |b: Body| b.vy];
+        for (mine, of) in self.columns().into_iter().zip(of) {
             mine.clear();
-            // As much room as the episode's own columns have, so that arrivals need none.
-            mine.reserve(theirs.capacity());
-            mine.extend_from_slice(&theirs[..n]);
+            // As much room as the episode has, so that arrivals need none.
+            mine.reserve(debris.capacity());
+            mine.extend(debris.bodies().map(of));
         }
     }
 

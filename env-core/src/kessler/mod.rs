@@ -3,6 +3,7 @@
 //! arithmetic. `docs/kessler.md` has the tables.
 
 pub mod batch;
+mod cloud;
 mod codec;
 mod columns;
 pub mod constants;

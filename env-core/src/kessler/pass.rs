@@ -2,6 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::cloud::{BLOCK, Block};
 use super::constants::{CONTACT_2, EARTH_RADIUS_2, GM, J2_PULL, SATELLITES};
 use super::kernel::{Body, Gravity};
 
@@ -14,34 +15,26 @@ pub(super) struct Found {
     pub touched: bool,
 }
 
-/// Bodies as columns of whole vectors.
-pub(super) struct Columns<'a> {
-    pub x: &'a mut [f64],
-    pub y: &'a mut [f64],
-    pub vx: &'a mut [f64],
-    pub vy: &'a mut [f64],
-}
-
 /// One step of free flight of all, and whether anything rare happened: where the step ends or (`swept`) within it.
 pub(super) fn advance(
     arch: Arch,
     gravity: Gravity,
     swept: bool,
-    columns: Columns<'_>,
+    blocks: &mut [Block],
     satellites: &[Body; SATELLITES],
 ) -> Found {
     match (gravity, swept) {
-        (Gravity::Point, false) => arch.dispatch(Pass::<false, false> { columns, satellites }),
-        (Gravity::Point, true) => arch.dispatch(Pass::<false, true> { columns, satellites }),
-        (Gravity::J2, false) => arch.dispatch(Pass::<true, false> { columns, satellites }),
-        (Gravity::J2, true) => arch.dispatch(Pass::<true, true> { columns, satellites }),
+        (Gravity::Point, false) => arch.dispatch(Pass::<false, false> { blocks, satellites }),
+        (Gravity::Point, true) => arch.dispatch(Pass::<false, true> { blocks, satellites }),
+        (Gravity::J2, false) => arch.dispatch(Pass::<true, false> { blocks, satellites }),
+        (Gravity::J2, true) => arch.dispatch(Pass::<true, true> { blocks, satellites }),
     }
 }
 
 /// The arithmetic of `kernel::coast` (`OBLATE`: with J₂) and of distance (`SWEPT`: of `kernel::swept_2`), operation by
 /// operation.
 struct Pass<'a, const OBLATE: bool, const SWEPT: bool> {
-    columns: Columns<'a>,
+    blocks: &'a mut [Block],
     satellites: &'a [Body; SATELLITES],
 }
 
@@ -108,19 +101,20 @@ impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Pass<'_, OBLATE, SWEPT>
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Found {
-        let Columns { x, y, vx, vy } = self.columns;
-        let (x, y) = (S::as_mut_simd_f64s(x).0, S::as_mut_simd_f64s(y).0);
-        let (vx, vy) = (S::as_mut_simd_f64s(vx).0, S::as_mut_simd_f64s(vy).0);
         let mut lowest = simd.splat_f64s(f64::MAX);
         let mut nearest = lowest;
         // Not `map`: the compiler does not carry the vector instructions through it.
         let [a, b, c] = self.satellites;
         let satellites = [Splat::of(simd, a), Splat::of(simd, b), Splat::of(simd, c)];
-        for (((x, y), vx), vy) in x.iter_mut().zip(y).zip(vx).zip(vy) {
-            [*x, *y, *vx, *vy] = coasted::<S, OBLATE>(simd, [*x, *y, *vx, *vy]);
-            lowest = simd.min_f64s(lowest, square(simd, *x, *y));
-            for satellite in &satellites {
-                nearest = simd.min_f64s(nearest, satellite.distance_2::<SWEPT>(simd, [*x, *y, *vx, *vy]));
+        for block in self.blocks {
+            let (x, y) = (S::as_mut_simd_f64s(&mut block.x).0, S::as_mut_simd_f64s(&mut block.y).0);
+            let (vx, vy) = (S::as_mut_simd_f64s(&mut block.vx).0, S::as_mut_simd_f64s(&mut block.vy).0);
+            for (((x, y), vx), vy) in x.iter_mut().zip(y).zip(vx).zip(vy) {
+                [*x, *y, *vx, *vy] = coasted::<S, OBLATE>(simd, [*x, *y, *vx, *vy]);
+                lowest = simd.min_f64s(lowest, square(simd, *x, *y));
+                for satellite in &satellites {
+                    nearest = simd.min_f64s(nearest, satellite.distance_2::<SWEPT>(simd, [*x, *y, *vx, *vy]));
+                }
             }
         }
         Found {
@@ -130,25 +124,45 @@ impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Pass<'_, OBLATE, SWEPT>
     }
 }
 
-/// Bodies looked at together in [`early`]: a whole number of vectors of any width.
-pub(super) const BLOCK: usize = 8;
-/// Far from everything, and still a number.
-const FAR: f64 = 1e12;
+/// Whether any body is inside the Earth.
+pub(super) fn inside(arch: Arch, blocks: &[Block]) -> bool {
+    arch.dispatch(Inside { blocks })
+}
+
+struct Inside<'a> {
+    blocks: &'a [Block],
+}
+
+impl WithSimd for Inside<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let mut lowest = simd.splat_f64s(f64::MAX);
+        for block in self.blocks {
+            let (x, y) = (S::as_simd_f64s(&block.x).0, S::as_simd_f64s(&block.y).0);
+            for (x, y) in x.iter().zip(y) {
+                lowest = simd.min_f64s(lowest, square(simd, *x, *y));
+            }
+        }
+        simd.reduce_min_f64s(lowest) < EARTH_RADIUS_2
+    }
+}
 
 /// Which blocks of [`BLOCK`] bodies have one that touches a satellite at the points of these paths, at most 128 of them:
 /// the first where everything starts, then step by step.
-pub(super) fn early(gravity: Gravity, swept: bool, bodies: &[Body], paths: &[[Body; SATELLITES]]) -> u128 {
+pub(super) fn early(gravity: Gravity, swept: bool, blocks: &[Block], paths: &[[Body; SATELLITES]]) -> u128 {
     let arch = Arch::new();
     match (gravity, swept) {
-        (Gravity::Point, false) => arch.dispatch(Early::<false, false> { bodies, paths }),
-        (Gravity::Point, true) => arch.dispatch(Early::<false, true> { bodies, paths }),
-        (Gravity::J2, false) => arch.dispatch(Early::<true, false> { bodies, paths }),
-        (Gravity::J2, true) => arch.dispatch(Early::<true, true> { bodies, paths }),
+        (Gravity::Point, false) => arch.dispatch(Early::<false, false> { blocks, paths }),
+        (Gravity::Point, true) => arch.dispatch(Early::<false, true> { blocks, paths }),
+        (Gravity::J2, false) => arch.dispatch(Early::<true, false> { blocks, paths }),
+        (Gravity::J2, true) => arch.dispatch(Early::<true, true> { blocks, paths }),
     }
 }
 
 struct Early<'a, const OBLATE: bool, const SWEPT: bool> {
-    bodies: &'a [Body],
+    blocks: &'a [Block],
     paths: &'a [[Body; SATELLITES]],
 }
 
@@ -158,15 +172,11 @@ impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Early<'_, OBLATE, SWEPT
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> u128 {
         let mut found = 0;
-        for (number, block) in self.bodies.chunks(BLOCK).enumerate() {
-            let (mut x, mut y, mut vx, mut vy) = ([FAR; BLOCK], [FAR; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
-            for (i, body) in block.iter().enumerate() {
-                (x[i], y[i], vx[i], vy[i]) = (body.x, body.y, body.vx, body.vy);
-            }
-            let (x, y) = (S::as_mut_simd_f64s(&mut x).0, S::as_mut_simd_f64s(&mut y).0);
-            let (vx, vy) = (S::as_mut_simd_f64s(&mut vx).0, S::as_mut_simd_f64s(&mut vy).0);
+        for (number, block) in self.blocks.iter().enumerate() {
+            let (x, y) = (S::as_simd_f64s(&block.x).0, S::as_simd_f64s(&block.y).0);
+            let (vx, vy) = (S::as_simd_f64s(&block.vx).0, S::as_simd_f64s(&block.vy).0);
             let mut nearest = simd.splat_f64s(f64::MAX);
-            for (((x, y), vx), vy) in x.iter_mut().zip(y).zip(vx).zip(vy) {
+            for (((x, y), vx), vy) in x.iter().zip(y).zip(vx).zip(vy) {
                 let mut at = [*x, *y, *vx, *vy];
                 for (step, satellites) in self.paths.iter().enumerate() {
                     if step > 0 {
@@ -189,9 +199,10 @@ impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Early<'_, OBLATE, SWEPT
     }
 }
 
-/// Columns rounded to f32, each to `bodies` values; zeros from the `there`-th on. Columns are whole blocks.
+/// What is seen of bodies, one column of `bodies` values after the other: x, y, vx, vy rounded to f32, and one where there
+/// is a body. Zeros from the `there`-th on.
 pub(super) struct Narrow<'a> {
-    pub columns: [&'a [f64]; 4],
+    pub blocks: &'a [Block],
     pub out: &'a mut [f32],
     pub bodies: usize,
     pub there: usize,
@@ -200,16 +211,48 @@ pub(super) struct Narrow<'a> {
 impl WithSimd for Narrow<'_> {
     type Output = ();
 
-    /// Plain loops: inlined where the machine's vectors are known, they become vectors by themselves.
+    /// Plain loops over blocks of a fixed size: inlined where the machine's vectors are known, they become vectors by
+    /// themselves. Column after column, so that memory is written as one stream.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
     fn with_simd<S: Simd>(self, _: S) {
-        for (column, source) in self.out.chunks_exact_mut(self.bodies.max(1)).zip(self.columns) {
-            // What is there, and what pads it: whole vectors where there is room.
-            for (cell, value) in column.iter_mut().zip(source) {
-                *cell = *value as f32;
-            }
-            column[self.there.min(self.bodies)..].fill(0.0);
+        let Narrow { blocks, out, bodies, there } = self;
+        column::<0>(blocks, out, bodies, there);
+        column::<1>(blocks, &mut out[bodies..], bodies, there);
+        column::<2>(blocks, &mut out[2 * bodies..], bodies, there);
+        column::<3>(blocks, &mut out[3 * bodies..], bodies, there);
+        for (i, cell) in out[4 * bodies..].iter_mut().enumerate() {
+            *cell = if i < there { 1.0 } else { 0.0 };
         }
     }
+}
+
+/// One column, to the front of `out`. What comes after it may be written over: columns are written in order.
+#[inline(always)]
+fn column<const C: usize>(blocks: &[Block], out: &mut [f32], bodies: usize, there: usize) {
+    let whole = there / BLOCK;
+    let (cells, _) = out[..bodies].as_chunks_mut::<BLOCK>();
+    for (cells, block) in cells.iter_mut().zip(&blocks[..whole]) {
+        *cells = narrow(block.column::<C>());
+    }
+    for from in (whole * BLOCK..bodies).step_by(BLOCK) {
+        let mut cells = blocks.get(from / BLOCK).map_or([0.0; BLOCK], |block| narrow(block.column::<C>()));
+        for (i, cell) in cells.iter_mut().enumerate() {
+            *cell = if from + i < there { *cell } else { 0.0 };
+        }
+        if let Some(room) = out[from..].first_chunk_mut() {
+            *room = cells;
+        } else {
+            out[from..].iter_mut().zip(cells).for_each(|(to, cell)| *to = cell);
+        }
+    }
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
+fn narrow(from: &[f64; BLOCK]) -> [f32; BLOCK] {
+    let mut to = [0.0; BLOCK];
+    for i in 0..BLOCK {
+        to[i] = from[i] as f32;
+    }
+    to
 }

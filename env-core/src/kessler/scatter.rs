@@ -2,9 +2,10 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::cloud::{BLOCK, Block, Cloud};
 use super::constants::{DEBRIS_RADII, GM};
 use super::kernel::Body;
-use super::pass::BLOCK;
+use crate::chance::{Chance, Stream};
 
 const TAU: f64 = std::f64::consts::TAU;
 
@@ -21,55 +22,55 @@ pub(super) fn body([radius, angle, vx, vy]: [f64; DRAWS], spread: f64) -> Body {
     body
 }
 
-/// The same for many, to the bit.
-pub(super) fn bodies(draws: &[f64], spread: f64, out: &mut Vec<Body>) {
-    out.clear();
-    out.resize(draws.len() / DRAWS, Body::default());
-    Arch::new().dispatch(Scatter { draws, spread, out });
+/// Draws so many bodies into a cloud: to the bit what [`body`] makes of each body's draws.
+pub(super) fn bodies(chance: &mut impl Chance, spread: f64, count: usize, cloud: &mut Cloud) {
+    let arch = Arch::new();
+    let mut draws = [0.5; BLOCK * DRAWS];
+    for first in (0..count).step_by(BLOCK) {
+        let there = BLOCK.min(count - first);
+        chance.fill(Stream::Bodies, &mut draws[..there * DRAWS]);
+        cloud.push_block(arch.dispatch(Scatter { draws: &draws, spread }), there);
+    }
 }
 
 struct Scatter<'a> {
-    draws: &'a [f64],
+    draws: &'a [f64; BLOCK * DRAWS],
     spread: f64,
-    out: &'a mut [Body],
 }
 
 impl WithSimd for Scatter<'_> {
-    type Output = ();
+    type Output = Block;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, v: S) {
+    fn with_simd<S: Simd>(self, v: S) -> Block {
         let ((low, high), spread) = (DEBRIS_RADII, v.splat_f64s(self.spread));
         let (low, width) = (v.splat_f64s(low), v.splat_f64s(high - low));
         let (one, two) = (v.splat_f64s(-1.0), v.splat_f64s(2.0));
-        for (draws, out) in self.draws.chunks(BLOCK * DRAWS).zip(self.out.chunks_mut(BLOCK)) {
-            let [mut a, mut b, mut c, mut d] = [[0.5; BLOCK]; DRAWS];
-            for (i, draw) in draws.chunks_exact(DRAWS).enumerate() {
-                (a[i], b[i], c[i], d[i]) = (draw[0], draw[1], draw[2], draw[3]);
-            }
-            let mut plain = true;
-            let (xs, ys) = (S::as_mut_simd_f64s(&mut a).0, S::as_mut_simd_f64s(&mut b).0);
-            let (vxs, vys) = (S::as_mut_simd_f64s(&mut c).0, S::as_mut_simd_f64s(&mut d).0);
-            for (((x, y), vx), vy) in xs.iter_mut().zip(ys).zip(vxs).zip(vys) {
-                let radius = v.add_f64s(low, v.mul_f64s(width, *x));
-                let turn = turn(v, v.mul_f64s(v.splat_f64s(TAU), *y));
-                plain &= turn.plain;
-                let speed = v.sqrt_f64s(v.div_f64s(v.splat_f64s(GM), radius));
-                let off_x = mul(v, add(v, one, mul(v, two, *vx)), spread);
-                let off_y = mul(v, add(v, one, mul(v, two, *vy)), spread);
-                *x = v.mul_f64s(radius, turn.cos);
-                *y = v.mul_f64s(radius, turn.sin);
-                *vx = v.add_f64s(v.mul_f64s(v.neg_f64s(speed), turn.sin), off_x);
-                *vy = v.add_f64s(v.mul_f64s(speed, turn.cos), off_y);
-            }
-            for (i, (to, draw)) in out.iter_mut().zip(draws.chunks_exact(DRAWS)).enumerate() {
-                *to = if plain {
-                    Body { x: a[i], y: b[i], vx: c[i], vy: d[i] }
-                } else {
-                    body([draw[0], draw[1], draw[2], draw[3]], self.spread)
-                };
+        let mut block = Block::EMPTY;
+        for (i, draw) in self.draws.as_chunks::<DRAWS>().0.iter().enumerate() {
+            [block.x[i], block.y[i], block.vx[i], block.vy[i]] = *draw;
+        }
+        let mut plain = true;
+        let (xs, ys) = (S::as_mut_simd_f64s(&mut block.x).0, S::as_mut_simd_f64s(&mut block.y).0);
+        let (vxs, vys) = (S::as_mut_simd_f64s(&mut block.vx).0, S::as_mut_simd_f64s(&mut block.vy).0);
+        for (((x, y), vx), vy) in xs.iter_mut().zip(ys).zip(vxs).zip(vys) {
+            let radius = v.add_f64s(low, v.mul_f64s(width, *x));
+            let turn = turn(v, v.mul_f64s(v.splat_f64s(TAU), *y));
+            plain &= turn.plain;
+            let speed = v.sqrt_f64s(v.div_f64s(v.splat_f64s(GM), radius));
+            let off_x = mul(v, add(v, one, mul(v, two, *vx)), spread);
+            let off_y = mul(v, add(v, one, mul(v, two, *vy)), spread);
+            *x = v.mul_f64s(radius, turn.cos);
+            *y = v.mul_f64s(radius, turn.sin);
+            *vx = v.add_f64s(v.mul_f64s(v.neg_f64s(speed), turn.sin), off_x);
+            *vy = v.add_f64s(v.mul_f64s(speed, turn.cos), off_y);
+        }
+        if !plain {
+            for (i, draw) in self.draws.as_chunks::<DRAWS>().0.iter().enumerate() {
+                block.set(i, body(*draw, self.spread));
             }
         }
+        block
     }
 }
 
@@ -204,15 +205,15 @@ fn cosine<V: Simd>(v: V, y: V::f64s, t: V::f64s) -> V::f64s {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chance::{Chance, Seeded, Stream};
+    use crate::chance::{Scripted, Seeded};
     use crate::seed::Seed;
 
     /// A million random bodies, and angles on both sides of every case of the reduction, are those of the plain formula.
     #[test]
     fn validate_libm_many_bodies_are_each_body_to_the_bit() {
-        let mut chance = Seeded::new(Seed::user(9).unwrap());
+        let mut seeded = Seeded::new(Seed::user(9).unwrap());
         let mut draws = vec![0.0; DRAWS * 1_000_000];
-        chance.fill(Stream::Bodies, &mut draws);
+        seeded.fill(Stream::Bodies, &mut draws);
         for word in STEPS.into_iter().chain(CARE.map(high)).chain([TINY, 0.0]) {
             for bits in -3i64..4 {
                 let angle = f64::from_bits(word.to_bits().saturating_add_signed(bits));
@@ -221,13 +222,17 @@ mod tests {
                 }
             }
         }
-        let mut many = Vec::new();
-        bodies(&draws, 0.7, &mut many);
-        assert_eq!(many.len(), draws.len() / DRAWS);
-        for (one, draw) in many.iter().zip(draws.chunks_exact(DRAWS)) {
-            let plain = body([draw[0], draw[1], draw[2], draw[3]], 0.7);
+        let mut scripted = Scripted::new();
+        for &draw in &draws {
+            scripted.push(Stream::Bodies, draw);
+        }
+        let mut cloud = Cloud::default();
+        bodies(&mut scripted, 0.7, draws.len() / DRAWS, &mut cloud);
+        assert_eq!((cloud.len(), scripted.missing()), (draws.len() / DRAWS, 0));
+        for (one, draw) in cloud.bodies().zip(draws.as_chunks::<DRAWS>().0) {
+            let plain = body(*draw, 0.7);
             let bits = |b: &Body| [b.x, b.y, b.vx, b.vy].map(f64::to_bits);
-            assert_eq!(bits(one), bits(&plain), "{draw:?}");
+            assert_eq!(bits(&one), bits(&plain), "{draw:?}");
         }
     }
 }

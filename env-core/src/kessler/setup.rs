@@ -2,6 +2,7 @@
 
 mod start;
 
+pub(super) use self::start::Draft;
 pub use self::start::Start;
 use super::constants::{EARTH_RADIUS, HORIZON, RADAR_NONE, SATELLITES};
 use super::kernel::{Body, Gravity};

@@ -147,11 +147,9 @@ impl<C: Chance> Flight<C> {
                 })
                 .collect(),
             radar_debris: (0..debris.len())
-                .filter(|&i| all || self.sees(debris.x[i], debris.y[i]))
-                .map(|i| {
-                    let Body { x, y, vx, vy } = debris.body(i);
-                    DebrisTelemetry { id: debris.id(i), x, y, vx, vy }
-                })
+                .map(|i| (debris.id(i), debris.body(i)))
+                .filter(|(_, body)| all || self.sees(body.x, body.y))
+                .map(|(id, Body { x, y, vx, vy })| DebrisTelemetry { id, x, y, vx, vy })
                 .collect(),
             conjunctions: self.conjunctions(all),
             radar_range: self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0),

@@ -194,7 +194,7 @@ impl Tracks {
             if full && self.threats.last().is_some_and(|last| miss_2 > last.miss_2) {
                 continue;
             }
-            let (x, y) = (debris.x[index], debris.y[index]);
+            let Body { x, y, .. } = debris.body(index);
             let threat = Threat { index, miss_2, now_2: distance_2(satellite.x, satellite.y, x, y) };
             let place = self.threats.partition_point(|known| known.before(&threat));
             if place < self.k && flight.sees(x, y) {

@@ -64,8 +64,8 @@ impl<C: Chance> Flight<C> {
         let paths = self.satellites().each_ref().map(|s| Path::under_hold(s, physics));
         let debris = self.debris();
         let mut found = Vec::new();
-        for i in (0..debris.len()).filter(|&i| all || self.sees(debris.x[i], debris.y[i])) {
-            let approaches = approaches(debris.body(i), &paths, physics);
+        for (i, body) in debris.bodies().enumerate().filter(|(_, body)| all || self.sees(body.x, body.y)) {
+            let approaches = approaches(body, &paths, physics);
             for (satellite, approach) in (0u32..).zip(approaches) {
                 if let Some(approach) = approach {
                     found.push(self.warn(satellite, debris.id(i), approach, noisy));

@@ -3,12 +3,13 @@
 use super::{Contact, Physics, Setup};
 use crate::chance::{Chance, Stream};
 use crate::error::ScenarioError;
+use crate::kessler::cloud::{BLOCK, Cloud};
 use crate::kessler::constants::{
     CONTACT_2, FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE, FRAGMENTS, GM, HORIZON, ROGUE_RADIUS,
     SATELLITE_RADII, SATELLITES,
 };
 use crate::kessler::kernel::{Body, distance_2, swept_2};
-use crate::kessler::pass::{self, BLOCK};
+use crate::kessler::pass;
 use crate::kessler::scatter::{self, DRAWS};
 
 const TAU: f64 = std::f64::consts::TAU;
@@ -22,17 +23,13 @@ pub struct Start {
     pub debris: Vec<Body>,
     /// (step, body) by step: a rogue that arrives before the motion of that step (counted from 1).
     pub rogues: Vec<(u32, Body)>,
-    /// What debris was drawn from.
-    pub(in crate::kessler) draws: Vec<f64>,
 }
 
-impl Start {
-    /// Bytes of its tables.
-    pub(in crate::kessler) fn bytes(&self) -> usize {
-        self.draws.capacity() * size_of::<f64>()
-            + self.debris.capacity() * size_of::<Body>()
-            + self.rogues.capacity() * size_of::<(u32, Body)>()
-    }
+/// Where a start is drawn: the episode's own memory.
+pub(in crate::kessler) struct Draft<'a> {
+    pub satellites: &'a mut [Body; SATELLITES],
+    pub debris: &'a mut Cloud,
+    pub rogues: &'a mut Vec<(u32, Body)>,
 }
 
 impl Setup {
@@ -41,17 +38,24 @@ impl Setup {
     /// # Errors
     /// `Unfair`, where `start: fair` cannot be had: by a layout's body, or after 64 tries at one that is drawn.
     pub fn start(&self, chance: &mut impl Chance) -> Result<Start, ScenarioError> {
-        let mut start = Start::default();
-        self.start_into(chance, &mut start)?;
-        Ok(start)
+        let mut satellites = [Body::default(); SATELLITES];
+        let (mut debris, mut rogues) = (Cloud::default(), Vec::new());
+        let draft = Draft { satellites: &mut satellites, debris: &mut debris, rogues: &mut rogues };
+        self.start_into(chance, draft)?;
+        Ok(Start { satellites, debris: debris.bodies().collect(), rogues })
     }
 
     /// The same into memory that is there already.
     ///
     /// # Errors
-    /// As [`Setup::start`]; what `start` then holds is of no use.
-    pub fn start_into(&self, chance: &mut impl Chance, start: &mut Start) -> Result<(), ScenarioError> {
-        start.satellites = match self.satellites {
+    /// As [`Setup::start`]; what `draft` then holds is of no use.
+    pub(in crate::kessler) fn start_into(
+        &self,
+        chance: &mut impl Chance,
+        draft: Draft<'_>,
+    ) -> Result<(), ScenarioError> {
+        let Draft { satellites, debris, rogues } = draft;
+        *satellites = match self.satellites {
             Some(given) => given,
             None if self.formation => triangle(chance),
             None => [(); SATELLITES].map(|()| {
@@ -59,28 +63,33 @@ impl Setup {
                 Body::circular(radius, TAU * chance.uniform(Stream::Agents), 1.0)
             }),
         };
-        start.draws.clear();
-        start.draws.resize(self.debris * DRAWS, 0.0);
-        chance.fill(Stream::Bodies, &mut start.draws);
-        scatter::bodies(&start.draws, self.spread, &mut start.debris);
-        start.debris.extend_from_slice(&self.layout_debris);
-        if self.fair {
-            self.make_fair(chance, start)?;
+        debris.clear(self.most_debris());
+        scatter::bodies(chance, self.spread, self.debris, debris);
+        for body in &self.layout_debris {
+            debris.push(*body);
         }
-        self.rogues(chance, &mut start.rogues);
+        if self.fair {
+            self.make_fair(chance, satellites, debris)?;
+        }
+        self.rogues(chance, rogues);
         Ok(())
     }
 
     /// Draws again, each from a substream of its own, what would touch a satellite before anybody could act.
-    fn make_fair(&self, chance: &mut impl Chance, start: &mut Start) -> Result<(), ScenarioError> {
-        let early = EarlyPaths::of(&start.satellites, self.physics);
+    fn make_fair(
+        &self,
+        chance: &mut impl Chance,
+        satellites: &[Body; SATELLITES],
+        debris: &mut Cloud,
+    ) -> Result<(), ScenarioError> {
+        let early = EarlyPaths::of(satellites, self.physics);
         // Bit i: somewhere in block i of eight bodies there is one that touches.
-        let mut blocks = early.may_touch(&start.debris);
+        let mut blocks = early.may_touch(debris);
         while blocks != 0 {
             let first = blocks.trailing_zeros() as usize * BLOCK;
             blocks &= blocks - 1;
-            for index in first..(first + BLOCK).min(start.debris.len()) {
-                self.make_one_fair(chance, start, &early, index)?;
+            for index in first..(first + BLOCK).min(debris.len()) {
+                self.make_one_fair(chance, debris, &early, index)?;
             }
         }
         Ok(())
@@ -89,12 +98,12 @@ impl Setup {
     fn make_one_fair(
         &self,
         chance: &mut impl Chance,
-        start: &mut Start,
+        debris: &mut Cloud,
         early: &EarlyPaths,
         index: usize,
     ) -> Result<(), ScenarioError> {
         let mut tries = 0;
-        while let Some((satellite, step)) = early.touched_by(start.debris[index]) {
+        while let Some((satellite, step)) = early.touched_by(debris.body(index)) {
             if index >= self.debris {
                 return Err(unfair(
                     &format!("layout.bodies.debris.{}", index - self.debris),
@@ -110,7 +119,7 @@ impl Setup {
                 ));
             }
             tries += 1;
-            start.debris[index] = self.draw_debris(chance, Stream::Redraw(index as u32));
+            debris.set(index, self.draw_debris(chance, Stream::Redraw(index as u32)));
         }
         Ok(())
     }
@@ -186,12 +195,12 @@ impl EarlyPaths {
     }
 
     /// Which blocks of bodies have one that touches a satellite in these steps; all, where there are too many to tell.
-    fn may_touch(&self, bodies: &[Body]) -> u128 {
-        if bodies.len() > BLOCK * u128::BITS as usize {
+    fn may_touch(&self, debris: &Cloud) -> u128 {
+        if debris.blocks().len() > u128::BITS as usize {
             return u128::MAX;
         }
         let swept = self.physics.contact == Contact::Swept;
-        pass::early(self.physics.gravity, swept, bodies, &self.paths)
+        pass::early(self.physics.gravity, swept, debris.blocks(), &self.paths)
     }
 
     /// The first satellite this body touches, and when.
