@@ -5,12 +5,14 @@
 //! so what it does is the same at any batch size and thread count; slot k's j-th scenario depends on (k, j) alone, never
 //! on who finishes first. After the first reset nothing is allocated.
 
+mod buffers;
 mod engine;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
+pub use self::buffers::Buffers;
 pub use self::engine::{Engine, Lane, LaneOutput};
 use crate::error::ScenarioError;
 use crate::scenario::{Recipe, Scenario};

@@ -32,3 +32,20 @@ impl Canonical {
         self.0
     }
 }
+
+/// A digest of every bit of a state: unlike the canonical form, −0 is not 0 here.
+pub(crate) struct StateHasher(blake3::Hasher);
+
+impl StateHasher {
+    pub(crate) fn new() -> Self {
+        Self(blake3::Hasher::new())
+    }
+
+    pub(crate) fn put(&mut self, value: f64) {
+        self.0.update(&value.to_bits().to_le_bytes());
+    }
+
+    pub(crate) fn finish(self) -> [u8; 32] {
+        *self.0.finalize().as_bytes()
+    }
+}

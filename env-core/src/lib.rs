@@ -24,6 +24,8 @@ pub mod scenario;
 pub mod seed;
 pub mod space;
 pub mod task;
+#[cfg(test)]
+mod testing;
 pub mod world;
 
 pub use bracket::{Admission, Bracket, Flown, SuccessRule};

@@ -1,6 +1,6 @@
 //! Action logs: what every agent did, step by step; with the scenario, the whole truth about an episode.
 
-use crate::error::LogError;
+use crate::error::{LogError, StepError};
 
 /// The actions of one step: any number of entries, each for one agent. An agent without an entry goes on as it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +14,27 @@ pub struct JointAction<'a> {
 impl JointAction<'_> {
     /// Nobody does anything new.
     pub const HOLD: JointAction<'static> = JointAction { agents: &[], values: &[] };
+
+    /// What any world asks of an action with `dim` values an entry: not too many entries, each of an agent below
+    /// `agents` (where there is such a bound), all finite.
+    pub(crate) fn check(&self, dim: usize, agents: Option<usize>) -> Result<(), StepError> {
+        let entries = self.agents.len();
+        if entries > MAX_ENTRIES {
+            return Err(StepError::TooMany { count: entries, max: MAX_ENTRIES });
+        }
+        if self.values.len() != dim * entries {
+            return Err(StepError::Shape { values: self.values.len(), entries, dim });
+        }
+        for (&agent, values) in self.agents.iter().zip(self.values.chunks_exact(dim)) {
+            if let Some(agents) = agents.filter(|&agents| agent as usize >= agents) {
+                return Err(StepError::UnknownAgent { agent, last: agents as u32 - 1 });
+            }
+            if !values.iter().all(|value| value.is_finite()) {
+                return Err(StepError::NotFinite { agent });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Why a log is shorter than its episode, where that was the agent's doing. The rest is flown as hold.

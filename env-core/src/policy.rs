@@ -1,9 +1,12 @@
 //! Policies without a model.
 
+mod pilot;
+
 use std::any::Any;
 
 use serde::Serialize;
 
+pub(crate) use self::pilot::{Hold, Pilot, Witness, seated};
 use crate::error::ScenarioError;
 use crate::log::ActionLog;
 
@@ -38,4 +41,12 @@ pub enum PolicyError {
     /// The scenario cannot be flown.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+}
+
+impl PolicyError {
+    /// No policy of this name among these.
+    pub(crate) fn unknown(name: &str, specs: &[PolicySpec]) -> Self {
+        let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+        Self::Unknown { name: name.to_owned(), known: known.join(", ") }
+    }
 }

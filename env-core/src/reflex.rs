@@ -1,7 +1,9 @@
 //! A world's trainable reflex: a policy with a few numbers and nothing that searches. It is what the demo's built-in
 //! learner learns, and what `frozen` flies untrained.
 
+use crate::chance::{Chance, Seeded, Stream};
 use crate::policy::Policy;
+use crate::seed::Seed;
 
 /// A reflex as data: what its numbers are, and how they become a policy.
 #[derive(Debug, Clone, Copy)]
@@ -23,4 +25,15 @@ pub struct Meaning {
     pub value: f64,
     /// Its unit, empty for a pure number.
     pub unit: &'static str,
+}
+
+/// So many of these numbers; missing ones are ½.
+pub(crate) fn numbers<const N: usize>(given: &[f64]) -> [f64; N] {
+    std::array::from_fn(|i| given.get(i).copied().unwrap_or(0.5))
+}
+
+/// Uniform random numbers: what a learner starts from, and what `frozen` stays at.
+pub(crate) fn random<const N: usize>(seed: Seed) -> [f64; N] {
+    let mut chance = Seeded::new(seed);
+    [(); N].map(|()| chance.uniform(Stream::Policy))
 }

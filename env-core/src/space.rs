@@ -77,6 +77,14 @@ pub struct Levels {
 }
 
 impl Levels {
+    /// A world's own table of ten levels, column by column.
+    pub(crate) fn committed(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Self {
+        let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
+        let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
+        Self::new(space, names, rows)
+            .expect("the committed tables are within their spaces: a test reads them all")
+    }
+
     /// A table whose every cell is checked against the task's parameter space.
     ///
     /// # Errors

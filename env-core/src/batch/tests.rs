@@ -13,50 +13,29 @@ use crate::task::{Episode, StepReport};
 struct Flying {
     batch: Box<dyn Batch>,
     shape: Shape,
-    observations: Vec<f32>,
-    last: Vec<f32>,
-    rewards: Vec<f32>,
-    team_rewards: Vec<f32>,
-    terminated: Vec<bool>,
-    truncated: Vec<bool>,
-    done: Vec<bool>,
+    buffers: Buffers,
 }
 
 const ALL: Observe = Observe::All { bodies: None };
 
 impl Flying {
+    /// Buffers begin with what no batch writes, so that a cell that is left out shows.
     fn new(recipe: &Arc<Recipe>, envs: usize, autoreset: Autoreset) -> Self {
         let config = BatchConfig { envs, autoreset, observe: ALL };
         let feed = Box::new(Seeds::new(Arc::clone(recipe), 5));
         let mut batch = recipe.task().batch(feed, config).unwrap();
         let shape = batch.shape();
-        let mut observations = vec![f32::NAN; envs * shape.observation];
-        batch.reset(None, &mut observations).unwrap();
-        let finals = if autoreset == Autoreset::SameStep { envs * shape.observation } else { 0 };
-        Self {
-            batch,
-            shape,
-            observations,
-            last: vec![f32::NAN; finals],
-            rewards: vec![f32::NAN; envs * shape.agents],
-            team_rewards: vec![f32::NAN; envs],
-            terminated: vec![false; envs * shape.agents],
-            truncated: vec![false; envs * shape.agents],
-            done: vec![false; envs],
+        let mut buffers = Buffers::new(shape, autoreset);
+        let Buffers { observations, final_observations, rewards, team_rewards, .. } = &mut buffers;
+        for buffer in [&mut *observations, final_observations, rewards, team_rewards] {
+            buffer.fill(f32::NAN);
         }
+        batch.reset(None, observations).unwrap();
+        Self { batch, shape, buffers }
     }
 
     fn step(&mut self, actions: &[f32]) -> Result<(), BatchError> {
-        let out = Output {
-            observations: &mut self.observations,
-            final_observations: &mut self.last,
-            rewards: &mut self.rewards,
-            team_rewards: &mut self.team_rewards,
-            terminated: &mut self.terminated,
-            truncated: &mut self.truncated,
-            done: &mut self.done,
-        };
-        self.batch.step(actions, out)
+        self.batch.step(actions, self.buffers.output())
     }
 
     fn width(&self) -> usize {
@@ -125,13 +104,13 @@ fn matches_single(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
         for (env, single) in singles.iter_mut().enumerate() {
             single.step(&actions[env * width..(env + 1) * width], shape);
             let told = &single.report;
-            assert_eq!(flying.done[env], told.done, "{recipe:?} env {env} step {step}");
-            assert_eq!(flying.team_rewards[env].to_bits(), (told.reward as f32).to_bits());
+            assert_eq!(flying.buffers.done[env], told.done, "{recipe:?} env {env} step {step}");
+            assert_eq!(flying.buffers.team_rewards[env].to_bits(), (told.reward as f32).to_bits());
             for agent in &told.agents {
                 let at = env * shape.agents + agent.agent as usize;
-                assert_eq!(flying.rewards[at].to_bits(), (agent.reward as f32).to_bits());
+                assert_eq!(flying.buffers.rewards[at].to_bits(), (agent.reward as f32).to_bits());
                 assert_eq!(
-                    (flying.terminated[at], flying.truncated[at]),
+                    (flying.buffers.terminated[at], flying.buffers.truncated[at]),
                     (agent.terminated, agent.truncated)
                 );
             }
@@ -144,7 +123,7 @@ fn matches_single(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
                 "{recipe:?} env {env} step {step}"
             );
         }
-        assert!(flying.observations.iter().all(|x| x.is_finite()), "{recipe:?} step {step}");
+        assert!(flying.buffers.observations.iter().all(|x| x.is_finite()), "{recipe:?} step {step}");
     }
 }
 
@@ -188,7 +167,7 @@ fn size_and_threads_move_no_bit() {
                     flying.step(&actions).unwrap();
                 }
             });
-            let seen = flying.observations[..5 * flying.shape.observation].to_vec();
+            let seen = flying.buffers.observations[..5 * flying.shape.observation].to_vec();
             let hashes: Vec<_> = (0..5).map(|env| flying.batch.state_hash(env).unwrap()).collect();
             (hashes, seen.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
         };
@@ -207,41 +186,47 @@ fn autoreset_modes_are_gymnasiums() {
     let hold = |flying: &Flying| vec![0.0; flying.shape.envs * flying.width()];
     for mode in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
         let mut flying = Flying::new(&recipe, 2, mode);
-        let first = flying.observations.clone();
+        let first = flying.buffers.observations.clone();
         for step in 1..=50 {
             let actions = hold(&flying);
             flying.step(&actions).unwrap();
-            assert_eq!(flying.done, [step == 50; 2], "{mode:?} step {step}");
+            assert_eq!(flying.buffers.done, [step == 50; 2], "{mode:?} step {step}");
         }
-        assert!(flying.truncated.iter().all(|&cut| cut) && flying.terminated.iter().all(|&left| !left));
+        assert!(
+            flying.buffers.truncated.iter().all(|&cut| cut)
+                && flying.buffers.terminated.iter().all(|&left| !left)
+        );
         let begun = |flying: &Flying| flying.batch.episode(0).unwrap().0;
         let actions = hold(&flying);
         match mode {
             Autoreset::NextStep => {
-                let (before, last) = (begun(&flying), flying.observations.clone());
+                let (before, last) = (begun(&flying), flying.buffers.observations.clone());
                 flying.step(&actions).unwrap();
                 assert_ne!(begun(&flying), before);
-                assert_ne!(flying.observations, last);
-                assert!(flying.rewards.iter().all(|&r| r == 0.0) && flying.truncated.iter().all(|&cut| !cut));
-                assert_eq!(flying.done, [false; 2]);
+                assert_ne!(flying.buffers.observations, last);
+                assert!(
+                    flying.buffers.rewards.iter().all(|&r| r == 0.0)
+                        && flying.buffers.truncated.iter().all(|&cut| !cut)
+                );
+                assert_eq!(flying.buffers.done, [false; 2]);
                 flying.step(&actions).unwrap();
-                assert!(flying.rewards.iter().all(|&r| r > 0.0));
+                assert!(flying.buffers.rewards.iter().all(|&r| r > 0.0));
             }
             Autoreset::SameStep => {
                 // What is seen is the next start; what was seen last stands beside it.
-                assert_ne!(flying.observations, flying.last);
-                assert!(flying.rewards.iter().all(|&r| r > 0.0));
-                let mut again = vec![0.0; flying.observations.len()];
+                assert_ne!(flying.buffers.observations, flying.buffers.final_observations);
+                assert!(flying.buffers.rewards.iter().all(|&r| r > 0.0));
+                let mut again = vec![0.0; flying.buffers.observations.len()];
                 flying.batch.reset(None, &mut again).unwrap();
-                assert_ne!(again, flying.observations);
+                assert_ne!(again, flying.buffers.observations);
             }
             Autoreset::Disabled => {
                 assert_eq!(flying.step(&actions), Err(BatchError::Ended { env: 0 }));
-                flying.batch.reset(Some(&[true, false]), &mut flying.observations).unwrap();
+                flying.batch.reset(Some(&[true, false]), &mut flying.buffers.observations).unwrap();
                 assert_eq!(flying.step(&actions), Err(BatchError::Ended { env: 1 }));
             }
         }
-        assert_ne!(flying.observations, first);
+        assert_ne!(flying.buffers.observations, first);
     }
 }
 
@@ -258,7 +243,7 @@ fn what_is_wrong_is_said_and_moves_nothing() {
     }
     let error = flying.step(&actions[..11]).unwrap_err();
     assert_eq!(error.to_string(), "actions holds 11 values, not 12");
-    flying.done.pop();
+    flying.buffers.done.pop();
     actions[8] = 0.0;
     assert_eq!(flying.step(&actions).unwrap_err().to_string(), "done holds 1 values, not 2");
     assert_eq!(flying.batch.state_hash(1), before);
@@ -274,7 +259,7 @@ fn what_is_wrong_is_said_and_moves_nothing() {
 
 fn wrong_mask(recipe: &Arc<Recipe>) -> String {
     let mut flying = Flying::new(recipe, 2, Autoreset::Disabled);
-    flying.batch.reset(Some(&[true]), &mut flying.observations).unwrap_err().to_string()
+    flying.batch.reset(Some(&[true]), &mut flying.buffers.observations).unwrap_err().to_string()
 }
 
 #[test]

@@ -12,8 +12,9 @@ use super::relative::{State, Step, distance, limit_line, separation, speed, spee
 use super::reward::Reward;
 use super::setup::{Setup, Start};
 use crate::bracket::Flown;
+use crate::canonical::StateHasher;
 use crate::error::StepError;
-use crate::log::{JointAction, MAX_ENTRIES};
+use crate::log::JointAction;
 
 /// Thrusts of all deputies over one step, N per axis.
 pub type Thrusts = [[f64; 3]; MAX_DEPUTIES];
@@ -169,22 +170,7 @@ impl Flight {
         if self.done {
             return Err(StepError::Ended { step: self.step });
         }
-        let entries = action.agents.len();
-        if entries > MAX_ENTRIES {
-            return Err(StepError::TooMany { count: entries, max: MAX_ENTRIES });
-        }
-        if action.values.len() != 3 * entries {
-            return Err(StepError::Shape { values: action.values.len(), entries, dim: 3 });
-        }
-        for (&agent, values) in action.agents.iter().zip(action.values.chunks_exact(3)) {
-            if agent as usize >= self.count {
-                return Err(StepError::UnknownAgent { agent, last: self.count as u32 - 1 });
-            }
-            if !values.iter().all(|v| v.is_finite()) {
-                return Err(StepError::NotFinite { agent });
-            }
-        }
-        Ok(())
+        action.check(3, Some(self.count))
     }
 
     /// One step under thrusts that are numbers, whatever their size: the batch engine's way in. Each axis is clamped. An
@@ -333,10 +319,8 @@ impl Flight {
     /// A digest of every bit of the state.
     #[must_use]
     pub fn state_hash(&self) -> [u8; 32] {
-        let mut hasher = blake3::Hasher::new();
-        let mut put = |value: f64| {
-            hasher.update(&value.to_bits().to_le_bytes());
-        };
+        let mut state = StateHasher::new();
+        let mut put = |value| state.put(value);
         for deputy in self.deputies() {
             deputy.state.iter().for_each(|&value| put(value));
             put(f64::from(deputy.ends.status() as u8));
@@ -347,7 +331,7 @@ impl Flight {
         put(f64::from(self.step));
         put(self.total);
         put(self.delta_v);
-        *hasher.finalize().as_bytes()
+        state.finish()
     }
 
     /// How it went so far. The score is the mean return over the initial deputies, which is the sum of the team's

@@ -75,16 +75,9 @@ pub static MULTIAGENT_SPACE: [ParamSpec; 5] = [DEPUTIES, START_RADIUS, SPEED_RAT
 const START_RADII: [f64; 10] = [50.0, 100.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0];
 const THRUST_BOUNDS: [f64; 10] = [1.0, 1.0, 1.0, 0.5, 0.3, 0.2, 0.15, 0.15, 0.1, 0.08];
 
-fn table(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Levels {
-    let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
-    let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
-    Levels::new(space, names, rows)
-        .expect("the committed tables are within their spaces: a test reads them all")
-}
-
 /// Levels of single.
 pub static SINGLE_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    table(
+    Levels::committed(
         &SINGLE_SPACE,
         &[
             ("start_radius", START_RADII),
@@ -97,7 +90,7 @@ pub static SINGLE_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
 
 /// Levels of multiagent.
 pub static MULTIAGENT_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    table(
+    Levels::committed(
         &MULTIAGENT_SPACE,
         &[
             ("deputies", [1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 4.0, 4.0, 5.0, 5.0]),

@@ -17,7 +17,7 @@ use super::reward::{Fleet, Objective};
 use super::setup::{Contact, Draft, Setup, Start};
 use crate::chance::{Chance, Seeded};
 use crate::error::{ScenarioError, StepError};
-use crate::log::{JointAction, MAX_ENTRIES};
+use crate::log::JointAction;
 use crate::seed::Seed;
 
 /// What a step gave.
@@ -199,22 +199,7 @@ impl<C: Chance> Flight<C> {
         if self.done {
             return Err(StepError::Ended { step: self.step });
         }
-        let entries = action.agents.len();
-        if entries > MAX_ENTRIES {
-            return Err(StepError::TooMany { count: entries, max: MAX_ENTRIES });
-        }
-        if action.values.len() != 2 * entries {
-            return Err(StepError::Shape { values: action.values.len(), entries, dim: 2 });
-        }
-        for (i, &agent) in action.agents.iter().enumerate() {
-            if agent as usize >= SATELLITES && !self.setup.physics.upstream {
-                return Err(StepError::UnknownAgent { agent, last: SATELLITES as u32 - 1 });
-            }
-            if !(action.values[2 * i].is_finite() && action.values[2 * i + 1].is_finite()) {
-                return Err(StepError::NotFinite { agent });
-            }
-        }
-        Ok(())
+        action.check(2, (!self.setup.physics.upstream).then_some(SATELLITES))
     }
 
     #[inline]

@@ -146,16 +146,9 @@ pub static OPTIONS: [OptionSpec; 6] = [
 
 const RADAR: [f64; 10] = [300.0, 300.0, 300.0, 300.0, 300.0, 300.0, 20.0, 12.0, 8.0, 6.0];
 
-fn table(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Levels {
-    let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
-    let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
-    Levels::new(space, names, rows)
-        .expect("the committed tables are within their spaces: a test reads them all")
-}
-
 /// Levels of survival.
 pub static SURVIVAL_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    table(
+    Levels::committed(
         &SURVIVAL_SPACE,
         &[
             ("debris", [25.0, 35.0, 50.0, 75.0, 100.0, 100.0, 125.0, 150.0, 175.0, 200.0]),
@@ -168,7 +161,7 @@ pub static SURVIVAL_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
 
 /// Levels of eco_station.
 pub static ECO_STATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    table(
+    Levels::committed(
         &ECO_STATION_SPACE,
         &[
             ("debris", [35.0, 50.0, 60.0, 75.0, 100.0, 125.0, 125.0, 150.0, 175.0, 200.0]),
@@ -181,7 +174,7 @@ pub static ECO_STATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
 
 /// Levels of rendezvous.
 pub static RENDEZVOUS_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    table(
+    Levels::committed(
         &RENDEZVOUS_SPACE,
         &[
             ("debris", [10.0, 20.0, 35.0, 50.0, 50.0, 60.0, 75.0, 100.0, 125.0, 150.0]),
@@ -195,7 +188,7 @@ pub static RENDEZVOUS_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
 
 /// Levels of formation.
 pub static FORMATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    table(
+    Levels::committed(
         &FORMATION_SPACE,
         &[
             ("debris", [5.0, 15.0, 25.0, 35.0, 40.0, 50.0, 60.0, 75.0, 100.0, 125.0]),

@@ -1,8 +1,7 @@
 //! The built-in learner's policy: the proportional approach with six numbers that it has to learn.
 
-use crate::chance::{Chance, Seeded, Stream};
 use crate::docking::approach::Approach;
-use crate::reflex::{Meaning, Reflex};
+use crate::reflex::{self, Meaning, Reflex};
 use crate::seed::Seed;
 
 /// The reflex as data.
@@ -27,14 +26,13 @@ impl Parameters {
     /// These numbers; missing ones are ½.
     #[must_use]
     pub fn of(numbers: &[f64]) -> Self {
-        Self(std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.5)))
+        Self(reflex::numbers(numbers))
     }
 
     /// Uniform random numbers: what the learner starts from, and what `frozen` stays at.
     #[must_use]
     pub fn random(seed: Seed) -> Self {
-        let mut chance = Seeded::new(seed);
-        Self([(); PARAMETERS].map(|()| chance.uniform(Stream::Policy)))
+        Self(reflex::random(seed))
     }
 
     /// The law at these numbers. Ranges are wide on purpose: most of them crash, miss or saturate.

@@ -1,17 +1,10 @@
-//! Policies that look at nothing, or follow a plan.
+//! Policies that hardly look.
 
-use super::Pilot;
 use crate::chance::{Chance, Seeded, Stream};
 use crate::docking::telemetry::Telemetry;
 use crate::log::ActionLog;
+use crate::policy::Pilot;
 use crate::seed::Seed;
-
-/// Does nothing.
-pub(super) struct Hold;
-
-impl Pilot for Hold {
-    fn fly(&mut self, _: &Telemetry, _: &mut ActionLog) {}
-}
 
 /// Thrusts at random on every axis, every step.
 pub(super) struct Random(Seeded);
@@ -22,7 +15,7 @@ impl Random {
     }
 }
 
-impl Pilot for Random {
+impl Pilot<Telemetry> for Random {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
         let bound = seen.thrust_bound;
         for deputy in &seen.deputies {
@@ -40,34 +33,12 @@ pub(super) struct Blind;
 /// How long, s, and how hard, N on x.
 const BLIND: (f64, f64) = (10.0, -1.0);
 
-impl Pilot for Blind {
+impl Pilot<Telemetry> for Blind {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
         if seen.time_s < BLIND.0 {
             for deputy in seen.deputies.iter().filter(|d| d.active()) {
                 log.act(deputy.id, &[BLIND.1, 0.0, 0.0]);
             }
-        }
-    }
-}
-
-/// Follows a plan step by step.
-pub(super) struct Witness {
-    plan: ActionLog,
-    step: usize,
-}
-
-impl Witness {
-    pub(super) const fn new(plan: ActionLog) -> Self {
-        Self { plan, step: 0 }
-    }
-}
-
-impl Pilot for Witness {
-    fn fly(&mut self, _: &Telemetry, log: &mut ActionLog) {
-        let action = self.plan.step(self.step);
-        self.step += 1;
-        for (&agent, thrust) in action.agents.iter().zip(action.values.chunks_exact(3)) {
-            log.act(agent, thrust);
         }
     }
 }

@@ -1,13 +1,12 @@
 //! Golden hashes: no later speed-up moves a bit.
 
-use super::at_level;
 use crate::chance::{Chance, Seeded, Stream};
 use crate::docking::TASKS;
 use crate::log::{ActionLog, Precision};
-use crate::rollout::{fly, replay};
+use crate::rollout::fly;
 use crate::scenario::Scenario;
 use crate::seed::Seed;
-use crate::task::{StepReport, TaskSpec};
+use crate::testing::{brackets, final_states};
 
 /// The pilot's thrusts, a tenth of them replaced by chance: long episodes with every kind of number in them.
 fn disturbed(scenario: &Scenario, seed: u64) -> ActionLog {
@@ -31,50 +30,11 @@ fn disturbed(scenario: &Scenario, seed: u64) -> ActionLog {
 
 #[test]
 fn regress_golden_final_states() {
-    let mut golden = Vec::new();
-    for task in &TASKS {
-        for level in [0, 3, 6, 9] {
-            for seed in [1, 2] {
-                let scenario = at_level(task.id(), level, seed);
-                let log = disturbed(&scenario, seed);
-                let mut episode = task.start(&scenario).unwrap();
-                let mut report = StepReport::default();
-                while !episode.done() {
-                    episode.step(log.step(episode.steps() as usize), &mut report).unwrap();
-                }
-                let hash = blake3::Hash::from_bytes(episode.state_hash()).to_hex();
-                golden.push(format!(
-                    "{} L{level} seed {seed}: scenario {} steps {} total {:?} state {}",
-                    task.id(),
-                    &scenario.id().to_string()[..16],
-                    episode.steps(),
-                    episode.flown().total,
-                    &hash[..16]
-                ));
-            }
-        }
-    }
-    insta::assert_debug_snapshot!(golden);
+    insta::assert_debug_snapshot!(final_states(&TASKS, disturbed));
 }
 
 /// Brackets rest on the planner's version: a change here without a new version is a mistake.
 #[test]
 fn regress_golden_brackets() {
-    let mut golden = Vec::new();
-    for task in &TASKS {
-        for level in [0, 4, 7, 9] {
-            let scenario = at_level(task.id(), level, 11);
-            let bracket = task.bracket(&scenario).unwrap();
-            assert_eq!(replay(&scenario, &bracket.witness).unwrap(), bracket.reference);
-            golden.push(format!(
-                "v{} {} L{level}: hold {:?} floor {:?} reference {:?}",
-                bracket.planner,
-                task.id(),
-                bracket.hold(),
-                bracket.floor,
-                bracket.reference.score
-            ));
-        }
-    }
-    insta::assert_debug_snapshot!(golden);
+    insta::assert_debug_snapshot!(brackets(&TASKS, &[0, 4, 7, 9]));
 }

@@ -8,6 +8,7 @@ use crate::log::{ActionLog, JointAction, Precision};
 use crate::rollout::{read_log, replay};
 use crate::scenario::Scenario;
 use crate::task::StepReport;
+use crate::testing;
 
 fn scenario(task: &str, params: &Value, layout: &Value) -> Result<Scenario, String> {
     let value = json!({"task": task, "seed": 1, "params": params, "layout": layout});
@@ -103,24 +104,12 @@ fn a_policy_of_another_world_is_refused_by_name_and_holds_on_strange_sights() {
     assert_eq!((log.len(), log.step(0)), (1, JointAction::HOLD));
 }
 
-/// Any JSON at all, a few levels deep.
+/// Any JSON at all, with words of this world.
 fn any_json() -> impl Strategy<Value = Value> {
-    let leaf = prop_oneof![
-        Just(Value::Null),
-        any::<bool>().prop_map(Value::from),
-        any::<i64>().prop_map(Value::from),
-        any::<f64>().prop_map(|v| json!(v)),
+    testing::any_json(
         (0u32..5, -2.0..2.0f64).prop_map(|(id, f)| json!([id, f, -f, 0.1])),
-        "[a-z_]{0,12}".prop_map(Value::from),
-    ];
-    leaf.prop_recursive(4, 40, 6, |inner| {
-        let key = prop::sample::select(vec!["deputy", "fx", "fy", "fz", "bodies", "deputies", "mode", "x"]);
-        prop_oneof![
-            prop::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
-            prop::collection::btree_map(key.prop_map(str::to_owned), inner, 0..5)
-                .prop_map(|map| Value::Object(map.into_iter().collect())),
-        ]
-    })
+        &["deputy", "fx", "fy", "fz", "bodies", "deputies", "mode", "x"],
+    )
 }
 
 proptest! {

@@ -2,6 +2,7 @@
 
 use super::{Flight, Satellite};
 use crate::bracket::Flown;
+use crate::canonical::StateHasher;
 use crate::chance::Chance;
 use crate::kessler::constants::SATELLITES;
 use crate::kessler::debris::Debris;
@@ -87,10 +88,8 @@ impl<C: Chance> Flight<C> {
     /// A digest of every bit of the state.
     #[must_use]
     pub fn state_hash(&self) -> [u8; 32] {
-        let mut hasher = blake3::Hasher::new();
-        let mut put = |value: f64| {
-            hasher.update(&value.to_bits().to_le_bytes());
-        };
+        let mut state = StateHasher::new();
+        let mut put = |value| state.put(value);
         for s in &self.satellites {
             for value in [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel, s.survival] {
                 put(value);
@@ -105,7 +104,7 @@ impl<C: Chance> Flight<C> {
         put(f64::from(self.step));
         put(self.total);
         put(self.goal_sum);
-        *hasher.finalize().as_bytes()
+        state.finish()
     }
 
     /// How it went so far.

@@ -1,7 +1,6 @@
 //! A causal look-ahead pilot: predicts visible debris by the true dynamics, and where hold would be hit within the
 //! look-ahead, tries burns now in 16 directions and takes the gentlest that clears.
 
-use super::Pilot;
 use super::learner::{burn, keeping};
 use crate::kessler::kernel::Body;
 use crate::kessler::planner::ahead::LookAhead;
@@ -11,10 +10,11 @@ use crate::kessler::planner::transfer::{affordable, feedback};
 use crate::kessler::setup::Physics;
 use crate::kessler::telemetry::Telemetry;
 use crate::log::ActionLog;
+use crate::policy::Pilot;
 
 pub(super) struct Heuristic;
 
-impl Pilot for Heuristic {
+impl Pilot<Telemetry> for Heuristic {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
         let debris: Vec<Body> = seen.radar_debris.iter().map(|d| d.body()).collect();
         let ahead = Table::propagate(&debris, &[], LookAhead::STEADY.steps, Physics::PLAIN);

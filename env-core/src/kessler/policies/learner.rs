@@ -7,15 +7,14 @@
 
 use std::collections::VecDeque;
 
-use super::Pilot;
-use crate::chance::{Chance, Seeded, Stream};
 use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, Gravity, distance_2};
 use crate::kessler::planner::formation::{Keeping, keep};
 use crate::kessler::planner::transfer::{affordable, feedback};
 use crate::kessler::telemetry::{DebrisTelemetry, SatelliteTelemetry, Telemetry};
 use crate::log::ActionLog;
-use crate::reflex::{Meaning, Reflex};
+use crate::policy::Pilot;
+use crate::reflex::{self, Meaning, Reflex};
 use crate::seed::Seed;
 
 /// The reflex as data.
@@ -56,14 +55,13 @@ impl Parameters {
     /// These numbers; missing ones are ½.
     #[must_use]
     pub fn of(numbers: &[f64]) -> Self {
-        Self(std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.5)))
+        Self(reflex::numbers(numbers))
     }
 
     /// Uniform random numbers: what the learner starts from, and what `frozen` stays at.
     #[must_use]
     pub fn random(seed: Seed) -> Self {
-        let mut chance = Seeded::new(seed);
-        Self([(); PARAMETERS].map(|()| chance.uniform(Stream::Policy)))
+        Self(reflex::random(seed))
     }
 
     /// What the numbers stand for: name, value and unit, in order.
@@ -194,7 +192,7 @@ impl Learner {
     }
 }
 
-impl Pilot for Learner {
+impl Pilot<Telemetry> for Learner {
     fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog) {
         let horizon = self.gains.look_ahead;
         if self.forecast.move_on(&seen.radar_debris, horizon) {

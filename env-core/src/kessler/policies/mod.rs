@@ -4,16 +4,13 @@ mod heuristic;
 pub mod learner;
 mod simple;
 
-use std::any::Any;
-
 use self::heuristic::Heuristic;
 use self::learner::{Learner, Parameters};
-use self::simple::{Blind, Hold, Random, Witness};
+use self::simple::{Blind, Random};
 use super::planner;
 use super::reward::Objective;
 use super::telemetry::Telemetry;
-use crate::log::ActionLog;
-use crate::policy::{Policy, PolicyError, PolicySpec};
+use crate::policy::{Hold, Policy, PolicyError, PolicySpec, Witness, seated};
 use crate::scenario::Scenario;
 use crate::seed::Seed;
 
@@ -31,23 +28,6 @@ pub static SPECS: [PolicySpec; 6] = [
     PolicySpec { name: "reference", about: "the planner, with hindsight", chance: false },
 ];
 
-/// A policy of kessler acts on telemetry.
-trait Pilot: Send {
-    fn fly(&mut self, seen: &Telemetry, log: &mut ActionLog);
-}
-
-struct Seat<P>(P);
-
-impl<P: Pilot> Policy for Seat<P> {
-    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) {
-        // An observation of another world says nothing to these policies: they hold.
-        if let Some(seen) = observation.downcast_ref::<Telemetry>() {
-            self.0.fly(seen, log);
-        }
-        log.end_step();
-    }
-}
-
 /// A policy by name.
 ///
 /// # Errors
@@ -60,23 +40,18 @@ pub fn by_name(
 ) -> Result<Box<dyn Policy>, PolicyError> {
     let seed = Seed::in_space(crate::seed::SeedSpace::User, seed);
     Ok(match name {
-        "hold" => Box::new(Seat(Hold)),
-        "random" => Box::new(Seat(Random::new(seed))),
-        "blind" => Box::new(Seat(Blind::new())),
-        "frozen" => Box::new(Seat(Learner::new(Parameters::random(seed)))),
-        "heuristic" => Box::new(Seat(Heuristic)),
-        "reference" => Box::new(Seat(Witness::new(planner::bracket(objective, scenario)?.witness))),
-        _ => {
-            return Err(PolicyError::Unknown {
-                name: name.to_owned(),
-                known: SPECS.map(|spec| spec.name).join(", "),
-            });
-        }
+        "hold" => seated::<Telemetry>(Hold),
+        "random" => seated(Random::new(seed)),
+        "blind" => seated(Blind::new()),
+        "frozen" => seated(Learner::new(Parameters::random(seed))),
+        "heuristic" => seated(Heuristic),
+        "reference" => seated::<Telemetry>(Witness::new(planner::bracket(objective, scenario)?.witness)),
+        _ => return Err(PolicyError::unknown(name, &SPECS)),
     })
 }
 
 /// The learner's policy at these parameters.
 #[must_use]
 pub fn learner(parameters: Parameters) -> Box<dyn Policy> {
-    Box::new(Seat(Learner::new(parameters)))
+    seated(Learner::new(parameters))
 }

@@ -11,6 +11,7 @@ use crate::kessler::setup::Setup;
 use crate::log::JointAction;
 use crate::scenario::{Recipe, Scenario};
 use crate::task::{StepReport, TaskSpec};
+use crate::testing;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
@@ -93,25 +94,12 @@ proptest! {
     }
 }
 
-/// Any JSON at all, a few levels deep.
+/// Any JSON at all, with words of this world.
 fn any_json() -> impl Strategy<Value = Value> {
-    let leaf = prop_oneof![
-        Just(Value::Null),
-        any::<bool>().prop_map(Value::from),
-        any::<i64>().prop_map(Value::from),
-        any::<f64>().prop_map(|v| json!(v)),
-        "[a-z_]{0,12}".prop_map(Value::from),
+    testing::any_json(
         Just(json!("satellite_id")),
-    ];
-    leaf.prop_recursive(4, 40, 6, |inner| {
-        let key =
-            prop::sample::select(vec!["satellite_id", "delta_vx", "delta_vy", "params", "seed", "task", "x"]);
-        prop_oneof![
-            prop::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
-            prop::collection::btree_map(key.prop_map(str::to_owned), inner, 0..5)
-                .prop_map(|map| Value::Object(map.into_iter().collect())),
-        ]
-    })
+        &["satellite_id", "delta_vx", "delta_vy", "params", "seed", "task", "x"],
+    )
 }
 
 proptest! {

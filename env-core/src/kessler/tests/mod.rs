@@ -18,12 +18,4 @@ mod validate_pc;
 mod validate_swept;
 mod validate_warnings;
 
-use crate::scenario::{Recipe, Scenario};
-use crate::seed::Seed;
-
-/// A scenario of a task at a level, by a user's seed.
-fn at_level(task: &str, level: usize, seed: u64) -> Scenario {
-    let task = crate::task(task).unwrap();
-    let recipe = Recipe::with_params(task, task.levels().params(level)).unwrap();
-    Scenario::new(recipe, Seed::user(seed).unwrap())
-}
+use crate::testing::at_level;

@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use anyhow::Context;
 use env_core::Recipe;
-use env_core::batch::{Autoreset, Batch, BatchConfig, Observe, Output, Seeds, Shape};
+use env_core::batch::{Autoreset, Batch, BatchConfig, Buffers, Observe, Seeds, Shape};
 use env_core::chance::{Chance, Seeded, Stream};
 use env_core::{Seed, SeedSpace};
 
@@ -17,13 +17,7 @@ pub struct Flying {
     shape: Shape,
     actions: Vec<Vec<f32>>,
     next: usize,
-    observations: Vec<f32>,
-    last: Vec<f32>,
-    rewards: Vec<f32>,
-    team_rewards: Vec<f32>,
-    terminated: Vec<bool>,
-    truncated: Vec<bool>,
-    done: Vec<bool>,
+    buffers: Buffers,
 }
 
 impl Flying {
@@ -39,20 +33,14 @@ impl Flying {
         let config = BatchConfig { envs, autoreset: Autoreset::SameStep, observe };
         let mut batch = spec.batch(Box::new(Seeds::new(recipe, 1)), config)?;
         let shape = batch.shape();
-        let mut observations = vec![0.0; envs * shape.observation];
-        batch.reset(None, &mut observations)?;
+        let mut buffers = Buffers::new(shape, config.autoreset);
+        batch.reset(None, &mut buffers.observations)?;
         Ok(Self {
             batch,
             shape,
             actions: (0..ACTIONS).map(|turn| draw(turn, shape, size)).collect(),
             next: 0,
-            last: observations.clone(),
-            observations,
-            rewards: vec![0.0; envs * shape.agents],
-            team_rewards: vec![0.0; envs],
-            terminated: vec![false; envs * shape.agents],
-            truncated: vec![false; envs * shape.agents],
-            done: vec![false; envs],
+            buffers,
         })
     }
 
@@ -62,17 +50,8 @@ impl Flying {
     /// Never in practice: actions are finite, and episodes that end begin again.
     pub fn step(&mut self) -> anyhow::Result<()> {
         self.next = (self.next + 1) % self.actions.len();
-        let out = Output {
-            observations: &mut self.observations,
-            final_observations: &mut self.last,
-            rewards: &mut self.rewards,
-            team_rewards: &mut self.team_rewards,
-            terminated: &mut self.terminated,
-            truncated: &mut self.truncated,
-            done: &mut self.done,
-        };
-        self.batch.step(black_box(&self.actions[self.next]), out)?;
-        black_box(&self.observations);
+        self.batch.step(black_box(&self.actions[self.next]), self.buffers.output())?;
+        black_box(&self.buffers.observations);
         Ok(())
     }
 
@@ -85,13 +64,13 @@ impl Flying {
     /// Episodes that ended in the last step.
     #[must_use]
     pub fn ended(&self) -> usize {
-        self.done.iter().filter(|&&done| done).count()
+        self.buffers.done.iter().filter(|&&done| done).count()
     }
 
     /// Agents that flew to the end of the last step.
     #[must_use]
     pub fn agents(&self) -> usize {
-        self.terminated.iter().filter(|&&left| !left).count()
+        self.buffers.terminated.iter().filter(|&&left| !left).count()
     }
 
     /// Bytes that one environment takes.
