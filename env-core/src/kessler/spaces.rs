@@ -121,7 +121,7 @@ pub static OPTIONS: [OptionSpec; 6] = [
                 the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
         by_hand: &[ByHand {
             choice: "upstream",
-            why: "it replays recorded episodes, and a satellite may burn more in a step than any plan that a score is \
+            why: "it replays recorded episodes, and a satellite may burn more in a step than the plans it would be \
                   judged by",
         }],
     },
