@@ -65,17 +65,17 @@ pub fn frames(
         frames.push(frame);
         if bytes > most { Err(FramesError::TooLarge { step, most }) } else { Ok(()) }
     };
-    keep(frame(&*episode, json!([]), &report, show), 0)?;
+    keep(frame(&*episode, &json!([]), &report, show), 0)?;
     while !episode.done() {
         let step = episode.steps();
         let action = log.step(step as usize);
         episode.step(action, &mut report).map_err(|source| FramesError::Step { step: step + 1, source })?;
-        keep(frame(&*episode, wire_step(log, action), &report, show), step + 1)?;
+        keep(frame(&*episode, &wire_step(log, action), &report, show), step + 1)?;
     }
     Ok(frames)
 }
 
-fn frame(episode: &dyn Episode, actions: Value, report: &StepReport, show: Show) -> Value {
+fn frame(episode: &dyn Episode, actions: &Value, report: &StepReport, show: Show) -> Value {
     let mut frame = json!({
         "step": episode.steps(),
         "actions": actions,

@@ -235,8 +235,14 @@ async fn tasks_tell_their_options_in_full() {
             let scenario = json!({"scenario": {"task": SURVIVAL, "seed": 1, "physics": named}});
             let _ = server.api().post("/v1/scenarios", scenario).await.expect(200);
             let run = json!({"tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"options": named}}});
-            let status = server.api().post("/v1/runs", run).await.status;
-            assert_eq!(status, if by_hand { 422 } else { 201 }, "{named}");
+            let made = server.api().post("/v1/runs", run).await;
+            assert_eq!(made.status, if by_hand { 422 } else { 201 }, "{named}");
+            if !by_hand {
+                let id = made.body["id"].as_str().unwrap();
+                let lease = server.api().lease(id, json!({"groups": 4})).await;
+                let told = physics(&lease)[SURVIVAL].clone();
+                assert_eq!(told[option["name"].as_str().unwrap()], *choice);
+            }
         }
     }
 }

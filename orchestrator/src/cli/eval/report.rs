@@ -93,7 +93,7 @@ impl Report {
             100.0 * self.confidence
         );
         if let Some(note) = &self.note {
-            text.push_str(&format!("\n{}\n", textwrap::fill(note, 100)));
+            text.push_str(&format!("\n{}\n", textwrap::fill(note, wrapping())));
         }
         for block in self.rows.chunk_by(|a, b| a.task == b.task) {
             let mut table =
@@ -107,6 +107,11 @@ impl Report {
         }
         text
     }
+}
+
+/// Between words only: a task's id has a slash in it.
+fn wrapping() -> textwrap::Options<'static> {
+    textwrap::Options::new(100).word_separator(textwrap::WordSeparator::AsciiSpace)
 }
 
 /// The rows of one part; the part is named on the first.
