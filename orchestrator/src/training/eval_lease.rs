@@ -71,6 +71,7 @@ impl Change for Reserve {
                 role: Role::Sample,
                 contested: false,
                 params: plan.params(level),
+                options: plan.options.clone(),
                 why: "an evaluation".to_owned(),
             }
         });
