@@ -1,4 +1,4 @@
-//! `--option`: physics options on the command line, by the worlds' own spaces.
+//! `--physics`: physics options on the command line, by the worlds' own spaces.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use env_core::{Recipe, ScenarioError, TaskSpec};
 
 use super::worlds;
 
-/// One `--option [TASK|WORLD:]NAME=CHOICE`.
+/// One `--physics [TASK|WORLD:]NAME=CHOICE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chosen {
     /// The task or the world it is for; every task there is unless told.
@@ -135,7 +135,7 @@ pub(super) fn in_words(options: &ByTask) -> String {
 /// What the help says of the options there are, world by world.
 pub(super) fn help() -> String {
     let mut text =
-        "Options of the worlds (--option NAME=CHOICE; the first choice is the default):".to_owned();
+        "Options of the worlds (--physics NAME=CHOICE; the first choice is the default):".to_owned();
     for world in env_core::worlds() {
         let tasks = world.tasks();
         let mut specs: Vec<&OptionSpec> = Vec::new();

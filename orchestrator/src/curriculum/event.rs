@@ -37,7 +37,7 @@ pub struct Proposal {
     pub params: Vec<(String, f64)>,
     /// The physics options that are not at their defaults; left out where there are none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub options: BTreeMap<String, String>,
+    pub physics: BTreeMap<String, String>,
     /// A short sentence for people.
     pub why: String,
 }
@@ -53,7 +53,7 @@ impl Proposal {
             && self.role == other.role
             && self.contested == other.contested
             && self.params == other.params
-            && self.options == other.options
+            && self.physics == other.physics
     }
 }
 

@@ -35,7 +35,7 @@ impl Strategy for Fixed {
             role: Role::Sample,
             contested: false,
             params: plan.params(None),
-            options: plan.options.clone(),
+            physics: plan.physics.clone(),
             why: format!("its turn, {} of {}", turn + 1, tasks.len()),
         }
     }

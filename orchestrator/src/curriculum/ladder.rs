@@ -115,7 +115,7 @@ impl Strategy for Ladder {
             role,
             contested,
             params: plan.params(Some(level)),
-            options: plan.options.clone(),
+            physics: plan.physics.clone(),
             why,
         }
     }

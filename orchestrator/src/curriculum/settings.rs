@@ -61,7 +61,7 @@ pub struct TaskPlan {
     /// Params that hold where the table does not say otherwise.
     pub default_params: Vec<(String, f64)>,
     /// The physics options that are not at their defaults, whatever the level.
-    pub options: BTreeMap<String, String>,
+    pub physics: BTreeMap<String, String>,
 }
 
 impl TaskPlan {
@@ -76,7 +76,7 @@ impl TaskPlan {
             weight: 1.0,
             levels: spec.levels().clone(),
             default_params: spec.params().iter().map(|p| (p.name.to_owned(), p.default)).collect(),
-            options: BTreeMap::new(),
+            physics: BTreeMap::new(),
         })
     }
 
@@ -91,7 +91,7 @@ impl TaskPlan {
         field: &str,
         options: &BTreeMap<String, String>,
     ) -> Result<Self, SettingsError> {
-        self.options = read_options(&self.task, field, options)?;
+        self.physics = read_options(&self.task, field, options)?;
         Ok(self)
     }
 
@@ -120,7 +120,7 @@ impl TaskPlan {
         self.task == other.task
             && self.levels == other.levels
             && self.default_params == other.default_params
-            && self.options == other.options
+            && self.physics == other.physics
     }
 
     fn validate(&self, field: &str) -> Result<(), SettingsError> {
@@ -152,7 +152,7 @@ impl TaskPlan {
                 return Err(SettingsError::new(here(), "is given twice"));
             }
         }
-        read_options(&self.task, &format!("{field}.options"), &self.options).map(|_| ())
+        read_options(&self.task, &format!("{field}.physics"), &self.physics).map(|_| ())
     }
 
     fn rows(&self) -> Vec<Vec<f64>> {
@@ -306,7 +306,7 @@ pub struct StoredTaskPlan {
     pub default_params: Vec<(String, f64)>,
     /// See [`TaskPlan`]. Left out where there are none, as in runs stored before there were options.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub options: BTreeMap<String, String>,
+    pub physics: BTreeMap<String, String>,
 }
 
 impl From<Settings> for StoredSettings {
@@ -325,8 +325,8 @@ impl From<Settings> for StoredSettings {
 impl From<TaskPlan> for StoredTaskPlan {
     fn from(plan: TaskPlan) -> Self {
         let (columns, rows) = (plan.levels.columns().to_vec(), plan.rows());
-        let TaskPlan { task, weight, default_params, options, .. } = plan;
-        Self { task, weight, columns, rows, default_params, options }
+        let TaskPlan { task, weight, default_params, physics, .. } = plan;
+        Self { task, weight, columns, rows, default_params, physics }
     }
 }
 
@@ -366,7 +366,7 @@ impl TryFrom<StoredTaskPlan> for TaskPlan {
             env_core::task(&stored.task).ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
         let levels = Levels::new(spec.params(), stored.columns, stored.rows)
             .map_err(|error| SettingsError::new("levels", error.to_string()))?;
-        let StoredTaskPlan { task, weight, default_params, options, .. } = stored;
-        Ok(Self { task, weight, levels, default_params, options })
+        let StoredTaskPlan { task, weight, default_params, physics, .. } = stored;
+        Ok(Self { task, weight, levels, default_params, physics })
     }
 }

@@ -57,7 +57,7 @@ pub struct TaskWish {
     /// The physics it is flown by at every level, as `physics` in a scenario: options by name, those left out at their
     /// defaults. `GET /v1/tasks` lists them.
     #[schema(example = json!({"contact": "swept", "warnings": "exact"}))]
-    pub options: Option<BTreeMap<String, String>>,
+    pub physics: Option<BTreeMap<String, String>>,
 }
 
 /// A run as it is asked for. Everything may be left out.
@@ -209,8 +209,8 @@ fn specialise(
             .map_err(|error| TrainingError::invalid(field("levels"), error.to_string()))?;
     }
     plan.weight = special.weight.unwrap_or(plan.weight);
-    match &special.options {
-        Some(options) => Ok(plan.with_options(&field("options"), options)?),
+    match &special.physics {
+        Some(options) => Ok(plan.with_options(&field("physics"), options)?),
         None => Ok(plan),
     }
 }

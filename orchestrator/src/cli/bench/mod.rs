@@ -38,7 +38,7 @@ pub struct Args {
     #[arg(long, value_name = "WORLD", value_parser = PossibleValuesParser::new(worlds::names()))]
     env: Option<String>,
     /// Step under this physics option; repeat it for more
-    #[arg(long = "option", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<Chosen>,
     /// How long to measure, seconds
     #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
@@ -53,14 +53,14 @@ fn after_help() -> String {
 }
 
 const AFTER_HELP: &str = "\
-JSON (--json): one object {env, debris, options, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
+JSON (--json): one object {env, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
 resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
 debris is null in worlds without it. What a step of the public original costs in Python is a stated constant (kessler: \
 125 µs), measured elsewhere, and null where it was not measured; bench/ measures both here.
 
 Examples:
   sparring bench
-  sparring bench --option contact=swept
+  sparring bench --physics contact=swept
   sparring bench --env kessler --seconds 10 --json";
 
 /// What was measured.
@@ -68,7 +68,7 @@ Examples:
 pub struct Measured {
     env: &'static str,
     debris: Option<u32>,
-    options: BTreeMap<&'static str, &'static str>,
+    physics: BTreeMap<&'static str, &'static str>,
     seconds: f64,
     slices: u32,
     /// See the help of the command.
@@ -155,7 +155,7 @@ pub fn measure(
         python_env_us_per_step: spec.original_us_per_step,
         times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
         what: format!("{}{told}", spec.task),
-        options,
+        physics: options,
     })
 }
 
@@ -230,7 +230,7 @@ mod tests {
         let kessler = &env_core::kessler::KESSLER;
         let found = measure(kessler, &[("contact", "swept"), ("warnings", "exact")], 0.1).unwrap();
         let told = serde_json::to_value(&found).unwrap();
-        assert_eq!(told["options"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
+        assert_eq!(told["physics"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
         assert!(found.sentences().contains("debris 50, contact swept, warnings exact, one thread"));
         assert!(measure(kessler, &[("contact", "swept"), ("risk", "pc")], 0.1).is_err());
     }

@@ -47,7 +47,7 @@ pub(super) struct RunWish<'a> {
 /// What is special about one of its tasks.
 #[derive(Debug, Serialize)]
 pub(super) struct TaskWish<'a> {
-    pub(super) options: &'a BTreeMap<String, String>,
+    pub(super) physics: &'a BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]

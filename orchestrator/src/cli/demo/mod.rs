@@ -59,7 +59,7 @@ pub struct Args {
           value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
     tasks: Vec<String>,
     /// Fly under this physics option, in all tasks or those named; repeat it for more
-    #[arg(long = "option", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<Chosen>,
     /// Train against a running service instead of starting one, as http://127.0.0.1:8700
     #[arg(long, value_name = "URL")]
@@ -107,15 +107,15 @@ const AFTER_HELP: &str = "\
 Progress goes to stderr: a live table on a terminal, else a line every five seconds and one per change of level. Ctrl-C \
 stops after the batch under way; the summary comes all the same.
 
-JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, options, tasks}; \
-options are those asked for, by task. Each of tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
+JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, tasks}; \
+physics are the options asked for, by task. Each of tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
 last_generation, generations, params, learnt, moves, warnings}; success is mastery's mean at the current level, over \
 the last success_scenarios contested scenarios (0.5 of none); plain_success is over all episodes.
 
 Examples:
   sparring demo
   sparring demo --learner frozen --seed 3
-  sparring demo --task kessler/survival --option contact=swept
+  sparring demo --task kessler/survival --physics contact=swept
   sparring demo --task kessler/survival --episodes 20000 --db run.sqlite3 --json";
 
 fn episodes(text: &str) -> Result<usize, String> {
@@ -183,7 +183,7 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         placement: false,
         group_size: MEMBERS,
         tasks: &tasks,
-        task_settings: options.iter().map(|(&task, options)| (task, TaskWish { options })).collect(),
+        task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
     };
     let feed = HttpFeed::create(url, &wish).await?;
     let plan = Plan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };

@@ -34,7 +34,7 @@ pub(super) struct Summary<'a> {
     stopped: bool,
     run: &'a str,
     db: Option<&'a Path>,
-    options: &'a ByTask,
+    physics: &'a ByTask,
     tasks: BTreeMap<&'a str, TaskSummary<'a>>,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Summary<'a> {
             stopped: progress.stopped,
             run,
             db,
-            options: &progress.plan.options,
+            physics: &progress.plan.options,
             tasks: progress.mastery.iter().map(task).collect(),
         }
     }

@@ -309,16 +309,16 @@ fn options_are_the_runs_physics() {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     let demo = |line: &str| runtime.block_on(super::demo(&args(line)));
     let plain = "demo --episodes 240 --seed 6 --task kessler/survival";
-    let (swept, run) = demo(&format!("{plain} --option contact=swept --option gravity=j2")).unwrap();
+    let (swept, run) = demo(&format!("{plain} --physics contact=swept --physics gravity=j2")).unwrap();
     let (other, _) = demo(plain).unwrap();
     assert_eq!((swept.flown, swept.late), (240, 0));
     assert_ne!(swept.mastery[0].plain.score, other.mastery[0].plain.score, "another physics");
     let words = super::summary::words(&swept, &run, None);
     assert!(words.contains("\nPhysics: kessler/survival: contact swept, gravity j2.\n"), "{words}");
     let told = serde_json::to_value(super::summary::Summary::new(&swept, &run, None)).unwrap();
-    assert_eq!(told["options"]["kessler/survival"]["contact"], "swept");
+    assert_eq!(told["physics"]["kessler/survival"]["contact"], "swept");
     let refuse = |options: &str| format!("{:#}", demo(&format!("{plain} {options}")).unwrap_err());
-    assert!(refuse("--option contact=swept --option risk=pc").contains("cannot be had together"));
-    assert!(refuse("--option compat=upstream").contains("is for scenarios by hand"));
-    assert!(refuse("--option kessler/formation:risk=pc").contains("no task of kessler/formation is here"));
+    assert!(refuse("--physics contact=swept --physics risk=pc").contains("cannot be had together"));
+    assert!(refuse("--physics compat=upstream").contains("is for scenarios by hand"));
+    assert!(refuse("--physics kessler/formation:risk=pc").contains("no task of kessler/formation is here"));
 }

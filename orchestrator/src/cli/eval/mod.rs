@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rollouts: u32,
     /// Fly it under this physics option instead of the suite's, for all its tasks or those named; repeat it for more
-    #[arg(long = "option", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<Chosen>,
     /// How the result is printed
     #[arg(long, value_enum, default_value = "table")]
@@ -67,8 +67,8 @@ const AFTER_HELP: &str = "\
 Under other options than the suite's, floors and references are worked out anew, so that skill and success are fair, and \
 parts stay what they are in the suite. Such a report does not compare with one of the suite, and says so.
 
-JSON (--format json): one object {suite, suite_hash, planner, options, comparable, note, seed, rollouts, confidence, \
-resamples, scenarios, rows}. options are those that were flown under instead of the suite's, by task; comparable is false \
+JSON (--format json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
+resamples, scenarios, rows}. physics are the options that were flown under instead of the suite's, by task; comparable is false \
 where there are any, and note then says so in words. \
 Each row: {task (an id, or \"all\"), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
 skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is null where it is nowhere defined.
@@ -76,7 +76,7 @@ skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is
 Examples:
   sparring eval --policy heuristic
   sparring eval --suite docking-heldout-v1 --policy hold,blind,heuristic,reference --format json
-  sparring eval --policy heuristic --option contact=swept --option gravity=j2
+  sparring eval --policy heuristic --physics contact=swept --physics gravity=j2
   sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
 
 /// Flies the policies and prints what they earned.

@@ -130,8 +130,8 @@ fn other_physics_are_judged_by_brackets_of_their_own_and_say_so() {
     let report = Report::new(&flown, "0123456789abcdef".repeat(4), &args, physics, &rows);
     let told = serde_json::to_value(&report).unwrap();
     assert_eq!(told["comparable"], false);
-    assert_eq!(told["options"]["kessler/rendezvous"]["gravity"], "j2");
-    assert_eq!(told["options"]["kessler/survival"].as_object().unwrap().len(), 1);
+    assert_eq!(told["physics"]["kessler/rendezvous"]["gravity"], "j2");
+    assert_eq!(told["physics"]["kessler/survival"].as_object().unwrap().len(), 1);
     assert_eq!(told["suite"], "small");
     let head: Vec<_> = report.tables().lines().take(8).map(str::to_owned).collect();
     insta::assert_snapshot!("other_physics", head.join("\n"));
@@ -146,7 +146,7 @@ fn options_that_change_nothing_leave_a_report_comparable() {
     assert!(flown == suite && physics.is_none());
     let report = Report::new(&flown, String::new(), &args, None, &[]);
     let told = serde_json::to_value(&report).unwrap();
-    assert!(told["comparable"] == true && told["note"].is_null() && told["options"] == serde_json::json!({}));
+    assert!(told["comparable"] == true && told["note"].is_null() && told["physics"] == serde_json::json!({}));
     args.options = vec![options::parse("compat=upstream").unwrap()];
     let error = format!("{:#}", under(suite, &args).unwrap_err());
     assert!(error.contains("is for scenarios by hand"), "{error}");

@@ -50,7 +50,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 8)]
     as_they_come: usize,
     /// A physics option of the suite, for all its tasks or those named; repeat it for more
-    #[arg(long = "option", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<Chosen>,
 }
 
@@ -60,7 +60,7 @@ fn after_help() -> String {
 
 const AFTER_HELP: &str = "\
 Examples:
-  sparring suite build --name swept-v1 --out swept-v1.json --option contact=swept --option kessler/formation:gravity=j2
+  sparring suite build --name swept-v1 --out swept-v1.json --physics contact=swept --physics kessler/formation:gravity=j2
   sparring suite build --name my-suite-v1 --tasks kessler --out my-suite-v1.json
   sparring suite build --name small-v1 --out small-v1.json --tasks kessler/survival --levels 5,7";
 
@@ -87,7 +87,7 @@ impl Plan {
         let levels: Vec<String> = self.levels.iter().map(usize::to_string).collect();
         let tasks: Vec<&str> = self.tasks.iter().map(|task| task.id()).collect();
         let options = self.options.iter().flat_map(|(task, options)| {
-            options.iter().map(move |(name, choice)| format!(" --option {task}:{name}={choice}"))
+            options.iter().map(move |(name, choice)| format!(" --physics {task}:{name}={choice}"))
         });
         format!(
             "sparring {} suite build --name {} --tasks {} --levels {} --contested {} --as-they-come {}{}",

@@ -217,7 +217,7 @@ fn a_suite_may_have_physics_of_its_own() {
     let plan =
         Plan { name: "own".to_owned(), tasks, levels: vec![3], contested: 2, as_they_come: 1, options };
     let suite = build(&plan, &ProgressBar::hidden()).unwrap();
-    let told = "--option kessler/formation:gravity=j2 --option kessler/formation:risk=pc --option kessler/survival:risk=pc";
+    let told = "--physics kessler/formation:gravity=j2 --physics kessler/formation:risk=pc --physics kessler/survival:risk=pc";
     assert!(suite.created_by.ends_with(told), "{}", suite.created_by);
     for group in &suite.groups {
         let formation = group.recipe.task().id() == "kessler/formation";

@@ -15,7 +15,7 @@ const FORMATION: &str = "kessler/formation";
 fn wish(id: &str, options: &Value) -> Value {
     json!({
         "id": id, "seed": 9, "placement": false, "tasks": [SURVIVAL, FORMATION],
-        "task_settings": {SURVIVAL: {"options": options}, FORMATION: {"options": {"gravity": "j2"}}}
+        "task_settings": {SURVIVAL: {"physics": options}, FORMATION: {"physics": {"gravity": "j2"}}}
     })
 }
 
@@ -40,8 +40,8 @@ async fn a_run_flies_by_its_options_from_lease_to_critique() {
     assert_eq!(shown["settings"], made["settings"]);
     // What stands at its default says nothing.
     let plans = &shown["settings"]["curriculum"]["tasks"];
-    assert_eq!(plans[0]["options"], json!({"contact": "swept", "warnings": "exact"}));
-    assert_eq!(plans[1]["options"], json!({"gravity": "j2"}));
+    assert_eq!(plans[0]["physics"], json!({"contact": "swept", "warnings": "exact"}));
+    assert_eq!(plans[1]["physics"], json!({"gravity": "j2"}));
 
     let lease = api.lease("swept", json!({"groups": 16})).await;
     let told = physics(&lease);
@@ -90,11 +90,11 @@ async fn no_options_and_options_at_their_defaults_are_the_same_run() {
     let bare = json!({"id": "bare", "seed": 9, "placement": false, "tasks": [SURVIVAL]});
     let defaults = json!({
         "id": "defaults", "seed": 9, "placement": false, "tasks": [SURVIVAL],
-        "task_settings": {SURVIVAL: {"options": {"contact": "end_of_step", "start": "fair"}}}
+        "task_settings": {SURVIVAL: {"physics": {"contact": "end_of_step", "start": "fair"}}}
     });
     let swept = json!({
         "id": "swept", "seed": 9, "placement": false, "tasks": [SURVIVAL], "contested_share": 0.0,
-        "task_settings": {SURVIVAL: {"options": {"contact": "swept"}}}
+        "task_settings": {SURVIVAL: {"physics": {"contact": "swept"}}}
     });
     let plain =
         json!({"id": "plain", "seed": 9, "placement": false, "tasks": [SURVIVAL], "contested_share": 0.0});
@@ -102,7 +102,7 @@ async fn no_options_and_options_at_their_defaults_are_the_same_run() {
     for wish in [bare, defaults, swept, plain] {
         let id = wish["id"].as_str().unwrap().to_owned();
         let made = api.post("/v1/runs", wish).await.expect(201);
-        let told = made["settings"]["curriculum"]["tasks"][0].get("options").is_some();
+        let told = made["settings"]["curriculum"]["tasks"][0].get("physics").is_some();
         assert_eq!(told, id == "swept", "{made}");
         leases.push(api.lease(&id, json!({"groups": 12})).await);
     }
@@ -118,7 +118,7 @@ async fn no_options_and_options_at_their_defaults_are_the_same_run() {
 async fn probability_of_collision_is_a_run_like_any_other() {
     let server = Server::start().await;
     let api = server.api();
-    let options = json!({SURVIVAL: {"options": {"risk": "pc"}}});
+    let options = json!({SURVIVAL: {"physics": {"risk": "pc"}}});
     let wish = json!({"id": "pc", "seed": 2, "placement": false, "tasks": [SURVIVAL], "contested_share": 1.0,
                       "task_settings": options});
     let _ = api.post("/v1/runs", wish).await.expect(201);
@@ -177,7 +177,7 @@ async fn what_was_stored_without_options_has_none() {
         "SELECT body FROM proposals",
     ] {
         let rows: Vec<String> = sqlx::query_scalar(sql).fetch_all(&mut conn).await.unwrap();
-        assert!(rows.iter().all(|row| !row.contains("options")), "{sql}: {rows:?}");
+        assert!(rows.iter().all(|row| !row.contains("physics")), "{sql}: {rows:?}");
     }
     drop(conn);
     server.restart().await;
@@ -205,7 +205,7 @@ async fn options_that_are_none() {
         (FORMATION, json!({"contact": "swept"})),
     ] {
         let wish =
-            json!({"tasks": [SURVIVAL, "docking/single"], "task_settings": {task: {"options": options}}});
+            json!({"tasks": [SURVIVAL, "docking/single"], "task_settings": {task: {"physics": options}}});
         let answer = api.post("/v1/runs", wish).await;
         assert_eq!(answer.kind, "application/problem+json");
         let text = |what: &str| answer.body[what].as_str().unwrap_or_default().to_owned();
@@ -215,7 +215,7 @@ async fn options_that_are_none() {
     let runs = api.get("/v1/runs").await.expect(200);
     assert_eq!(runs["runs"], json!([]), "nothing came of it");
     // Nothing chosen is nothing chosen.
-    let none = json!({"id": "none", "tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"options": null}}});
+    let none = json!({"id": "none", "tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"physics": null}}});
     let _ = api.post("/v1/runs", none).await.expect(201);
 }
 
@@ -234,7 +234,7 @@ async fn tasks_tell_their_options_in_full() {
             let named = json!({option["name"].as_str().unwrap(): choice});
             let scenario = json!({"scenario": {"task": SURVIVAL, "seed": 1, "physics": named}});
             let _ = server.api().post("/v1/scenarios", scenario).await.expect(200);
-            let run = json!({"tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"options": named}}});
+            let run = json!({"tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"physics": named}}});
             let made = server.api().post("/v1/runs", run).await;
             assert_eq!(made.status, if by_hand { 422 } else { 201 }, "{named}");
             if !by_hand {
