@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use super::constants::RADAR_NONE;
 use crate::space::{ByHand, Harder, Levels, OptionSpec, ParamSpec};
 
-/// Most debris a generator draws.
+/// Most debris of a scenario, drawn and given, and most threats that *tracks* show.
 pub const MAX_DEBRIS: f64 = 1000.0;
 
 /// Parameters of every task.

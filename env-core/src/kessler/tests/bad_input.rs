@@ -223,6 +223,11 @@ fn starts_that_are_not_fair() {
     assert_eq!(refused(crossing.clone(), json!({})), None);
     insta::assert_snapshot!(refused(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 0 at step 2 under hold, before anybody could act");
     assert_eq!(refused(crossing, json!({"contact": "swept", "start": "upstream"})), None);
+    // Rogues too: one that arrives beside a satellite and flies with it, and one that comes when somebody could have acted.
+    let rogue = |step: u32| json!({"mode": "extend", "bodies": {"satellites": satellites, "rogues": [[step, 61, 0, 0, 4]]}});
+    insta::assert_snapshot!(refused(rogue(1), json!({})).unwrap(), @"layout.bodies.rogues: the start is not fair: the rogue of step 1 touches satellite 0 at step 1 under hold, before anybody could act");
+    assert_eq!(refused(rogue(1), json!({"start": "upstream"})), None);
+    assert_eq!(refused(rogue(3), json!({})), None);
 }
 
 #[test]
