@@ -70,6 +70,11 @@ pub const MAX_UNFAIR: u64 = 64;
 pub trait Feed: Send + Sync {
     /// The recipe and seed of slot `slot`'s scenario number `number`.
     fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed);
+    /// The one recipe of all its scenarios, where there is one: a batch makes room for no more than that needs. None
+    /// makes room for whatever the task's params allow.
+    fn only(&self) -> Option<&Arc<Recipe>> {
+        None
+    }
 }
 
 /// One recipe with seeds of its own for every (slot, number), from a batch seed.
@@ -91,6 +96,10 @@ impl Feed for Seeds {
     fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed) {
         let bits = mix(mix(mix(self.seed).wrapping_add(slot as u64)).wrapping_add(number));
         (Arc::clone(&self.recipe), Seed::in_space(SeedSpace::User, bits))
+    }
+
+    fn only(&self) -> Option<&Arc<Recipe>> {
+        Some(&self.recipe)
     }
 }
 
