@@ -23,6 +23,10 @@ pub trait Lane: Send + Sized {
     fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError>;
     /// One step of an episode that is not over. `actions` is `agents × action`, all finite. True if the episode is over.
     fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool;
+    /// Says which of the batch's agents an episode that has just started is without, where that can be.
+    fn absent(&self, terminated: &mut [bool]) {
+        terminated.fill(false);
+    }
     /// Writes what is seen now.
     fn observe(&mut self, out: &mut [f32]);
     /// The sum of rewards, as the world's score has it.
@@ -159,10 +163,10 @@ impl<L: Lane> Seat<L> {
             // Only under NextStep: this step is the reset.
             row.rewards.fill(0.0);
             *row.team_reward = 0.0;
-            row.terminated.fill(false);
             row.truncated.fill(false);
             *row.done = false;
             self.restart(feed)?;
+            self.lane.absent(row.terminated);
             self.lane.observe(row.observation);
             return Ok(());
         }

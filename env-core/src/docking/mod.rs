@@ -150,7 +150,7 @@ impl TaskSpec for Docking {
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
-        batch::batch(self.id, feed, config)
+        batch::batch(self, feed, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {
