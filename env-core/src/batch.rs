@@ -103,6 +103,18 @@ impl Feed for Seeds {
     }
 }
 
+/// That a feed's recipe is one of the batch's task.
+pub(crate) fn of_task(task: &str, recipe: &Recipe) -> Result<(), ScenarioError> {
+    if recipe.task().id() == task {
+        return Ok(());
+    }
+    Err(ScenarioError::UnknownChoice {
+        field: "task".to_owned(),
+        value: recipe.task().id().to_owned(),
+        choices: task.to_owned(),
+    })
+}
+
 /// A bijection of 64 bits that scatters neighbours: the finaliser of SplitMix64 (Steele, Lea and Flood 2014).
 const fn mix(bits: u64) -> u64 {
     let z = bits.wrapping_add(0x9E37_79B9_7F4A_7C15);

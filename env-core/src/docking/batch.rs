@@ -6,7 +6,7 @@ use super::Docking;
 use super::constants::{MAX_DEPUTIES, OBSERVATION, STATE};
 use super::flight::Flight;
 use super::setup::{Setup, Start};
-use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape};
+use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
 use crate::scenario::Recipe;
@@ -46,13 +46,7 @@ pub(super) fn batch(
 
 /// A recipe of this task, in docking's terms.
 fn read(task: &str, recipe: &Recipe) -> Result<Setup, ScenarioError> {
-    if recipe.task().id() != task {
-        return Err(ScenarioError::UnknownChoice {
-            field: "task".to_owned(),
-            value: recipe.task().id().to_owned(),
-            choices: task.to_owned(),
-        });
-    }
+    of_task(task, recipe)?;
     Setup::read(recipe)
 }
 

@@ -3,11 +3,8 @@
 use super::Case;
 use super::remedy::{Danger, search};
 use super::trace::{End, Met};
-use crate::critique::Encounter;
+use crate::critique::{BEARING_STEPS, Encounter, angle_deg};
 use crate::kessler::kernel::Body;
-
-/// Steps before contact at which the bearing is taken (DESIGN §6).
-const BEARING_STEPS: u32 = 5;
 
 /// How a satellite and debris met.
 pub(super) fn encounter(case: &Case<'_>, satellite: usize, end: End, met: Met) -> Encounter {
@@ -40,13 +37,6 @@ fn bearing(of: &Body, at: (f64, f64)) -> f64 {
     let ((rx, ry), (tx, ty)) = of.frame();
     let (dx, dy) = (at.0 - of.x, at.1 - of.y);
     angle_deg(dx * rx + dy * ry, dx * tx + dy * ty)
-}
-
-/// From the first axis towards the second, degrees in [0, 360).
-fn angle_deg(first: f64, second: f64) -> f64 {
-    let angle = libm::atan2(second, first).to_degrees();
-    // A tiny negative angle plus 360 rounds to 360 itself.
-    if angle < 0.0 { Some(angle + 360.0).filter(|&a| a < 360.0).unwrap_or(0.0) } else { angle }
 }
 
 #[cfg(test)]
