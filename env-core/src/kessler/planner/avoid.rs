@@ -74,8 +74,14 @@ fn worth_more(objective: Objective, table: &Table, path: &mut Path, burns: &[Bur
     whole.then(|| worth(objective, path))
 }
 
-/// The best path found for a satellite, given its panel (hold first).
-pub(super) fn search(objective: Objective, table: &Table, panel: &[Path], chance: &mut Seeded) -> Path {
+/// The best path found for a satellite, given its panel (hold first), for as long as it is `wanted`.
+pub(super) fn search(
+    objective: Objective,
+    table: &Table,
+    panel: &[Path],
+    chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
+) -> Path {
     let hold = &panel[0];
     if !hold.lost() {
         return hold.clone();
@@ -93,15 +99,22 @@ pub(super) fn search(objective: Objective, table: &Table, panel: &[Path], chance
     if !best.lost() && !thrifty {
         return best;
     }
-    single_burns(objective, table, hold, &mut best, &mut best_worth);
+    single_burns(objective, table, hold, &mut best, &mut best_worth, wanted);
     if best.lost() {
-        schedules(objective, table, hold, &mut best, &mut best_worth, chance);
+        schedules(objective, table, hold, &mut best, &mut best_worth, chance, wanted);
     }
     best
 }
 
 /// One burn: sizes from small to large, steps from late to early, 16 directions.
-fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Path, best_worth: &mut f64) {
+fn single_burns(
+    objective: Objective,
+    table: &Table,
+    hold: &Path,
+    best: &mut Path,
+    best_worth: &mut f64,
+    wanted: &dyn Fn() -> bool,
+) {
     let Some(threat) = hold.threat() else { return };
     let fuel = hold.fuel[0];
     let last = threat as usize;
@@ -111,6 +124,9 @@ fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Pat
     for size in SIZES {
         let size = capped(size, fuel);
         for step in (1..=threat).rev() {
+            if !wanted() {
+                return;
+            }
             let most = ideal(objective, fuel, size, step);
             if most <= *best_worth {
                 break; // an earlier burn of this size is worth less still
@@ -168,11 +184,15 @@ fn schedules(
     best: &mut Path,
     best_worth: &mut f64,
     chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
 ) {
     let Some(threat) = hold.threat() else { return };
     let fuel = hold.fuel[0];
     let mut path = hold.clone();
     for _ in 0..SCHEDULES {
+        if !wanted() {
+            return;
+        }
         let mut burns = [Burn { step: 1, dvx: 0.0, dvy: 0.0 }; SCHEDULE_BURNS];
         for (i, burn) in burns.iter_mut().enumerate() {
             // The first acts before the contact; the others anywhere.

@@ -1,6 +1,8 @@
 //! Debris does not depend on what satellites do (fragments aside), so it is propagated once and satellites are flown
 //! against the table, one by one.
 
+mod passing;
+
 use crate::kessler::constants::{CONTACT_2, CONTACT_DISTANCE, EARTH_RADIUS_2, HORIZON, SIGMAS, SURVIVED};
 use crate::kessler::kernel::{
     Body, Gravity, clamped_burn, coast, collision_probability, distance_2, passing_2, swept_2,
@@ -9,8 +11,6 @@ use crate::kessler::setup::{Contact, Physics, Setup, Start};
 
 /// Points of a trajectory: the start, and after each step.
 pub(crate) const POINTS: usize = HORIZON as usize + 1;
-/// Columns that are looked at together.
-const LANES: usize = 8;
 /// Where bodies are put that are not there: far from everything, and still a number.
 const NOWHERE: f64 = 1e12;
 const ABSENT: Body = Body { x: NOWHERE, y: NOWHERE, vx: 0.0, vy: 0.0 };
@@ -137,62 +137,6 @@ impl Table {
             .map_or(1.0, |miss_2| 1.0 - collision_probability(miss_2.sqrt(), sigma))
     }
 
-    /// What `step` leaves of a survival of `left`, of a body that was at `before` and is at `body`.
-    fn survival(&self, step: usize, before: &Body, body: &Body, sigma: f64, left: f64) -> f64 {
-        let mut left = left;
-        self.passing(step, before, body, sigma, |column| {
-            left *= self.spares(column, step, before, body, sigma);
-        });
-        left
-    }
-
-    /// Names, in order, the columns that may spare a body less than wholly in `step`; every other column spares it by
-    /// exactly 1, so that leaving it out changes no bit.
-    ///
-    /// [`spares`](Self::spares) is below 1 only where something passed nearer than `most`, and what passes has the one
-    /// or the other sign that [`passing_2`] asks, here computed by the same expressions. How near it passed is at least
-    /// |d × w|/|w|, the distance of the straight relative course. The rounding of that product is below 1e-15·|d|·|w|,
-    /// and whatever is within the world is nearer than 1e5 LU: the slack of 1e-6 in the squares is a million times that.
-    #[inline]
-    pub(crate) fn passing(
-        &self,
-        step: usize,
-        before: &Body,
-        body: &Body,
-        sigma: f64,
-        mut each: impl FnMut(usize),
-    ) {
-        let most = CONTACT_DISTANCE + SIGMAS * sigma;
-        let most_2 = most * most * (1.0 + 1e-6);
-        let mut first = 0;
-        while first + LANES <= self.n {
-            let now = self.lanes(step * self.n + first);
-            let then = self.lanes((step - 1) * self.n + first);
-            if let (Some(now), Some(then)) = (now, then) {
-                let mut marks = [0u64; LANES];
-                for i in 0..LANES {
-                    marks[i] = passes(now, then, i, before, body, most_2);
-                }
-                if marks.iter().fold(0, |any, mark| any | mark) != 0 {
-                    (0..LANES).filter(|&lane| marks[lane] != 0).for_each(|lane| each(first + lane));
-                }
-            }
-            first += LANES;
-        }
-        (first..self.n).for_each(each);
-    }
-
-    /// So many columns of a row from this place on.
-    #[inline]
-    fn lanes(&self, at: usize) -> Option<Lanes<'_>> {
-        Some(Lanes {
-            x: self.x.get(at..)?.first_chunk()?,
-            y: self.y.get(at..)?.first_chunk()?,
-            vx: self.vx.get(at..)?.first_chunk()?,
-            vy: self.vy.get(at..)?.first_chunk()?,
-        })
-    }
-
     /// Whether anything destroys a body in `step`, at whose end it is there.
     pub(crate) fn destroyed(&self, step: usize, body: &Body) -> bool {
         match self.physics.contact {
@@ -228,30 +172,6 @@ impl Table {
         let at = step * self.n + column;
         distance_2(px, py, self.x[at], self.y[at])
     }
-}
-
-/// Some columns of one row.
-#[derive(Clone, Copy)]
-struct Lanes<'a> {
-    x: &'a [f64; LANES],
-    y: &'a [f64; LANES],
-    vx: &'a [f64; LANES],
-    vy: &'a [f64; LANES],
-}
-
-/// Whether a column may spare less than wholly. No short cuts: without branches several columns go through at once.
-#[inline(always)]
-fn passes(now: Lanes<'_>, then: Lanes<'_>, i: usize, before: &Body, body: &Body, most_2: f64) -> u64 {
-    let (dx, dy) = (body.x - now.x[i], body.y - now.y[i]);
-    let (wx, wy) = (body.vx - now.vx[i], body.vy - now.vy[i]);
-    let (end, w2) = (dx * wx + dy * wy, wx * wx + wy * wy);
-    let across = dx * wy - dy * wx;
-    let (dx, dy) = (before.x - then.x[i], before.y - then.y[i]);
-    let (wx, wy) = (before.vx - then.vx[i], before.vy - then.vy[i]);
-    let approached = dx * wx + dy * wy;
-    u64::from(end >= 0.0)
-        & u64::from(across * across <= most_2 * w2)
-        & (u64::from(end - w2 < 0.0) | u64::from(approached < 0.0))
 }
 
 struct Columns {

@@ -65,7 +65,7 @@ pub fn by_name(
         "blind" => Box::new(Seat(Blind::new())),
         "frozen" => Box::new(Seat(Learner::new(Parameters::random(seed)))),
         "heuristic" => Box::new(Seat(Heuristic)),
-        "reference" => Box::new(Seat(Witness::new(planner::bracket(objective, scenario)?.witness))),
+        "reference" => Box::new(Seat(Witness::new(planner::bracket(objective, scenario, &|| true)?.witness))),
         _ => {
             return Err(PolicyError::Unknown {
                 name: name.to_owned(),
