@@ -62,7 +62,13 @@ impl Hope {
 }
 
 /// Flies `path` by `burns`; its worth, if that is more than `best` or the path lives.
-fn worth_more(objective: Objective, table: &Table, path: &mut Path, burns: &[Burn], best: f64) -> Option<f64> {
+fn worth_more(
+    objective: Objective,
+    table: &Table,
+    path: &mut Path,
+    burns: &[Burn],
+    best: f64,
+) -> Option<f64> {
     let step = burns.first().map_or(1, |burn| burn.step);
     let whole = if matches!(table.physics.contact, Contact::Chance(_)) {
         let mut hope = Hope::of(objective, path, step, best);
@@ -138,7 +144,9 @@ fn single_burns(
                     continue;
                 }
                 path.branch(hold, step);
-                let Some(value) = worth_more(objective, table, &mut path, &[burn], *best_worth) else { continue };
+                let Some(value) = worth_more(objective, table, &mut path, &[burn], *best_worth) else {
+                    continue;
+                };
                 if value > *best_worth {
                     *best_worth = value;
                     best.clone_from(&path);

@@ -1,6 +1,7 @@
 //! Scenarios by hand: validate, bracket, replay, and criticise.
 
-use env_core::bracket::{SuccessRule, admit, success};
+use axum::extract::State;
+use env_core::bracket::{SuccessRule, admit_while, success};
 use env_core::rollout::{read_log, replay};
 use env_core::{Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
@@ -12,6 +13,7 @@ use super::super::problem::Problem;
 use super::critique::CritiqueView;
 use super::leases::BracketView;
 use super::results::Actions;
+use crate::service::App;
 use crate::store::brackets::StoredFlown;
 
 /// A scenario to look at, and actions to fly on it.
@@ -66,10 +68,14 @@ struct Judged {
     post, path = "/scenarios", tag = "scenarios", request_body = Wish,
     responses(
         (status = 200, body = Checked), (status = 400, body = Problem), (status = 413, body = Problem),
-        (status = 415, body = Problem), (status = 422, body = Problem)
+        (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 503, body = Problem, description = "Too many are planned on at once, or it took longer than a minute.")
     )
 )]
-pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>, Problem> {
+pub(super) async fn check(
+    State(app): State<App>,
+    Json(wish): Json<Wish>,
+) -> Result<axum::Json<Checked>, Problem> {
     let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
         let field = match error.field() {
             "scenario" => "scenario".to_owned(),
@@ -85,13 +91,17 @@ pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>,
             format!("{detail}: larger seeds are kept for training and evaluation"),
         ));
     }
-    // Planning takes milliseconds: off the threads that answer others.
-    let checked = tokio::task::spawn_blocking(move || judge(&scenario, wish.actions)).await;
-    Ok(axum::Json(checked.map_err(|_| Problem::internal())??))
+    let checked = app.planning.plan(move |wanted| judge(&scenario, wish.actions, wanted)).await?;
+    Ok(axum::Json(checked?))
 }
 
-fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Problem> {
-    let admission = admit(scenario);
+fn judge(
+    scenario: &Scenario,
+    actions: Option<Actions>,
+    wanted: &dyn Fn() -> bool,
+) -> Result<Checked, Problem> {
+    // Given up only where nobody reads the answer.
+    let admission = admit_while(scenario, wanted).ok_or_else(Problem::timed_out)?;
     let (mut judged, mut critique) = (None, None);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(Into::into);
