@@ -24,6 +24,7 @@ pub mod scenario;
 pub mod seed;
 pub mod space;
 pub mod task;
+mod told;
 pub mod world;
 
 pub use bracket::{Admission, Bracket, Flown, SuccessRule};
@@ -34,4 +35,5 @@ pub use registry::{task, tasks, usual_tasks, world, worlds};
 pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
 pub use seed::{Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};
+pub use told::{significant, told};
 pub use world::World;
