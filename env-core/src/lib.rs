@@ -33,7 +33,7 @@ pub use error::{LogError, ScenarioError, StepError};
 pub use log::{ActionLog, JointAction, Stopped};
 pub use registry::{task, tasks, usual_tasks, world, worlds};
 pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
-pub use seed::{Seed, SeedSpace};
+pub use seed::{SEED_WANTED, Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};
 pub use told::{significant, told};
 pub use world::World;

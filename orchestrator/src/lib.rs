@@ -4,6 +4,7 @@ pub mod clock;
 pub mod curriculum;
 pub mod http;
 pub mod ids;
+mod reading;
 pub mod service;
 pub mod store;
 pub mod training;

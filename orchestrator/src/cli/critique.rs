@@ -12,6 +12,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::output::{Format, print, print_json, table};
+use crate::reading::{self, Unread};
 
 /// Show why an episode lost score, and what each of its actions was worth.
 ///
@@ -40,8 +41,8 @@ pub struct Args {
 }
 
 const AFTER_HELP: &str = "\
-A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; what is left out stands at its \
-default. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \"stopped\": null}, as results are reported, \
+A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; task and seed are needed, and \
+params, physics and layout stand at their defaults where they are left out. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \"stopped\": null}, as results are reported, \
 or the list of steps alone. What GET /v1/runs/{run}/episodes/{episode} answers is a FILE that needs no more.
 
 Columns: the bearing is where the body was, seen from the agent, min(5, step) steps before (or when it became visible, if \
@@ -86,7 +87,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 fn read(path: &Path) -> anyhow::Result<Value> {
     let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))
+    reading::value(text.as_bytes()).map_err(|error| match error {
+        Unread::NotJson(why) => anyhow!("{} is not JSON: {why}", path.display()),
+        Unread::Twice(fault) => anyhow!("{}: {fault}", path.display()),
+    })
 }
 
 /// The actions: flown by a policy now, from their own file, or with the scenario.
@@ -118,7 +122,7 @@ struct Actions {
 fn actions_of(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
     let actions = match value {
         Value::Array(steps) => Actions { steps, precision: None, stopped: None },
-        other => serde_json::from_value(other)?,
+        other => reading::read(other)?,
     };
     let precision = match actions.precision.as_deref() {
         None | Some("f64") => Precision::F64,

@@ -64,7 +64,7 @@ pub struct RunWish {
     pub id: Option<String>,
     /// A name for people.
     pub name: Option<String>,
-    /// The seed of the run's random streams, below 2^53. Else one is drawn.
+    /// The seed of the run's random streams, from 0 to 2^51 − 1. Else one is drawn.
     pub seed: Option<u64>,
     /// How proposals are chosen (ladder).
     #[schema(value_type = Option<String>, example = "ladder")]

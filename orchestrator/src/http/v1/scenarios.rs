@@ -2,13 +2,13 @@
 
 use axum::extract::State;
 use env_core::bracket::{SuccessRule, admit_while, success};
-use env_core::rollout::{read_log, replay};
+use env_core::rollout::{ReplayError, read_log, replay};
 use env_core::{Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::Json;
+use super::super::extract::{Json, read};
 use super::super::problem::Problem;
 use super::critique::CritiqueView;
 use super::leases::BracketView;
@@ -20,7 +20,9 @@ use crate::store::brackets::StoredFlown;
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wish {
-    /// The scenario: task, params, physics, layout, and a seed below 2^51. What is left out stands at its default.
+    /// The scenario: a task and a seed from 0 to 2^51 − 1, and what is wanted of params, physics and layout, whose defaults
+    /// hold for what is left out. A layout is `{mode, bodies, provenance}`: tables of rows that stand after what is drawn
+    /// (`extend`) or instead of it (`replace`), at most 512 rows in all.
     #[schema(value_type = Object, example = json!({"task": "kessler/survival", "params": {"debris": 100}, "seed": 7}))]
     scenario: Value,
     /// An action log to replay on it.
@@ -74,8 +76,9 @@ struct Judged {
 )]
 pub(super) async fn check(
     State(app): State<App>,
-    Json(wish): Json<Wish>,
+    Json(body): Json<Value>,
 ) -> Result<axum::Json<Checked>, Problem> {
+    let wish = wish(body)?;
     let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
         let field = match error.field() {
             "scenario" => "scenario".to_owned(),
@@ -85,14 +88,29 @@ pub(super) async fn check(
     })?;
     if scenario.seed().space() != SeedSpace::User {
         let error = Seed::user(scenario.seed().get()).err();
-        let detail = error.map_or_else(String::new, |e| e.to_string());
-        return Err(Problem::invalid(
-            "scenario.seed",
-            format!("{detail}: larger seeds are kept for training and evaluation"),
-        ));
+        return Err(Problem::invalid("scenario.seed", error.map_or_else(String::new, |e| e.to_string())));
     }
     let checked = app.planning.plan(move |wanted| judge(&scenario, wish.actions, wanted)).await?;
     Ok(axum::Json(checked?))
+}
+
+/// Actions that are not of this scenario.
+fn refuse(error: ReplayError) -> Problem {
+    match error {
+        ReplayError::Scenario(error) => Problem::invalid("scenario", error.to_string()),
+        ReplayError::Log(error) => {
+            Problem::invalid(format!("actions.{}", error.field()), error.under("actions").to_string())
+        }
+    }
+}
+
+/// A body, told of the wrapper where it is a bare scenario.
+fn wish(body: Value) -> Result<Wish, Problem> {
+    if body.get("scenario").is_none() && body.get("task").is_some() {
+        let detail = "it is missing: wrap the scenario in it, as {\"scenario\": {\"task\": …, \"seed\": 7}}";
+        return Err(Problem::invalid("scenario", detail));
+    }
+    read(body)
 }
 
 fn judge(
@@ -105,16 +123,15 @@ fn judge(
     let (mut judged, mut critique) = (None, None);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(Into::into);
-        let refuse = |error: String| Problem::invalid("actions", error);
         let log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
-            .map_err(|error| refuse(error.to_string()))?;
-        let flown = replay(scenario, &log).map_err(|error| refuse(error.to_string()))?;
+            .map_err(|error| refuse(error.into()))?;
+        let flown = replay(scenario, &log).map_err(refuse)?;
         judged = Some(Judged {
             skill: bracket.skill(flown.score),
             success: success(scenario, SuccessRule::Task, bracket, &flown),
             flown: flown.into(),
         });
-        let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse(error.to_string()))?;
+        let shown = scenario.task().critique(scenario, &log).map_err(refuse)?;
         critique = Some(CritiqueView::of(scenario, shown));
     }
     Ok(Checked {
