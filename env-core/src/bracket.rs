@@ -26,7 +26,7 @@ pub struct Flown {
 pub enum SuccessRule {
     /// The task's own rule, which judges skill against floor and reference.
     Task,
-    /// The brief's raw rule: the score reaches a threshold.
+    /// The raw rule: the score reaches a threshold.
     Raw(f64),
 }
 

@@ -222,19 +222,26 @@ impl Shown {
 fn row(failure: &Failure) -> Vec<String> {
     let met = failure.encounter.as_ref();
     let of = |what: fn(&Encounter) -> String| met.map_or_else(String::new, what);
+    // Where nothing was met (the Earth was), the same is told in measures.
+    let measure = |name: &str| failure.measures.iter().find(|m| m.name == name).map(|m| m.value);
+    let yes_or_no = |yes: bool| if yes { "yes" } else { "no" }.to_owned();
+    let avoidable = match met {
+        Some(met) => met.avoidable.map_or_else(|| "never seen".to_owned(), yes_or_no),
+        None => measure("avoidable").map_or_else(String::new, |share| yes_or_no(share > 0.0)),
+    };
+    let remedy = match met {
+        Some(met) => met.cheapest.as_ref().map(|remedy| {
+            let values: Vec<_> = remedy.values.iter().map(|v| format!("{v:.3}")).collect();
+            format!("step {}: {} for {:.2}", remedy.step, values.join(" "), remedy.cost)
+        }),
+        None => measure("cheapest_step")
+            .zip(measure("cheapest_cost"))
+            .map(|(step, cost)| format!("step {step:.0}: for {cost:.2}")),
+    };
     vec![
         failure.mode.to_owned(),
-        of(|e| match e.avoidable {
-            Some(true) => "yes".to_owned(),
-            Some(false) => "no".to_owned(),
-            None => "never seen".to_owned(),
-        }),
-        of(|e| {
-            e.cheapest.as_ref().map_or_else(String::new, |remedy| {
-                let values: Vec<_> = remedy.values.iter().map(|v| format!("{v:.3}")).collect();
-                format!("step {}: {} for {:.2}", remedy.step, values.join(" "), remedy.cost)
-            })
-        }),
+        avoidable,
+        remedy.unwrap_or_default(),
         failure.step.to_string(),
         failure.agent.to_string(),
         of(|e| format!("{:.0}°", e.bearing_deg)),

@@ -11,7 +11,7 @@ use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
 
 /// Most episodes of a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;
-/// The brief's raw threshold.
+/// The usual threshold of the raw rule.
 const RAW_THRESHOLD: f64 = 0.7;
 
 /// Which leases' outcomes move mastery.

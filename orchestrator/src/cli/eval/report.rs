@@ -1,5 +1,7 @@
 //! The numbers of an evaluation, as tables and as JSON.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 use super::Args;
@@ -42,7 +44,9 @@ const PARTS: [(&str, Option<Part>); 3] =
 
 impl Report {
     pub(super) fn new(suite: &Suite, suite_hash: String, args: &Args, rows: &[Row]) -> Self {
-        let mut tasks = vec![ALL];
+        // Scores, agents and fuel of different worlds are no one quantity: no mean is made of them.
+        let worlds: BTreeSet<&str> = suite.groups.iter().map(|group| group.recipe.task().world()).collect();
+        let mut tasks = if worlds.len() == 1 { vec![ALL] } else { Vec::new() };
         for group in &suite.groups {
             let task = group.recipe.task().id();
             if !tasks.contains(&task) {
@@ -75,7 +79,7 @@ impl Report {
         }
     }
 
-    /// A table per task, all tasks together first.
+    /// A table per task, all tasks together first where they are of one world.
     pub(super) fn tables(&self) -> String {
         let mut text = format!(
             "{}: {} scenarios, hash {}…, planner {}; means with {:.0} % bootstrap intervals over scenarios\n",
