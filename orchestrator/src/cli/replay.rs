@@ -184,37 +184,29 @@ fn read(path: &Path) -> anyhow::Result<Value> {
     serde_json::from_slice(&unpacked).context("it is not JSON")
 }
 
-/// A table of all files, a line for each quantity, then what is to be said of single files.
+/// A table for each file, a line for each quantity, then what is to be said of single files.
 fn tables(judged: &[Judged], tolerance: f64) -> String {
     let mut text = format!(
         "Worst differences, and what is allowed of each: the tolerance, {tolerance:e}, or what the precision of the \
          recording leaves, if that is more.\n"
     );
-    text = textwrap::fill(&text, WIDTH) + "\n";
-    let mut table =
-        output::table(&["file", "quantity", "verdict", "episodes", "steps", "worst", "allowed"], 3);
+    text = textwrap::fill(text.trim_end(), WIDTH) + "\n";
     for file in judged {
-        let counts = [file.compared.episodes, file.compared.steps].map(|count| count.to_string());
-        let numbers = file.compared.worst.iter().all(|worst| worst.difference <= worst.allowed);
+        let Compared { episodes, steps, worst, .. } = &file.compared;
+        let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
         // A word can differ where no number does.
         let word =
             (numbers && !file.within()).then(|| Worst { difference: 1.0, ..Worst::none("a word", 0.0) });
-        for (at, worst) in file.compared.worst.iter().chain(&word).enumerate() {
-            let Worst { quantity, difference, allowed } = worst;
-            let once = |text: &str| if at == 0 { text.to_owned() } else { String::new() };
+        let mut table = output::table(&["quantity", "verdict", "worst", "allowed"], 2);
+        for Worst { quantity, difference, allowed } in worst.iter().chain(&word) {
             let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
-            table.add_row([
-                once(&file.file),
-                (*quantity).to_owned(),
-                verdict.to_owned(),
-                once(&counts[0]),
-                once(&counts[1]),
-                format!("{difference:.1e}"),
-                format!("{allowed:.1e}"),
-            ]);
+            let numbers = [difference, allowed].map(|number| format!("{number:.1e}"));
+            table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
         }
+        let (name, world) = (&file.file, file.world);
+        text.push_str(&format!("\n{name}: {world}, {episodes} episodes, {steps} steps\n{table}\n"));
     }
-    text.push_str(&format!("{table}\n"));
+    text.push('\n');
     for Judged { file, compared, .. } in judged {
         if let Some(FirstDifference { episode, step, what }) = &compared.first {
             let found = format!("the first difference is in episode {episode}, step {step}: {what}");
