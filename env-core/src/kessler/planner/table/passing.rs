@@ -40,7 +40,14 @@ impl Table {
             let now = self.lanes(step * self.n + first);
             let then = self.lanes((step - 1) * self.n + first);
             if let (Some(now), Some(then)) = (now, then) {
-                let marks: [u64; LANES] = std::array::from_fn(|i| passes(now, then, i, before, body, most_2));
+                let mut marks = [0u64; LANES];
+                #[expect(
+                    clippy::needless_range_loop,
+                    reason = "as an iterator it does not go through in vectors"
+                )]
+                for i in 0..LANES {
+                    marks[i] = passes(now, then, i, before, body, most_2);
+                }
                 if marks.iter().fold(0, |any, mark| any | mark) != 0 {
                     (0..LANES).filter(|&lane| marks[lane] != 0).for_each(|lane| each(first + lane));
                 }
