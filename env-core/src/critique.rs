@@ -1,5 +1,5 @@
 //! What a finished episode shows, from its scenario and actions alone: why score was lost, with the geometry of it; what
-//! every action was worth; and a judgement on the scale of the brief's LLM judge. Each world fills these in by its own
+//! every action was worth; and a judgement from −1 to 1. Each world fills these in by its own
 //! rules; nobody else needs to know them.
 
 use serde::Serialize;
@@ -107,7 +107,7 @@ pub enum Verdict {
     Harmful,
 }
 
-/// The deterministic judge's word on an episode, on the scale of the brief's LLM judge.
+/// The deterministic judge's word on an episode, from −1 to 1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Judged {
     /// Within −1 to 1.

@@ -53,6 +53,19 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// A scenario whose start is not fair.
     fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError>;
+    /// The same for as long as it is `wanted`, which is asked now and then and never takes back a no; `None` where it was
+    /// given up. How a service drops what nobody waits for any more, without a clock in here. A task whose bracket takes
+    /// milliseconds need not ask.
+    ///
+    /// # Errors
+    /// A scenario whose start is not fair.
+    fn bracket_while(
+        &self,
+        scenario: &Scenario,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Option<Bracket>, ScenarioError> {
+        if wanted() { self.bracket(scenario).map(Some) } else { Ok(None) }
+    }
     /// The same scenario with threats planted until it is contested, or `None` where that does not work out.
     fn plant_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)>;
     /// The task's own success rule.

@@ -160,7 +160,16 @@ impl TaskSpec for Kessler {
     }
 
     fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError> {
-        planner::bracket(self.objective, scenario)
+        planner::bracket(self.objective, scenario, &|| true)
+    }
+
+    fn bracket_while(
+        &self,
+        scenario: &Scenario,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Option<Bracket>, ScenarioError> {
+        let bracket = planner::bracket(self.objective, scenario, wanted)?;
+        Ok(wanted().then_some(bracket))
     }
 
     fn plant_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)> {
