@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::at_level;
 use crate::bracket::Flown;
-use crate::critique::{ActionVerdict, Critique, Remedy, Verdict};
+use crate::critique::{ActionVerdict, Critique, Failure, Remedy, Verdict};
 use crate::kessler::TASKS;
 use crate::kessler::constants::SATELLITES;
 use crate::kessler::telemetry::Telemetry;
