@@ -11,8 +11,10 @@ use crate::seed::Seed;
 
 /// Environments below which a batch is stepped by the calling thread alone: handing a chunk over costs microseconds.
 const WORTH_SHARING: usize = 64;
-/// Chunks a thread gets, so that one that is held up does not hold up the others.
-const CHUNKS_PER_THREAD: usize = 4;
+/// Chunks a thread gets, so that whoever is late, or held up, leaves little undone at the end.
+const CHUNKS_PER_THREAD: usize = 16;
+/// Environments of a chunk, at least.
+const LEAST: usize = 16;
 
 /// One environment of a world, as a batch steps it.
 pub trait Lane: Send + Sized {
@@ -93,7 +95,7 @@ impl<L: Lane> Engine<L> {
         if threads == 1 || envs < WORTH_SHARING {
             envs
         } else {
-            envs.div_ceil(threads * CHUNKS_PER_THREAD).max(WORTH_SHARING / CHUNKS_PER_THREAD)
+            envs.div_ceil(threads * CHUNKS_PER_THREAD).max(LEAST)
         }
     }
 
