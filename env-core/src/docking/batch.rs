@@ -11,6 +11,7 @@ use crate::chance::Seeded;
 use crate::error::ScenarioError;
 use crate::scenario::Recipe;
 use crate::seed::{Seed, SeedSpace};
+use crate::task::TaskSpec;
 
 /// Values of one deputy's action.
 const ACTION: usize = 3;
@@ -27,7 +28,7 @@ pub(super) fn batch(
             "a deputy sees itself and nothing else: docking observes everything, and no bodies",
         ));
     }
-    let &Docking { id, space, .. } = task;
+    let (id, space) = (task.id(), task.params());
     let (recipe, _) = feed.scenario(0, 0);
     let setup = read(id, &recipe).map_err(|source| BatchError::Scenario { env: 0, source })?;
     let most = || space.iter().find(|param| param.name == "deputies").map_or(1, |p| p.max as usize);
