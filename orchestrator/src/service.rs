@@ -146,6 +146,7 @@ impl Service {
             hopeless: Arc::default(),
             pool: Arc::new(
                 rayon::ThreadPoolBuilder::new()
+                    .num_threads(workers::prepare::AT_ONCE)
                     .thread_name(|i| format!("prepare-{i}"))
                     .build()
                     .map_err(StartError::Threads)?,

@@ -216,3 +216,26 @@ async fn the_document_is_current_and_the_reader_is_there() {
     assert_eq!(docs.status, 200);
     assert!(matches!(docs.body, Value::String(page) if page.contains("swagger")));
 }
+
+/// A parameter that nobody knows was meant to do something: refused by name wherever it stands.
+#[tokio::test]
+async fn no_query_is_ignored() {
+    let server = Server::start().await;
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run", "tasks": ["kessler/survival"]})).await.expect(201);
+    for path in [
+        "tasks",
+        "runs",
+        "runs/run",
+        "runs/run/mastery",
+        "runs/run/params",
+        "runs/run/failures",
+        "runs/run/leases",
+    ] {
+        let _ = api.get(&format!("/v1/{path}")).await.expect(200);
+        let refused = api.get(&format!("/v1/{path}?Telemetry=true")).await.expect(400);
+        assert_eq!(refused["field"], "Telemetry", "{path}: {refused}");
+    }
+    let refused = api.get("/v1/runs/run/episodes/ep_1-a_0/replay?Telemetry=true").await.expect(400);
+    assert_eq!(refused["field"], "Telemetry");
+}

@@ -319,3 +319,23 @@ async fn where_probes_are_the_evidence_training_moves_nothing() {
     let probe = api.lease(&id, json!({"groups": 2, "purpose": "probe"})).await;
     assert_eq!(words(&api.report(&id, held(&probe)).await), ["counted"; 2]);
 }
+
+/// Scenarios that take seconds to plan keep no other run waiting: its lease is served at the first try.
+#[tokio::test]
+async fn a_run_that_is_hard_to_prepare_starves_nobody() {
+    let server = Server::start().await;
+    let api = server.api();
+    let levels = json!({"columns": ["debris"], "rows": [[1000]]});
+    let hard = json!({"kessler/formation": {"physics": {"risk": "pc"}, "levels": levels}});
+    for id in ["hard", "harder"] {
+        let wish = json!({"id": id, "tasks": ["kessler/formation"], "task_settings": hard});
+        let _ = api.post("/v1/runs", wish).await.expect(201);
+    }
+    for (id, task) in [("easy", "kessler/survival"), ("other", "docking/single")] {
+        let _ = api.post("/v1/runs", json!({"id": id, "tasks": [task]})).await.expect(201);
+        let lease = api.post(&format!("/v1/runs/{id}/leases"), json!({"groups": 4})).await.expect(201);
+        assert_eq!(lease["groups"].as_array().unwrap().len(), 4);
+    }
+    let hard = api.get("/v1/runs/hard").await.expect(200);
+    assert_eq!(hard["status"], "active");
+}

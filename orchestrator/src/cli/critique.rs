@@ -84,6 +84,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let log = log(args, &scenario, told.get("scenario").and_then(|_| told.get("actions")))?;
     let flown = replay(&scenario, &log)?;
     if let Some(path) = &args.telemetry {
+        for input in std::iter::once(&args.scenario).chain(&args.actions) {
+            let written = path.canonicalize().ok();
+            anyhow::ensure!(
+                written.is_none() || written != input.canonicalize().ok(),
+                "--telemetry: {} is what is read; name another file to write",
+                path.display()
+            );
+        }
         write_frames(&scenario, &log, path).with_context(|| path.display().to_string())?;
     }
     let shown = Shown {

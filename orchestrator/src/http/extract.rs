@@ -86,6 +86,26 @@ fn bad_path(rejection: &PathRejection) -> Problem {
     Problem::new(StatusCode::BAD_REQUEST, "bad_path", shorten(&rejection.body_text())).at("path")
 }
 
+/// That there is no query, where none is taken: a parameter that does nothing was meant to do something.
+pub(super) struct NoQuery;
+
+impl<S: Send + Sync> FromRequestParts<S> for NoQuery {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let name = parts.uri.query().and_then(|query| query.split(['=', '&']).find(|name| !name.is_empty()));
+        match name {
+            None => Ok(Self),
+            Some(name) => Err(Problem::new(
+                StatusCode::BAD_REQUEST,
+                "bad_query",
+                "There is no such parameter: nothing is asked for in the query here.",
+            )
+            .at(shorten(name))),
+        }
+    }
+}
+
 /// Query parameters.
 pub(super) struct Query<T>(pub(super) T);
 

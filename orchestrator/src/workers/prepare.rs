@@ -1,13 +1,14 @@
 //! Turns waiting proposals into scenarios with brackets, in order and in parallel.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::time::Duration;
 
 use env_core::SeedSpace;
-use rayon::prelude::*;
 use sqlx::SqlitePool;
-use tokio::sync::{Notify, watch};
+use tokio::sync::{Notify, oneshot, watch};
+use tokio::task::JoinSet;
 
 use crate::curriculum::Proposal;
 use crate::store::proposals::{Waiting, unprepared};
@@ -15,8 +16,11 @@ use crate::store::{StoreError, from_json, unsigned};
 use crate::training::prepare::{Hopeless, Prepared, StorePrepared, prepare};
 use crate::training::{TrainingError, Writer};
 
-/// Proposals taken at a time: few, so that a lease that waits is served soon.
-const BATCH: i64 = 8;
+/// Proposals that are prepared at once, of all runs together. More than there are cores: a scenario that takes seconds must
+/// not keep those that take milliseconds waiting, and the system shares the cores out among them.
+pub const AT_ONCE: usize = 16;
+/// Proposals that are looked through for some that may be begun.
+const LOOK: i64 = 128;
 /// How long it waits after a failure, and at most for a wake-up that was missed.
 const PAUSE: Duration = Duration::from_secs(2);
 
@@ -29,23 +33,50 @@ pub struct Preparer {
     pub writer: Writer,
     /// Rung when there is work.
     pub wake: Arc<Notify>,
-    /// Told after every batch, for leases that wait.
+    /// Told whenever some were stored, for leases that wait.
     pub ready: watch::Sender<u64>,
-    /// Threads of its own: scenarios that are hard to find must not hold up the replay of results.
+    /// Threads of its own, [`AT_ONCE`]: scenarios that are hard to find must not hold up the replay of results.
     pub pool: Arc<rayon::ThreadPool>,
     /// Params that are not worth looking under.
     pub hopeless: Arc<Hopeless>,
 }
 
+/// What became of a proposal: run, number, and the scenario; none where there is none.
+type Done = (String, i64, Option<Prepared>);
+
+/// What is being prepared.
+#[derive(Default)]
+struct Begun {
+    jobs: JoinSet<Option<Done>>,
+    /// Which, run by run.
+    of: BTreeMap<String, BTreeSet<i64>>,
+}
+
+impl Begun {
+    /// Whether this one may be begun now: a run has no more under way than there are cores.
+    fn takes(&self, waiting: &Waiting, cores: usize) -> bool {
+        let of = self.of.get(&waiting.run);
+        self.jobs.len() < AT_ONCE
+            && of.is_none_or(|begun| begun.len() < cores && !begun.contains(&waiting.seq))
+    }
+
+    fn forget(&mut self, run: &str, seq: i64) {
+        if let Some(begun) = self.of.get_mut(run) {
+            begun.remove(&seq);
+            if begun.is_empty() {
+                self.of.remove(run);
+            }
+        }
+    }
+}
+
 impl Preparer {
     /// Works until the writer is gone.
     pub async fn run(self) {
+        let mut begun = Begun::default();
         loop {
-            match self.batch().await {
-                Ok(0) => {
-                    let _ = tokio::time::timeout(PAUSE, self.wake.notified()).await;
-                }
-                Ok(_) => self.ready.send_modify(|n| *n += 1),
+            match self.turn(&mut begun).await {
+                Ok(()) => {}
                 Err(TrainingError::Stopping) => return,
                 Err(error) => {
                     tracing::error!(error = %error, "Scenarios could not be prepared; trying again soon.");
@@ -55,35 +86,64 @@ impl Preparer {
         }
     }
 
-    async fn batch(&self) -> Result<usize, TrainingError> {
-        let waiting = {
-            let mut conn = self.readers.acquire().await?;
-            unprepared(&mut conn, BATCH).await?
+    /// Begins what may be begun, waits until something is done or comes in, and stores what is done.
+    async fn turn(&self, begun: &mut Begun) -> Result<(), TrainingError> {
+        self.begin(begun).await?;
+        let first = tokio::select! {
+            done = begun.jobs.join_next(), if !begun.jobs.is_empty() => done,
+            () = self.wake.notified() => None,
+            () = tokio::time::sleep(PAUSE) => None,
         };
-        let count = waiting.len();
-        if count == 0 {
-            return Ok(0);
-        }
-        let (pool, hopeless) = (Arc::clone(&self.pool), Arc::clone(&self.hopeless));
-        let done: Vec<_> = tokio::task::spawn_blocking(move || {
-            pool.install(|| waiting.into_par_iter().map(|waiting| one(waiting, &hopeless)).collect())
-        })
-        .await
-        .map_err(|error| TrainingError::invalid("proposal", error.to_string()))?;
         let mut change = StorePrepared { prepared: Vec::new(), hopeless: Vec::new() };
-        for (run, seq, prepared) in done {
-            match prepared {
-                Some(prepared) => change.prepared.push((run, seq, prepared)),
-                None => change.hopeless.push((run, seq)),
+        let others = std::iter::from_fn(|| begun.jobs.try_join_next());
+        let done: Vec<_> = first.into_iter().chain(others).collect();
+        for done in done {
+            match done {
+                Ok(Some((run, seq, prepared))) => {
+                    begun.forget(&run, seq);
+                    match prepared {
+                        Some(prepared) => change.prepared.push((run, seq, prepared)),
+                        None => change.hopeless.push((run, seq)),
+                    }
+                }
+                // The thread is gone, and with it which it was: all are begun again that are not under way.
+                Ok(None) | Err(_) => begun.of.clear(),
             }
         }
-        self.writer.change(change).await?;
-        Ok(count)
+        if !(change.prepared.is_empty() && change.hopeless.is_empty()) {
+            self.writer.change(change).await?;
+            self.ready.send_modify(|n| *n += 1);
+        }
+        Ok(())
+    }
+
+    async fn begin(&self, begun: &mut Begun) -> Result<(), TrainingError> {
+        if begun.jobs.len() >= AT_ONCE {
+            return Ok(());
+        }
+        let waiting = {
+            let mut conn = self.readers.acquire().await?;
+            unprepared(&mut conn, LOOK).await?
+        };
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        for waiting in waiting {
+            if begun.takes(&waiting, cores) {
+                begun.of.entry(waiting.run.clone()).or_default().insert(waiting.seq);
+                let (told, done) = oneshot::channel();
+                let hopeless = Arc::clone(&self.hopeless);
+                self.pool.spawn(move || {
+                    // Nobody listens any more where the service stops.
+                    let _ = told.send(one(waiting, &hopeless));
+                });
+                begun.jobs.spawn(async { done.await.ok() });
+            }
+        }
+        Ok(())
     }
 }
 
 /// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
-fn one(waiting: Waiting, hopeless: &Hopeless) -> (String, i64, Option<Prepared>) {
+fn one(waiting: Waiting, hopeless: &Hopeless) -> Done {
     let Waiting { run, run_seed, seq, body } = waiting;
     let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
         let proposal: Proposal = from_json("a proposal", &body)?;

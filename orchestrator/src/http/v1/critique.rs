@@ -6,7 +6,7 @@ use env_core::{ActionLog, Scenario};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::super::extract::Path;
+use super::super::extract::{NoQuery, Path};
 use super::super::problem::Problem;
 use super::episodes::Found;
 use super::{id, run_id};
@@ -191,6 +191,7 @@ impl EncounterView {
     )
 )]
 pub(super) async fn show(
+    _: NoQuery,
     State(app): State<App>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<EpisodeCritique>, Problem> {

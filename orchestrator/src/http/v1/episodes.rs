@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 use utoipa::ToSchema;
 
-use super::super::extract::{Path, Query};
+use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::leases::BracketView;
 use super::{Page, id, next, reader_of, run_id};
@@ -144,6 +144,7 @@ pub(super) async fn list(
     responses((status = 200, body = Episode), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub(super) async fn show(
+    _: NoQuery,
     State(app): State<App>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<Episode>, Problem> {
@@ -171,6 +172,7 @@ pub(super) async fn show(
 
 /// What a replay shows.
 #[derive(Debug, serde::Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Shown {
     /// Whether frames also hold what the agents saw (false).

@@ -10,7 +10,7 @@ use serde_json::Value;
 use sqlx::SqliteConnection;
 use utoipa::ToSchema;
 
-use super::super::extract::{Json, Path, Query};
+use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
@@ -189,6 +189,7 @@ pub(super) struct Leases {
     )
 )]
 pub(super) async fn take(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
     Json(wish): Json<LeaseWish>,
@@ -249,6 +250,7 @@ pub(super) async fn list(
     responses((status = 200, body = Lease), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub(super) async fn show(
+    _: NoQuery,
     State(app): State<App>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Lease>, Problem> {
@@ -269,6 +271,7 @@ pub(super) async fn show(
     )
 )]
 pub(super) async fn renew(
+    _: NoQuery,
     State(app): State<App>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<LeaseHead>, Problem> {
@@ -287,6 +290,7 @@ pub(super) async fn renew(
     )
 )]
 pub(super) async fn release(
+    _: NoQuery,
     State(app): State<App>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<LeaseHead>, Problem> {

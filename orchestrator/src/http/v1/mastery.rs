@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::{Path, Query};
+use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
@@ -131,6 +131,7 @@ impl Plain {
     )
 )]
 pub(super) async fn show(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Masteries>, Problem> {
@@ -272,6 +273,7 @@ pub(super) struct Params {
     )
 )]
 pub(super) async fn params(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Params>, Problem> {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::{Json, Path};
+use super::super::extract::{Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::run_id;
 use crate::curriculum::Move;
@@ -156,6 +156,7 @@ pub(super) struct Receipts {
     )
 )]
 pub(super) async fn report(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
     request: Request,

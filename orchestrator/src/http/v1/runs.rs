@@ -5,7 +5,7 @@ use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::super::extract::{Json, Path, Query};
+use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::failures::Backlog;
 use super::{Page, next, run_id};
@@ -82,6 +82,7 @@ pub(super) struct Runs {
     )
 )]
 pub(super) async fn create(
+    _: NoQuery,
     State(app): State<App>,
     Json(wish): Json<RunWish>,
 ) -> Result<(StatusCode, axum::Json<Run>), Problem> {
@@ -112,6 +113,7 @@ pub(super) async fn list(
     responses((status = 200, body = RunNow), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub(super) async fn show(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunNow>, Problem> {
@@ -133,6 +135,7 @@ pub(super) async fn show(
     )
 )]
 pub(super) async fn pause(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
@@ -149,6 +152,7 @@ pub(super) async fn pause(
     )
 )]
 pub(super) async fn resume(
+    _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::{Json, read};
+use super::super::extract::{Json, NoQuery, read};
 use super::super::problem::Problem;
 use super::critique::CritiqueView;
 use super::leases::BracketView;
@@ -86,6 +86,7 @@ struct Judged {
     )
 )]
 pub(super) async fn check(
+    _: NoQuery,
     State(app): State<App>,
     Json(body): Json<Value>,
 ) -> Result<axum::Json<Checked>, Problem> {

@@ -7,6 +7,7 @@ use env_core::{Recipe, TaskSpec};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::super::extract::NoQuery;
 use super::super::problem::Problem;
 
 /// All tasks.
@@ -80,8 +81,11 @@ impl Task {
 }
 
 /// List the tasks with their parameter spaces, levels, actions, policies and failure modes.
-#[utoipa::path(get, path = "/tasks", tag = "scenarios", responses((status = 200, body = Tasks)))]
-pub(super) async fn list() -> Result<axum::Json<Tasks>, Problem> {
+#[utoipa::path(
+    get, path = "/tasks", tag = "scenarios",
+    responses((status = 200, body = Tasks), (status = 400, body = Problem, description = "A query."))
+)]
+pub(super) async fn list(_: NoQuery) -> Result<axum::Json<Tasks>, Problem> {
     let tasks = env_core::tasks().map(Task::of).collect::<Result<_, _>>()?;
     Ok(axum::Json(Tasks { tasks }))
 }
