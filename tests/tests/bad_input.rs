@@ -82,8 +82,8 @@ async fn requests_that_are_none() {
         ("GET", "/v1/runs/run/leases/42-abcdef", json, ""),
         ("GET", "/v1/runs/run/episodes/ep_42-abcdef_0", json, ""),
         ("GET", "/v1/runs/run/episodes/42", json, ""),
-        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": "x", "actions": []}]}"#),
-        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": "x", "score": 1.0}]}"#),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": 3, "actions": []}]}"#),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"score": 1.0}]}"#),
         ("POST", "/v1/runs/run/results", json, r#"{"results": [["x", "failed"]]}"#),
         (
             "POST",

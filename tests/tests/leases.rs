@@ -339,3 +339,29 @@ async fn a_run_that_is_hard_to_prepare_starves_nobody() {
     let hard = api.get("/v1/runs/hard").await.expect(200);
     assert_eq!(hard["status"], "active");
 }
+
+/// A result whose fields are wrong is refused by itself, by its field; its neighbours count.
+#[tokio::test]
+async fn a_misshapen_result_is_refused_alone() {
+    let server = Server::start().await;
+    let api = server.api();
+    let run = run(&api, json!({"tasks": ["kessler/survival"]})).await;
+    let lease = api.lease(&run, json!({"groups": 4})).await;
+    let mut results = held(&lease);
+    results[0]["score"] = json!(1.0);
+    results[1]["policy_version"] = json!(1e300);
+    results[2]["actions"] = json!([]);
+    let answer = api.report(&run, results).await;
+    assert_eq!(words(&answer), ["refused", "refused", "refused", "counted"]);
+    let told: Vec<String> = answer["results"].as_array().unwrap()[..3]
+        .iter()
+        .map(|r| format!("{}: {}", r["code"].as_str().unwrap(), r["detail"].as_str().unwrap()))
+        .collect();
+    insta::assert_debug_snapshot!(told, @r#"
+    [
+        "invalid_result: score: it is not a known field; known are episode, status, actions, reason, policy_version, metrics",
+        "invalid_result: policy_version: it is 1e300, but must be a whole number from 0 to 4294967295",
+        "invalid_result: actions: it is a list, but must be an object",
+    ]
+    "#);
+}

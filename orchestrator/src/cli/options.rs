@@ -151,7 +151,7 @@ pub(super) fn help() -> String {
             let choices = spec.choices.join("|");
             text.push_str(&format!("\n  {} {}={choices}: {}", world.name(), spec.name, spec.about));
             for reserved in spec.by_hand {
-                text.push_str(&format!(" ({} for scenarios by hand only)", reserved.choice));
+                text.push_str(&format!(" ({} for bench and scenarios by hand only)", reserved.choice));
             }
         }
     }

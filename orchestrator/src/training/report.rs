@@ -24,7 +24,8 @@ pub struct Receipt {
     /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, or too old a policy),
     /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
     pub status: &'static str,
-    /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_log`, `conflict`.
+    /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
+    /// `conflict`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<&'static str>,
     /// The same for people.

@@ -48,16 +48,23 @@ type Done = (String, i64, Option<Prepared>);
 #[derive(Default)]
 struct Begun {
     jobs: JoinSet<Option<Done>>,
-    /// Which, run by run.
+    /// Which, run by run, until they are stored.
     of: BTreeMap<String, BTreeSet<i64>>,
 }
 
 impl Begun {
-    /// Whether this one may be begun now: a run has no more under way than there are cores.
-    fn takes(&self, waiting: &Waiting, cores: usize) -> bool {
+    /// Whether this one may be begun now, where a run may have so many under way.
+    fn takes(&self, waiting: &Waiting, most: usize) -> bool {
         let of = self.of.get(&waiting.run);
         self.jobs.len() < AT_ONCE
-            && of.is_none_or(|begun| begun.len() < cores && !begun.contains(&waiting.seq))
+            && of.is_none_or(|begun| begun.len() < most && !begun.contains(&waiting.seq))
+    }
+
+    /// How many a run may have under way: its share, and room is left for one run more, so that whoever comes next finds
+    /// some however long the others take.
+    fn share(&self, waiting: &[Waiting]) -> usize {
+        let runs: BTreeSet<&String> = self.of.keys().chain(waiting.iter().map(|w| &w.run)).collect();
+        (AT_ONCE / (runs.len() + 1)).max(1)
     }
 
     fn forget(&mut self, run: &str, seq: i64) {
@@ -86,7 +93,7 @@ impl Preparer {
         }
     }
 
-    /// Begins what may be begun, waits until something is done or comes in, and stores what is done.
+    /// Begins what may be begun, waits until something is done or comes in, and stores what is done while more is begun.
     async fn turn(&self, begun: &mut Begun) -> Result<(), TrainingError> {
         self.begin(begun).await?;
         let first = tokio::select! {
@@ -99,21 +106,24 @@ impl Preparer {
         let done: Vec<_> = first.into_iter().chain(others).collect();
         for done in done {
             match done {
-                Ok(Some((run, seq, prepared))) => {
-                    begun.forget(&run, seq);
-                    match prepared {
-                        Some(prepared) => change.prepared.push((run, seq, prepared)),
-                        None => change.hopeless.push((run, seq)),
-                    }
-                }
+                Ok(Some((run, seq, Some(prepared)))) => change.prepared.push((run, seq, prepared)),
+                Ok(Some((run, seq, None))) => change.hopeless.push((run, seq)),
                 // The thread is gone, and with it which it was: all are begun again that are not under way.
                 Ok(None) | Err(_) => begun.of.clear(),
             }
         }
-        if !(change.prepared.is_empty() && change.hopeless.is_empty()) {
-            self.writer.change(change).await?;
-            self.ready.send_modify(|n| *n += 1);
+        let done: Vec<(String, i64)> =
+            change.prepared.iter().map(|(run, seq, _)| (run.clone(), *seq)).collect();
+        let done: Vec<_> = done.into_iter().chain(change.hopeless.iter().cloned()).collect();
+        if done.is_empty() {
+            return Ok(());
         }
+        self.begin(begun).await?;
+        let stored = self.writer.change(change).await;
+        // What could not be stored is begun again.
+        done.iter().for_each(|(run, seq)| begun.forget(run, *seq));
+        stored?;
+        self.ready.send_modify(|n| *n += 1);
         Ok(())
     }
 
@@ -125,9 +135,9 @@ impl Preparer {
             let mut conn = self.readers.acquire().await?;
             unprepared(&mut conn, LOOK).await?
         };
-        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let most = begun.share(&waiting);
         for waiting in waiting {
-            if begun.takes(&waiting, cores) {
+            if begun.takes(&waiting, most) {
                 begun.of.entry(waiting.run.clone()).or_default().insert(waiting.seq);
                 let (told, done) = oneshot::channel();
                 let hopeless = Arc::clone(&self.hopeless);

@@ -27,7 +27,7 @@ const BATCH: usize = 8;
 ///
 /// For each task and level: scenarios drawn until they are contested (the reference succeeds, at most half of the blind
 /// plans do), and some as they come. Nothing is planted. Seeds come from the evaluation space, which no run and no
-/// caller of the service can be given, and are a function of the suite's name, so the same name builds the same suite.
+/// caller of the service can be given, and are a function of the suite's name: the same name and the same options build the same suite.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {

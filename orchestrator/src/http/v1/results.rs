@@ -11,6 +11,7 @@ use super::super::extract::{Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::run_id;
 use crate::curriculum::Move;
+use crate::reading;
 use crate::service::App;
 use crate::store::{from_json, runs, to_json};
 use crate::training::audit::{Claim, Claimed, audit};
@@ -29,7 +30,8 @@ pub(super) struct Results {
     /// The policy that flew them, where an episode does not say (the lease's).
     policy_version: Option<u32>,
     /// At most 5 000, and 16 MiB together: episodes of many steps come fewer at a time.
-    results: Vec<ResultItem>,
+    #[schema(value_type = Vec<ResultItem>)]
+    results: Vec<Value>,
 }
 
 /// One episode's result. There is no score in it: that comes from the actions.
@@ -169,7 +171,7 @@ pub(super) async fn report(
         let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
         return Err(Problem::invalid("results", detail));
     }
-    let claims = body.results.into_iter().map(claim).collect::<Result<_, _>>()?;
+    let claims = body.results.into_iter().enumerate().map(claim).collect::<Result<_, _>>()?;
     let results = {
         let mut conn = app.readers.acquire().await?;
         let row = runs::get(&mut conn, run.as_str()).await?;
@@ -182,7 +184,24 @@ pub(super) async fn report(
     Ok(axum::Json(Receipts { results, moves }))
 }
 
-fn claim(item: ResultItem) -> Result<Claim, Problem> {
+/// One result. What is wrong with it is its own affair as long as it says of which episode it is.
+fn claim((at, value): (usize, Value)) -> Result<Claim, Problem> {
+    let episode = value.get("episode").and_then(Value::as_str).map(str::to_owned);
+    match (reading::read(value), episode) {
+        (Ok(item), _) => claimed(item),
+        (Err(fault), Some(episode)) => {
+            let detail = format!("{}: {}", fault.field, fault.words);
+            let what = Claimed::Refused { code: "invalid_result", detail };
+            Ok(Claim { episode, what, policy_version: None, metrics: None })
+        }
+        (Err(fault), None) => {
+            let dot = if fault.field.is_empty() { "" } else { "." };
+            Err(Problem::invalid(format!("results.{at}{dot}{}", fault.field), fault.words))
+        }
+    }
+}
+
+fn claimed(item: ResultItem) -> Result<Claim, Problem> {
     let refused = |why: &str| Claimed::Refused { code: "invalid_log", detail: format!("actions: {why}") };
     let what = match (item.status, item.actions) {
         (Status::Finished, Some(actions)) => Claimed::Finished {
