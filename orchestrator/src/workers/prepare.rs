@@ -108,23 +108,23 @@ impl Preparer {
             match done {
                 Ok(Some((run, seq, Some(prepared)))) => change.prepared.push((run, seq, prepared)),
                 Ok(Some((run, seq, None))) => change.hopeless.push((run, seq)),
-                // The thread is gone, and with it which it was: all are begun again that are not under way.
+                // The job is gone, and with it which it was: all may be begun again. What is prepared twice is stored once.
                 Ok(None) | Err(_) => begun.of.clear(),
             }
         }
-        let done: Vec<(String, i64)> =
-            change.prepared.iter().map(|(run, seq, _)| (run.clone(), *seq)).collect();
-        let done: Vec<_> = done.into_iter().chain(change.hopeless.iter().cloned()).collect();
+        let prepared = change.prepared.iter().map(|(run, seq, _)| (run.clone(), *seq));
+        let done: Vec<_> = prepared.chain(change.hopeless.iter().cloned()).collect();
         if done.is_empty() {
             return Ok(());
         }
-        self.begin(begun).await?;
+        // Whatever becomes of the others, what is done is stored.
+        let more = self.begin(begun).await;
         let stored = self.writer.change(change).await;
         // What could not be stored is begun again.
         done.iter().for_each(|(run, seq)| begun.forget(run, *seq));
         stored?;
         self.ready.send_modify(|n| *n += 1);
-        Ok(())
+        more
     }
 
     async fn begin(&self, begun: &mut Begun) -> Result<(), TrainingError> {
