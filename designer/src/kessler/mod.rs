@@ -1,0 +1,9 @@
+//! The language of kessler's layouts: encounters of satellites with debris, and what makes bodies of them.
+
+pub mod compile;
+mod hold;
+pub mod language;
+mod place;
+
+pub use self::compile::{Compiled, compile};
+pub use self::language::{Aim, Design, Encounter, Kind};
