@@ -3,7 +3,7 @@
 //! Each world gives a [`Lane`]: one environment that can start over in its own memory. [`Engine`] steps lanes side by
 //! side, in chunks over rayon's current pool, with Gymnasium's autoreset modes. A lane knows nothing of its neighbours,
 //! so what it does is the same at any batch size and thread count; slot k's j-th scenario depends on (k, j) alone, never
-//! on who finishes first. After the first reset nothing is allocated.
+//! on who finishes first. Once every kind of event and draw has happened in a lane, nothing is allocated for it any more.
 
 mod buffers;
 mod engine;
@@ -115,7 +115,8 @@ pub struct Shape {
     pub observation: usize,
 }
 
-/// The caller's buffers. All are written whole by every step.
+/// The caller's buffers. A step writes all of them whole, but for the final observations of episodes that go on; after an
+/// error they are of no use.
 #[derive(Debug)]
 pub struct Output<'a> {
     /// `envs × observation`: what is seen now.
@@ -135,7 +136,7 @@ pub struct Output<'a> {
     pub done: &'a mut [bool],
 }
 
-/// Why a batch cannot be made, reset or stepped. Nothing has moved then, but for `Scenario`.
+/// Why a batch cannot be made, reset or stepped. Nothing has moved then, but for `Scenario`: all others have.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BatchError {
     /// A buffer of the wrong size.
@@ -177,7 +178,7 @@ pub enum BatchError {
         /// Which.
         env: usize,
     },
-    /// A slot's scenario cannot start; its episode is over.
+    /// The scenario of a slot, of the lowest if of several, cannot start; its episode is over.
     #[error("environment {env}: {source}")]
     Scenario {
         /// Which.

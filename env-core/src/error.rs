@@ -83,6 +83,22 @@ impl ScenarioError {
             | Self::Unfair { field, .. } => field,
         }
     }
+
+    /// The same, where what is called `from` in a scenario stands at `to` in what was sent.
+    #[must_use]
+    pub fn moved(mut self, from: &str, to: &str) -> Self {
+        let (Self::UnknownField { field, .. }
+        | Self::Missing { field, .. }
+        | Self::WrongType { field, .. }
+        | Self::OutOfRange { field, .. }
+        | Self::UnknownChoice { field, .. }
+        | Self::Layout { field, .. }
+        | Self::Unfair { field, .. }) = &mut self;
+        if let Some(rest) = field.strip_prefix(from).filter(|rest| rest.is_empty() || rest.starts_with('.')) {
+            *field = format!("{to}{rest}");
+        }
+        self
+    }
 }
 
 /// An action the environment does not take. The environment is unchanged.

@@ -27,9 +27,9 @@ pub struct Meaning {
     pub unit: &'static str,
 }
 
-/// So many of these numbers; missing ones are ½.
+/// So many of these numbers; missing ones, and what is no number, are ½.
 pub(crate) fn numbers<const N: usize>(given: &[f64]) -> [f64; N] {
-    std::array::from_fn(|i| given.get(i).copied().unwrap_or(0.5))
+    std::array::from_fn(|i| given.get(i).copied().filter(|v| !v.is_nan()).unwrap_or(0.5))
 }
 
 /// Uniform random numbers: what a learner starts from, and what `frozen` stays at.

@@ -1,6 +1,7 @@
 //! Recipes and scenarios: what decides an episode, complete and self-contained.
 
 mod layout;
+mod options;
 mod read;
 
 use std::fmt;
@@ -9,6 +10,7 @@ use std::sync::Arc;
 use serde_json::{Map, Value, json};
 
 pub use self::layout::{Layout, LayoutMode, MAX_LAYOUT_ROWS};
+pub use self::options::PHYSICS;
 use self::read::{known, number, object, shorten, text, wrong};
 use crate::canonical::Canonical;
 use crate::error::ScenarioError;
@@ -98,16 +100,6 @@ impl Recipe {
         Ok(())
     }
 
-    /// The same with one physics option set.
-    ///
-    /// # Errors
-    /// An unknown option or choice.
-    pub fn with_option(mut self, name: &str, choice: &str) -> Result<Self, ScenarioError> {
-        self.set_option(name, choice)?;
-        self.task.check(&self)?;
-        Ok(self)
-    }
-
     /// The same with this layout.
     ///
     /// # Errors
@@ -116,25 +108,6 @@ impl Recipe {
         self.layout = layout;
         self.task.check(&self)?;
         Ok(self)
-    }
-
-    fn set_option(&mut self, name: &str, choice: &str) -> Result<(), ScenarioError> {
-        let specs = self.task.options();
-        let Some(index) = specs.iter().position(|spec| spec.name == name) else {
-            return Err(ScenarioError::UnknownField {
-                field: format!("physics.{}", shorten(name)),
-                known: specs.iter().map(|s| s.name).collect::<Vec<_>>().join(", "),
-            });
-        };
-        let Some(chosen) = specs[index].choices.iter().position(|&word| word == choice) else {
-            return Err(ScenarioError::UnknownChoice {
-                field: format!("physics.{name}"),
-                value: shorten(choice),
-                choices: specs[index].choices.join(", "),
-            });
-        };
-        self.options[index] = chosen;
-        Ok(())
     }
 
     /// The task.
@@ -154,14 +127,6 @@ impl Recipe {
     #[must_use]
     pub fn params(&self) -> &[f64] {
         &self.params
-    }
-
-    /// The word chosen for a physics option; `None` if the task has no such option.
-    #[must_use]
-    pub fn option(&self, name: &str) -> Option<&'static str> {
-        let specs = self.task.options();
-        let index = specs.iter().position(|spec| spec.name == name)?;
-        specs[index].choices.get(self.options[index]).copied()
     }
 
     /// The layout, if any.

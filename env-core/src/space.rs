@@ -58,8 +58,9 @@ impl ParamSpec {
     }
 }
 
-/// A choice between named behaviours of a world.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// A choice between named behaviours of a world. What is served of it and what help texts say comes from here, and
+/// recipes are checked against it.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OptionSpec {
     /// Its name on the wire.
     pub name: &'static str,
@@ -67,6 +68,40 @@ pub struct OptionSpec {
     pub choices: &'static [&'static str],
     /// What it does.
     pub about: &'static str,
+    /// The choices that only a scenario by hand may have, no run and no suite.
+    pub by_hand: &'static [ByHand],
+}
+
+/// A choice that only a scenario by hand may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct ByHand {
+    /// The word.
+    pub choice: &'static str,
+    /// Why, as the end of a sentence.
+    pub why: &'static str,
+}
+
+impl OptionSpec {
+    /// The word that stands where none is given.
+    #[must_use]
+    pub fn default_choice(&self) -> &'static str {
+        self.choices.first().copied().unwrap_or_default()
+    }
+}
+
+impl Serialize for OptionSpec {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut out = serializer.serialize_struct("OptionSpec", 6)?;
+        out.serialize_field("name", self.name)?;
+        // All options are words so far; a client should not have to guess.
+        out.serialize_field("type", "choice")?;
+        out.serialize_field("choices", self.choices)?;
+        out.serialize_field("default", self.default_choice())?;
+        out.serialize_field("about", self.about)?;
+        out.serialize_field("by_hand", self.by_hand)?;
+        out.end()
+    }
 }
 
 /// A table of params from easy (row 0) to hard.

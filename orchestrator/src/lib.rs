@@ -2,6 +2,7 @@
 pub mod cli;
 pub mod clock;
 pub mod curriculum;
+pub mod frames;
 pub mod http;
 pub mod ids;
 pub mod service;

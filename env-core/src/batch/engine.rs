@@ -264,12 +264,15 @@ impl Flight<'_> {
     ) -> Result<(), BatchError> {
         let width = self.shape.agents * self.shape.action;
         if seats.len() <= self.chunk {
+            // Whatever happens to one, the others step: what has moved must not depend on who shares a thread with whom.
+            let mut first = Ok(());
             for (seat, (actions, row)) in
                 seats.iter_mut().zip(actions.chunks_exact(width).zip(rows.rows(self.shape)))
             {
-                seat.step(self.feed, self.autoreset, actions, row)?;
+                let stepped = seat.step(self.feed, self.autoreset, actions, row);
+                first = first.and(stepped);
             }
-            return Ok(());
+            return first;
         }
         let half = seats.len() / 2;
         let (seats, others) = seats.split_at_mut(half);
@@ -301,15 +304,20 @@ impl<L: Lane> Batch for Engine<L> {
         self.seats
             .par_chunks_mut(chunk)
             .zip(observations.par_chunks_mut((chunk * observation).max(1)))
-            .try_for_each(|(seats, rows)| {
+            .map(|(seats, rows)| {
+                let mut first = Ok(());
                 for (seat, row) in seats.iter_mut().zip(rows.chunks_exact_mut(observation.max(1))) {
                     if mask.is_none_or(|mask| mask[seat.slot]) {
-                        seat.restart(feed)?;
-                        seat.lane.observe(row);
+                        let begun = seat.restart(feed);
+                        if begun.is_ok() {
+                            seat.lane.observe(row);
+                        }
+                        first = first.and(begun);
                     }
                 }
-                Ok(())
+                first
             })
+            .reduce(|| Ok(()), Result::and)
     }
 
     fn step(&mut self, actions: &[f32], out: Output<'_>) -> Result<(), BatchError> {

@@ -134,24 +134,6 @@ fn a_batch_is_its_environments_one_by_one() {
     }
 }
 
-/// Tracks, which carry a forecast along, are what a fresh look at the same episode gives.
-#[test]
-fn tracks_are_seen_from_a_batch_too() {
-    let task = crate::task("kessler/survival").unwrap();
-    let recipe = Arc::new(Recipe::with_params(task, task.levels().params(6)).unwrap());
-    let observe = Observe::Tracks { threats: 5, look_ahead: 12 };
-    let config = BatchConfig { envs: 3, autoreset: Autoreset::SameStep, observe };
-    let mut batch = task.batch(Box::new(Seeds::new(Arc::clone(&recipe), 9)), config).unwrap();
-    let shape = batch.shape();
-    assert_eq!(shape.observation, 3 * (16 + 5 * 7));
-    let mut seen = vec![f32::NAN; 3 * shape.observation];
-    batch.reset(None, &mut seen).unwrap();
-    assert!(seen.iter().all(|x| x.abs() <= crate::kessler::tracks::LIMIT));
-    let wrong = BatchConfig { observe: Observe::Tracks { threats: 1001, look_ahead: 12 }, ..config };
-    let error = task.batch(Box::new(Seeds::new(recipe, 9)), wrong).err().unwrap();
-    assert_eq!(error.to_string(), "threats is 1001, outside 0 to 1000");
-}
-
 #[test]
 fn size_and_threads_move_no_bit() {
     for task in ["kessler/rendezvous", "docking/multiagent"] {
@@ -227,6 +209,51 @@ fn autoreset_modes_are_gymnasiums() {
             }
         }
         assert_ne!(flying.buffers.observations, first);
+    }
+}
+
+/// Slots 5 and 40 are given a scenario of another task after their first.
+struct Broken {
+    good: Seeds,
+    bad: Arc<Recipe>,
+}
+
+impl Feed for Broken {
+    fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed) {
+        let (recipe, seed) = self.good.scenario(slot, number);
+        if number == 1 && [5, 40].contains(&slot) { (Arc::clone(&self.bad), seed) } else { (recipe, seed) }
+    }
+}
+
+/// A slot whose scenario cannot start stops nobody else: what has moved, and who is named, is the same on any threads.
+#[test]
+fn a_slot_that_cannot_start_holds_up_nobody() {
+    let task = crate::task("kessler/survival").unwrap();
+    let recipe = Arc::new(Recipe::with_params(task, [("debris", 0.0)].into_iter()).unwrap());
+    let bad = Arc::new(Recipe::new(crate::task("kessler/formation").unwrap()).unwrap());
+    let fly = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let feed = Broken { good: Seeds::new(Arc::clone(&recipe), 5), bad: Arc::clone(&bad) };
+        let config = BatchConfig { envs: 300, autoreset: Autoreset::SameStep, observe: ALL };
+        let mut batch = task.batch(Box::new(feed), config).unwrap();
+        let mut buffers = Buffers::new(batch.shape(), config.autoreset);
+        batch.reset(None, &mut buffers.observations).unwrap();
+        let actions = vec![0.1; 300 * batch.shape().agents * batch.shape().action];
+        let mut told = Vec::new();
+        pool.install(|| {
+            for _ in 0..50 {
+                told.push(batch.step(&actions, buffers.output()));
+            }
+            told.push(batch.reset(None, &mut buffers.observations));
+        });
+        let hashes: Vec<_> = (0..300).map(|env| batch.state_hash(env).unwrap()).collect();
+        (told, hashes)
+    };
+    let (told, hashes) = fly(1);
+    assert!(told[..49].iter().all(Result::is_ok) && told[50].is_ok());
+    assert!(matches!(told[49], Err(BatchError::Scenario { env: 5, .. })), "{:?}", told[49]);
+    for threads in [2, 3] {
+        assert!((told.clone(), hashes.clone()) == fly(threads), "{threads} threads");
     }
 }
 

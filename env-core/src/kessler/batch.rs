@@ -2,21 +2,25 @@
 
 use std::sync::Arc;
 
-use super::constants::SATELLITES;
+use super::constants::{FRAGMENTS, HORIZON, SATELLITES};
 use super::flight::{Flight, Status};
 use super::reward::{Objective, score};
 use super::setup::{Setup, Start};
+use super::spaces::MAX_DEBRIS;
 use super::tracks::Tracks;
 use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
-use crate::scenario::Recipe;
+use crate::scenario::{MAX_LAYOUT_ROWS, Recipe};
 use crate::seed::Seed;
 
 /// Values of one satellite in an observation of everything: x, y, vx, vy, fuel, survival.
 pub const SATELLITE_VALUES: usize = 6;
 /// Columns of debris in an observation of everything: x, y, vx, vy, visible.
 pub const DEBRIS_COLUMNS: usize = 5;
+
+/// Most debris there can ever be: what a scenario has, a rogue a step, those of a layout, fragments.
+const MAX_BODIES: usize = MAX_DEBRIS as usize + HORIZON as usize + MAX_LAYOUT_ROWS + SATELLITES * FRAGMENTS;
 
 /// A batch of this objective's episodes.
 pub(super) fn batch(
@@ -29,7 +33,11 @@ pub(super) fn batch(
     let setup = Arc::new(Setup::read(&recipe).map_err(|source| BatchError::Scenario { env: 0, source })?);
     let observer = match config.observe {
         Observe::All { bodies } => {
-            Observer::All(bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize))
+            let bodies = bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize);
+            if bodies > MAX_BODIES {
+                return Err(BatchError::Config { field: "bodies", value: bodies, min: 0, max: MAX_BODIES });
+            }
+            Observer::All(bodies)
         }
         Observe::Tracks { threats, look_ahead } => {
             let tracks = Tracks::new(threats as usize, look_ahead as usize);

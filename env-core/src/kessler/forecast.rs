@@ -6,8 +6,9 @@ use std::collections::VecDeque;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::cloud::ABSENT;
 use super::constants::EARTH_RADIUS_2;
-use super::debris::{ABSENT, Debris};
+use super::debris::Debris;
 use super::kernel::{Body, Gravity, coast, swept_2};
 use super::setup::Physics;
 use super::warnings::time_back;

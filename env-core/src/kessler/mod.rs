@@ -98,6 +98,11 @@ pub static TASKS: [Kessler; 4] = [
     },
 ];
 
+/// What a task of this world rewards, by its id.
+fn objective(id: &str) -> Option<Objective> {
+    TASKS.iter().find(|task| task.id == id).map(|task| task.objective)
+}
+
 impl Kessler {
     /// What the task rewards.
     #[must_use]

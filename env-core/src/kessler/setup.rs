@@ -6,12 +6,11 @@ pub(super) use self::start::Draft;
 pub use self::start::Start;
 use super::constants::{EARTH_RADIUS, HORIZON, RADAR_NONE, SATELLITES};
 use super::kernel::{Body, Gravity};
+use super::reward::Objective;
 use super::spaces::MAX_DEBRIS;
 use crate::error::ScenarioError;
 use crate::scenario::{LayoutMode, MAX_LAYOUT_ROWS, Recipe};
 
-/// The task whose satellites start in a triangle.
-const FORMATION: &str = "kessler/formation";
 /// Positions and speeds a layout may give, LU and LU/TU: far beyond anything that matters in 50 steps.
 const MAX_COORDINATE: f64 = 1000.0;
 const MAX_SPEED: f64 = 100.0;
@@ -98,7 +97,7 @@ impl Setup {
         let param = |name: &str| recipe.param(name).unwrap_or(0.0);
         let radar = param("radar_range");
         let mut setup = Self {
-            formation: recipe.task().id() == FORMATION,
+            formation: super::objective(recipe.task().id()) == Some(Objective::Formation),
             debris: param("debris") as usize,
             fuel: param("fuel"),
             spread: param("spread"),

@@ -3,9 +3,9 @@
 use std::sync::LazyLock;
 
 use super::constants::RADAR_NONE;
-use crate::space::{Harder, Levels, OptionSpec, ParamSpec};
+use crate::space::{ByHand, Harder, Levels, OptionSpec, ParamSpec};
 
-/// Most debris a generator draws.
+/// Most debris of a scenario, drawn and given, and most threats that *tracks* show.
 pub const MAX_DEBRIS: f64 = 1000.0;
 
 /// Parameters of every task.
@@ -112,35 +112,45 @@ pub static OPTIONS: [OptionSpec; 6] = [
         choices: &["fair", "upstream"],
         about: "fair: a generated body that would touch a satellite before step 3 under hold is drawn again; \
                 upstream: bodies stay as first drawn",
+        by_hand: &[],
     },
     OptionSpec {
         name: "compat",
         choices: &["none", "upstream"],
         about: "upstream: burns are clamped and charged one by one, unknown satellites are ignored, debris inside \
                 the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
+        by_hand: &[ByHand {
+            choice: "upstream",
+            why: "it replays recorded episodes, and a satellite may burn more in a step than the plans it would be \
+                  judged by",
+        }],
     },
     OptionSpec {
         name: "contact",
         choices: &["end_of_step", "swept"],
         about: "end_of_step: bodies touch where a step ends; swept: at their closest approach within the step, so that \
                 fast crossings cannot tunnel",
+        by_hand: &[],
     },
     OptionSpec {
         name: "gravity",
         choices: &["point", "j2"],
         about: "point: the Earth pulls as a point; j2: with its oblateness, as felt in the equatorial plane",
+        by_hand: &[],
     },
     OptionSpec {
         name: "risk",
         choices: &["contact", "pc"],
         about: "contact: debris destroys what it touches; pc: every closest approach costs a probability of collision, and \
                 a satellite's cumulative survival stands where active stood in the reward",
+        by_hand: &[],
     },
     OptionSpec {
         name: "warnings",
         choices: &["none", "exact", "noisy"],
         about: "conjunction warnings in the observation, for visible debris, by the true dynamics under hold; noisy: with \
                 errors that grow with the time to closest approach",
+        by_hand: &[],
     },
 ];
 

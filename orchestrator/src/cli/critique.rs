@@ -1,5 +1,7 @@
 //! `sparring critique`: what one episode shows.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -12,6 +14,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::output::{Format, print, print_json, table};
+use crate::frames::{Show, frames};
 
 /// Show why an episode lost score, and what each of its actions was worth.
 ///
@@ -34,6 +37,9 @@ pub struct Args {
     /// What a policy with chance in it draws from
     #[arg(long, default_value_t = 0, requires = "policy")]
     seed: u64,
+    /// Also write the flight to this file, a JSON object a line and step, with what the agents saw
+    #[arg(long, value_name = "FILE")]
+    telemetry: Option<PathBuf>,
     /// How the result is printed
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
@@ -49,12 +55,17 @@ that is later), in degrees from radial out towards in-track; left are the steps 
 avoidable says whether acting from then on, within what fuel was left, would have helped, and remedy the cheapest such \
 action that was found. An action's gain is the score with it minus the score without it.
 
+A line of the telemetry is a frame {step, actions, reward, done, state, observation}: the start, then one a step; state is \
+the whole truth, hidden bodies included, observation what the agents saw. Conjunction warnings are in it where the scenario \
+asks for them: {\"task\": \"kessler/survival\", \"seed\": 7, \"physics\": {\"warnings\": \"exact\"}}.
+
 JSON (--format json): one object {scenario_id, task, flown, skill, success, floor, reference, failures, actions, judged}; \
 skill, success, floor and reference are null where the start is not fair.
 
 Examples:
   sparring critique scenario.json --policy hold
   sparring critique scenario.json --actions flown.json --format json
+  sparring critique scenario.json --policy hold --telemetry flight.jsonl && jq .observation.conjunctions flight.jsonl
   curl -s http://127.0.0.1:8700/v1/runs/my-run/episodes/ep_42-x7k2p9_3 | sparring critique /dev/stdin";
 
 /// Actions listed at most in the table.
@@ -71,6 +82,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let scenario = Scenario::from_json(told.get("scenario").unwrap_or(&told)).with_context(context)?;
     let log = log(args, &scenario, told.get("scenario").and_then(|_| told.get("actions")))?;
     let flown = replay(&scenario, &log)?;
+    if let Some(path) = &args.telemetry {
+        write_frames(&scenario, &log, path).with_context(|| path.display().to_string())?;
+    }
     let shown = Shown {
         critique: scenario.task().critique(&scenario, &log)?,
         bracket: bracket::admit(&scenario).bracket,
@@ -82,6 +96,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Format::Table => print(&shown.tables())?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the flight, a frame a line.
+fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Result<()> {
+    // A file may be as long as a flight is; only answers over HTTP are bounded.
+    let frames = frames(scenario, log, Show::Telemetry, usize::MAX)?;
+    let mut out = BufWriter::new(File::create(path).context("it cannot be written")?);
+    for frame in frames {
+        serde_json::to_writer(&mut out, &frame).context("it cannot be written")?;
+        out.write_all(b"\n").context("it cannot be written")?;
+    }
+    out.flush().context("it cannot be written")
 }
 
 fn read(path: &Path) -> anyhow::Result<Value> {

@@ -10,6 +10,7 @@ pub mod demo;
 pub mod design;
 pub mod eval;
 mod logs;
+pub mod options;
 mod output;
 pub mod replay;
 pub mod serve;

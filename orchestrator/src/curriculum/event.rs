@@ -1,5 +1,7 @@
 //! What goes out of the curriculum and what comes back: proposals, outcomes, moves, and the events of the fold.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::settings::StoredSettings;
@@ -33,6 +35,9 @@ pub struct Proposal {
     pub contested: bool,
     /// The params, the task's defaults included.
     pub params: Vec<(String, f64)>,
+    /// The physics options that are not at their defaults; left out where there are none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub physics: BTreeMap<String, String>,
     /// A short sentence for people.
     pub why: String,
 }
@@ -48,6 +53,7 @@ impl Proposal {
             && self.role == other.role
             && self.contested == other.contested
             && self.params == other.params
+            && self.physics == other.physics
     }
 }
 

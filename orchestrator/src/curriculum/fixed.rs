@@ -35,6 +35,7 @@ impl Strategy for Fixed {
             role: Role::Sample,
             contested: false,
             params: plan.params(None),
+            physics: plan.physics.clone(),
             why: format!("its turn, {} of {}", turn + 1, tasks.len()),
         }
     }

@@ -115,6 +115,7 @@ impl Strategy for Ladder {
             role,
             contested,
             params: plan.params(Some(level)),
+            physics: plan.physics.clone(),
             why,
         }
     }

@@ -1,5 +1,9 @@
 //! What a run's curriculum is told to do.
 
+use std::collections::BTreeMap;
+
+use env_core::Recipe;
+use env_core::scenario::PHYSICS;
 use env_core::space::Levels;
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +60,8 @@ pub struct TaskPlan {
     pub levels: Levels,
     /// Params that hold where the table does not say otherwise.
     pub default_params: Vec<(String, f64)>,
+    /// The physics options that are not at their defaults, whatever the level.
+    pub physics: BTreeMap<String, String>,
 }
 
 impl TaskPlan {
@@ -70,7 +76,23 @@ impl TaskPlan {
             weight: 1.0,
             levels: spec.levels().clone(),
             default_params: spec.params().iter().map(|p| (p.name.to_owned(), p.default)).collect(),
+            physics: BTreeMap::new(),
         })
+    }
+
+    /// The same under these physics options; those that stand at their defaults are left out, so that one physics is
+    /// said in one way.
+    ///
+    /// # Errors
+    /// `field` and the option at fault: one the task does not have, a word it does not know, options that contradict
+    /// each other, and what only a scenario by hand may have.
+    pub fn with_options(
+        mut self,
+        field: &str,
+        options: &BTreeMap<String, String>,
+    ) -> Result<Self, SettingsError> {
+        self.physics = read_options(&self.task, field, options)?;
+        Ok(self)
     }
 
     /// The hardest level.
@@ -95,7 +117,10 @@ impl TaskPlan {
 
     /// Whether the same level means the same params under both: else what is known of one says nothing of the other.
     pub(super) fn same_course(&self, other: &Self) -> bool {
-        self.task == other.task && self.levels == other.levels && self.default_params == other.default_params
+        self.task == other.task
+            && self.levels == other.levels
+            && self.default_params == other.default_params
+            && self.physics == other.physics
     }
 
     fn validate(&self, field: &str) -> Result<(), SettingsError> {
@@ -127,7 +152,7 @@ impl TaskPlan {
                 return Err(SettingsError::new(here(), "is given twice"));
             }
         }
-        Ok(())
+        read_options(&self.task, &format!("{field}.physics"), &self.physics).map(|_| ())
     }
 
     fn rows(&self) -> Vec<Vec<f64>> {
@@ -135,6 +160,23 @@ impl TaskPlan {
             .map(|level| self.levels.params(level).map(|(_, value)| value).collect())
             .collect()
     }
+}
+
+/// Options as a task takes them, without those at their defaults.
+fn read_options(
+    task: &str,
+    field: &str,
+    options: &BTreeMap<String, String>,
+) -> Result<BTreeMap<String, String>, SettingsError> {
+    let spec = env_core::task(task).ok_or_else(|| SettingsError::unknown_task("task", task))?;
+    let given = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
+    let recipe = Recipe::new(spec).and_then(|recipe| recipe.with_options(given)).and_then(|recipe| {
+        recipe.check_for_series()?;
+        Ok(recipe)
+    });
+    let recipe = recipe.map_err(|error| SettingsError::told(&error.moved(PHYSICS, field)))?;
+    let chosen = recipe.chosen_options().into_iter();
+    Ok(chosen.map(|(name, choice)| (name.to_owned(), choice.to_owned())).collect())
 }
 
 /// What a run's curriculum is told to do.
@@ -218,6 +260,13 @@ impl SettingsError {
         Self { field: field.into(), reason: reason.into() }
     }
 
+    /// A scenario's error, whose sentence begins with its field.
+    fn told(error: &env_core::ScenarioError) -> Self {
+        let (field, sentence) = (error.field(), error.to_string());
+        let reason = sentence.strip_prefix(field).unwrap_or(&sentence).trim_start_matches([':', ' ']);
+        Self::new(field, reason)
+    }
+
     fn unknown_task(field: &str, task: &str) -> Self {
         let known = env_core::tasks().map(|spec| spec.id()).collect::<Vec<_>>().join(", ");
         Self::new(field, format!("{task:?} is not a task; known are {known}"))
@@ -255,6 +304,9 @@ pub struct StoredTaskPlan {
     pub rows: Vec<Vec<f64>>,
     /// See [`TaskPlan`].
     pub default_params: Vec<(String, f64)>,
+    /// See [`TaskPlan`]. Left out where there are none, as in runs stored before there were options.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub physics: BTreeMap<String, String>,
 }
 
 impl From<Settings> for StoredSettings {
@@ -273,7 +325,8 @@ impl From<Settings> for StoredSettings {
 impl From<TaskPlan> for StoredTaskPlan {
     fn from(plan: TaskPlan) -> Self {
         let (columns, rows) = (plan.levels.columns().to_vec(), plan.rows());
-        Self { task: plan.task, weight: plan.weight, columns, rows, default_params: plan.default_params }
+        let TaskPlan { task, weight, default_params, physics, .. } = plan;
+        Self { task, weight, columns, rows, default_params, physics }
     }
 }
 
@@ -313,6 +366,7 @@ impl TryFrom<StoredTaskPlan> for TaskPlan {
             env_core::task(&stored.task).ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
         let levels = Levels::new(spec.params(), stored.columns, stored.rows)
             .map_err(|error| SettingsError::new("levels", error.to_string()))?;
-        Ok(Self { task: stored.task, weight: stored.weight, levels, default_params: stored.default_params })
+        let StoredTaskPlan { task, weight, default_params, physics, .. } = stored;
+        Ok(Self { task, weight, levels, default_params, physics })
     }
 }

@@ -26,6 +26,7 @@ impl Strategy for Uniform {
             role: Role::Sample,
             contested: false,
             params: plan.params(Some(level)),
+            physics: plan.physics.clone(),
             why: format!("level {level}, drawn uniformly from 0 to {}", plan.top()),
         }
     }

@@ -71,6 +71,7 @@ impl Change for Reserve {
                 role: Role::Sample,
                 contested: false,
                 params: plan.params(level),
+                physics: plan.physics.clone(),
                 why: "an evaluation".to_owned(),
             }
         });

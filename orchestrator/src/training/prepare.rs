@@ -93,7 +93,8 @@ pub fn prepare(
         choices: String::new(),
     })?;
     let params = proposal.params.iter().map(|(name, value)| (name.as_str(), *value));
-    let recipe = Arc::new(Recipe::with_params(task, params)?);
+    let options = proposal.physics.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
+    let recipe = Arc::new(Recipe::with_params(task, params)?.with_options(options)?);
     let draw = |number| Scenario::new(Arc::clone(&recipe), seed_of(space, run_seed, seq, number));
     let wants_contested = proposal.contested && !hopeless.are(&recipe);
     let draws = if wants_contested { CONTESTED_DRAWS } else { FAIR_DRAWS };

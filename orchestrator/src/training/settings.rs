@@ -54,6 +54,10 @@ pub struct TaskWish {
     pub success_threshold: Option<f64>,
     /// A table of its own instead of the world's.
     pub levels: Option<LevelTable>,
+    /// The physics it is flown by at every level, as `physics` in a scenario: options by name, those left out at their
+    /// defaults. `GET /v1/tasks` lists them.
+    #[schema(example = json!({"contact": "swept", "warnings": "exact"}))]
+    pub physics: Option<BTreeMap<String, String>>,
 }
 
 /// A run as it is asked for. Everything may be left out.
@@ -135,7 +139,7 @@ impl RunSettings {
             let mut plan = TaskPlan::standard(id)
                 .map_err(|error| TrainingError::invalid(format!("tasks.{at}"), error.reason))?;
             if let Some(special) = wish.task_settings.get(id) {
-                specialise(&mut plan, special, &mut thresholds)?;
+                plan = specialise(plan, special, &mut thresholds)?;
             }
             tasks.push(plan);
         }
@@ -186,11 +190,12 @@ impl RunSettings {
 }
 
 fn specialise(
-    plan: &mut TaskPlan,
+    mut plan: TaskPlan,
     special: &TaskWish,
     thresholds: &mut BTreeMap<String, f64>,
-) -> Result<(), TrainingError> {
-    let field = |name: &str| format!("task_settings.{}.{name}", plan.task);
+) -> Result<TaskPlan, TrainingError> {
+    let task = plan.task.clone();
+    let field = |name: &str| format!("task_settings.{task}.{name}");
     if let Some(threshold) = special.success_threshold {
         if !threshold.is_finite() {
             return Err(TrainingError::invalid(field("success_threshold"), "it must be a finite number"));
@@ -204,7 +209,10 @@ fn specialise(
             .map_err(|error| TrainingError::invalid(field("levels"), error.to_string()))?;
     }
     plan.weight = special.weight.unwrap_or(plan.weight);
-    Ok(())
+    match &special.physics {
+        Some(options) => Ok(plan.with_options(&field("physics"), options)?),
+        None => Ok(plan),
+    }
 }
 
 /// Checks a whole number against its bounds.

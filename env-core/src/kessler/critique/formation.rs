@@ -1,6 +1,7 @@
 //! Formation: everybody lives and the triangle does not hold.
 
 use super::Case;
+use super::goal::doubtful;
 use super::mode::Mode;
 use crate::critique::{Failure, Measure};
 use crate::kessler::constants::{FORMATION_SIDE, GOAL, HORIZON, SATELLITES};
@@ -18,7 +19,8 @@ pub(super) fn broken(case: &Case<'_>) -> Option<Failure> {
     let goal = flown.goal.filter(|&goal| formation && goal < GOAL && flown.lost == 0)?;
     let at = |step| std::array::from_fn(|i| case.trace.satellite(i, step).body);
     let bodies: Vec<Bodies> = (0..=HORIZON).map(at).collect();
-    Some(break_up(&bodies, goal))
+    let doubtful = doubtful(case, goal, &[0, 1, 2], |step| form(&bodies[step]));
+    Some(doubtful.unwrap_or_else(|| break_up(&bodies, goal)))
 }
 
 /// When it broke for good, and which pair it was.

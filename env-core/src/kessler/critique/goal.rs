@@ -5,7 +5,7 @@ use super::mode::Mode;
 use crate::critique::{Failure, Measure};
 use crate::kessler::constants::{GOAL, HORIZON, PROXIMITY_WIDTH, RENDEZVOUS_STEPS, TARGET_RADIUS};
 use crate::kessler::kernel::Body;
-use crate::kessler::reward::Objective;
+use crate::kessler::reward::{Objective, proximity};
 
 /// Within this of the target radius, LU, proximity is at least what the goal asks on average.
 const BAND: f64 = PROXIMITY_WIDTH * (1.0 - GOAL);
@@ -17,6 +17,9 @@ pub(super) fn missed(case: &Case<'_>) -> Option<Failure> {
         return None;
     }
     let bodies: Vec<Body> = (0..=HORIZON).map(|step| case.trace.satellite(0, step).body).collect();
+    if let Some(failure) = doubtful(case, goal, &[0], |step| proximity(bodies[step].radius())) {
+        return Some(failure);
+    }
     let off = |step: usize| (bodies[step].radius() - TARGET_RADIUS).abs();
     let crossed =
         |step: usize| (bodies[step - 1].radius() < TARGET_RADIUS) != (bodies[step].radius() < TARGET_RADIUS);
@@ -26,6 +29,37 @@ pub(super) fn missed(case: &Case<'_>) -> Option<Failure> {
     Some(match (arrived, left) {
         (Some(first), Some(left)) => overshoot(&bodies, goal, first, left),
         _ => short(&bodies, goal, arrived),
+    })
+}
+
+/// Under `risk: pc` the goal counts by the survival of these satellites: it was held, and they were not safe enough.
+/// `nearness` is how near the goal was after a step, whoever lives.
+pub(super) fn doubtful(
+    case: &Case<'_>,
+    goal: f64,
+    satellites: &[usize],
+    nearness: impl Fn(usize) -> f64,
+) -> Option<Failure> {
+    let steps = case.objective.goal_steps();
+    let held =
+        (HORIZON - steps + 1..=HORIZON).map(|step| nearness(step as usize)).sum::<f64>() / f64::from(steps);
+    let survival = |satellite: usize| case.trace.satellite(satellite, HORIZON).survival;
+    let least = satellites.iter().copied().min_by(|&a, &b| survival(a).total_cmp(&survival(b)))?;
+    (held >= GOAL && survival(least) < 1.0).then(|| Failure {
+        mode: Mode::Risk.name(),
+        agent: least as u32,
+        step: HORIZON,
+        encounter: None,
+        measures: vec![
+            Measure { name: "survival", value: survival(least), unit: "" },
+            Measure { name: "held", value: held, unit: "" },
+            Measure { name: "goal", value: goal, unit: "" },
+        ],
+        words: format!(
+            "The goal was held, {held:.3} over the last {steps} steps, but encounters left satellite {least} a survival of \
+             {:.3}: together {goal:.3}.",
+            survival(least)
+        ),
     })
 }
 

@@ -68,7 +68,10 @@ fn lost(case: &Case<'_>, losses: &[Loss], starved: &[u32], hold: &Flown) -> Judg
         return Judged {
             value: -1.0,
             case: "harmful_burn",
-            words: format!("{} lost, and without some burn fewer would have been.", satellites(losses)),
+            words: format!(
+                "{} lost, and without some burn it would have gone better: fewer lost, the goal met, or longer lives.",
+                satellites(losses)
+            ),
         };
     }
     let squandered: Vec<&Loss> = losses

@@ -54,7 +54,7 @@ impl Case<'_> {
         &self.trace.flown
     }
 
-    /// The cost of this satellite's burns with a verdict, and what they gained, summed.
+    /// The cost of the burns whose verdict is wanted, and what they gained, summed.
     fn spent(&self, wanted: impl Fn(&ActionVerdict) -> bool) -> (f64, f64) {
         let chosen = self.verdicts.iter().filter(|v| wanted(v));
         chosen.fold((0.0, 0.0), |(cost, gain), v| (cost + v.cost, gain + v.gain))

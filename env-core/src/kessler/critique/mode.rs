@@ -42,7 +42,9 @@ impl Mode {
             Self::Collision => "debris that was there from the start hit a satellite",
             Self::Rogue => "rogue debris hit a satellite",
             Self::Fragment => "a fragment of another satellite hit a satellite",
-            Self::Risk => "under risk: pc, encounters left a satellite less than 0.9 probability of survival",
+            Self::Risk => {
+                "under risk: pc, encounters left a satellite less than 0.9 probability of survival, or less than the goal takes"
+            }
             Self::Decay => "a satellite fell into the Earth",
             Self::FuelStarvation => "fuel was short for what would have helped",
             Self::Overshoot => "satellite 0 reached radius 100 and did not stay",

@@ -1,6 +1,7 @@
 //! Debris does not depend on what satellites do (fragments aside), so it is propagated once and satellites are flown
 //! against the table, one by one.
 
+use crate::kessler::cloud::{ABSENT, NOWHERE};
 use crate::kessler::constants::{CONTACT_2, CONTACT_DISTANCE, EARTH_RADIUS_2, HORIZON, SIGMAS, SURVIVED};
 use crate::kessler::kernel::{
     Body, Gravity, clamped_burn, coast, collision_probability, distance_2, passing_2, swept_2,
@@ -9,9 +10,6 @@ use crate::kessler::setup::{Contact, Physics, Setup, Start};
 
 /// Points of a trajectory: the start, and after each step.
 pub(crate) const POINTS: usize = HORIZON as usize + 1;
-/// Where bodies are put that are not there: far from everything, and still a number.
-const NOWHERE: f64 = 1e12;
-const ABSENT: Body = Body { x: NOWHERE, y: NOWHERE, vx: 0.0, vy: 0.0 };
 
 /// A burn of one satellite: before the motion of `step` (counted from 1), by (dvx, dvy) LU/TU.
 #[derive(Debug, Clone, Copy, PartialEq)]

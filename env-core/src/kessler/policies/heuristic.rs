@@ -1,5 +1,5 @@
-//! A causal look-ahead pilot: predicts visible debris by the true dynamics, and where hold would be hit within the
-//! look-ahead, tries burns now in 16 directions and takes the gentlest that clears.
+//! A causal look-ahead pilot: predicts visible debris by the plain dynamics, whatever options the scenario has, since what
+//! it sees does not tell them; and where hold would be hit within the look-ahead, tries burns now in 16 directions and takes the gentlest that clears.
 
 use super::learner::{burn, keeping};
 use crate::kessler::kernel::Body;

@@ -7,6 +7,7 @@
 
 use std::collections::VecDeque;
 
+use crate::kessler::cloud::ABSENT;
 use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, Gravity, distance_2};
 use crate::kessler::planner::formation::{Keeping, keep};
@@ -298,7 +299,7 @@ impl Forecast {
             row.y.clear();
             for body in &mut self.end {
                 // Inside the Earth it is gone.
-                *body = if body.radius_2() < EARTH_RADIUS_2 { GONE } else { body.coasted(Gravity::Point) };
+                *body = if body.radius_2() < EARTH_RADIUS_2 { ABSENT } else { body.coasted(Gravity::Point) };
                 row.x.push(body.x);
                 row.y.push(body.y);
             }
@@ -306,9 +307,6 @@ impl Forecast {
         }
     }
 }
-
-/// Far from everything, and still a number.
-const GONE: Body = Body { x: 1e12, y: 1e12, vx: 0.0, vy: 0.0 };
 
 /// Writes a burn down, scaled to what one step and the fuel allow.
 pub(super) fn burn(satellite: &SatelliteTelemetry, wanted: Option<(f64, f64)>, log: &mut ActionLog) {

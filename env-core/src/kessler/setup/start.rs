@@ -68,11 +68,8 @@ impl Setup {
         for body in &self.layout_debris {
             debris.push(*body);
         }
-        if self.fair {
-            self.make_fair(chance, satellites, debris)?;
-        }
         self.rogues(chance, rogues);
-        Ok(())
+        if self.fair { self.make_fair(chance, satellites, debris, rogues) } else { Ok(()) }
     }
 
     /// Draws again, each from a substream of its own, what would touch a satellite before anybody could act.
@@ -81,8 +78,20 @@ impl Setup {
         chance: &mut impl Chance,
         satellites: &[Body; SATELLITES],
         debris: &mut Cloud,
+        rogues: &[(u32, Body)],
     ) -> Result<(), ScenarioError> {
         let early = EarlyPaths::of(satellites, self.physics);
+        for &(arrives, body) in rogues.iter().take_while(|(step, _)| *step <= FAIR_STEPS) {
+            if let Some((satellite, step)) = early.touched_by(body, Some(arrives)) {
+                return Err(unfair(
+                    "layout.bodies.rogues",
+                    format!(
+                        "the rogue of step {arrives} touches satellite {satellite} at step {step} under hold, before anybody \
+                         could act"
+                    ),
+                ));
+            }
+        }
         // Bit i: somewhere in block i of eight bodies there is one that touches.
         let mut blocks = early.may_touch(debris);
         while blocks != 0 {
@@ -103,7 +112,7 @@ impl Setup {
         index: usize,
     ) -> Result<(), ScenarioError> {
         let mut tries = 0;
-        while let Some((satellite, step)) = early.touched_by(debris.body(index)) {
+        while let Some((satellite, step)) = early.touched_by(debris.body(index), None) {
             if index >= self.debris {
                 return Err(unfair(
                     &format!("layout.bodies.debris.{}", index - self.debris),
@@ -203,20 +212,23 @@ impl EarlyPaths {
         pass::early(self.physics.gravity, swept, debris.blocks(), &self.paths)
     }
 
-    /// The first satellite this body touches, and when.
-    fn touched_by(&self, mut body: Body) -> Option<(usize, usize)> {
+    /// The first satellite this body touches, and when. What arrives in a step is put there before it moves: it first counts
+    /// where it has moved to.
+    fn touched_by(&self, mut body: Body, arrives: Option<u32>) -> Option<(usize, usize)> {
         let swept = self.physics.contact == Contact::Swept;
-        for (step, satellites) in self.paths.iter().enumerate() {
-            if step > 0 {
+        let from = arrives.map_or(0, |step| step as usize - 1);
+        for (step, satellites) in self.paths.iter().enumerate().skip(from) {
+            if step > from {
                 body = body.coasted(self.physics.gravity);
             }
             let touched = satellites.iter().position(|s| {
-                let within = distance_2(s.x, s.y, body.x, body.y) < CONTACT_2;
+                let counts = arrives.is_none() || step > from;
+                let within = counts && distance_2(s.x, s.y, body.x, body.y) < CONTACT_2;
                 let crossed = || {
                     let (dx, dy) = (s.x - body.x, s.y - body.y);
                     swept_2(dx, dy, s.vx - body.vx, s.vy - body.vy) < CONTACT_2
                 };
-                within || (swept && step > 0 && crossed())
+                within || (swept && step > from && crossed())
             });
             if let Some(satellite) = touched {
                 return Some((satellite, step));

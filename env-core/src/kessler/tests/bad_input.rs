@@ -223,4 +223,53 @@ fn starts_that_are_not_fair() {
     assert_eq!(refused(crossing.clone(), json!({})), None);
     insta::assert_snapshot!(refused(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 0 at step 2 under hold, before anybody could act");
     assert_eq!(refused(crossing, json!({"contact": "swept", "start": "upstream"})), None);
+    // Rogues too: one that arrives beside a satellite and flies with it, and one that comes when somebody could have acted.
+    let rogue = |step: u32| json!({"mode": "extend", "bodies": {"satellites": satellites, "rogues": [[step, 61, 0, 0, 4]]}});
+    insta::assert_snapshot!(refused(rogue(1), json!({})).unwrap(), @"layout.bodies.rogues: the start is not fair: the rogue of step 1 touches satellite 0 at step 1 under hold, before anybody could act");
+    assert_eq!(refused(rogue(1), json!({"start": "upstream"})), None);
+    assert_eq!(refused(rogue(3), json!({})), None);
+}
+
+#[test]
+fn options_are_judged_together_and_some_are_by_hand() {
+    let of = |options: &[(&str, &str)]| {
+        let recipe = Recipe::new(crate::task("kessler/survival").unwrap()).unwrap();
+        recipe.with_options(options.iter().copied())
+    };
+    let recipe = of(&[("risk", "pc"), ("warnings", "noisy"), ("start", "fair")]).unwrap();
+    assert_eq!(
+        recipe.chosen_options().into_iter().collect::<Vec<_>>(),
+        [("risk", "pc"), ("warnings", "noisy")]
+    );
+    assert_eq!(recipe.check_for_series(), Ok(()));
+    // Each by itself contradicts what stood before; together they do not.
+    let away = recipe.with_options([("contact", "swept"), ("risk", "contact")].into_iter()).unwrap();
+    assert_eq!(away.option("contact"), Some("swept"));
+    let upstream = of(&[("compat", "upstream")]).unwrap();
+    let error = upstream.check_for_series().unwrap_err();
+    assert_eq!(error.field(), "physics.compat");
+    let moved = error.moved("physics", "task_settings.kessler/survival.options");
+    assert_eq!(moved.field(), "task_settings.kessler/survival.options.compat");
+    assert!(moved.to_string().starts_with("task_settings.kessler/survival.options.compat: upstream is for"));
+    let clash = of(&[("contact", "swept"), ("risk", "pc")]).unwrap_err();
+    assert_eq!(clash.clone().moved("phys", "x").field(), "physics.contact", "whole names only");
+    assert_eq!(clash.moved("layout", "x").field(), "physics.contact");
+}
+
+/// What an option is said to be is what recipes take: the first choice is what stands unless told, and what is by hand is
+/// one of the choices.
+#[test]
+fn options_are_as_they_are_told() {
+    for task in crate::tasks() {
+        let recipe = Recipe::new(task).unwrap();
+        for option in task.options() {
+            assert_eq!(recipe.option(option.name), Some(option.default_choice()));
+            for choice in option.choices {
+                let by_hand = option.by_hand.iter().any(|reserved| reserved.choice == *choice);
+                let with = recipe.clone().with_option(option.name, choice).unwrap();
+                assert_eq!(with.check_for_series().is_err(), by_hand, "{} {choice}", option.name);
+            }
+            assert!(option.by_hand.iter().all(|reserved| option.choices[1..].contains(&reserved.choice)));
+        }
+    }
 }

@@ -62,6 +62,34 @@ fn a_formation_that_is_not_kept_breaks_up() {
 }
 
 /// Under `risk: pc` nothing is hit: a pass through the middle costs Φ(2/σ) − Φ(−2/σ) of survival.
+/// Under `risk: pc` a goal that was held can be missed for want of safety, with nobody lost: that is told as what it is.
+#[test]
+fn a_goal_that_was_held_in_danger_is_risk() {
+    let mut told = std::collections::BTreeMap::new();
+    for task in ["kessler/formation", "kessler/rendezvous"] {
+        let params = [("debris", 25.0), ("sigma", 0.6)];
+        let plain = Recipe::with_params(crate::task(task).unwrap(), params.into_iter()).unwrap();
+        let risky = plain.clone().with_option("risk", "pc").unwrap();
+        for seed in (0..80).map(|seed| crate::Seed::user(seed).unwrap()) {
+            // What succeeds where only contact counts.
+            let log = plain.task().bracket(&Scenario::new(plain.clone(), seed)).unwrap().witness;
+            let scenario = Scenario::new(risky.clone(), seed);
+            let flown = replay(&scenario, &log).unwrap();
+            let shown = critique(&scenario, &log);
+            let missed = flown.lost == 0 && flown.goal.is_some_and(|goal| goal < 0.9);
+            let Some(failure) = shown.failures.iter().find(|f| missed && f.step == 50 && f.mode == "risk")
+            else {
+                continue;
+            };
+            let measure = |name| failure.measures.iter().find(|m| m.name == name).unwrap().value;
+            assert!(measure("held") >= 0.9 && (0.9..1.0).contains(&measure("survival")), "{failure:?}");
+            assert!(!shown.failures.iter().any(|f| ["break_up", "short", "overshoot"].contains(&f.mode)));
+            told.entry(task).or_insert_with(|| failure.words.clone());
+        }
+    }
+    insta::assert_snapshot!(told["kessler/formation"], @"The goal was held, 1.000 over the last 25 steps, but encounters left satellite 2 a survival of 0.906: together 0.887.");
+}
+
 #[test]
 fn risk_is_laid_to_the_worst_encounter() {
     let mut scenario = threat(&survival(&json!({})), 12, 0.0).to_json();

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::at_level;
 use crate::chance::Seeded;
 use crate::kessler::TASKS;
-use crate::kessler::kernel::{Body, Gravity, distance_2};
+use crate::kessler::kernel::{Body, Gravity, distance_2, swept_2};
 use crate::kessler::setup::Setup;
 use crate::log::JointAction;
 use crate::scenario::{Recipe, Scenario};
@@ -19,7 +19,7 @@ proptest! {
     /// Same scenario and actions, same bits; scores in range; no NaN; rewards add up; ids survive the wire.
     #[test]
     fn episodes_are_determined_and_bounded(
-        task in 0usize..3,
+        task in 0..TASKS.len(),
         level in 0usize..10,
         seed in 0u64..1 << 50,
         burns in proptest::collection::vec((0u32..3, -3.0..3.0f64, -3.0..3.0f64), 0..80),
@@ -47,18 +47,31 @@ proptest! {
         prop_assert!(flown.score >= range.min && flown.score <= range.max);
     }
 
-    /// No fair start has a contact before step 3 under hold, at any number of debris.
+    /// No fair start has a contact before step 3 under hold, at any number of debris, by any law of motion and contact.
     #[test]
-    fn fair_starts_are_fair(seed in 0u64..1 << 50, debris in 0u32..=300, spread in 0.0..3.0f64) {
+    fn fair_starts_are_fair(
+        task in 0..TASKS.len(),
+        oblate in any::<bool>(),
+        swept in any::<bool>(),
+        seed in 0u64..1 << 50,
+        debris in 0u32..=300,
+        spread in 0.0..3.0f64,
+    ) {
         let params = [("debris", f64::from(debris)), ("spread", spread)];
-        let recipe = Recipe::with_params(&TASKS[0], params.into_iter()).unwrap();
+        let gravity = if oblate { Gravity::J2 } else { Gravity::Point };
+        let recipe = Recipe::with_params(&TASKS[task], params.into_iter()).unwrap()
+            .with_option("gravity", if oblate { "j2" } else { "point" }).unwrap()
+            .with_option("contact", if swept { "swept" } else { "end_of_step" }).unwrap();
         let scenario = Scenario::new(recipe, crate::Seed::user(seed).unwrap());
         let start = Setup::read(scenario.recipe()).unwrap().start(&mut Seeded::new(scenario.seed())).unwrap();
-        let coasted = |mut body: Body, n: usize| { for _ in 0..n { body = body.coasted(Gravity::Point); } body };
+        let coasted = |mut body: Body, n: usize| { for _ in 0..n { body = body.coasted(gravity); } body };
         for step in 0..3 {
             for s in start.satellites.map(|s| coasted(s, step)) {
                 for d in start.debris.iter().map(|d| coasted(*d, step)) {
                     prop_assert!(distance_2(s.x, s.y, d.x, d.y) >= 4.0);
+                    if swept && step > 0 {
+                        prop_assert!(swept_2(s.x - d.x, s.y - d.y, s.vx - d.vx, s.vy - d.vy) >= 4.0);
+                    }
                 }
             }
         }

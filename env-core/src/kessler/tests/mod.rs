@@ -8,6 +8,7 @@ mod differences;
 mod fuzz;
 mod golden;
 mod laws;
+mod observed;
 mod planned;
 mod reference;
 mod staging;

@@ -98,7 +98,7 @@ fn encounters(task: usize, size: f64) -> (u32, u32) {
 }
 
 /// DESIGN says 8 to 13 % under random burns. It grows with their size, since burns spread the speeds at which things
-/// meet: the ranges are four standard errors (√(p(1 − p)/n), at least 1 200 encounters each) about what was found at
+/// meet: the ranges are four standard errors (√(p(1 − p)/n), at least 1 150 encounters each) about what was found at
 /// ±0.5 LU/TU, 9.5 %, and ±1, 18 %.
 #[test]
 fn validate_swept_share_of_contacts_that_the_end_of_steps_misses() {

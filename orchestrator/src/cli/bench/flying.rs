@@ -28,7 +28,15 @@ impl Flying {
     /// No such task, or params out of range.
     pub fn new(task: &str, params: &[(&str, f64)], envs: usize, size: f64) -> anyhow::Result<Self> {
         let spec = env_core::task(task).with_context(|| format!("{task} is gone"))?;
-        let recipe = Recipe::with_params(spec, params.iter().copied())?;
+        Self::of(Recipe::with_params(spec, params.iter().copied())?, envs, size)
+    }
+
+    /// The same of a recipe.
+    ///
+    /// # Errors
+    /// More environments than a batch takes.
+    pub fn of(recipe: Recipe, envs: usize, size: f64) -> anyhow::Result<Self> {
+        let spec = recipe.task();
         let observe = Observe::All { bodies: None };
         let config = BatchConfig { envs, autoreset: Autoreset::SameStep, observe };
         let mut batch = spec.batch(Box::new(Seeds::new(recipe, 1)), config)?;

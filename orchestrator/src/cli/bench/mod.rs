@@ -2,16 +2,18 @@
 
 pub mod flying;
 
+use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
-use env_core::World;
+use env_core::{Recipe, World};
 use serde::Serialize;
 
 use self::flying::Flying;
 use super::bootstrap::quantile;
+use super::options::{self, Chosen};
 use super::{output, worlds};
 
 /// Pieces a measurement is cut into; their median is told, so that one disturbance does not count.
@@ -30,11 +32,14 @@ const STEPS_PER_LOOK: u32 = 16;
 /// episode, f32 observations of everything written after every step and reset, resets included. The time is cut into 20 slices; their median is told, and the 5th and
 /// 95th percentile as its spread.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub struct Args {
     /// The world; the first unless told
     #[arg(long, value_name = "WORLD", value_parser = PossibleValuesParser::new(worlds::names()))]
     env: Option<String>,
+    /// Step under this physics option; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
     /// How long to measure, seconds
     #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
     seconds: f64,
@@ -43,14 +48,19 @@ pub struct Args {
     json: bool,
 }
 
+fn after_help() -> String {
+    format!("{}\n\n{AFTER_HELP}", options::help())
+}
+
 const AFTER_HELP: &str = "\
-JSON (--json): one object {env, debris, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
+JSON (--json): one object {env, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
 resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
 debris is null in worlds without it. What a step of the public original costs in Python is a stated constant (kessler: \
 125 µs), measured elsewhere, and null where it was not measured; bench/ measures both here.
 
 Examples:
   sparring bench
+  sparring bench --physics contact=swept
   sparring bench --env kessler --seconds 10 --json";
 
 /// What was measured.
@@ -58,6 +68,7 @@ Examples:
 pub struct Measured {
     env: &'static str,
     debris: Option<u32>,
+    physics: BTreeMap<&'static str, &'static str>,
     seconds: f64,
     slices: u32,
     /// See the help of the command.
@@ -86,7 +97,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some(name) => env_core::world(name),
         None => env_core::worlds().next(),
     };
-    let measured = measure(world.context("there is no such world")?, args.seconds)?;
+    let world = world.context("there is no such world")?;
+    let task = env_core::task(world.bench().task).context("its benchmark's task is gone")?;
+    let options = options::by_task(&args.options, &[task])?.remove(task.id()).unwrap_or_default();
+    let options: Vec<_> = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str())).collect();
+    let measured = measure(world, &options, args.seconds)?;
     if args.json {
         output::print_json(&measured)?;
     } else {
@@ -95,13 +110,21 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Measures a world for about so many seconds.
+/// Measures a world under these options for about so many seconds.
 ///
 /// # Errors
-/// A world whose own benchmark cannot start.
-pub fn measure(world: &'static dyn World, seconds: f64) -> anyhow::Result<Measured> {
+/// Options it does not have, or a world whose own benchmark cannot start.
+pub fn measure(
+    world: &'static dyn World,
+    options: &[(&str, &str)],
+    seconds: f64,
+) -> anyhow::Result<Measured> {
     let spec = world.bench();
-    let mut flying = Flying::new(spec.task, spec.params, ENVS, spec.action)?;
+    let task = env_core::task(spec.task).with_context(|| format!("{} is gone", spec.task))?;
+    let recipe =
+        Recipe::with_params(task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
+    let options = recipe.chosen_options();
+    let mut flying = Flying::of(recipe, ENVS, spec.action)?;
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     one.install(|| fly_for(&mut flying, Duration::from_secs_f64(seconds * WARM_UP)))?;
     let slice = Duration::from_secs_f64(seconds / f64::from(SLICES));
@@ -117,6 +140,8 @@ pub fn measure(world: &'static dyn World, seconds: f64) -> anyhow::Result<Measur
     let at = |sorted: &[f64], share| quantile(sorted, share).unwrap_or(0.0);
     let median = at(&rates, 0.5);
     let params = spec.params.iter().map(|(name, value)| format!(", {name} {value}"));
+    let chosen = options.iter().map(|(name, choice)| format!(", {name} {choice}"));
+    let told: String = params.chain(chosen).collect();
     Ok(Measured {
         env: world.name(),
         debris: spec.params.iter().find(|(name, _)| *name == "debris").map(|(_, value)| *value as u32),
@@ -129,7 +154,8 @@ pub fn measure(world: &'static dyn World, seconds: f64) -> anyhow::Result<Measur
         resets_per_s: at(&resets, 0.5),
         python_env_us_per_step: spec.original_us_per_step,
         times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
-        what: format!("{}{}", spec.task, params.collect::<String>()),
+        what: format!("{}{told}", spec.task),
+        physics: options,
     })
 }
 
@@ -184,7 +210,7 @@ mod tests {
 
     #[test]
     fn what_is_measured_is_consistent() {
-        let found = measure(&env_core::kessler::KESSLER, 0.2).unwrap();
+        let found = measure(&env_core::kessler::KESSLER, &[], 0.2).unwrap();
         assert!(
             found.low <= found.single_thread_env_steps_per_s
                 && found.single_thread_env_steps_per_s <= found.high
@@ -196,7 +222,17 @@ mod tests {
         let told = serde_json::to_value(&found).unwrap();
         assert!(told["single_thread_env_steps_per_s"].is_f64() && told["debris"] == 50, "{told}");
         assert!(told["python_env_us_per_step"] == 125.0 && told["times_python_env"].is_f64(), "{told}");
-        assert_eq!(told.as_object().unwrap().len(), 11);
+        assert_eq!(told.as_object().unwrap().len(), 12);
+    }
+
+    #[test]
+    fn options_are_stepped_and_told() {
+        let kessler = &env_core::kessler::KESSLER;
+        let found = measure(kessler, &[("contact", "swept"), ("warnings", "exact")], 0.1).unwrap();
+        let told = serde_json::to_value(&found).unwrap();
+        assert_eq!(told["physics"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
+        assert!(found.sentences().contains("debris 50, contact swept, warnings exact, one thread"));
+        assert!(measure(kessler, &[("contact", "swept"), ("risk", "pc")], 0.1).is_err());
     }
 
     #[test]

@@ -133,3 +133,23 @@ fn an_episode_is_read_from_its_files() {
     ];
     insta::assert_snapshot!("faults", words.join("\n"));
 }
+
+#[test]
+fn the_telemetry_is_a_frame_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scenario, flight) = (folder.path().join("scenario.json"), folder.path().join("flight.jsonl"));
+    let told = json!({"task": "kessler/survival", "seed": 7, "params": {"debris": 80},
+                      "physics": {"warnings": "exact", "contact": "swept"}});
+    std::fs::write(&scenario, told.to_string()).unwrap();
+    let paths = [&scenario, &flight].map(|path| path.to_str().unwrap().to_owned());
+    let line = args(&[&paths[0], "--policy", "hold", "--telemetry", &paths[1]]);
+    assert_eq!(run(&line).unwrap(), ExitCode::SUCCESS);
+    let text = std::fs::read_to_string(&flight).unwrap();
+    let frames: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(frames.len() > 10 && frames.iter().enumerate().all(|(at, frame)| frame["step"] == at));
+    let warned = |frame: &Value| frame["observation"]["conjunctions"].as_array().unwrap().len();
+    assert!(frames.iter().map(warned).sum::<usize>() > 0, "80 pieces come near somebody");
+    let nowhere = args(&[&paths[0], "--policy", "hold", "--telemetry", "/nowhere/flight.jsonl"]);
+    let error = format!("{:#}", run(&nowhere).unwrap_err());
+    assert!(error.starts_with("/nowhere/flight.jsonl: it cannot be written: "), "{error}");
+}

@@ -1,5 +1,6 @@
 //! The service over HTTP, as any trainer meets it.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
@@ -39,6 +40,14 @@ pub(super) struct RunWish<'a> {
     pub(super) placement: bool,
     pub(super) group_size: usize,
     pub(super) tasks: &'a [String],
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) task_settings: BTreeMap<&'static str, TaskWish<'a>>,
+}
+
+/// What is special about one of its tasks.
+#[derive(Debug, Serialize)]
+pub(super) struct TaskWish<'a> {
+    pub(super) physics: &'a BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]

@@ -23,11 +23,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::builder::PossibleValuesParser;
 use env_core::{Recipe, TaskSpec, World};
 
-use self::http::{HttpFeed, RunWish};
+use self::http::{HttpFeed, RunWish, TaskWish};
 use self::show::Screen;
 use self::summary::Summary;
 use self::train::{MEMBERS, Plan, Progress, train};
 use self::trainee::Kind;
+use super::options::{self, Chosen};
 use super::{output, worlds};
 use crate::service::{Config, Service};
 
@@ -57,6 +58,9 @@ pub struct Args {
     #[arg(long = "task", value_name = "TASK",
           value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
     tasks: Vec<String>,
+    /// Fly under this physics option, in all tasks or those named; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
     /// Train against a running service instead of starting one, as http://127.0.0.1:8700
     #[arg(long, value_name = "URL")]
     url: Option<String>,
@@ -81,9 +85,12 @@ Controls:
 Episodes, unless told: {STEPS} steps' worth at the longest horizon of the tasks, but at least {FEWEST_EPISODES} and at \
 most {MOST_EPISODES}: {}.
 
+{}
+
 {AFTER_HELP}",
         worlds::policies_in_words(&["hold", "blind", "frozen"]),
-        episodes_in_words()
+        episodes_in_words(),
+        options::help()
     )
 }
 
@@ -100,14 +107,15 @@ const AFTER_HELP: &str = "\
 Progress goes to stderr: a live table on a terminal, else a line every five seconds and one per change of level. Ctrl-C \
 stops after the batch under way; the summary comes all the same.
 
-JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, tasks}. Each of \
-tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
+JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, tasks}; \
+physics are the options asked for, by task. Each of tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
 last_generation, generations, params, learnt, moves, warnings}; success is mastery's mean at the current level, over \
 the last success_scenarios contested scenarios (0.5 of none); plain_success is over all episodes.
 
 Examples:
   sparring demo
   sparring demo --learner frozen --seed 3
+  sparring demo --task kessler/survival --physics contact=swept
   sparring demo --task kessler/survival --episodes 20000 --db run.sqlite3 --json";
 
 fn episodes(text: &str) -> Result<usize, String> {
@@ -159,6 +167,11 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         tasks.dedup();
         tasks
     };
+    let specs: Vec<_> = tasks.iter().filter_map(|task| env_core::task(task)).collect();
+    let options = options::by_task(&args.options, &specs)?;
+    for task in specs {
+        options::apply(Recipe::new(task)?, options.get(task.id()))?;
+    }
     let episodes = args.episodes.unwrap_or_else(|| usual_episodes(&tasks));
     let wish = RunWish {
         name: "sparring demo",
@@ -170,9 +183,10 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         placement: false,
         group_size: MEMBERS,
         tasks: &tasks,
+        task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
     };
     let feed = HttpFeed::create(url, &wish).await?;
-    let plan = Plan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone() };
+    let plan = Plan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };
     let mut screen = Screen::new(episodes)?;
     let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
     screen.close();

@@ -7,6 +7,7 @@ use std::path::Path;
 use env_core::reflex::Meaning;
 use serde::Serialize;
 
+use super::super::options::{self, ByTask};
 use super::super::worlds;
 use super::feed::{Posterior, TaskMastery};
 use super::show::{rate, share, table};
@@ -33,6 +34,7 @@ pub(super) struct Summary<'a> {
     stopped: bool,
     run: &'a str,
     db: Option<&'a Path>,
+    physics: &'a ByTask,
     tasks: BTreeMap<&'a str, TaskSummary<'a>>,
 }
 
@@ -75,6 +77,7 @@ impl<'a> Summary<'a> {
             stopped: progress.stopped,
             run,
             db,
+            physics: &progress.plan.options,
             tasks: progress.mastery.iter().map(task).collect(),
         }
     }
@@ -127,6 +130,10 @@ pub(super) fn words(progress: &Progress, run: &str, db: Option<&Path>) -> String
         if progress.stopped { ", and was stopped early" } else { "" },
         table(progress),
     );
+    if !progress.plan.options.is_empty() {
+        // Writing into a string cannot fail.
+        let _ = writeln!(out, "\nPhysics: {}.", options::in_words(&progress.plan.options));
+    }
     for task in &progress.mastery {
         // Writing into a string cannot fail.
         let _ = write!(out, "\n{}", paragraph(progress, task));

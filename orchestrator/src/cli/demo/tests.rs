@@ -13,6 +13,7 @@ use super::feed::{
 };
 use super::train::{MEMBERS, Moved, Plan, Progress, Watch, train};
 use super::trainee::{Kind, Member, Trainee};
+use crate::cli::options::ByTask;
 use crate::curriculum::{Curriculum, GroupOutcome, Proposal, Settings, TaskPlan};
 use crate::training::prepare::{Hopeless, prepare};
 
@@ -159,7 +160,7 @@ fn trained(kind: Kind, seed: u64, episodes: usize) -> Progress {
 }
 
 fn trained_on(task: &str, kind: Kind, seed: u64, episodes: usize) -> Progress {
-    let plan = Plan { kind, seed, episodes, tasks: vec![task.to_owned()] };
+    let plan = Plan { kind, seed, episodes, tasks: vec![task.to_owned()], options: ByTask::new() };
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).build().unwrap();
     runtime.block_on(train(&Local::new(seed, &[task]), plan, &mut Silent, &AtomicBool::new(false))).unwrap()
 }
@@ -232,7 +233,13 @@ fn the_same_seed_is_the_same_run() {
 
 #[test]
 fn told_to_stop_it_takes_no_more_and_sums_up() {
-    let plan = Plan { kind: Kind::Hold, seed: 1, episodes: 1200, tasks: vec![TASK.to_owned()] };
+    let plan = Plan {
+        kind: Kind::Hold,
+        seed: 1,
+        episodes: 1200,
+        tasks: vec![TASK.to_owned()],
+        options: ByTask::new(),
+    };
     let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
     let progress =
         runtime.block_on(train(&Local::new(1, &[TASK]), plan, &mut Silent, &AtomicBool::new(true))).unwrap();
@@ -287,4 +294,31 @@ fn same_seed_over_http(line: &str, episodes: usize) {
     for (one, other) in one.mastery.iter().zip(&other.mastery) {
         assert_eq!((one.level, one.mastery, one.plain), (other.level, other.mastery, other.plain));
     }
+}
+
+/// Options reach the run that is made; what a server would refuse is refused before one is started.
+#[test]
+fn options_are_the_runs_physics() {
+    let args = |line: &str| {
+        <super::Args as clap::FromArgMatches>::from_arg_matches(
+            &<super::Args as clap::Args>::augment_args(clap::Command::new("demo"))
+                .get_matches_from(line.split(' ')),
+        )
+        .unwrap()
+    };
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    let demo = |line: &str| runtime.block_on(super::demo(&args(line)));
+    let plain = "demo --episodes 240 --seed 6 --task kessler/survival";
+    let (swept, run) = demo(&format!("{plain} --physics contact=swept --physics gravity=j2")).unwrap();
+    let (other, _) = demo(plain).unwrap();
+    assert_eq!((swept.flown, swept.late), (240, 0));
+    assert_ne!(swept.mastery[0].plain.score, other.mastery[0].plain.score, "another physics");
+    let words = super::summary::words(&swept, &run, None);
+    assert!(words.contains("\nPhysics: kessler/survival: contact swept, gravity j2.\n"), "{words}");
+    let told = serde_json::to_value(super::summary::Summary::new(&swept, &run, None)).unwrap();
+    assert_eq!(told["physics"]["kessler/survival"]["contact"], "swept");
+    let refuse = |options: &str| format!("{:#}", demo(&format!("{plain} {options}")).unwrap_err());
+    assert!(refuse("--physics contact=swept --physics risk=pc").contains("cannot be had together"));
+    assert!(refuse("--physics compat=upstream").contains("is for scenarios by hand"));
+    assert!(refuse("--physics kessler/formation:risk=pc").contains("no task of kessler/formation is here"));
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::feed::{Feed, Finished, Lease, MAX_RESULTS, Move, Receipts, TaskMastery, batches};
 use super::fly::{fly, outcomes, sorties};
 use super::trainee::{Kind, Trainee};
+use crate::cli::options::ByTask;
 
 /// Members of a population, and so episodes of a group: siblings fly the same scenario, and are compared on it.
 pub(super) const MEMBERS: usize = 12;
@@ -22,6 +23,8 @@ pub(super) struct Plan {
     /// Episodes to fly, up to a group more.
     pub(super) episodes: usize,
     pub(super) tasks: Vec<String>,
+    /// Physics options that were asked for.
+    pub(super) options: ByTask,
 }
 
 /// A change of level, and when.

@@ -1,6 +1,7 @@
 //! `sparring eval`: policies on a frozen suite.
 
 mod fly;
+mod physics;
 mod report;
 #[cfg(test)]
 mod tests;
@@ -11,7 +12,9 @@ use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
 
 use self::fly::Row;
+use self::physics::Physics;
 use self::report::Report;
+use super::options::{self, Chosen};
 use super::output::{self, Format};
 use super::suite::{Suite, file};
 use super::worlds;
@@ -43,6 +46,9 @@ pub struct Args {
     /// How often policies with chance in them fly each scenario: their mean counts as one
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rollouts: u32,
+    /// Fly it under this physics option instead of the suite's, for all its tasks or those named; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
     /// How the result is printed
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
@@ -50,20 +56,27 @@ pub struct Args {
 
 fn after_help() -> String {
     format!(
-        "Policies:\n{}\n\nBuilt-in suites: {}.\n\n{AFTER_HELP}",
+        "Policies:\n{}\n\nBuilt-in suites: {}.\n\n{}\n\n{AFTER_HELP}",
         worlds::policies_in_words(&worlds::policy_names()),
-        file::names()
+        file::names(),
+        options::help()
     )
 }
 
 const AFTER_HELP: &str = "\
-JSON (--format json): one object {suite, suite_hash, planner, seed, rollouts, confidence, resamples, scenarios, rows}. \
+Under other options than the suite's, floors and references are worked out anew, so that skill and success are fair, and \
+parts stay what they are in the suite. Such a report does not compare with one of the suite, and says so.
+
+JSON (--format json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
+resamples, scenarios, rows}. physics are the options that were flown under instead of the suite's, by task; comparable is false \
+where there are any, and note then says so in words. \
 Each row: {task (an id, or \"all\"), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
 skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is null where it is nowhere defined.
 
 Examples:
   sparring eval --policy heuristic
   sparring eval --suite docking-heldout-v1 --policy hold,blind,heuristic,reference --format json
+  sparring eval --policy heuristic --physics contact=swept --physics gravity=j2
   sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
 
 /// Flies the policies and prints what they earned.
@@ -73,13 +86,26 @@ Examples:
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (suite, hash) = file::open(&args.suite).with_context(|| format!("suite {}", args.suite))?;
     check(&suite, args)?;
+    let (suite, physics) = under(suite, args)?;
     let rows = fly_all(&suite, args)?;
-    let report = Report::new(&suite, hash, args, &rows);
+    let report = Report::new(&suite, hash, args, physics, &rows);
     match args.format {
         Format::Table => output::print(&report.tables())?,
         Format::Json => output::print_json(&report)?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The suite as it is to be flown, and how that is not as it was built.
+fn under(suite: Suite, args: &Args) -> anyhow::Result<(Suite, Option<Physics>)> {
+    let options = options::by_task(&args.options, &suite.tasks())?;
+    let bar = output::progress(suite.entries().count(), "brackets")?;
+    let other = physics::under(&suite, options, &bar)?;
+    bar.finish_and_clear();
+    Ok(match other {
+        Some((other, physics)) => (other, Some(physics)),
+        None => (suite, None),
+    })
 }
 
 /// Every task of the suite must have every policy asked for: a row is flown on all of it.

@@ -4,7 +4,9 @@ use serde::Serialize;
 
 use super::Args;
 use super::fly::{Measures, Row};
+use super::physics::Physics;
 use crate::cli::bootstrap::{CONFIDENCE, Estimate, RESAMPLES, estimates};
+use crate::cli::options::ByTask;
 use crate::cli::output;
 use crate::cli::suite::{Entry, Part, Suite};
 
@@ -14,6 +16,9 @@ pub(super) struct Report {
     suite: String,
     suite_hash: String,
     planner: u32,
+    physics: ByTask,
+    comparable: bool,
+    note: Option<String>,
     seed: u64,
     rollouts: u32,
     confidence: f64,
@@ -41,16 +46,15 @@ const PARTS: [(&str, Option<Part>); 3] =
     [("contested", Some(Part::Contested)), ("as_they_come", Some(Part::AsTheyCome)), (ALL, None)];
 
 impl Report {
-    pub(super) fn new(suite: &Suite, suite_hash: String, args: &Args, rows: &[Row]) -> Self {
-        let mut tasks = vec![ALL];
-        for group in &suite.groups {
-            let task = group.recipe.task().id();
-            if !tasks.contains(&task) {
-                tasks.push(task);
-            }
-        }
+    pub(super) fn new(
+        suite: &Suite,
+        suite_hash: String,
+        args: &Args,
+        physics: Option<Physics>,
+        rows: &[Row],
+    ) -> Self {
         let mut told = Vec::new();
-        for task in tasks {
+        for task in std::iter::once(ALL).chain(suite.tasks().iter().map(|task| task.id())) {
             for (part, of) in PARTS {
                 let belongs = |entry: &Entry| {
                     (task == ALL || entry.scenario.task().id() == task)
@@ -66,6 +70,9 @@ impl Report {
             suite: suite.name.clone(),
             suite_hash,
             planner: suite.planner,
+            comparable: physics.is_none(),
+            note: physics.as_ref().map(Physics::note),
+            physics: physics.map(|physics| physics.options).unwrap_or_default(),
             seed: args.seed,
             rollouts: args.rollouts,
             confidence: CONFIDENCE,
@@ -85,6 +92,9 @@ impl Report {
             self.planner,
             100.0 * self.confidence
         );
+        if let Some(note) = &self.note {
+            text.push_str(&format!("\n{}\n", textwrap::fill(note, wrapping())));
+        }
         for block in self.rows.chunk_by(|a, b| a.task == b.task) {
             let mut table =
                 output::table(&["scenarios", "policy", "score", "success", "skill", "lost", "fuel used"], 2);
@@ -97,6 +107,11 @@ impl Report {
         }
         text
     }
+}
+
+/// Between words only: a task's id has a slash in it.
+fn wrapping() -> textwrap::Options<'static> {
+    textwrap::Options::new(100).word_separator(textwrap::WordSeparator::AsciiSpace)
 }
 
 /// The rows of one part; the part is named on the first.

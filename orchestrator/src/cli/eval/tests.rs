@@ -17,6 +17,7 @@ fn args(policies: &[&str]) -> Args {
         policies: policies.iter().map(|&name| name.to_owned()).collect(),
         seed: 0,
         rollouts: 2,
+        options: Vec::new(),
         format: Format::Json,
     }
 }
@@ -56,7 +57,7 @@ fn the_report_has_every_block_and_the_controls() {
     let rows = fly_all(&suite, &args).unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row.policy.as_str()).collect();
     assert_eq!(names, ["hold", "reference", "frozen", "blind_panel"]);
-    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args, &rows);
+    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args, None, &rows);
     let value = serde_json::to_value(&report).unwrap();
     let told = value["rows"].as_array().unwrap();
     assert_eq!(told.len(), 4 * 3 * 4);
@@ -78,7 +79,7 @@ fn the_report_has_every_block_and_the_controls() {
 fn the_tables_are_readable() {
     let suite = small();
     let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), blind_panel(&suite)];
-    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args(&[]), &rows);
+    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args(&[]), None, &rows);
     insta::assert_snapshot!("tables", report.tables());
 }
 
@@ -105,4 +106,48 @@ fn the_panel_is_the_mean_of_its_plans() {
         assert!((measures[0].unwrap() - scores / 16.0).abs() < 1e-12);
         assert!(measures[3].unwrap() <= 1.0);
     }
+}
+
+#[test]
+fn other_physics_are_judged_by_brackets_of_their_own_and_say_so() {
+    let suite = small();
+    let chosen = |texts: &[&str]| texts.iter().map(|text| options::parse(text).unwrap()).collect::<Vec<_>>();
+    let mut args = args(&["hold", "reference"]);
+    args.options = chosen(&["contact=swept", "kessler/rendezvous:gravity=j2"]);
+    let (flown, physics) = under(suite.clone(), &args).unwrap();
+    for (entry, own) in flown.entries().zip(suite.entries()) {
+        assert_eq!((entry.part, entry.scenario.seed()), (own.part, own.scenario.seed()));
+        let recipe = entry.scenario.recipe();
+        let j2 = recipe.task().id() == "kessler/rendezvous";
+        assert_eq!(recipe.option("contact"), Some("swept"));
+        assert_eq!(recipe.option("gravity"), Some(if j2 { "j2" } else { "point" }));
+        let bracket = recipe.task().bracket(&entry.scenario).unwrap();
+        assert_eq!((&entry.bracket.panel, entry.bracket.floor), (&bracket.panel, bracket.floor));
+    }
+    let floors = |suite: &Suite| suite.entries().map(|entry| entry.bracket.floor).collect::<Vec<_>>();
+    assert_ne!(floors(&flown), floors(&suite), "another physics is worth something else");
+    let rows = [fly::blind_panel(&flown)];
+    let report = Report::new(&flown, "0123456789abcdef".repeat(4), &args, physics, &rows);
+    let told = serde_json::to_value(&report).unwrap();
+    assert_eq!(told["comparable"], false);
+    assert_eq!(told["physics"]["kessler/rendezvous"]["gravity"], "j2");
+    assert_eq!(told["physics"]["kessler/survival"].as_object().unwrap().len(), 1);
+    assert_eq!(told["suite"], "small");
+    let head: Vec<_> = report.tables().lines().take(8).map(str::to_owned).collect();
+    insta::assert_snapshot!("other_physics", head.join("\n"));
+}
+
+#[test]
+fn options_that_change_nothing_leave_a_report_comparable() {
+    let suite = small();
+    let mut args = args(&["hold"]);
+    args.options = vec![options::parse("contact=end_of_step").unwrap()];
+    let (flown, physics) = under(suite.clone(), &args).unwrap();
+    assert!(flown == suite && physics.is_none());
+    let report = Report::new(&flown, String::new(), &args, None, &[]);
+    let told = serde_json::to_value(&report).unwrap();
+    assert!(told["comparable"] == true && told["note"].is_null() && told["physics"] == serde_json::json!({}));
+    args.options = vec![options::parse("compat=upstream").unwrap()];
+    let error = format!("{:#}", under(suite, &args).unwrap_err());
+    assert!(error.contains("is for scenarios by hand"), "{error}");
 }

@@ -13,6 +13,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
 use super::{Entry, Group, Part, Suite, file};
+use crate::cli::options::{self, ByTask, Chosen};
 use crate::cli::{output, worlds};
 
 /// Draws after which a level is given up on: the rarest contested scenarios of the committed levels are 1 in 27.
@@ -28,7 +29,7 @@ const BATCH: usize = 8;
 /// plans do), and some as they come. Nothing is planted. Seeds come from the evaluation space, which no run and no
 /// caller of the service can be given, and are a function of the suite's name, so the same name builds the same suite.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub struct Args {
     /// What the suite is called; its seeds follow from it
     #[arg(long, value_parser = good_name)]
@@ -48,10 +49,18 @@ pub struct Args {
     /// Scenarios as they come per task and level
     #[arg(long, value_name = "N", default_value_t = 8)]
     as_they_come: usize,
+    /// A physics option of the suite, for all its tasks or those named; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
+}
+
+fn after_help() -> String {
+    format!("{}\n\n{AFTER_HELP}", options::help())
 }
 
 const AFTER_HELP: &str = "\
 Examples:
+  sparring suite build --name swept-v1 --out swept-v1.json --physics contact=swept --physics kessler/formation:gravity=j2
   sparring suite build --name my-suite-v1 --tasks kessler --out my-suite-v1.json
   sparring suite build --name small-v1 --out small-v1.json --tasks kessler/survival --levels 5,7";
 
@@ -68,6 +77,8 @@ pub struct Plan {
     pub contested: usize,
     /// Scenarios as they come per task and level.
     pub as_they_come: usize,
+    /// Physics options that are not at their defaults, by task.
+    pub options: ByTask,
 }
 
 impl Plan {
@@ -75,14 +86,18 @@ impl Plan {
     fn command(&self) -> String {
         let levels: Vec<String> = self.levels.iter().map(usize::to_string).collect();
         let tasks: Vec<&str> = self.tasks.iter().map(|task| task.id()).collect();
+        let options = self.options.iter().flat_map(|(task, options)| {
+            options.iter().map(move |(name, choice)| format!(" --physics {task}:{name}={choice}"))
+        });
         format!(
-            "sparring {} suite build --name {} --tasks {} --levels {} --contested {} --as-they-come {}",
+            "sparring {} suite build --name {} --tasks {} --levels {} --contested {} --as-they-come {}{}",
             env!("CARGO_PKG_VERSION"),
             self.name,
             tasks.join(","),
             levels.join(","),
             self.contested,
-            self.as_they_come
+            self.as_they_come,
+            options.collect::<String>()
         )
     }
 }
@@ -118,8 +133,10 @@ impl Args {
             self.levels.clone()
         };
         ensure!(self.contested + self.as_they_come > 0, "a suite needs at least one scenario per level");
+        let options = options::by_task(&self.options, &tasks)?;
         Ok(Plan {
             name: self.name.clone(),
+            options,
             tasks,
             levels,
             contested: self.contested,
@@ -160,7 +177,8 @@ pub fn build(plan: &Plan, bar: &ProgressBar) -> anyhow::Result<Suite> {
         for &level in &plan.levels {
             let top = task.levels().len() - 1;
             ensure!(level <= top, "{} has no level {level}; its levels are 0 to {top}", task.id());
-            let recipe = Arc::new(Recipe::with_params(*task, task.levels().params(level))?);
+            let recipe = Recipe::with_params(*task, task.levels().params(level))?;
+            let recipe = Arc::new(options::apply(recipe, plan.options.get(task.id()))?);
             let mut entries = draw(plan, &recipe, level, Part::Contested)?;
             entries.extend(draw(plan, &recipe, level, Part::AsTheyCome)?);
             groups.push(Group { level, recipe, entries });

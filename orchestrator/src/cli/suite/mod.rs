@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Subcommand;
-use env_core::{Bracket, Recipe, Scenario};
+use env_core::{Bracket, Recipe, Scenario, TaskSpec};
 
 pub use self::error::SuiteError;
 
@@ -104,6 +104,19 @@ pub enum Part {
 }
 
 impl Suite {
+    /// The tasks, each once, in order.
+    #[must_use]
+    pub fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
+        let mut tasks: Vec<&'static dyn TaskSpec> = Vec::new();
+        for group in &self.groups {
+            let task = group.recipe.task();
+            if !tasks.iter().any(|known| known.id() == task.id()) {
+                tasks.push(task);
+            }
+        }
+        tasks
+    }
+
     /// All scenarios, in order.
     pub fn entries(&self) -> impl Iterator<Item = &Entry> {
         self.groups.iter().flat_map(|group| &group.entries)

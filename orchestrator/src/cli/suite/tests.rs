@@ -7,6 +7,7 @@ use indicatif::ProgressBar;
 use super::build::{Plan, build};
 use super::verify::differences;
 use super::{Part, Suite, SuiteError, file};
+use crate::cli::options::{self, ByTask};
 
 /// A small suite of another world, with one level of a task of the first.
 pub(crate) fn mixed() -> Suite {
@@ -18,6 +19,7 @@ pub(crate) fn mixed() -> Suite {
         levels: vec![2],
         contested: 2,
         as_they_come: 1,
+        options: ByTask::new(),
     };
     build(&plan, &ProgressBar::hidden()).unwrap()
 }
@@ -36,6 +38,7 @@ fn fresh() -> Suite {
         levels: vec![2, 6],
         contested: 3,
         as_they_come: 2,
+        options: ByTask::new(),
     };
     build(&plan, &ProgressBar::hidden()).unwrap()
 }
@@ -204,4 +207,24 @@ fn rehashed(text: &str) -> String {
     let end = text.rfind("\n\"hash\":").unwrap() + 1;
     let hash = blake3::hash(&text.as_bytes()[..end]).to_hex();
     format!("{}\"hash\":\"{hash}\"}}\n", &text[..end])
+}
+
+#[test]
+fn a_suite_may_have_physics_of_its_own() {
+    let tasks = ["kessler/survival", "kessler/formation"].map(|id| env_core::task(id).unwrap()).to_vec();
+    let chosen = ["risk=pc", "kessler/formation:gravity=j2"].map(|text| options::parse(text).unwrap());
+    let options = options::by_task(&chosen, &tasks).unwrap();
+    let plan =
+        Plan { name: "own".to_owned(), tasks, levels: vec![3], contested: 2, as_they_come: 1, options };
+    let suite = build(&plan, &ProgressBar::hidden()).unwrap();
+    let told = "--physics kessler/formation:gravity=j2 --physics kessler/formation:risk=pc --physics kessler/survival:risk=pc";
+    assert!(suite.created_by.ends_with(told), "{}", suite.created_by);
+    for group in &suite.groups {
+        let formation = group.recipe.task().id() == "kessler/formation";
+        assert_eq!(group.recipe.option("risk"), Some("pc"));
+        assert_eq!(group.recipe.option("gravity"), Some(if formation { "j2" } else { "point" }));
+    }
+    let text = file::write(&suite).unwrap();
+    assert_eq!(file::read(text.as_bytes()).unwrap().0, suite);
+    assert_eq!(differences(&suite, &ProgressBar::hidden()), Vec::<String>::new());
 }

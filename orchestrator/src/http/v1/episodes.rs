@@ -1,8 +1,7 @@
 //! Episodes: list, show, replay.
 
 use axum::extract::State;
-use env_core::task::StepReport;
-use env_core::{ActionLog, JointAction, Scenario};
+use env_core::{ActionLog, Scenario};
 use serde::Serialize;
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
@@ -13,6 +12,7 @@ use super::super::problem::Problem;
 use super::leases::BracketView;
 use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
+use crate::frames::{FramesError, MOST_BYTES, Show, frames, wire_step};
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::service::App;
 use crate::store::brackets::StoredFlown;
@@ -96,7 +96,8 @@ pub(super) struct Replay {
     /// The scenario, complete.
     #[schema(value_type = Object)]
     scenario: Value,
-    /// The start, then one frame a step: actions, rewards, and the whole state, hidden bodies included.
+    /// The start, then one frame a step: actions, rewards, and the whole state, hidden bodies included; with
+    /// `telemetry=true` also `observation`, what the agents saw.
     #[schema(value_type = Vec<Object>)]
     frames: Vec<Value>,
 }
@@ -168,23 +169,44 @@ pub(super) async fn show(
     }))
 }
 
+/// What a replay shows.
+#[derive(Debug, serde::Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Shown {
+    /// Whether frames also hold what the agents saw (false).
+    #[serde(default)]
+    telemetry: bool,
+}
+
 /// Replay an episode on the server: the whole state, step by step.
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/{episode}/replay", tag = "episodes",
-    params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
+    params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id."), Shown),
     responses(
         (status = 200, body = Replay), (status = 400, body = Problem),
-        (status = 404, body = Problem, description = "No such episode, or one that was never flown.")
+        (status = 404, body = Problem, description = "No such episode, or one that was never flown."),
+        (status = 422, body = Problem, description = "More to show than 16 MiB.")
     )
 )]
 pub(super) async fn replayed(
     State(app): State<App>,
     Path((run, episode)): Path<(String, String)>,
+    Query(shown): Query<Shown>,
 ) -> Result<axum::Json<Replay>, Problem> {
     let mut conn = app.readers.acquire().await?;
     let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
     let log = found.log.ok_or_else(|| TrainingError::UnknownEpisode(format!("{episode} that was flown")))?;
-    let frames = frames(&found.scenario, &log)?;
+    // States alone were always shown in full; the worlds bound them.
+    let (show, most) =
+        if shown.telemetry { (Show::Telemetry, MOST_BYTES) } else { (Show::State, usize::MAX) };
+    let scenario = found.scenario.clone();
+    let frames = tokio::task::spawn_blocking(move || frames(&scenario, &log, show, most)).await;
+    let frames = frames.map_err(|_| Problem::internal())?.map_err(|error| match error {
+        FramesError::TooLarge { .. } => Problem::invalid("telemetry", error.to_string()),
+        FramesError::Scenario(_) | FramesError::Step { .. } => {
+            crate::store::StoreError::unreadable("an action log", error).into()
+        }
+    })?;
     Ok(axum::Json(Replay { episode: found.id.to_string(), scenario: found.scenario.to_json(), frames }))
 }
 
@@ -233,41 +255,10 @@ fn head(id: &EpisodeId, task: Option<String>, row: Option<&EpisodeRow>, unreport
     }
 }
 
-fn step(log: &ActionLog, action: JointAction<'_>) -> Value {
-    let entries = action.agents.iter().enumerate().map(|(i, agent)| {
-        let mut entry = vec![json!(agent)];
-        entry.extend(action.values[i * log.dim()..(i + 1) * log.dim()].iter().map(|v| json!(v)));
-        Value::Array(entry)
-    });
-    Value::Array(entries.collect())
-}
-
 fn steps(log: &ActionLog) -> Value {
     json!({
-        "steps": log.steps().map(|action| step(log, action)).collect::<Vec<_>>(),
+        "steps": log.steps().map(|action| wire_step(log, action)).collect::<Vec<_>>(),
         "precision": if log.precision() == env_core::log::Precision::F32 { "f32" } else { "f64" },
         "stopped": log.stopped.map(env_core::Stopped::word),
     })
-}
-
-fn frames(scenario: &Scenario, log: &ActionLog) -> Result<Vec<Value>, Problem> {
-    let mut episode = scenario.task().start(scenario)?;
-    let mut frames =
-        vec![json!({"step": 0, "actions": [], "reward": 0.0, "done": false, "state": episode.truth()})];
-    let mut report = StepReport::default();
-    while !episode.done() {
-        // Past the end of a log that stopped, nobody acts.
-        let action = log.step(episode.steps() as usize);
-        episode.step(action, &mut report).map_err(|error| {
-            TrainingError::from(crate::store::StoreError::unreadable("an action log", error))
-        })?;
-        frames.push(json!({
-            "step": episode.steps(),
-            "actions": step(log, action),
-            "reward": report.reward,
-            "done": report.done,
-            "state": episode.truth(),
-        }));
-    }
-    Ok(frames)
 }

@@ -1,8 +1,9 @@
 //! Scenarios by hand: validate, bracket, replay, and criticise.
 
 use env_core::bracket::{SuccessRule, admit, success};
+use env_core::log::Precision;
 use env_core::rollout::{read_log, replay};
-use env_core::{Scenario, Seed, SeedSpace};
+use env_core::{ActionLog, Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -12,6 +13,7 @@ use super::super::problem::Problem;
 use super::critique::CritiqueView;
 use super::leases::BracketView;
 use super::results::Actions;
+use crate::frames::{MOST_BYTES, Show, frames};
 use crate::store::brackets::StoredFlown;
 
 /// A scenario to look at, and actions to fly on it.
@@ -23,6 +25,10 @@ pub(super) struct Wish {
     scenario: Value,
     /// An action log to replay on it.
     actions: Option<Actions>,
+    /// Whether to answer with `frames`: the flight step by step, with what the agents saw (false). Without actions
+    /// nobody acts.
+    #[serde(default)]
+    telemetry: bool,
 }
 
 /// What a scenario is.
@@ -47,6 +53,11 @@ pub(super) struct Checked {
     flown: Option<Judged>,
     /// What the actions show, if any were sent: why score was lost, and what each was worth.
     critique: Option<CritiqueView>,
+    /// Where `telemetry` was asked for and the scenario is fair: the start, then one frame a step, as a run's episode is
+    /// replayed, with `observation`: what the agents saw.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Vec<Object>>)]
+    frames: Option<Vec<Value>>,
 }
 
 /// How actions fared.
@@ -86,17 +97,18 @@ pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>,
         ));
     }
     // Planning takes milliseconds: off the threads that answer others.
-    let checked = tokio::task::spawn_blocking(move || judge(&scenario, wish.actions)).await;
+    let checked = tokio::task::spawn_blocking(move || judge(&scenario, wish.actions, wish.telemetry)).await;
     Ok(axum::Json(checked.map_err(|_| Problem::internal())??))
 }
 
-fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Problem> {
+fn judge(scenario: &Scenario, actions: Option<Actions>, telemetry: bool) -> Result<Checked, Problem> {
     let admission = admit(scenario);
     let (mut judged, mut critique) = (None, None);
+    let mut log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(Into::into);
         let refuse = |error: String| Problem::invalid("actions", error);
-        let log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
+        log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
             .map_err(|error| refuse(error.to_string()))?;
         let flown = replay(scenario, &log).map_err(|error| refuse(error.to_string()))?;
         judged = Some(Judged {
@@ -107,6 +119,10 @@ fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Probl
         let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse(error.to_string()))?;
         critique = Some(CritiqueView::of(scenario, shown));
     }
+    let frames = (telemetry && admission.fair.is_ok())
+        .then(|| frames(scenario, &log, Show::Telemetry, MOST_BYTES))
+        .transpose()
+        .map_err(|error| Problem::invalid("telemetry", error.to_string()))?;
     Ok(Checked {
         scenario_id: scenario.id().to_string(),
         scenario: scenario.to_json(),
@@ -117,5 +133,6 @@ fn judge(scenario: &Scenario, actions: Option<Actions>) -> Result<Checked, Probl
         bracket: admission.bracket.map(|b| BracketView::of(scenario, &b)),
         flown: judged,
         critique,
+        frames,
     })
 }
