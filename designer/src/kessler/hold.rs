@@ -28,6 +28,11 @@ impl Hold {
         Self { paths: satellites.each_ref().map(path), radar }
     }
 
+    /// Where satellites start.
+    pub(super) fn starts(&self) -> [Body; SATELLITES] {
+        self.paths.each_ref().map(|path| path[0])
+    }
+
     /// A satellite after a step.
     pub(super) fn at(&self, satellite: usize, step: u32) -> &Body {
         &self.paths[satellite][step as usize]

@@ -4,6 +4,8 @@ pub mod compile;
 mod hold;
 pub mod language;
 mod place;
+#[cfg(test)]
+mod tests;
 
 pub use self::compile::{Compiled, compile};
 pub use self::language::{Aim, Design, Encounter, Kind};
