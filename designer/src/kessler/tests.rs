@@ -86,7 +86,8 @@ proptest! {
         let mut log = hold.clone();
         for _ in 0..50 { log.end_step(); }
         let flown_hold = replay(&compiled.scenario, &log).unwrap();
-        prop_assert_eq!(flown_hold.lost, u32::from(encounter.kind == Kind::Threat), "{:?}", encounter);
+        // Fragments of the one that is hit may hit another.
+        prop_assert_eq!(flown_hold.lost > 0, encounter.kind == Kind::Threat, "{:?}", encounter);
         let critique = compiled.scenario.task().critique(&compiled.scenario, &log).unwrap();
         if encounter.kind == Kind::Threat {
             let failure = critique.failures.iter().find(|f| f.encounter.is_some()).unwrap();
