@@ -7,7 +7,7 @@ SHELL := /bin/bash
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
-demo: check-cargo ## A built-in learner trains against the curriculum, in under a minute after the build
+demo: check-cargo ## A built-in learner trains against the curriculum: about 45 s on two cores, after the build
 	cargo run --release --locked -p orchestrator --bin sparring -- demo
 
 test: check-cargo check-python lint ## Everything that is checked before a change lands

@@ -70,6 +70,11 @@ pub const MAX_UNFAIR: u64 = 64;
 pub trait Feed: Send + Sync {
     /// The recipe and seed of slot `slot`'s scenario number `number`.
     fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed);
+    /// The one recipe of all its scenarios, where there is one: a world whose recipes differ in agents makes room for no
+    /// more than that one needs, and else for as many as the task's params allow.
+    fn only(&self) -> Option<&Arc<Recipe>> {
+        None
+    }
 }
 
 /// One recipe with seeds of its own for every (slot, number), from a batch seed.
@@ -92,6 +97,22 @@ impl Feed for Seeds {
         let bits = mix(mix(mix(self.seed).wrapping_add(slot as u64)).wrapping_add(number));
         (Arc::clone(&self.recipe), Seed::in_space(SeedSpace::User, bits))
     }
+
+    fn only(&self) -> Option<&Arc<Recipe>> {
+        Some(&self.recipe)
+    }
+}
+
+/// That a feed's recipe is one of the batch's task.
+pub(crate) fn of_task(task: &str, recipe: &Recipe) -> Result<(), ScenarioError> {
+    if recipe.task().id() == task {
+        return Ok(());
+    }
+    Err(ScenarioError::UnknownChoice {
+        field: "task".to_owned(),
+        value: recipe.task().id().to_owned(),
+        choices: task.to_owned(),
+    })
 }
 
 /// A bijection of 64 bits that scatters neighbours: the finaliser of SplitMix64 (Steele, Lea and Flood 2014).
@@ -128,7 +149,7 @@ pub struct Output<'a> {
     pub rewards: &'a mut [f32],
     /// `envs`: the team's reward, which the score sums.
     pub team_rewards: &'a mut [f32],
-    /// `envs × agents`: the agent has left by the rules of the task, now or earlier in this episode.
+    /// `envs × agents`: the agent has left by the rules of the task, now or earlier in this episode, or is absent from it.
     pub terminated: &'a mut [bool],
     /// `envs × agents`: the horizon cut the agent off, now.
     pub truncated: &'a mut [bool],

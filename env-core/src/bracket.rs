@@ -26,7 +26,7 @@ pub struct Flown {
 pub enum SuccessRule {
     /// The task's own rule, which judges skill against floor and reference.
     Task,
-    /// The brief's raw rule: the score reaches a threshold.
+    /// The raw rule: the score reaches a threshold.
     Raw(f64),
 }
 
@@ -86,7 +86,21 @@ pub struct Admission {
 /// designer's gate all ask.
 #[must_use]
 pub fn admit(scenario: &Scenario) -> Admission {
-    match scenario.task().bracket(scenario) {
+    admission(scenario, scenario.task().bracket(scenario))
+}
+
+/// The same for as long as it is `wanted`; `None` where it was given up.
+#[must_use]
+pub fn admit_while(scenario: &Scenario, wanted: &dyn Fn() -> bool) -> Option<Admission> {
+    match scenario.task().bracket_while(scenario, wanted) {
+        Ok(None) => None,
+        Ok(Some(bracket)) => Some(admission(scenario, Ok(bracket))),
+        Err(error) => Some(admission(scenario, Err(error))),
+    }
+}
+
+fn admission(scenario: &Scenario, bracket: Result<Bracket, ScenarioError>) -> Admission {
+    match bracket {
         Err(error) => Admission { fair: Err(error), bracket: None, solvable: false, contested: false },
         Ok(bracket) => Admission {
             fair: Ok(()),

@@ -1,5 +1,5 @@
 //! What a finished episode shows, from its scenario and actions alone: why score was lost, with the geometry of it; what
-//! every action was worth; and a judgement on the scale of the brief's LLM judge. Each world fills these in by its own
+//! every action was worth; and a judgement from −1 to 1. Each world fills these in by its own
 //! rules; nobody else needs to know them.
 
 use serde::Serialize;
@@ -88,7 +88,8 @@ pub struct ActionVerdict {
     pub cost: f64,
     /// The verdict.
     pub verdict: Verdict,
-    /// The score with it minus the score without it.
+    /// The score with it minus the score without it. In docking only the agent's own return is compared, over the number
+    /// of agents: what the others would have earned had they not collided with it, or had they, is left out.
     pub gain: f64,
 }
 
@@ -106,7 +107,7 @@ pub enum Verdict {
     Harmful,
 }
 
-/// The deterministic judge's word on an episode, on the scale of the brief's LLM judge.
+/// The deterministic judge's word on an episode, from −1 to 1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Judged {
     /// Within −1 to 1.
@@ -149,6 +150,16 @@ pub fn sector(bearing_deg: f64) -> u32 {
     (wrapped as u32).min(SECTORS - 1)
 }
 
+/// Steps before a contact at which its bearing is taken: min(5, step), or when what comes is first visible if that is later.
+pub const BEARING_STEPS: u32 = 5;
+
+/// A bearing: the angle of (first, second) from the first axis towards the second, degrees in [0, 360).
+pub(crate) fn angle_deg(first: f64, second: f64) -> f64 {
+    let angle = libm::atan2(second, first).to_degrees();
+    // A tiny negative angle plus 360 rounds to 360 itself, and 0 is never −0.
+    if angle < 0.0 { (angle + 360.0) % 360.0 } else { angle + 0.0 }
+}
+
 impl SpeedBands {
     /// The band of a speed, counted from 0.
     #[must_use]
@@ -168,6 +179,20 @@ mod tests {
             assert_eq!(sector(bearing), wanted, "{bearing}");
         }
         assert_eq!((sector(-20.0), sector(720.0), sector(f64::NAN)), (11, 0, 0));
+    }
+
+    #[test]
+    fn angles_run_from_the_first_axis_to_the_second() {
+        let around =
+            [(2.0, 0.0), (1.0, 1.0), (0.0, 3.0), (-1.0, 0.0), (-1.0, -0.0), (0.0, -1.0), (1.0, -1.0)];
+        for ((first, second), wanted) in around.into_iter().zip([0.0, 45.0, 90.0, 180.0, 180.0, 270.0, 315.0])
+        {
+            // One rounding of atan2 and one of the scale.
+            assert!((angle_deg(first, second) - wanted).abs() < 1e-9, "{first} {second}");
+        }
+        for second in [-1e-300, -1e-17, -0.0, 0.0] {
+            assert_eq!(angle_deg(1.0, second).to_bits(), 0.0_f64.to_bits(), "{second}");
+        }
     }
 
     #[test]

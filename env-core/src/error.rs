@@ -1,4 +1,7 @@
-//! Typed errors of the worlds. Each names the field at fault, what was found and what would be right.
+//! Typed errors of the worlds. Each names the field at fault, what was found and what would be right. A field is a dotted
+//! path, and places in lists count from 0, in the path and in the words alike.
+
+use crate::told;
 
 /// A scenario (or recipe) that cannot be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -30,7 +33,7 @@ pub enum ScenarioError {
         wanted: String,
     },
     /// A number outside its bounds.
-    #[error("{field} is {value}, outside {min} to {max}")]
+    #[error("{field} is {}, outside {} to {}", told(*value), told(*min), told(*max))]
     OutOfRange {
         /// Where it stands.
         field: String,
@@ -148,11 +151,11 @@ pub enum StepError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LogError {
     /// More steps than the episode has.
-    #[error("the log has {steps} steps, but the episode ended at step {ended}")]
+    #[error("the log has {steps} steps, but the episode was over after {ended}")]
     TooLong {
         /// Steps in the log.
         steps: usize,
-        /// Where the episode ended.
+        /// Steps the episode had.
         ended: u32,
     },
     /// Fewer steps than the episode has, and no word why.
@@ -165,10 +168,10 @@ pub enum LogError {
         steps: usize,
     },
     /// A step the environment refuses.
-    #[error("step {step}: {source}")]
+    #[error("{field}: {source}")]
     Step {
-        /// Counted from 1.
-        step: usize,
+        /// Where it stands in the log: `steps.3`, or `steps.3.0` where one entry is at fault.
+        field: String,
         /// Why.
         source: StepError,
     },
@@ -183,6 +186,24 @@ pub enum LogError {
 }
 
 impl LogError {
+    /// The dotted path of what is at fault, from the log on.
+    #[must_use]
+    pub fn field(&self) -> &str {
+        match self {
+            Self::Step { field, .. } | Self::Malformed { field, .. } => field,
+            Self::TooLong { .. } | Self::TooShort { .. } => "steps",
+        }
+    }
+
+    /// The same of a log that stands under `parent`, so that the words name the whole path.
+    #[must_use]
+    pub fn under(mut self, parent: &str) -> Self {
+        if let Self::Step { field, .. } | Self::Malformed { field, .. } = &mut self {
+            *field = format!("{parent}.{field}");
+        }
+        self
+    }
+
     /// A malformed log, by place and reason.
     pub(crate) fn malformed(field: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Malformed { field: field.into(), reason: reason.into() }

@@ -26,6 +26,7 @@ pub mod space;
 pub mod task;
 #[cfg(test)]
 mod testing;
+mod told;
 pub mod world;
 
 pub use bracket::{Admission, Bracket, Flown, SuccessRule};
@@ -34,6 +35,7 @@ pub use error::{LogError, ScenarioError, StepError};
 pub use log::{ActionLog, JointAction, Stopped};
 pub use registry::{task, tasks, usual_tasks, world, worlds};
 pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
-pub use seed::{Seed, SeedSpace};
+pub use seed::{SEED_WANTED, Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};
+pub use told::{significant, told};
 pub use world::World;

@@ -33,7 +33,9 @@ pub fn fly(scenario: &Scenario, policy: &mut dyn Policy) -> Result<(Flown, Actio
         policy.act(episode.observation(), &mut log);
         let step = log.len();
         let action = log.step(step.saturating_sub(1));
-        episode.step(action, &mut report).map_err(|source| LogError::Step { step, source })?;
+        episode
+            .step(action, &mut report)
+            .map_err(|source| refused(step.saturating_sub(1), action, source))?;
     }
     Ok((episode.flown(), log))
 }
@@ -60,7 +62,7 @@ pub(crate) fn follow(
     let (mut steps, mut done) = (0, false);
     let mut advance = |action: JointAction<'_>, steps: &mut u32| {
         *steps += 1;
-        step(action).map_err(|source| LogError::Step { step: *steps as usize, source })
+        step(action).map_err(|source| refused(*steps as usize - 1, action, source))
     };
     for action in log.steps() {
         if done {
@@ -75,6 +77,18 @@ pub(crate) fn follow(
         done = advance(JointAction::HOLD, &mut steps)?;
     }
     Ok(())
+}
+
+/// A refused step by its place in the log, and the entry at fault where one is.
+fn refused(step: usize, action: JointAction<'_>, source: StepError) -> LogError {
+    let entry = match source {
+        StepError::UnknownAgent { agent, .. } | StepError::NotFinite { agent } => {
+            action.agents.iter().position(|&a| a == agent)
+        }
+        _ => None,
+    };
+    let field = entry.map_or_else(|| format!("steps.{step}"), |entry| format!("steps.{step}.{entry}"));
+    LogError::Step { field, source }
 }
 
 /// Reads a log in the wire form: a list of steps in the task's own form, `"f32"` or `"f64"`, and why it stopped.
@@ -100,7 +114,7 @@ pub fn read_log(
     for (index, step) in steps.iter().enumerate() {
         task.read_step(step, &mut log).map_err(|error| match error {
             LogError::Malformed { field, reason } => {
-                LogError::Malformed { field: format!("actions.{index}{field}"), reason }
+                LogError::Malformed { field: format!("steps.{index}{field}"), reason }
             }
             other => other,
         })?;

@@ -334,11 +334,11 @@ impl Scenario {
             None => {
                 return Err(ScenarioError::Missing {
                     field: "seed".to_owned(),
-                    wanted: "a whole number below 2^53".to_owned(),
+                    wanted: crate::seed::SEED_WANTED.to_owned(),
                 });
             }
             Some(value) => {
-                Seed::new(value.as_u64().ok_or_else(|| wrong("seed", value, "a whole number below 2^53"))?)?
+                Seed::new(value.as_u64().ok_or_else(|| wrong("seed", value, crate::seed::SEED_WANTED))?)?
             }
         };
         Ok(Self::new(Recipe::from_fields(fields)?, seed))

@@ -27,17 +27,17 @@ impl Seed {
     /// Any valid seed.
     ///
     /// # Errors
-    /// `OutOfRange` at 2⁵³ and above, and where bits 52–51 are `11`.
+    /// At 2⁵³ and above, and where bits 52–51 are `11`.
     pub fn new(value: u64) -> Result<Self, ScenarioError> {
-        if value <= MAX { Ok(Self(value)) } else { Err(out_of_range(value, MAX)) }
+        if value <= MAX { Ok(Self(value)) } else { Err(no_seed(value.to_string())) }
     }
 
     /// A seed that a caller may choose.
     ///
     /// # Errors
-    /// `OutOfRange` for a training or evaluation seed.
+    /// A training or evaluation seed.
     pub fn user(value: u64) -> Result<Self, ScenarioError> {
-        if value <= FREE_MASK { Ok(Self(value)) } else { Err(out_of_range(value, FREE_MASK)) }
+        if value <= FREE_MASK { Ok(Self(value)) } else { Err(no_seed(value.to_string())) }
     }
 
     /// The seed of `space` with these free bits; higher bits of `bits` are dropped.
@@ -68,9 +68,12 @@ impl Seed {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "for a message only; bounds are below 2^53")]
-fn out_of_range(value: u64, max: u64) -> ScenarioError {
-    ScenarioError::OutOfRange { field: "seed".to_owned(), value: value as f64, min: 0.0, max: max as f64 }
+/// What a seed must be, in every message: the one bound there is for people and their programs, 2⁵¹ − 1.
+pub const SEED_WANTED: &str =
+    "a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)";
+
+fn no_seed(found: String) -> ScenarioError {
+    ScenarioError::WrongType { field: "seed".to_owned(), found, wanted: SEED_WANTED.to_owned() }
 }
 
 #[cfg(test)]
@@ -85,6 +88,7 @@ mod tests {
             assert_eq!(seed.get() >> 51, tag);
             assert_eq!(Seed::new(seed.get()), Ok(seed));
         }
+        assert!(SEED_WANTED.contains(&FREE_MASK.to_string()));
         assert!(Seed::new(3 << 51).is_err());
         assert!(Seed::new(1 << 53).is_err());
         assert!(Seed::user(1 << 51).is_err());

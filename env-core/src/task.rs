@@ -1,6 +1,7 @@
 //! What every task of every world answers to.
 
 use std::any::Any;
+use std::sync::LazyLock;
 
 use serde_json::Value;
 
@@ -15,21 +16,52 @@ use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
 use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
 
+/// What a task is, as data.
+#[derive(Debug)]
+pub struct TaskCard {
+    /// `world/task`.
+    pub id: &'static str,
+    /// The world and its version, as `kessler@1`.
+    pub world: &'static str,
+    /// One sentence for people.
+    pub about: &'static str,
+    /// The parameter space.
+    pub params: &'static [ParamSpec],
+    /// The physics options.
+    pub options: &'static [OptionSpec],
+    /// The default table of levels.
+    pub levels: &'static LazyLock<Levels>,
+}
+
 /// One task: its spaces as data, its episodes, its panel, reference, success rule and action codec. Object-safe: the
 /// service knows tasks only through it.
 pub trait TaskSpec: Send + Sync {
+    /// What it is.
+    fn card(&self) -> &TaskCard;
     /// `world/task`.
-    fn id(&self) -> &'static str;
+    fn id(&self) -> &'static str {
+        self.card().id
+    }
     /// The world and its version, as `kessler@1`.
-    fn world(&self) -> &'static str;
+    fn world(&self) -> &'static str {
+        self.card().world
+    }
     /// One sentence for people.
-    fn about(&self) -> &'static str;
+    fn about(&self) -> &'static str {
+        self.card().about
+    }
     /// The parameter space.
-    fn params(&self) -> &'static [ParamSpec];
+    fn params(&self) -> &'static [ParamSpec] {
+        self.card().params
+    }
     /// The physics options.
-    fn options(&self) -> &'static [OptionSpec];
+    fn options(&self) -> &'static [OptionSpec] {
+        self.card().options
+    }
     /// The default table of levels.
-    fn levels(&self) -> &'static Levels;
+    fn levels(&self) -> &'static Levels {
+        self.card().levels
+    }
     /// Steps after which an episode is truncated.
     fn horizon(&self, recipe: &Recipe) -> u32;
     /// Agents at the start.
@@ -53,6 +85,19 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// A scenario whose start is not fair.
     fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError>;
+    /// The same for as long as it is `wanted`, which is asked now and then and never takes back a no; `None` where it was
+    /// given up. How a service drops what nobody waits for any more, without a clock in here. A task whose bracket takes
+    /// milliseconds need not ask.
+    ///
+    /// # Errors
+    /// A scenario whose start is not fair.
+    fn bracket_while(
+        &self,
+        scenario: &Scenario,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Option<Bracket>, ScenarioError> {
+        if wanted() { self.bracket(scenario).map(Some) } else { Ok(None) }
+    }
     /// The same scenario with threats planted until it is contested, or `None` where that does not work out.
     fn plant_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)>;
     /// The task's own success rule.

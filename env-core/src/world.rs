@@ -43,12 +43,43 @@ pub struct Compared {
     pub episodes: usize,
     /// Steps compared.
     pub steps: usize,
-    /// The worst absolute difference of each quantity, in the order people should read them.
-    pub worst: Vec<(&'static str, f64)>,
+    /// The worst difference of each quantity, in the order people should read them.
+    pub worst: Vec<Worst>,
     /// The first step that differs by more than its tolerance, or in a word.
     pub first: Option<FirstDifference>,
     /// Differences that are meant, each with its reason; they do not count as differing.
     pub documented: Vec<String>,
+}
+
+/// The difference of a quantity that is worst for what is allowed of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Worst {
+    /// The quantity: a plain word.
+    pub quantity: &'static str,
+    /// The absolute difference; infinite where one is not a number.
+    pub difference: f64,
+    /// The largest that passes there: the tolerance asked for, or what the recording's own precision leaves, if that is
+    /// more.
+    pub allowed: f64,
+}
+
+impl Worst {
+    /// Nothing compared yet; `allowed` by the tolerance asked for.
+    #[must_use]
+    pub const fn none(quantity: &'static str, allowed: f64) -> Self {
+        Self { quantity, difference: 0.0, allowed }
+    }
+
+    /// Takes another difference of the same quantity in, where it is worse.
+    pub fn take(&mut self, difference: f64, allowed: f64) {
+        // Beyond what is allowed is worse than within; then by how many times; then plainly.
+        let rank = |difference: f64, allowed: f64| {
+            (difference > allowed, difference / allowed.max(f64::MIN_POSITIVE))
+        };
+        if difference > 0.0 && rank(difference, allowed) > rank(self.difference, self.allowed) {
+            (self.difference, self.allowed) = (difference, allowed);
+        }
+    }
 }
 
 /// Where a recording and its replay part.

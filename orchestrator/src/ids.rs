@@ -117,11 +117,11 @@ pub fn random_token(count: usize) -> String {
     bytes.iter().cycle().take(count.min(16)).map(|b| char::from(LETTERS[usize::from(b % 32)])).collect()
 }
 
-/// A run's seed, below 2⁵³, from the operating system's randomness.
+/// A run's seed, of those that people may choose (below 2⁵¹), from the operating system's randomness.
 #[must_use]
 pub fn random_seed() -> u64 {
     let bytes = entropy();
-    bytes.iter().take(8).fold(0u64, |seed, &b| (seed << 8) | u64::from(b)) >> 11
+    bytes.iter().take(8).fold(0u64, |seed, &b| (seed << 8) | u64::from(b)) >> 13
 }
 
 /// The one place where ambient randomness enters: names and seeds of new things, never what follows from them.

@@ -5,6 +5,7 @@ pub mod curriculum;
 pub mod frames;
 pub mod http;
 pub mod ids;
+mod reading;
 pub mod service;
 pub mod store;
 pub mod training;

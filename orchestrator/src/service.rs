@@ -80,6 +80,8 @@ pub struct App {
     pub ready: watch::Receiver<u64>,
     /// Batches of results that are parsed and replayed at once.
     pub large_bodies: Arc<Semaphore>,
+    /// Scenarios by hand that are planned on at once.
+    pub planning: http::Planning,
     /// Who waits for a lease, run by run: one after the other, so that a large lease gets its turn.
     pub gates: Arc<Gates>,
     /// The service is going down.
@@ -166,6 +168,7 @@ impl Service {
             clock: config.clock,
             ready,
             large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
+            planning: http::Planning::default(),
             gates: Arc::default(),
             stopping: Arc::clone(&stopping),
         };

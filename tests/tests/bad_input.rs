@@ -50,6 +50,12 @@ async fn requests_that_are_none() {
             r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[-1]]}}}}"#,
         ),
         ("POST", "/v1/runs", json, r#"[1, 2]"#),
+        ("POST", "/v1/runs", json, "null"),
+        ("POST", "/v1/runs", json, ""),
+        ("POST", "/v1/runs", json, r#"{"seed": 1, "seed": 2}"#),
+        ("POST", "/v1/runs", json, r#"{"seed": 2251799813685248}"#),
+        ("POST", "/v1/runs", json, r#"{"success_threshold": 1e300}"#),
+        ("POST", "/v1/runs", json, r#"{"task_settings": {"kessler/survival": [1]}}"#),
         ("POST", "/v1/runs", json, "[]"),
         ("POST", "/v1/runs", json, r#"{} {}"#),
         ("POST", "/v1/runs", "text/plain", r#"{}"#),
@@ -61,6 +67,9 @@ async fn requests_that_are_none() {
         ("GET", "/v1/runs/nobody/mastery/history", json, ""),
         ("GET", "/v1/runs?limit=0", json, ""),
         ("GET", "/v1/runs?limit=many", json, ""),
+        ("GET", "/v1/runs?limit=1&limit=2", json, ""),
+        ("GET", "/v1/runs?limt=1", json, ""),
+        ("GET", "/v1/runs?limit=%ff", json, ""),
         ("GET", "/v1/runs?cursor=7", json, ""),
         ("POST", "/v1/runs/nobody/leases", json, r#"{"groups": 1}"#),
         ("POST", "/v1/runs/run/leases", json, r#"{}"#),
@@ -73,13 +82,14 @@ async fn requests_that_are_none() {
         ("GET", "/v1/runs/run/leases/42-abcdef", json, ""),
         ("GET", "/v1/runs/run/episodes/ep_42-abcdef_0", json, ""),
         ("GET", "/v1/runs/run/episodes/42", json, ""),
-        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": "x"}]}"#),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": "x", "actions": []}]}"#),
         ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": "x", "score": 1.0}]}"#),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [["x", "failed"]]}"#),
         (
             "POST",
             "/v1/runs/run/results",
             json,
-            r#"{"results": [{"episode": "x", "status": "failed", "actions": {"steps": []}}]}"#,
+            r#"{"results": [{"episode": "x", "actions": {"steps": [[{"a": 1, "a": 2}]]}}]}"#,
         ),
         ("POST", "/v1/runs/nobody/results", json, r#"{"results": []}"#),
         ("GET", "/v1/nothing", json, ""),
@@ -108,13 +118,33 @@ async fn scenarios_that_are_none() {
         json!({"task": "kessler/survival", "seed": 1, "params": {"debris": 1e6}}),
         json!({"task": "kessler/survival", "seed": 1, "gravity": "strong"}),
         json!({"task": "kessler/survival", "seed": (2u64 << 51) + 5}),
+        json!({"task": "kessler/survival", "seed": 1u64 << 53}),
+        json!({"task": "kessler/survival", "seed": 1.5}),
+        json!({"task": "kessler/survival", "seed": 1, "params": {"fuel": 1e300}}),
         json!({"task": "kessler/survival", "seed": 1, "layout": {"mode": "extend", "bodies": {"moons": []}}}),
         json!({"task": "kessler/survival", "seed": 1, "layout": {"mode": "extend", "bodies": {"debris": vec![[60, 0, 0, 4]; 600]}}}),
     ] {
         answers.push(told(&api.post("/v1/scenarios", json!({ "scenario": scenario })).await));
     }
-    let wrong = json!({"scenario": {"task": "kessler/survival", "seed": 1}, "actions": {"steps": [[[5, 0, 0]]], "stopped": "too_late"}});
-    answers.push(told(&api.post("/v1/scenarios", wrong).await));
+    let scenario = json!({"task": "kessler/survival", "seed": 1});
+    for steps in [
+        json!([[[5, 0, 0]]]),
+        json!([[], [[0, 0, 0], [0, 0, "x"]]]),
+        json!(7),
+        json!([]),
+        json!(vec![json!([]); 51]),
+    ] {
+        let wrong = json!({"scenario": scenario, "actions": {"steps": steps}});
+        answers.push(told(&api.post("/v1/scenarios", wrong).await));
+    }
+    for wrong in [
+        scenario.clone(),
+        json!({"scenario": [1]}),
+        json!({"scenario": scenario, "actions": []}),
+        json!(null),
+    ] {
+        answers.push(told(&api.post("/v1/scenarios", wrong).await));
+    }
     insta::assert_snapshot!(answers.join("\n"));
 }
 
@@ -134,6 +164,27 @@ async fn a_scenario_by_hand_is_bracketed_and_replayed() {
         server.api().post("/v1/scenarios", again).await.expect(200)["scenario_id"],
         checked["scenario_id"]
     );
+}
+
+/// Requests whose clients have gone cost nothing any more: who comes after them is answered.
+#[tokio::test]
+async fn planning_that_nobody_waits_for_is_given_up() {
+    let server = Server::start().await;
+    let api = server.api();
+    // Seconds each, and few at a time.
+    let heavy = json!({"scenario": {
+        "task": "kessler/formation", "seed": 1, "physics": {"risk": "pc"},
+        "params": {"debris": 1000, "spread": 1.0, "sigma": 10.0},
+    }});
+    for _ in 0..24 {
+        let gone = tokio::time::timeout(
+            std::time::Duration::from_millis(50),
+            api.post("/v1/scenarios", heavy.clone()),
+        );
+        assert!(gone.await.is_err(), "that was quick: this proves nothing");
+    }
+    let light = json!({"scenario": {"task": "kessler/survival", "seed": 1}});
+    let _ = api.post("/v1/scenarios", light).await.expect(200);
 }
 
 #[tokio::test]

@@ -135,6 +135,25 @@ async fn listed(api: &Api) -> u64 {
     }
 }
 
+/// Who asks for N examples of a cell is named N different episodes, if there are as many.
+async fn named(api: &Api) {
+    let cells = |profile: &Value| -> Vec<(Vec<String>, u64)> {
+        let modes = profile["tasks"][0]["modes"].as_array().unwrap().iter();
+        let cells = modes.flat_map(|mode| mode["cells"].as_array().unwrap());
+        let names = |cell: &Value| serde_json::from_value(cell["episodes"].clone()).unwrap();
+        cells.map(|cell| (names(cell), cell["count"].as_u64().unwrap())).collect()
+    };
+    let asked = async |n: usize| api.get(&format!("/v1/runs/run/failures?task={TASK}&examples={n}")).await;
+    let whole = cells(&asked(64).await.expect(200));
+    let twice = |(names, count): &&(Vec<String>, u64)| names.len() > 3 && *count > names.len() as u64;
+    assert!(whole.iter().any(|cell| twice(&cell)), "an episode fails twice in one cell: {whole:?}");
+    for n in [0, 1, 2, 3, 5, 8] {
+        for ((some, _), (all, _)) in cells(&asked(n).await.expect(200)).iter().zip(&whole) {
+            assert_eq!(some[..], all[..n.min(all.len())], "{n} examples");
+        }
+    }
+}
+
 #[tokio::test]
 async fn the_profile_is_what_the_episodes_show() {
     let (clock, hand) = Clock::manual(1_700_000_000_000);
@@ -160,6 +179,7 @@ async fn the_profile_is_what_the_episodes_show() {
     let mean = profile["judge"]["all"].as_f64().unwrap();
     assert!((mean - judged / 47.0).abs() < 1e-12, "47 additions in another order: {mean}");
 
+    named(&api).await;
     // A cell has at most 64 examples, and no cell here had more failures: all are listed.
     assert_eq!(listed(&api).await, cells.values().sum::<u64>());
     let ((mode, met), of_cell) = cells.iter().find(|((_, met), _)| met.is_some()).unwrap();

@@ -117,7 +117,7 @@ async fn wrong_logs_are_refused_by_themselves() {
     let api = server.api();
     let id =
         run(&api, json!({"tasks": ["kessler/survival"], "placement": false, "contested_share": 0.0})).await;
-    let lease = api.lease(&id, json!({"groups": 10})).await;
+    let lease = api.lease(&id, json!({"groups": 12})).await;
     let names: Vec<String> = lease.episodes().into_iter().map(|(name, _)| name).collect();
     let empty = |n: usize| vec![json!([]); n];
     let with = |step: Value| {
@@ -137,7 +137,10 @@ async fn wrong_logs_are_refused_by_themselves() {
         with(json!([{"satellite_id": 0, "delta_vx": 0.1}])),
         with(json!({"burns": []})),
     ];
-    let results = names.iter().zip(logs).map(|(n, log)| json!({"episode": n, "actions": log})).collect();
+    let mut results: Vec<Value> =
+        names.iter().zip(logs).map(|(n, log)| json!({"episode": n, "actions": log})).collect();
+    results.push(json!({"episode": names[10]}));
+    results.push(json!({"episode": names[11], "status": "failed", "actions": {"steps": []}}));
     let answer = api.report(&id, results).await;
     let told: Vec<String> = answer["results"]
         .as_array()

@@ -49,7 +49,10 @@ pub fn compile(design: &Design, base: &Scenario) -> Result<Compiled, Fault> {
     let Some(room) = wanted.checked_sub(debris.len()) else {
         return Err(Fault::new(
             "encounters",
-            format!("{} of them are debris that is there from the start, and the param debris is {wanted}", debris.len()),
+            format!(
+                "{} of them are debris that is there from the start, and the param debris is {wanted}",
+                debris.len()
+            ),
         ));
     };
     let background = background(&setup, base.seed(), start, room, &hold, laws);
@@ -59,14 +62,12 @@ pub fn compile(design: &Design, base: &Scenario) -> Result<Compiled, Fault> {
     let bodies = BTreeMap::from([
         ("satellites".to_owned(), hold.starts().iter().map(row).collect()),
         ("debris".to_owned(), debris.iter().chain(&background.debris).map(row).collect()),
-        (
-            "rogues".to_owned(),
-            rogues.map(|(step, b)| vec![f64::from(step), b.x, b.y, b.vx, b.vy]).collect(),
-        ),
+        ("rogues".to_owned(), rogues.map(|(step, b)| vec![f64::from(step), b.x, b.y, b.vx, b.vy]).collect()),
     ]);
     let layout =
         Layout { mode: env_core::scenario::LayoutMode::Replace, bodies, provenance: Some(design.to_json()) };
-    let recipe = recipe.with_param("debris", given as f64).and_then(|r| r.with_layout(Some(layout))).map_err(fault)?;
+    let recipe =
+        recipe.with_param("debris", given as f64).and_then(|r| r.with_layout(Some(layout))).map_err(fault)?;
     Ok(Compiled { scenario: Scenario::new(recipe, base.seed()), placed })
 }
 

@@ -330,7 +330,10 @@ fn encounters(value: Option<&Value>) -> Result<Vec<Encounter>, Fault> {
         .and_then(Value::as_array)
         .ok_or_else(|| Fault::new("encounters", "a list of encounters is wanted"))?;
     if list.is_empty() || list.len() > MAX_ENCOUNTERS {
-        return Err(Fault::new("encounters", format!("{} are given; 1 to {MAX_ENCOUNTERS} are wanted", list.len())));
+        return Err(Fault::new(
+            "encounters",
+            format!("{} are given; 1 to {MAX_ENCOUNTERS} are wanted", list.len()),
+        ));
     }
     list.iter().enumerate().map(|(i, value)| Encounter::read(&format!("encounters.{i}"), value)).collect()
 }

@@ -1,7 +1,8 @@
 //! One encounter as one body: solved where it happens, run backwards to where it starts, and flown forwards again to see
 //! that it does what it claims.
 
-use env_core::kessler::bearing::{BEARING_STEPS, Frame};
+use env_core::critique::BEARING_STEPS;
+use env_core::kessler::bearing::Frame;
 use env_core::kessler::constants::{CONTACT_DISTANCE, EARTH_RADIUS, HORIZON, SATELLITES};
 use env_core::kessler::kernel::{Body, Gravity};
 use env_core::kessler::plant::START_RADII;
@@ -117,12 +118,7 @@ impl Solving<'_> {
         let (sin, cos) = libm::sincos(heading_deg.to_radians());
         let speed = SPEED.value(self.encounter.relative_speed);
         let off = self.side * MISS.value(self.encounter.miss_distance);
-        Body {
-            x: of.x - off * sin,
-            y: of.y + off * cos,
-            vx: of.vx + speed * cos,
-            vy: of.vy + speed * sin,
-        }
+        Body { x: of.x - off * sin, y: of.y + off * cos, vx: of.vx + speed * cos, vy: of.vy + speed * sin }
     }
 
     /// The bearing that a heading comes to: some steps before, or when the body is first visible if that is later.
@@ -218,7 +214,9 @@ impl Solving<'_> {
                 }
                 let touches = distance < CONTACT_DISTANCE;
                 match self.encounter.kind {
-                    Kind::Threat if satellite == own && step == self.encounter.step && touches => return Ok(least),
+                    Kind::Threat if satellite == own && step == self.encounter.step && touches => {
+                        return Ok(least);
+                    }
                     Kind::Threat if touches => return Err(Trouble::Early { satellite, step }),
                     Kind::Threat => {}
                     Kind::Decoy | Kind::Screen => {

@@ -43,15 +43,19 @@ fn encounter() -> impl Strategy<Value = Encounter> {
         0.0..1.0f64,
         any::<bool>(),
     )
-        .prop_map(|(satellite, step, bearing_deg, relative_speed, (kind, _, min, max, _), share, rogue)| Encounter {
-            satellite,
-            step,
-            bearing_deg,
-            relative_speed,
-            miss_distance: min + (share * f64::from(max - min)) as u32,
-            kind,
-            rogue,
-        })
+        .prop_map(
+            |(satellite, step, bearing_deg, relative_speed, (kind, _, min, max, _), share, rogue)| {
+                Encounter {
+                    satellite,
+                    step,
+                    bearing_deg,
+                    relative_speed,
+                    miss_distance: min + (share * f64::from(max - min)) as u32,
+                    kind,
+                    rogue,
+                }
+            },
+        )
 }
 
 /// Distances of a body from all satellites after every step, everybody holding, by the engine.
@@ -113,10 +117,15 @@ fn how_much_compiles() {
     let mut count = std::collections::BTreeMap::new();
     for seed in 0..3000u64 {
         let encounter = strategy.new_tree(&mut runner).unwrap().current();
-        let result = compile(&design(Frame::RadialInTrack, vec![encounter]), &base("kessler/survival", seed % 50, &[]));
+        let result = compile(
+            &design(Frame::RadialInTrack, vec![encounter]),
+            &base("kessler/survival", seed % 50, &[]),
+        );
         let word = match result {
             Ok(_) => "compiled".to_owned(),
-            Err(fault) => fault.words.split(" would ").nth(1).unwrap_or(&fault.words).chars().take(12).collect(),
+            Err(fault) => {
+                fault.words.split(" would ").nth(1).unwrap_or(&fault.words).chars().take(12).collect()
+            }
         };
         *count.entry((encounter.kind.word(), encounter.rogue, word)).or_insert(0) += 1;
     }

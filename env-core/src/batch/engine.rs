@@ -11,8 +11,10 @@ use crate::seed::Seed;
 
 /// Environments below which a batch is stepped by the calling thread alone: handing a chunk over costs microseconds.
 const WORTH_SHARING: usize = 64;
-/// Chunks a thread gets, so that one that is held up does not hold up the others.
-const CHUNKS_PER_THREAD: usize = 4;
+/// Chunks a thread gets, so that whoever is late, or held up, leaves little undone at the end.
+const CHUNKS_PER_THREAD: usize = 16;
+/// Environments of a chunk, at least.
+const LEAST: usize = 16;
 
 /// One environment of a world, as a batch steps it.
 pub trait Lane: Send + Sized {
@@ -23,6 +25,10 @@ pub trait Lane: Send + Sized {
     fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError>;
     /// One step of an episode that is not over. `actions` is `agents × action`, all finite. True if the episode is over.
     fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool;
+    /// Says which of the batch's agents an episode that has just started is without, where that can be.
+    fn absent(&self, terminated: &mut [bool]) {
+        terminated.fill(false);
+    }
     /// Writes what is seen now.
     fn observe(&mut self, out: &mut [f32]);
     /// The sum of rewards, as the world's score has it.
@@ -89,7 +95,7 @@ impl<L: Lane> Engine<L> {
         if threads == 1 || envs < WORTH_SHARING {
             envs
         } else {
-            envs.div_ceil(threads * CHUNKS_PER_THREAD).max(WORTH_SHARING / CHUNKS_PER_THREAD)
+            envs.div_ceil(threads * CHUNKS_PER_THREAD).max(LEAST)
         }
     }
 
@@ -159,10 +165,10 @@ impl<L: Lane> Seat<L> {
             // Only under NextStep: this step is the reset.
             row.rewards.fill(0.0);
             *row.team_reward = 0.0;
-            row.terminated.fill(false);
             row.truncated.fill(false);
             *row.done = false;
             self.restart(feed)?;
+            self.lane.absent(row.terminated);
             self.lane.observe(row.observation);
             return Ok(());
         }

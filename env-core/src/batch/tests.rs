@@ -249,6 +249,12 @@ fn a_slot_that_cannot_start_holds_up_nobody() {
         let hashes: Vec<_> = (0..300).map(|env| batch.state_hash(env).unwrap()).collect();
         (told, hashes)
     };
+    let config = BatchConfig { envs: 3, autoreset: Autoreset::SameStep, observe: ALL };
+    let first = task.batch(Box::new(Seeds::new(Arc::clone(&bad), 5)), config).err().unwrap();
+    assert_eq!(
+        first.to_string(),
+        r#"environment 0: task is "kessler/formation"; choose one of kessler/survival"#
+    );
     let (told, hashes) = fly(1);
     assert!(told[..49].iter().all(Result::is_ok) && told[50].is_ok());
     assert!(matches!(told[49], Err(BatchError::Scenario { env: 5, .. })), "{:?}", told[49]);

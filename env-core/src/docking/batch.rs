@@ -2,21 +2,24 @@
 
 use std::sync::Arc;
 
-use super::constants::{MAX_DEPUTIES, OBSERVATION};
+use super::Docking;
+use super::constants::{MAX_DEPUTIES, OBSERVATION, STATE};
 use super::flight::Flight;
 use super::setup::{Setup, Start};
-use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape};
+use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
 use crate::scenario::Recipe;
 use crate::seed::{Seed, SeedSpace};
+use crate::task::TaskSpec;
 
 /// Values of one deputy's action.
 const ACTION: usize = 3;
 
-/// A batch of this task's episodes, with room for as many deputies as slot 0's first scenario has.
+/// A batch of this task's episodes, with room for as many deputies as the feed's only recipe has, or as any can. Who is
+/// absent from a scenario has left from its start.
 pub(super) fn batch(
-    task: &'static str,
+    task: &Docking,
     feed: Box<dyn Feed>,
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
@@ -25,21 +28,27 @@ pub(super) fn batch(
             "a deputy sees itself and nothing else: docking observes everything, and no bodies",
         ));
     }
-    let fault = |source| BatchError::Scenario { env: 0, source };
-    let (recipe, seed) = feed.scenario(0, 0);
-    let setup = Setup::read(&recipe).map_err(fault)?;
-    let mut chance = Seeded::new(seed);
-    let start = setup.start(&mut chance).map_err(fault)?;
-    let agents = start.deputies.clamp(1, MAX_DEPUTIES);
+    let (id, space) = (task.id(), task.params());
+    let (recipe, _) = feed.scenario(0, 0);
+    let setup = read(id, &recipe).map_err(|source| BatchError::Scenario { env: 0, source })?;
+    let most = || space.iter().find(|param| param.name == "deputies").map_or(1, |p| p.max as usize);
+    let agents = feed.only().map_or_else(most, |_| setup.deputies);
     let shape = Shape { envs: config.envs, agents, action: ACTION, observation: agents * OBSERVATION };
+    let start = Start { deputies: setup.deputies, states: [[0.0; STATE]; MAX_DEPUTIES] };
     let lane = || DockingLane {
-        task,
+        task: id,
         flight: Flight::new(setup, &start),
         chance: Seeded::new(Seed::in_space(SeedSpace::User, 0)),
         recipe: Arc::clone(&recipe),
         agents,
     };
     Ok(Box::new(Engine::new(config, shape, feed, lane)?))
+}
+
+/// A recipe of this task, in docking's terms.
+fn read(task: &str, recipe: &Recipe) -> Result<Setup, ScenarioError> {
+    of_task(task, recipe)?;
+    Setup::read(recipe)
 }
 
 struct DockingLane {
@@ -51,34 +60,24 @@ struct DockingLane {
     agents: usize,
 }
 
-impl DockingLane {
-    fn read(&mut self, recipe: &Arc<Recipe>) -> Result<(), ScenarioError> {
-        if recipe.task().id() != self.task {
-            return Err(ScenarioError::UnknownChoice {
-                field: "task".to_owned(),
-                value: recipe.task().id().to_owned(),
-                choices: self.task.to_owned(),
-            });
-        }
-        self.flight.set_up(Setup::read(recipe)?);
-        self.recipe = Arc::clone(recipe);
-        Ok(())
-    }
-}
-
 impl Lane for DockingLane {
     fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
         if !Arc::ptr_eq(recipe, &self.recipe) {
-            self.read(recipe)?;
+            let setup = read(self.task, recipe)?;
+            // Only where the feed broke its word, that there is one recipe.
+            if setup.deputies > self.agents {
+                return Err(ScenarioError::OutOfRange {
+                    field: "params.deputies".to_owned(),
+                    value: setup.deputies as f64,
+                    min: 1.0,
+                    max: self.agents as f64,
+                });
+            }
+            self.flight.set_up(setup);
+            self.recipe = Arc::clone(recipe);
         }
         self.chance.reseed(seed);
-        let start: Start = self.flight.setup().start(&mut self.chance)?;
-        if start.deputies > self.agents {
-            return Err(ScenarioError::Layout {
-                field: "params.deputies".to_owned(),
-                reason: format!("{} deputies; this batch has room for {}", start.deputies, self.agents),
-            });
-        }
+        let start = self.flight.setup().start(&mut self.chance)?;
         self.flight.restart(&start);
         Ok(())
     }
@@ -103,6 +102,11 @@ impl Lane for DockingLane {
                 before && self.flight.deputies().get(agent).is_some_and(|d| d.ends.timeout);
         }
         stepped.done
+    }
+
+    fn absent(&self, terminated: &mut [bool]) {
+        let present = self.flight.deputies().len();
+        terminated.iter_mut().enumerate().for_each(|(agent, absent)| *absent = agent >= present);
     }
 
     fn observe(&mut self, out: &mut [f32]) {

@@ -24,15 +24,20 @@ pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogErro
     }
     for (i, thrust) in thrusts.iter().enumerate() {
         let cells = cells(i, thrust)?;
-        let deputy = cells[0]
-            .and_then(Value::as_u64)
-            .and_then(|id| u32::try_from(id).ok())
-            .ok_or_else(|| LogError::malformed(format!(".{i}.deputy"), "it must be a whole number"))?;
+        let place = |cell: usize| match thrust {
+            Value::Array(_) => format!(".{i}.{cell}"),
+            _ => format!(".{i}.{}", FIELDS[cell]),
+        };
+        let deputy =
+            cells[0].and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok()).ok_or_else(|| {
+                LogError::malformed(place(0), "a deputy's number must be a whole number, 0 or more")
+            })?;
         let mut values = [0.0; 3];
         for (axis, value) in values.iter_mut().enumerate() {
-            *value = cells[axis + 1].and_then(Value::as_f64).filter(|v| v.is_finite()).ok_or_else(|| {
-                LogError::malformed(format!(".{i}.{}", FIELDS[axis + 1]), "it must be a finite number")
-            })?;
+            *value = cells[axis + 1]
+                .and_then(Value::as_f64)
+                .filter(|v| v.is_finite())
+                .ok_or_else(|| LogError::malformed(place(axis + 1), "a thrust must be a finite number"))?;
         }
         log.act(deputy, &values);
     }

@@ -1,10 +1,10 @@
 //! One deputy and one second of its flight: thrust, motion, ends, reward. Everything but collisions, so that engine,
 //! planner and critique fly by one rule.
 
-use super::constants::{DOCKING_RADIUS_M, MAX_DISTANCE_M, SATURATION, STEP_S};
+use super::constants::{DOCKING_RADIUS_M, FAILURE, MAX_DISTANCE_M, SATURATION, STEP_S};
 use super::flight::Ends;
 use super::relative::{State, Step, distance, speed, speed_limit};
-use super::reward::{FAILED, Reward, approach, delta_v, docking, nearness, thrusting, violation};
+use super::reward::{Reward, approach, delta_v, docking, nearness, thrusting, violation};
 use super::setup::Setup;
 
 /// One deputy in flight.
@@ -76,7 +76,7 @@ impl Deputy {
             reward.success = docking(f64::from(step) * STEP_S, f64::from(setup.time_limit) * STEP_S);
         }
         if self.ends.timeout || self.ends.out_of_bounds || self.ends.crash {
-            reward.failure = FAILED;
+            reward.failure = FAILURE;
         }
         self.earned += reward.total();
         Moved { reward, delta_v: change }

@@ -23,6 +23,8 @@ pub mod telemetry;
 mod tests;
 mod world;
 
+use std::sync::LazyLock;
+
 use serde_json::Value;
 
 pub use self::world::DOCKING;
@@ -39,8 +41,8 @@ use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
 use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
-use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
-use crate::task::{Episode, TaskSpec};
+use crate::space::{ActionSpace, Levels, ParamSpec, ScoreRange};
+use crate::task::{Episode, TaskCard, TaskSpec};
 
 /// The world and its version.
 pub const WORLD: &str = "docking@1";
@@ -57,51 +59,41 @@ const SCORE_RANGE: ScoreRange = ScoreRange { min: -2.0 - 5.0 - 5.4 - 1.0, max: 2
 /// A task of docking.
 #[derive(Debug)]
 pub struct Docking {
+    card: TaskCard,
+}
+
+const fn card(
     id: &'static str,
     about: &'static str,
-    space: &'static [ParamSpec],
-    levels: &'static std::sync::LazyLock<Levels>,
+    params: &'static [ParamSpec],
+    levels: &'static LazyLock<Levels>,
+) -> TaskCard {
+    TaskCard { id, world: WORLD, about, params, options: &[], levels }
 }
 
 /// The tasks.
 pub static TASKS: [Docking; 2] = [
     Docking {
-        id: "docking/single",
-        about: "Dock one deputy with the chief, gently and in time.",
-        space: &spaces::SINGLE_SPACE,
-        levels: &spaces::SINGLE_LEVELS,
+        card: card(
+            "docking/single",
+            "Dock one deputy with the chief, gently and in time.",
+            &spaces::SINGLE_SPACE,
+            &spaces::SINGLE_LEVELS,
+        ),
     },
     Docking {
-        id: "docking/multiagent",
-        about: "Dock every deputy with the chief, gently and in time, without touching each other.",
-        space: &spaces::MULTIAGENT_SPACE,
-        levels: &spaces::MULTIAGENT_LEVELS,
+        card: card(
+            "docking/multiagent",
+            "Dock every deputy with the chief, gently and in time, without touching each other.",
+            &spaces::MULTIAGENT_SPACE,
+            &spaces::MULTIAGENT_LEVELS,
+        ),
     },
 ];
 
 impl TaskSpec for Docking {
-    fn id(&self) -> &'static str {
-        self.id
-    }
-
-    fn world(&self) -> &'static str {
-        WORLD
-    }
-
-    fn about(&self) -> &'static str {
-        self.about
-    }
-
-    fn params(&self) -> &'static [ParamSpec] {
-        self.space
-    }
-
-    fn options(&self) -> &'static [OptionSpec] {
-        &[]
-    }
-
-    fn levels(&self) -> &'static Levels {
-        self.levels
+    fn card(&self) -> &TaskCard {
+        &self.card
     }
 
     fn horizon(&self, recipe: &Recipe) -> u32 {
@@ -150,7 +142,7 @@ impl TaskSpec for Docking {
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
-        batch::batch(self.id, feed, config)
+        batch::batch(self, feed, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

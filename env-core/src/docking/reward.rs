@@ -2,9 +2,7 @@
 
 use serde::Serialize;
 
-use super::constants::{
-    DELTA_V_COST, DISTANCE_DECAY_1_M, DISTANCE_SCALE, FAILURE, MASS_KG, SUCCESS, VIOLATION_COST,
-};
+use super::constants::{DELTA_V_COST, DISTANCE_DECAY_1_M, DISTANCE_SCALE, MASS_KG, SUCCESS, VIOLATION_COST};
 
 /// The components of a deputy's reward, in the order in which they are added.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -71,6 +69,3 @@ pub fn violation(speed: f64, limit: f64) -> f64 {
 pub fn docking(time: f64, limit: f64) -> f64 {
     SUCCESS + SUCCESS * (1.0 - time / limit)
 }
-
-/// For a failure.
-pub const FAILED: f64 = FAILURE;

@@ -8,7 +8,7 @@ use super::reward::{Objective, score};
 use super::setup::{Setup, Start};
 use super::spaces::MAX_DEBRIS;
 use super::tracks::Tracks;
-use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape};
+use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
 use crate::scenario::{MAX_LAYOUT_ROWS, Recipe};
@@ -30,7 +30,8 @@ pub(super) fn batch(
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
     let (recipe, _) = feed.scenario(0, 0);
-    let setup = Arc::new(Setup::read(&recipe).map_err(|source| BatchError::Scenario { env: 0, source })?);
+    let setup = of_task(task, &recipe).and_then(|()| Setup::read(&recipe));
+    let setup = Arc::new(setup.map_err(|source| BatchError::Scenario { env: 0, source })?);
     let observer = match config.observe {
         Observe::All { bodies } => {
             let bodies = bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize);
@@ -87,13 +88,7 @@ impl Lane for KesslerLane {
     fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
         let mut setup = None;
         if !Arc::ptr_eq(recipe, &self.recipe) {
-            if recipe.task().id() != self.task {
-                return Err(ScenarioError::UnknownChoice {
-                    field: "task".to_owned(),
-                    value: recipe.task().id().to_owned(),
-                    choices: self.task.to_owned(),
-                });
-            }
+            of_task(self.task, recipe)?;
             setup = Some(Arc::new(Setup::read(recipe)?));
             self.recipe = Arc::clone(recipe);
         }

@@ -6,6 +6,8 @@ use serde_json::Value;
 use crate::error::LogError;
 use crate::log::{ActionLog, MAX_ENTRIES};
 
+const FIELDS: [&str; 3] = ["satellite_id", "delta_vx", "delta_vy"];
+
 /// Reads one step.
 ///
 /// # Errors
@@ -28,30 +30,33 @@ pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogErro
                 _ => return Err(LogError::malformed(format!(".{i}"), "a burn is [satellite, dvx, dvy]")),
             },
             Value::Object(fields) => {
-                if let Some(key) =
-                    fields.keys().find(|k| !["satellite_id", "delta_vx", "delta_vy"].contains(&k.as_str()))
-                {
+                if let Some(key) = fields.keys().find(|key| !FIELDS.contains(&key.as_str())) {
                     let key: String = key.chars().take(40).collect();
                     return Err(LogError::malformed(
                         format!(".{i}.{key}"),
                         "it is not known; a burn has satellite_id, delta_vx, delta_vy",
                     ));
                 }
-                (fields.get("satellite_id"), fields.get("delta_vx"), fields.get("delta_vy"))
+                let [satellite, dvx, dvy] = FIELDS.map(|name| fields.get(name));
+                (satellite, dvx, dvy)
             }
             _ => return Err(LogError::malformed(format!(".{i}"), "a burn is a list or an object")),
         };
-        let satellite = satellite
-            .and_then(Value::as_u64)
-            .and_then(|id| u32::try_from(id).ok())
-            .ok_or_else(|| LogError::malformed(format!(".{i}.satellite_id"), "it must be a whole number"))?;
-        let number = |name: &str, value: Option<&Value>| {
+        let place = |cell: usize| match burn {
+            Value::Array(_) => format!(".{i}.{cell}"),
+            _ => format!(".{i}.{}", FIELDS[cell]),
+        };
+        let satellite =
+            satellite.and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok()).ok_or_else(|| {
+                LogError::malformed(place(0), "a satellite's number must be a whole number, 0 or more")
+            })?;
+        let number = |cell: usize, value: Option<&Value>| {
             value
                 .and_then(Value::as_f64)
                 .filter(|v| v.is_finite())
-                .ok_or_else(|| LogError::malformed(format!(".{i}.{name}"), "it must be a finite number"))
+                .ok_or_else(|| LogError::malformed(place(cell), "a change of speed must be a finite number"))
         };
-        log.act(satellite, &[number("delta_vx", dvx)?, number("delta_vy", dvy)?]);
+        log.act(satellite, &[number(1, dvx)?, number(2, dvy)?]);
     }
     Ok(())
 }

@@ -31,6 +31,8 @@ pub mod tracks;
 pub mod warnings;
 mod world;
 
+use std::sync::LazyLock;
+
 use serde_json::Value;
 
 pub use self::world::KESSLER;
@@ -48,8 +50,8 @@ use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
 use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
-use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
-use crate::task::{Episode, TaskSpec};
+use crate::space::{ActionSpace, Levels, ParamSpec, ScoreRange};
+use crate::task::{Episode, TaskCard, TaskSpec};
 
 /// The world and its version.
 pub const WORLD: &str = "kessler@1";
@@ -59,48 +61,62 @@ pub const SKILLED: f64 = 0.8;
 /// A task of kessler.
 #[derive(Debug)]
 pub struct Kessler {
+    card: TaskCard,
+    objective: Objective,
+}
+
+const fn card(
     id: &'static str,
     about: &'static str,
-    objective: Objective,
-    space: &'static [ParamSpec],
-    levels: &'static std::sync::LazyLock<Levels>,
+    params: &'static [ParamSpec],
+    levels: &'static LazyLock<Levels>,
+) -> TaskCard {
+    TaskCard { id, world: WORLD, about, params, options: &spaces::OPTIONS, levels }
 }
 
 /// The tasks.
 pub static TASKS: [Kessler; 4] = [
     Kessler {
-        id: "kessler/survival",
-        about: "Keep three satellites alive for 50 steps.",
+        card: card(
+            "kessler/survival",
+            "Keep three satellites alive for 50 steps.",
+            &spaces::SURVIVAL_SPACE,
+            &spaces::SURVIVAL_LEVELS,
+        ),
         objective: Objective::Survival,
-        space: &spaces::SURVIVAL_SPACE,
-        levels: &spaces::SURVIVAL_LEVELS,
     },
     Kessler {
-        id: "kessler/eco_station",
-        about: "Keep three satellites alive and their fuel unspent.",
+        card: card(
+            "kessler/eco_station",
+            "Keep three satellites alive and their fuel unspent.",
+            &spaces::ECO_STATION_SPACE,
+            &spaces::ECO_STATION_LEVELS,
+        ),
         objective: Objective::EcoStation,
-        space: &spaces::ECO_STATION_SPACE,
-        levels: &spaces::ECO_STATION_LEVELS,
     },
     Kessler {
-        id: "kessler/rendezvous",
-        about: "Bring satellite 0 to radius 100 LU and hold it there, losing nobody.",
+        card: card(
+            "kessler/rendezvous",
+            "Bring satellite 0 to radius 100 LU and hold it there, losing nobody.",
+            &spaces::RENDEZVOUS_SPACE,
+            &spaces::RENDEZVOUS_LEVELS,
+        ),
         objective: Objective::Rendezvous,
-        space: &spaces::RENDEZVOUS_SPACE,
-        levels: &spaces::RENDEZVOUS_LEVELS,
     },
     Kessler {
-        id: "kessler/formation",
-        about: "Keep three satellites in a triangle of side 20 LU, losing nobody.",
+        card: card(
+            "kessler/formation",
+            "Keep three satellites in a triangle of side 20 LU, losing nobody.",
+            &spaces::FORMATION_SPACE,
+            &spaces::FORMATION_LEVELS,
+        ),
         objective: Objective::Formation,
-        space: &spaces::FORMATION_SPACE,
-        levels: &spaces::FORMATION_LEVELS,
     },
 ];
 
 /// What a task of this world rewards, by its id.
 fn objective(id: &str) -> Option<Objective> {
-    TASKS.iter().find(|task| task.id == id).map(|task| task.objective)
+    TASKS.iter().find(|task| task.card.id == id).map(|task| task.objective)
 }
 
 impl Kessler {
@@ -112,28 +128,8 @@ impl Kessler {
 }
 
 impl TaskSpec for Kessler {
-    fn id(&self) -> &'static str {
-        self.id
-    }
-
-    fn world(&self) -> &'static str {
-        WORLD
-    }
-
-    fn about(&self) -> &'static str {
-        self.about
-    }
-
-    fn params(&self) -> &'static [ParamSpec] {
-        self.space
-    }
-
-    fn options(&self) -> &'static [OptionSpec] {
-        &spaces::OPTIONS
-    }
-
-    fn levels(&self) -> &'static Levels {
-        self.levels
+    fn card(&self) -> &TaskCard {
+        &self.card
     }
 
     fn horizon(&self, _: &Recipe) -> u32 {
@@ -161,7 +157,16 @@ impl TaskSpec for Kessler {
     }
 
     fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError> {
-        planner::bracket(self.objective, scenario)
+        planner::bracket(self.objective, scenario, &|| true)
+    }
+
+    fn bracket_while(
+        &self,
+        scenario: &Scenario,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Option<Bracket>, ScenarioError> {
+        let bracket = planner::bracket(self.objective, scenario, wanted)?;
+        Ok(wanted().then_some(bracket))
     }
 
     fn plant_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)> {
@@ -185,7 +190,7 @@ impl TaskSpec for Kessler {
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
-        batch::batch(self.objective, self.id, feed, config)
+        batch::batch(self.objective, self.card.id, feed, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

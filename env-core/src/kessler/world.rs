@@ -6,7 +6,7 @@ use super::constants::SATELLITES;
 use super::record::{Differences, Recording, compare};
 use super::{TASKS, WORLD};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, Compared, FirstDifference, RecordError, World};
+use crate::world::{BenchSpec, Compared, FirstDifference, RecordError, World, Worst};
 
 /// The world.
 pub static KESSLER: KesslerWorld = KesslerWorld;
@@ -74,11 +74,13 @@ fn compare_all(recording: &Value, tolerance: f64) -> Result<Compared, RecordErro
             all.first = Some(FirstDifference { episode: index, step: *step, what: what.clone() });
         }
     }
-    all.worst = vec![
+    all.worst = [
         ("satellite", worst.satellite),
         ("debris", worst.debris),
         ("reward", worst.reward),
         ("total_score", worst.total_score),
-    ];
+    ]
+    .map(|(quantity, difference)| Worst { quantity, difference, allowed: tolerance })
+    .to_vec();
     Ok(all)
 }

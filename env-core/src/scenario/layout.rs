@@ -23,7 +23,8 @@ pub struct Layout {
 pub enum LayoutMode {
     /// The tables given stand instead of the generator's.
     Replace,
-    /// The bodies given stand after the generator's.
+    /// The bodies given stand after the generator's, where the world has room for more: kessler has three satellites
+    /// always, and those given stand instead of its own in either mode.
     Extend,
 }
 

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::output::{Format, print, print_json, table};
 use crate::frames::{Show, frames};
+use crate::reading::{self, Unread};
 
 /// Show why an episode lost score, and what each of its actions was worth.
 ///
@@ -46,8 +47,8 @@ pub struct Args {
 }
 
 const AFTER_HELP: &str = "\
-A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; what is left out stands at its \
-default. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \"stopped\": null}, as results are reported, \
+A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; task and seed are needed, and \
+params, physics and layout stand at their defaults where they are left out. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \"stopped\": null}, as results are reported, \
 or the list of steps alone. What GET /v1/runs/{run}/episodes/{episode} answers is a FILE that needs no more.
 
 Columns: the bearing is where the body was, seen from the agent, min(5, step) steps before (or when it became visible, if \
@@ -112,7 +113,10 @@ fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Re
 
 fn read(path: &Path) -> anyhow::Result<Value> {
     let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))
+    reading::value(text.as_bytes()).map_err(|error| match error {
+        Unread::NotJson(why) => anyhow!("{} is not JSON: {why}", path.display()),
+        Unread::Twice(fault) => anyhow!("{}: {fault}", path.display()),
+    })
 }
 
 /// The actions: flown by a policy now, from their own file, or with the scenario.
@@ -144,7 +148,7 @@ struct Actions {
 fn actions_of(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
     let actions = match value {
         Value::Array(steps) => Actions { steps, precision: None, stopped: None },
-        other => serde_json::from_value(other)?,
+        other => reading::read(other)?,
     };
     let precision = match actions.precision.as_deref() {
         None | Some("f64") => Precision::F64,
@@ -244,19 +248,26 @@ impl Shown {
 fn row(failure: &Failure) -> Vec<String> {
     let met = failure.encounter.as_ref();
     let of = |what: fn(&Encounter) -> String| met.map_or_else(String::new, what);
+    // Where nothing was met (the Earth was), the same is told in measures.
+    let measure = |name: &str| failure.measures.iter().find(|m| m.name == name).map(|m| m.value);
+    let yes_or_no = |yes: bool| if yes { "yes" } else { "no" }.to_owned();
+    let avoidable = match met {
+        Some(met) => met.avoidable.map_or_else(|| "never seen".to_owned(), yes_or_no),
+        None => measure("avoidable").map_or_else(String::new, |share| yes_or_no(share > 0.0)),
+    };
+    let remedy = match met {
+        Some(met) => met.cheapest.as_ref().map(|remedy| {
+            let values: Vec<_> = remedy.values.iter().map(|v| format!("{v:.3}")).collect();
+            format!("step {}: {} for {:.2}", remedy.step, values.join(" "), remedy.cost)
+        }),
+        None => measure("cheapest_step")
+            .zip(measure("cheapest_cost"))
+            .map(|(step, cost)| format!("step {step:.0}: for {cost:.2}")),
+    };
     vec![
         failure.mode.to_owned(),
-        of(|e| match e.avoidable {
-            Some(true) => "yes".to_owned(),
-            Some(false) => "no".to_owned(),
-            None => "never seen".to_owned(),
-        }),
-        of(|e| {
-            e.cheapest.as_ref().map_or_else(String::new, |remedy| {
-                let values: Vec<_> = remedy.values.iter().map(|v| format!("{v:.3}")).collect();
-                format!("step {}: {} for {:.2}", remedy.step, values.join(" "), remedy.cost)
-            })
-        }),
+        avoidable,
+        remedy.unwrap_or_default(),
         failure.step.to_string(),
         failure.agent.to_string(),
         of(|e| format!("{:.0}°", e.bearing_deg)),

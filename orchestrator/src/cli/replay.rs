@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use env_core::World;
-use env_core::world::{Compared, FirstDifference};
+use env_core::world::{Compared, FirstDifference, Worst};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -34,14 +34,19 @@ pub struct Args {
 }
 
 const AFTER_HELP: &str = "\
-JSON (--format json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, first, documented} \
-and the worst absolute difference of each of the world's quantities under its name, as {satellite, debris, reward, \
-total_score} for kessler (null: not a finite number). first is the first step that differs as {episode (from 0), step \
+JSON (--format json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, first, \
+documented} and the worst absolute difference of each of the world's quantities under its name (null: not a finite number), \
+which are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
+reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
+differs). allowed has the largest difference that passes, under the same names: the tolerance, or what the precision of the \
+recording leaves, if that is more; worst is what is worst against it. first is the first step that differs as {episode (from 0), step \
 (from 1), what}, or null; documented is a list of sentences.
 
 Example:
   sparring replay env-core/fixtures/kessler-episodes.json.gz --tolerance 1e-12";
 
+/// Columns that text is filled to.
+const WIDTH: usize = 100;
 /// Bytes of JSON that are read from one file at most.
 const MOST_BYTES: u64 = 1 << 30;
 
@@ -70,15 +75,16 @@ impl Serialize for Judged {
             episodes: usize,
             steps: usize,
             #[serde(flatten)]
-            worst: Worst<'a>,
+            worst: Named<'a>,
+            allowed: Named<'a>,
             first: Option<First<'a>>,
             documented: &'a [String],
         }
-        /// In the world's own order.
-        struct Worst<'a>(&'a [(&'static str, f64)]);
-        impl Serialize for Worst<'_> {
+        /// One number of each quantity, in the world's own order.
+        struct Named<'a>(&'a [Worst], fn(&Worst) -> f64);
+        impl Serialize for Named<'_> {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                serializer.collect_map(self.0.iter().copied())
+                serializer.collect_map(self.0.iter().map(|worst| (worst.quantity, self.1(worst))))
             }
         }
         #[derive(Serialize)]
@@ -94,7 +100,8 @@ impl Serialize for Judged {
             within: self.within(),
             episodes: *episodes,
             steps: *steps,
-            worst: Worst(worst),
+            worst: Named(worst, |worst| worst.difference),
+            allowed: Named(worst, |worst| worst.allowed),
             first: first.as_ref().map(|FirstDifference { episode, step, what }| First {
                 episode: *episode,
                 step: *step,
@@ -177,31 +184,38 @@ fn read(path: &Path) -> anyhow::Result<Value> {
     serde_json::from_slice(&unpacked).context("it is not JSON")
 }
 
-/// A table for each run of files with the same quantities, then what is to be said of single files.
+/// A table for each file, a line for each quantity, then what is to be said of single files.
 fn tables(judged: &[Judged], tolerance: f64) -> String {
-    let mut text = format!("Worst absolute differences; the tolerance is {tolerance:e}.\n");
-    let quantities = |file: &Judged| file.compared.worst.iter().map(|(name, _)| *name).collect::<Vec<_>>();
-    for block in judged.chunk_by(|a, b| a.world == b.world && quantities(a) == quantities(b)) {
-        let names = block.first().map(quantities).unwrap_or_default();
-        let header: Vec<&str> =
-            ["file", "episodes", "steps"].into_iter().chain(names).chain(["verdict"]).collect();
-        let mut table = output::table(&header, 1);
-        for file in block {
-            let verdict = if file.within() { "within" } else { "DIFFERS" };
-            let counts = [file.compared.episodes, file.compared.steps].map(|count| count.to_string());
-            let worst = file.compared.worst.iter().map(|(_, worst)| format!("{worst:.1e}"));
-            let cells = std::iter::once(file.file.clone()).chain(counts).chain(worst);
-            table.add_row(cells.chain([verdict.to_owned()]).collect::<Vec<_>>());
+    let mut text = format!(
+        "Worst differences, and what is allowed of each: the tolerance, {tolerance:e}, or what the precision of the \
+         recording leaves, if that is more.\n"
+    );
+    text = textwrap::fill(text.trim_end(), WIDTH) + "\n";
+    for file in judged {
+        let Compared { episodes, steps, worst, .. } = &file.compared;
+        let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
+        // A word can differ where no number does.
+        let word =
+            (numbers && !file.within()).then(|| Worst { difference: 1.0, ..Worst::none("a word", 0.0) });
+        let mut table = output::table(&["quantity", "verdict", "worst", "allowed"], 2);
+        for Worst { quantity, difference, allowed } in worst.iter().chain(&word) {
+            let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
+            let numbers = [difference, allowed].map(|number| format!("{number:.1e}"));
+            table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
         }
-        text.push_str(&format!("{table}\n"));
+        let (name, world) = (&file.file, file.world);
+        text.push_str(&format!("\n{name}: {world}, {episodes} episodes, {steps} steps\n{table}\n"));
     }
+    text.push('\n');
     for Judged { file, compared, .. } in judged {
         if let Some(FirstDifference { episode, step, what }) = &compared.first {
             let found = format!("the first difference is in episode {episode}, step {step}: {what}");
-            text.push_str(&format!("{file}: {found}\n"));
+            text.push_str(&textwrap::fill(&format!("{file}: {found}"), WIDTH));
+            text.push('\n');
         }
         for documented in &compared.documented {
-            text.push_str(&format!("{file}: documented: {documented}\n"));
+            text.push_str(&textwrap::fill(&format!("{file}: documented: {documented}"), WIDTH));
+            text.push('\n');
         }
     }
     text
@@ -278,7 +292,11 @@ mod tests {
             assert!(found.within() && found.world == "docking" && found.compared.steps > 0, "{found:?}");
             let told = serde_json::to_value(&found).unwrap();
             let keys = told.as_object().unwrap().len();
-            assert_eq!(keys, 7 + found.compared.worst.len(), "{told}");
+            assert_eq!(keys, 8 + found.compared.worst.len(), "{told}");
+            assert!(found.compared.worst.iter().all(|worst| worst.difference <= worst.allowed), "{found:?}");
+            let table = tables(&[found], 1e-9);
+            let widest = table.lines().map(|line| line.chars().count()).max();
+            assert!(widest <= Some(120) && !table.contains("DIFFERS"), "{widest:?} {table}");
         }
     }
 
@@ -287,7 +305,10 @@ mod tests {
         let compared = |worst: &[(&'static str, f64)], first, documented| Compared {
             episodes: 2,
             steps: 90,
-            worst: worst.to_vec(),
+            worst: worst
+                .iter()
+                .map(|&(quantity, difference)| Worst { quantity, difference, allowed: 1e-9 })
+                .collect(),
             first,
             documented,
         };

@@ -1,4 +1,4 @@
-//! Fixed: the tasks in turn, at their default params. What the brief did, a baseline.
+//! Fixed: the tasks in turn, at their default params. A baseline.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

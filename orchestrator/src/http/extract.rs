@@ -1,12 +1,13 @@
 //! Extractors whose refusals are problem details with the field at fault.
 
-use axum::extract::rejection::{BytesRejection, PathRejection, QueryRejection};
+use axum::extract::rejection::{BytesRejection, PathRejection};
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
 use axum::http::{StatusCode, header};
 use serde::de::DeserializeOwned;
 
 use super::problem::Problem;
+use crate::reading::{self, Fault, Unread};
 
 /// A JSON body.
 pub(super) struct Json<T>(pub(super) T);
@@ -25,40 +26,28 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
             ));
         }
         let body = axum::body::Bytes::from_request(request, state).await.map_err(unread)?;
-        if body.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'[') {
-            // Structures would be read from lists too, field by field.
-            return Err(Problem::invalid("", "The body is a list; send an object."));
-        }
-        let mut reader = serde_json::Deserializer::from_slice(&body);
-        let value: T = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
-            let path = error.path().to_string();
-            let inner = error.into_inner();
-            match inner.classify() {
-                serde_json::error::Category::Data => {
-                    let message = inner.to_string();
-                    Problem::invalid(at_fault(&path, &message), shorten(&message))
-                }
-                _ => malformed(&inner),
+        let value = reading::value(&body).map_err(|error| match error {
+            Unread::Twice(fault) => invalid(fault),
+            Unread::NotJson(why) => {
+                let detail = format!("The body is not JSON: {}.", shorten(&why));
+                Problem::new(StatusCode::BAD_REQUEST, "malformed_json", detail).at(BODY)
             }
         })?;
-        reader.end().map_err(|error| malformed(&error))?;
-        Ok(Self(value))
+        read(value).map(Self)
     }
 }
 
-/// The path of the field at fault; a field that is missing has none of its own, and is named in the message.
-fn at_fault(path: &str, message: &str) -> String {
-    let path = if path == "." { "" } else { path };
-    match message.strip_prefix("missing field `").and_then(|rest| rest.split_once('`')) {
-        Some((name, _)) if path.is_empty() => name.to_owned(),
-        Some((name, _)) => format!("{path}.{name}"),
-        None => path.to_owned(),
-    }
+/// The field at fault where it is the whole body.
+const BODY: &str = "body";
+
+/// A body that was read, as `T`.
+pub(super) fn read<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Problem> {
+    reading::read(value).map_err(invalid)
 }
 
-fn malformed(error: &serde_json::Error) -> Problem {
-    let detail = format!("The body is not JSON: {}.", shorten(&error.to_string()));
-    Problem::new(StatusCode::BAD_REQUEST, "malformed_json", detail)
+fn invalid(fault: Fault) -> Problem {
+    let field = if fault.field.is_empty() { BODY.to_owned() } else { fault.field };
+    Problem::invalid(field, fault.words)
 }
 
 fn unread(rejection: BytesRejection) -> Problem {
@@ -94,7 +83,7 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T>
 }
 
 fn bad_path(rejection: &PathRejection) -> Problem {
-    Problem::new(StatusCode::BAD_REQUEST, "bad_path", shorten(&rejection.body_text()))
+    Problem::new(StatusCode::BAD_REQUEST, "bad_path", shorten(&rejection.body_text())).at("path")
 }
 
 /// Query parameters.
@@ -104,13 +93,11 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
-        match axum::extract::Query::<T>::from_request_parts(parts, state).await {
-            Ok(axum::extract::Query(value)) => Ok(Self(value)),
-            Err(rejection) => Err(bad_query(&rejection)),
-        }
+        let bad = |detail: &str| Problem::new(StatusCode::BAD_REQUEST, "bad_query", detail);
+        let pairs = axum::extract::Query::<Vec<(String, String)>>::from_request_parts(parts, state).await;
+        let axum::extract::Query(pairs) = pairs.map_err(|_| {
+            bad("The query cannot be read: it is name=value&name=value, percent-encoded.").at("query")
+        })?;
+        reading::read_words(pairs).map(Self).map_err(|fault| bad(&fault.words).at(fault.field))
     }
-}
-
-fn bad_query(rejection: &QueryRejection) -> Problem {
-    Problem::new(StatusCode::BAD_REQUEST, "bad_query", shorten(&rejection.body_text()))
 }

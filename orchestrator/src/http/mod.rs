@@ -2,6 +2,7 @@
 
 mod extract;
 mod health;
+mod planning;
 mod problem;
 mod v1;
 
@@ -19,6 +20,7 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_swagger_ui::SwaggerUi;
 
+pub use self::planning::Planning;
 pub use self::problem::Problem;
 use crate::service::App;
 

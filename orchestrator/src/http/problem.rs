@@ -69,6 +69,12 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "timed_out", detail).again_in(5)
     }
 
+    /// Too much planning is under way.
+    pub(super) fn busy_planning() -> Self {
+        let detail = "Too many scenarios are being planned on; try again in a moment.";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail).again_in(5)
+    }
+
     /// Something unexpected. The details are in the log, not in the answer.
     pub(super) fn internal() -> Self {
         Self::new(

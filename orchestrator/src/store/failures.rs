@@ -209,7 +209,8 @@ pub async fn profile(
     Ok(cells.collect())
 }
 
-/// The newest episodes behind every cell of a run's task: (cell, lease, token, index), newest first in each.
+/// The newest `most` episodes behind every cell of a run's task: (cell, lease, token, index), newest first in each. An
+/// episode can fail more than once in one cell, and is one episode all the same.
 ///
 /// # Errors
 /// The database's.
@@ -221,9 +222,14 @@ pub async fn newest(
 ) -> Result<Vec<(i64, i64, String, i64)>, StoreError> {
     let rows = query!(
         r#"SELECT p.cell AS "cell!", l.id AS "lease!", l.token AS "token!", x.number AS "number!"
-           FROM failure_profile p JOIN failure_examples x ON x.cell = p.cell AND x.nth > p.count - ?3
+           FROM failure_profile p
+           JOIN (SELECT cell, lease, number, max(nth) AS nth,
+                        row_number() OVER (PARTITION BY cell ORDER BY max(nth) DESC) AS place
+                 FROM failure_examples
+                 WHERE cell IN (SELECT cell FROM failure_profile WHERE run = ?1 AND task = ?2)
+                 GROUP BY cell, lease, number) x ON x.cell = p.cell AND x.place <= ?3
            JOIN leases l ON l.id = x.lease
-           WHERE p.run = ?1 AND p.task = ?2 ORDER BY p.cell, x.nth DESC"#,
+           WHERE p.run = ?1 AND p.task = ?2 ORDER BY p.cell, x.place"#,
         run,
         task,
         most

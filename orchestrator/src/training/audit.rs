@@ -46,6 +46,13 @@ pub enum Claimed {
         /// Why, in the trainer's words.
         reason: String,
     },
+    /// The claim contradicts itself.
+    Refused {
+        /// A word for programs.
+        code: &'static str,
+        /// A sentence for people.
+        detail: String,
+    },
 }
 
 /// A claim, looked up and replayed.
@@ -200,6 +207,7 @@ fn judge(claim: Claim, place: Place, stages: &HashMap<(i64, i64), Stage>, settin
         Ok((lease, index, group)) => {
             let verdict = match (what, stages.get(&(lease, group))) {
                 (Claimed::Failed { reason }, _) => Verdict::Failed(reason),
+                (Claimed::Refused { code, detail }, _) => Verdict::Refused { code, detail },
                 (Claimed::Finished { steps, precision, stopped }, Some(stage)) => {
                     fly(stage, settings, &steps, precision, stopped)
                 }
@@ -223,12 +231,17 @@ fn fly(
     let Stage { scenario, bracket } = stage;
     let log = match read_log(scenario, steps, precision, stopped) {
         Ok(log) => log,
-        Err(error) => return Verdict::Refused { code: "invalid_log", detail: error.to_string() },
+        Err(error) => return invalid(error.into()),
     };
-    match judge_log(scenario, bracket, settings, &log) {
-        Ok(verdict) => verdict,
-        Err(error) => Verdict::Refused { code: "invalid_log", detail: error.to_string() },
-    }
+    judge_log(scenario, bracket, settings, &log).unwrap_or_else(invalid)
+}
+
+fn invalid(error: ReplayError) -> Verdict {
+    let detail = match error {
+        ReplayError::Log(error) => error.under("actions").to_string(),
+        ReplayError::Scenario(error) => error.to_string(),
+    };
+    Verdict::Refused { code: "invalid_log", detail }
 }
 
 fn judge_log(

@@ -1,5 +1,7 @@
 //! Creating, pausing and resuming runs.
 
+use env_core::{SEED_WANTED, Seed};
+
 use super::queue;
 use super::settings::{RunSettings, RunWish};
 use super::{Change, TrainingError, Work};
@@ -38,9 +40,10 @@ impl CreateRun {
             return Err(TrainingError::invalid("name", format!("it must have 1 to {MAX_NAME} characters")));
         }
         let seed = wish.seed.unwrap_or_else(random_seed);
-        if seed >= 1 << 53 {
-            return Err(TrainingError::invalid("seed", format!("it is {seed}, outside 0 to 2^53 − 1")));
-        }
+        // One bound for every seed that people choose.
+        Seed::user(seed).map_err(|_| {
+            TrainingError::invalid("seed", format!("it is {seed}, but must be {SEED_WANTED}"))
+        })?;
         Ok(Self { id, name, seed, settings: RunSettings::read(wish)? })
     }
 }

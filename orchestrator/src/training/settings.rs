@@ -11,7 +11,7 @@ use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
 
 /// Most episodes of a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;
-/// The brief's raw threshold.
+/// The usual threshold of the raw rule.
 const RAW_THRESHOLD: f64 = 0.7;
 
 /// Which leases' outcomes move mastery.
@@ -68,7 +68,7 @@ pub struct RunWish {
     pub id: Option<String>,
     /// A name for people.
     pub name: Option<String>,
-    /// The seed of the run's random streams, below 2^53. Else one is drawn.
+    /// The seed of the run's random streams, from 0 to 2^51 − 1. Else one is drawn.
     pub seed: Option<u64>,
     /// How proposals are chosen (ladder).
     #[schema(value_type = Option<String>, example = "ladder")]

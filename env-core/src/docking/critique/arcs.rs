@@ -1,13 +1,14 @@
 //! What a deputy's thrusts were worth. Episodes have hundreds of seconds of thrust, and a second of it alone changes
 //! nothing that counts: so what is judged are arcs. The flight of each deputy is cut into at most six windows of equal
-//! length, not below 30 s, and the thrust of a window is one arc; its counterfactual is the same flight without it.
+//! length, not below 30 s, the last as long as what remains; the thrust of a window is one arc, and its counterfactual
+//! is the same flight without it.
 
 use super::flown::Course;
 use crate::critique::{ActionVerdict, Verdict};
-use crate::docking::constants::{COLLISION_DISTANCE_M, STATE, STEP_S};
+use crate::docking::constants::{COLLISION_DISTANCE_M, FAILURE, STATE, STEP_S};
 use crate::docking::flight::Status;
 use crate::docking::relative::{State, Step, Transition, distance, separation};
-use crate::docking::reward::{FAILED, approach, delta_v, nearness};
+use crate::docking::reward::{approach, delta_v, nearness};
 
 /// Windows a flight is cut into at most.
 const WINDOWS: u32 = 6;
@@ -65,24 +66,29 @@ fn judge(course: &Course, deputy: usize, from: u32, to: u32, cost: f64) -> Actio
         agent: deputy as u32,
         cost,
         verdict,
-        gain: gain / course.count() as f64, // the score is the mean of the returns
+        // The score is the mean of the returns. Only its own is compared: of what the others would have done had they not
+        // collided with it nothing is known.
+        gain: gain / course.count() as f64,
     }
 }
 
 /// What the deputy would have earned without its thrust in these steps, the others as they flew, and how it would have
-/// ended. If it still flew when in truth it left, it coasts: a minute by the rules, then until time runs out, and then
-/// only where it ends counts, and nothing that it might meet on the way.
+/// ended. If it still flew when in truth it left, it coasts: a minute by the rules, then until time runs out or two others
+/// collide, and then only where it ends counts, and nothing that it might meet on the way.
 fn without(course: &Course, deputy: usize, from: u32, to: u32) -> (f64, Status) {
     let setup = course.flight.setup();
-    // A collision ended everybody's flight: nothing is known after it.
+    // Two others that collide end every flight, whatever this deputy does.
+    let others_collide =
+        course.pairs().any(|pair| pair.0 != deputy && pair.1 != deputy).then(|| course.flight.steps());
+    // Its own collision ended everybody's flight too: nothing is known after it.
     let collided = course.flight.status(deputy) == Status::Collided;
-    let last = course.left(deputy) + if collided { 0 } else { COAST };
-    let last = last.min(setup.time_limit);
+    let end = others_collide.unwrap_or(setup.time_limit);
+    let last = end.min(course.left(deputy) + if collided { 0 } else { COAST });
     let mut flown = *course.deputy(deputy, from - 1);
     for step in from..=last {
         let thrust = if step <= to { [0.0; 3] } else { course.thrust(deputy, step) };
         flown.fly(Step::one(), setup, step, thrust);
-        if flown.flies() && meets(course, deputy, step, &flown.state) {
+        if flown.flies() && (others_collide == Some(step) || meets(course, deputy, step, &flown.state)) {
             flown.ends.collision = true;
         }
         if !flown.flies() {
@@ -92,10 +98,13 @@ fn without(course: &Course, deputy: usize, from: u32, to: u32) -> (f64, Status) 
     if collided {
         return (flown.earned, Status::Active);
     }
-    let rest = f64::from(setup.time_limit - last) * STEP_S;
-    let drifted = Transition::over(rest).phi * nalgebra::SVector::<f64, STATE>::from(flown.state);
-    let nearer = approach(flown.nearness, nearness(distance(&drifted.into())));
-    (flown.earned + nearer + FAILED, Status::TimedOut)
+    let drifted = Transition::over(f64::from(end - last) * STEP_S).phi
+        * nalgebra::SVector::<f64, STATE>::from(flown.state);
+    let earned = flown.earned + approach(flown.nearness, nearness(distance(&drifted.into())));
+    match others_collide {
+        Some(_) => (earned, Status::Collided),
+        None => (earned + FAILURE, Status::TimedOut),
+    }
 }
 
 /// Whether the deputy there and then is too close to another that flew on.

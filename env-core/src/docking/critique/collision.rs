@@ -1,8 +1,8 @@
 //! Two deputies that met: from where, how fast, and the cheapest thrust that would have kept them apart.
 
-use super::failures::{BEARING_STEPS, bearing, measure};
+use super::failures::measure;
 use super::flown::Course;
-use crate::critique::{Encounter, Failure, Remedy};
+use crate::critique::{BEARING_STEPS, Encounter, Failure, Remedy, angle_deg};
 use crate::docking::constants::COLLISION_DISTANCE_M;
 use crate::docking::relative::{State, Step, distance, relative_speed, separation};
 use crate::docking::reward::delta_v;
@@ -40,7 +40,7 @@ fn met(course: &Course, deputy: usize, other: usize, step: u32) -> Failure {
     let (apart, relative) = (separation(mine, theirs), relative_speed(mine, theirs));
     let before = step - BEARING_STEPS.min(step);
     let (from, to) = (course.state(deputy, before), course.state(other, before));
-    let bearing_deg = bearing(to[0] - from[0], to[1] - from[1]);
+    let bearing_deg = angle_deg(to[0] - from[0], to[1] - from[1]);
     let away = distance(mine);
     let cheapest = cheapest(course, deputy, other, step);
     let remedy = cheapest.as_ref().map_or_else(

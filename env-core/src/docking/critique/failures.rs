@@ -2,15 +2,13 @@
 
 use super::collision;
 use super::flown::Course;
-use crate::critique::{Encounter, Failure, Measure};
+use crate::critique::{BEARING_STEPS, Encounter, Failure, Measure, angle_deg};
 use crate::docking::approach::Approach;
 use crate::docking::constants::{DOCKING_RADIUS_M, DOCKING_SPEED_M_S, LIMIT_SLOPE_1_S, MASS_KG};
 use crate::docking::flight::Status;
 use crate::docking::planner::solo::Solo;
 use crate::docking::relative::{State, distance, limit_line, speed, speed_limit};
 
-/// Steps before a contact at which a bearing is taken (DESIGN §6: min(5, step)).
-pub(super) const BEARING_STEPS: u32 = 5;
 /// How long before a crash braking is tried, s.
 const BRAKE_BEFORE: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
 
@@ -33,12 +31,6 @@ pub(super) fn of(course: &Course) -> Vec<Failure> {
 /// A measure.
 pub(super) const fn measure(name: &'static str, value: f64, unit: &'static str) -> Measure {
     Measure { name, value, unit }
-}
-
-/// Degrees in [0, 360) from radial out (+x) towards in-track (+y).
-pub(super) fn bearing(x: f64, y: f64) -> f64 {
-    let degrees = libm::atan2(y, x).to_degrees();
-    if degrees < 0.0 { (degrees + 360.0) % 360.0 } else { degrees }
 }
 
 /// Speed towards the chief, and across, m/s.
@@ -67,9 +59,9 @@ fn crash(course: &Course, deputy: usize) -> Failure {
         measure("time_over_limit", over_limit(course, deputy).seconds, "s"),
     ];
     measures.extend(last_chance.map(|seconds| measure("last_chance", f64::from(seconds), "s")));
-    // The chief, seen from the deputy.
+    // The chief, seen from the deputy, from radial out (+x) towards in-track (+y).
     let seen = course.state(deputy, step - BEARING_STEPS.min(step));
-    let bearing_deg = bearing(-seen[0], -seen[1]);
+    let bearing_deg = angle_deg(-seen[0], -seen[1]);
     let brake = match last_chance {
         Some(seconds) => format!("braking {seconds} s before would have docked it"),
         None => "no braking tried would have docked it".to_owned(),
@@ -97,7 +89,7 @@ fn crash(course: &Course, deputy: usize) -> Failure {
     }
 }
 
-/// The gentlest braking that is tried: full authority, down to 0.18 m/s at the docking radius.
+/// The one braking that is tried: full authority, down to 0.18 m/s at the docking radius.
 fn braking(bound: f64) -> Approach {
     Approach {
         fraction: 0.9,
@@ -110,14 +102,15 @@ fn braking(bound: f64) -> Approach {
     }
 }
 
-/// The shortest time before the crash, of those tried, at which flying by the law would still have docked it.
+/// The shortest time before the crash, of those tried, at which flying by the law would still have docked it, by itself, in
+/// the time and with the velocity penalty that it had left then.
 fn last_chance(course: &Course, deputy: usize) -> Option<u32> {
     let setup = course.flight.setup();
     let crashed = course.left(deputy);
     let before = BRAKE_BEFORE.into_iter().take_while(|seconds| *seconds < crashed).chain([crashed]);
     before.into_iter().find(|seconds| {
-        let state = course.state(deputy, crashed - seconds);
-        Solo::fly(setup, *state, braking(setup.thrust_bound)).docked
+        let step = crashed - seconds;
+        Solo::fly(setup, *course.deputy(deputy, step), step, braking(setup.thrust_bound)).docked
     })
 }
 
@@ -190,7 +183,7 @@ fn out_of_bounds(course: &Course, deputy: usize) -> Failure {
         measures: vec![
             measure("distance", d, "m"),
             measure("speed", v, "m/s"),
-            measure("bearing", bearing(state[0], state[1]), "°"),
+            measure("bearing", angle_deg(state[0], state[1]), "°"),
             measure("closest_distance", near, "m"),
             measure("closest_step", f64::from(when), "s"),
         ],

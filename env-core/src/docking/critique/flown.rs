@@ -17,7 +17,7 @@ pub(super) struct Course {
     pub(super) flight: Flight,
     /// All deputies at the start, then after each step. Those that have left stay.
     deputies: Vec<Deputy>,
-    /// Thrusts of all deputies in each step, within the bound.
+    /// Thrusts of all deputies in each step, within the bound; none of those that have left, whatever the log says.
     thrusts: Vec<[f64; 3]>,
     /// The step after which each deputy was gone.
     left: [u32; MAX_DEPUTIES],
@@ -46,7 +46,8 @@ impl Course {
             let bound = setup.thrust_bound;
             let thrusts = thrusts.map(|thrust| thrust.map(|axis| axis.clamp(-bound, bound)));
             let stepped = flight.fly(thrusts);
-            flown.extend_from_slice(&thrusts[..count]);
+            let live = stepped.live_before.iter().zip(&thrusts);
+            flown.extend(live.take(count).map(|(live, thrust)| if *live { *thrust } else { [0.0; 3] }));
             deputies.extend_from_slice(flight.deputies());
             for (left, _) in left.iter_mut().zip(stepped.live_before).filter(|(_, live)| *live) {
                 *left = flight.steps();
@@ -75,7 +76,7 @@ impl Course {
         &self.deputy(deputy, step).state
     }
 
-    /// The thrust of a deputy in a step, counted from 1; none past the end.
+    /// The thrust of a deputy in a step, counted from 1; none once it has left.
     pub(super) fn thrust(&self, deputy: usize, step: u32) -> [f64; 3] {
         let before = (step as usize).checked_sub(1);
         let index = before.map(|before| before * self.count() + deputy);

@@ -1,4 +1,4 @@
-//! The deterministic judge on the scale of the brief's LLM judge: a danger averted is 0.8 to 1, a danger missed is −1.
+//! The deterministic judge from −1 to 1: a danger averted is 0.8 to 1, a danger missed is −1.
 //! In docking nothing is averted by waiting, so "no action needed" never is the case.
 
 use super::flown::Course;

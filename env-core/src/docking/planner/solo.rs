@@ -33,15 +33,14 @@ fn laws(fractions: &[f64], bound: f64) -> impl Iterator<Item = Approach> {
 pub(in crate::docking) struct Solo {
     pub(in crate::docking) law: Approach,
     pub(in crate::docking) docked: bool,
-    /// The sum of its rewards.
+    /// The sum of its rewards, those before included.
     pub(in crate::docking) reward: f64,
 }
 
 impl Solo {
-    /// Flies it by the rules of the world, from a state as if that were the start; collisions are left out.
-    pub(in crate::docking) fn fly(setup: &Setup, state: State, law: Approach) -> Self {
-        let mut deputy = Deputy::at(state);
-        let mut step = 0;
+    /// Flies it on by the rules of the world, from where it was after a step (0 is the start): what is left of its time
+    /// and what it has been paid so far go with it. Collisions are left out.
+    pub(in crate::docking) fn fly(setup: &Setup, mut deputy: Deputy, mut step: u32, law: Approach) -> Self {
         while deputy.flies() {
             step += 1;
             let thrust = law.thrust(&deputy.state, setup.thrust_bound);
@@ -54,7 +53,7 @@ impl Solo {
     /// 0.01 + 0.01(f − 1)v and saves f − 1 seconds, worth (f − 1)/T: less than it costs wherever vT ≥ 100 m. So laws beyond
     /// the limit are tried only where none within it docks in time.
     pub(super) fn ranked(setup: &Setup, state: State) -> Vec<Self> {
-        let fly = |law| Self::fly(setup, state, law);
+        let fly = |law| Self::fly(setup, Deputy::at(state), 0, law);
         let mut solos: Vec<Self> = laws(&WITHIN, setup.thrust_bound).map(fly).collect();
         if !solos.iter().any(|solo| solo.docked) {
             solos.extend(laws(&BEYOND, setup.thrust_bound).map(fly));

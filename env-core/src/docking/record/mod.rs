@@ -81,7 +81,7 @@ fn compare(episode: &RecordedEpisode, tally: &mut Tally) -> Result<(), String> {
     }
     for (i, name) in names.iter().enumerate() {
         if let Some(&theirs) = episode.returns.get(*name) {
-            let allowed = SINGLE * episode.n_steps as f64;
+            let allowed = tally.tolerance.max(SINGLE * episode.n_steps as f64);
             tally.number(Quantity::Return, flight.deputies()[i].earned, theirs, allowed, name);
         }
     }
@@ -179,7 +179,7 @@ fn compare_observation(flight: &Flight, i: usize, theirs: &[f64], tally: &mut Ta
     {
         let ours = f64::from(ours);
         // Near zero what counts is the rounding of the state, 1e-9 of a metre or less, not that of the number.
-        let allowed = ULPS * ours.abs().max(theirs.abs()).max(0.01);
+        let allowed = tally.tolerance.max(ULPS * ours.abs().max(theirs.abs()).max(0.01));
         tally.number(Quantity::Observation, ours, theirs, allowed, &format!("deputy {i}, column {column}"));
     }
 }

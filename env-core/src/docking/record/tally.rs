@@ -1,6 +1,6 @@
 //! Counting what differs.
 
-use crate::world::{Compared, FirstDifference};
+use crate::world::{Compared, FirstDifference, Worst};
 
 /// What is compared, in the order people should read it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,14 +20,15 @@ pub(super) enum Quantity {
 const NAMES: [&str; 10] = [
     "state",
     "observation",
-    "reward: distance",
-    "reward: delta-v",
-    "reward: velocity",
-    "reward: success",
-    "reward: failure",
+    "reward_distance",
+    "reward_delta_v",
+    "reward_velocity",
+    "reward_success",
+    "reward_failure",
     "reward",
     "return",
-    "done (1: a flag or a reason differs)",
+    // 1 where a flag or a reason differs.
+    "done",
 ];
 
 /// The worst of each, and where the first too large one stands.
@@ -39,19 +40,19 @@ pub(super) struct Tally {
     /// Steps compared.
     pub(super) steps: usize,
     pub(super) documented: Vec<String>,
-    worst: [f64; NAMES.len()],
+    worst: [Worst; NAMES.len()],
     first: Option<FirstDifference>,
 }
 
 impl Tally {
-    pub(super) const fn new(tolerance: f64) -> Self {
+    pub(super) fn new(tolerance: f64) -> Self {
         Self {
             tolerance,
             episode: 0,
             step: 0,
             steps: 0,
             documented: Vec::new(),
-            worst: [0.0; NAMES.len()],
+            worst: NAMES.map(|name| Worst::none(name, if name == "done" { 0.0 } else { tolerance })),
             first: None,
         }
     }
@@ -60,8 +61,7 @@ impl Tally {
     pub(super) fn number(&mut self, quantity: Quantity, ours: f64, theirs: f64, allowed: f64, of: &str) {
         let difference = if ours == theirs { 0.0 } else { (ours - theirs).abs() };
         let difference = if difference.is_nan() { f64::INFINITY } else { difference };
-        let worst = &mut self.worst[quantity as usize];
-        *worst = worst.max(difference);
+        self.worst[quantity as usize].take(difference, allowed);
         if difference > allowed {
             let what = NAMES[quantity as usize];
             self.note(format!("{what} of {of}: {ours} here, {theirs} recorded"));
@@ -70,7 +70,7 @@ impl Tally {
 
     /// Something that is not a number differs.
     pub(super) fn differ(&mut self, what: String) {
-        self.worst[Quantity::Done as usize] = 1.0;
+        self.worst[Quantity::Done as usize].take(1.0, 0.0);
         self.note(what);
     }
 
@@ -84,7 +84,7 @@ impl Tally {
         Compared {
             episodes,
             steps: self.steps,
-            worst: NAMES.into_iter().zip(self.worst).collect(),
+            worst: self.worst.to_vec(),
             first: self.first,
             documented: self.documented,
         }

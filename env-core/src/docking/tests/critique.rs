@@ -4,6 +4,10 @@ use serde_json::json;
 
 use crate::critique::{Critique, Verdict};
 use crate::docking::TASKS;
+use crate::docking::approach::Approach;
+use crate::docking::deputy::Deputy;
+use crate::docking::planner::solo::Solo;
+use crate::docking::setup::Setup;
 use crate::log::{ActionLog, Precision};
 use crate::rollout::fly;
 use crate::scenario::{Recipe, Scenario};
@@ -136,4 +140,87 @@ fn critiques_name_only_modes_of_the_task() {
         }
         assert!((-1.0..=1.0).contains(&seen.judged.value));
     }
+}
+
+/// The verdict on the only arc of a deputy.
+fn verdict_of(critique: &Critique, deputy: u32) -> (Verdict, f64) {
+    let mut of = critique.actions.iter().filter(|action| action.agent == deputy);
+    let found = of.next().unwrap();
+    assert!(of.next().is_none(), "{:?}", critique.actions);
+    (found.verdict, found.gain)
+}
+
+/// Two others collide at step 8 whatever this one does: its thrust is not to blame for that.
+#[test]
+fn a_bystanders_thrust_does_not_make_others_collide() {
+    let rows = json!([[50.0, 0, 0, 0, 0, 0], [52.0, 0, 0, -0.2, 0, 0], [0, 0, 100.0, 0, 0, 0]]);
+    let seen = critique_of(&staged(&rows, 500), &[(5, 2, [0.0, 0.0, -0.1])]);
+    assert_eq!((seen.failures.len(), seen.failures[2].step), (3, 8));
+    // It came some 0.2 m nearer: worth more than 0.04 m/s of thrust, but nothing that counts.
+    let (verdict, gain) = verdict_of(&seen, 2);
+    assert_eq!(verdict, Verdict::Harmless);
+    assert!(gain > 0.0 && gain < 0.001, "{gain}");
+}
+
+/// Of two pairs that collide in the same step one is left without this one's thrust.
+#[test]
+fn a_thrust_into_one_of_two_collisions_is_not_what_ended_the_episode() {
+    let rows = json!([[48.0, 0, 0, 0, 0, 0], [50.0, 0, 0, 0, 0, 0], [52.0, 0, 0, -0.2, 0, 0]]);
+    // 0.25 m/s after 3 s, 0.375 m on: 1.625 m on at step 8.
+    let push = [(3, 0, [1.0, 0.0, 0.0])];
+    let seen = critique_of(&staged(&rows, 500), &push);
+    let met = |of: usize| (seen.failures[of].step, seen.failures[of].encounter.as_ref().map(|met| met.body));
+    assert_eq!((met(0), met(1), met(2)), ((8, Some(1)), (8, Some(0)), (8, Some(1))));
+    assert_eq!(verdict_of(&seen, 0).0, Verdict::Wasteful);
+    // Where it is the only pair, it is.
+    let rows = json!([[48.0, 0, 0, 0, 0, 0], [50.0, 0, 0, 0, 0, 0], [52.0, 0, 0, 0, 0, 0]]);
+    let seen = critique_of(&staged(&rows, 500), &push);
+    assert_eq!((seen.failures[0].mode, verdict_of(&seen, 0).0), ("collision", Verdict::Harmful));
+}
+
+/// A deputy that docked before two others collided would have been stopped by that too, had it not: no timeout to pay for.
+#[test]
+fn a_counterfactual_ends_with_the_collision_of_others() {
+    for apart in [8.2, 28.2] {
+        // The others meet about step 39, within the minute that is flown by the rules, and about 139, beyond it.
+        let rows = json!([[0, 3.0, 0, 0, 0, 0], [50.0, 0, 0, 0, 0, 0], [50.0, 0, apart, 0, 0, -0.2]]);
+        let seen = critique_of(&staged(&rows, 500), &[(2, 0, [0.0, -1.0, 0.0])]);
+        assert_eq!(seen.failures.iter().map(|f| f.mode).collect::<Vec<_>>(), ["collision"; 2]);
+        let (verdict, gain) = verdict_of(&seen, 0);
+        assert_eq!(verdict, Verdict::Needed);
+        // Docking pays 1 and the share of the time that was left, more than 0.9; the way there below 0.04; a third of
+        // that is the score's.
+        assert!((1.9..2.05).contains(&(3.0 * gain)), "{gain}");
+    }
+}
+
+/// What is thrust after leaving moves nothing in truth, so neither where the arc that led there is taken away.
+#[test]
+fn thrust_after_leaving_is_not_flown() {
+    let rows = json!([[0, 3.0, 0, 0, 0, 0], [0, 100.0, 0, 0, 0, 0]]);
+    let push = (2, 0, [0.0, -1.0, 0.0]);
+    // So long that docking half a minute later would cost next to nothing.
+    let seen = critique_of(&staged(&rows, 1400), &[push, (28, 0, [0.0; 3]), push]);
+    assert_eq!((seen.failures.len(), seen.failures[0].agent), (1, 1));
+    assert_eq!(verdict_of(&seen, 0).0, Verdict::Needed);
+}
+
+/// It crashes as time runs out: braking, however early, is too late.
+#[test]
+fn braking_has_the_time_and_penalty_that_were_left() {
+    let staged = staged(&json!([[0, 10.4, 0, 0, -0.5, 0]]), 20);
+    let seen = critique_of(&staged, &[]);
+    let failure = &seen.failures[0];
+    assert_eq!((failure.mode, failure.step), ("crash", 20));
+    assert_eq!(failure.encounter.as_ref().unwrap().avoidable, Some(false), "{failure:?}");
+    assert!(failure.measures.iter().all(|m| m.name != "last_chance"));
+
+    // Slowing down from 0.5 m/s takes seconds above the limit, at 0.01 each: who has 0.01 left is stopped first.
+    let mut setup = Setup::read(staged.recipe()).unwrap();
+    setup.time_limit = 500;
+    let fly = |velocity_sum: f64, step: u32| {
+        let deputy = Deputy { velocity_sum, ..Deputy::at([0.0, 10.4, 0.0, 0.0, -0.5, 0.0]) };
+        Solo::fly(&setup, deputy, step, Approach::PILOT).docked
+    };
+    assert_eq!([fly(0.0, 0), fly(-4.5, 200), fly(-4.99, 0), fly(0.0, 480)], [true, true, false, false]);
 }

@@ -84,15 +84,15 @@ fn steps_of_a_log_are_lists_or_objects() {
     assert_eq!(list, read(json!([{"deputy": 1, "fx": 0.5, "fy": -0.25, "fz": 0}])).unwrap());
     assert_eq!((list.step(0).agents, list.step(0).values), (&[1][..], &[0.5, -0.25, 0.0][..]));
     let error = |step: Value| read(step).unwrap_err().to_string();
-    insta::assert_snapshot!(error(json!({})), @"actions.0: a step is a list of thrusts");
-    insta::assert_snapshot!(error(json!([[0, 1, 2]])), @"actions.0.0: a thrust is [deputy, fx, fy, fz]");
-    insta::assert_snapshot!(error(json!([[0, 1, 2, 3], 7])), @"actions.0.1: a thrust is a list or an object");
-    insta::assert_snapshot!(error(json!([[-1, 1, 2, 3]])), @"actions.0.0.deputy: it must be a whole number");
-    insta::assert_snapshot!(error(json!([[0, 1, "a", 3]])), @"actions.0.0.fy: it must be a finite number");
-    insta::assert_snapshot!(error(json!([{"deputy": 0, "fx": 1, "fy": 0}])), @"actions.0.0.fz: it must be a finite number");
-    insta::assert_snapshot!(error(json!([{"deputy": 0, "thrust": 1}])), @"actions.0.0.thrust: it is not known; a thrust has deputy, fx, fy, fz");
+    insta::assert_snapshot!(error(json!({})), @"steps.0: a step is a list of thrusts");
+    insta::assert_snapshot!(error(json!([[0, 1, 2]])), @"steps.0.0: a thrust is [deputy, fx, fy, fz]");
+    insta::assert_snapshot!(error(json!([[0, 1, 2, 3], 7])), @"steps.0.1: a thrust is a list or an object");
+    insta::assert_snapshot!(error(json!([[-1, 1, 2, 3]])), @"steps.0.0.0: a deputy's number must be a whole number, 0 or more");
+    insta::assert_snapshot!(error(json!([[0, 1, "a", 3]])), @"steps.0.0.2: a thrust must be a finite number");
+    insta::assert_snapshot!(error(json!([{"deputy": 0, "fx": 1, "fy": 0}])), @"steps.0.0.fz: a thrust must be a finite number");
+    insta::assert_snapshot!(error(json!([{"deputy": 0, "thrust": 1}])), @"steps.0.0.thrust: it is not known; a thrust has deputy, fx, fy, fz");
     let many: Vec<Value> = (0..65).map(|_| json!([0, 0, 0, 0])).collect();
-    insta::assert_snapshot!(error(json!(many)), @"actions.0: 65 thrusts in one step; at most 64 are taken");
+    insta::assert_snapshot!(error(json!(many)), @"steps.0: 65 thrusts in one step; at most 64 are taken");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What docking is held to.
 
+mod batch;
 mod critique;
 mod golden;
 mod input;

@@ -28,8 +28,8 @@ fn edge() -> Value {
 
 fn print(name: &str, found: &Compared) {
     println!("{name}: {} episodes, {} steps", found.episodes, found.steps);
-    for (what, worst) in &found.worst {
-        println!("  {what}: {worst:.2e}");
+    for worst in &found.worst {
+        println!("  {}: {:.2e} of {:.2e}", worst.quantity, worst.difference, worst.allowed);
     }
     found.documented.iter().for_each(|why| println!("  {why}"));
 }

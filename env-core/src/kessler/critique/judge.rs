@@ -1,4 +1,4 @@
-//! The deterministic judge, on the scale of the brief's LLM judge: −1 to 1.
+//! The deterministic judge, from −1 to 1: the scale on which LLM judges of such episodes speak.
 
 use super::Case;
 use super::loss::Loss;

@@ -6,7 +6,8 @@ use super::mode::Mode;
 use super::remedy::{Danger, search};
 use super::trace::{End, Met, Who};
 use crate::critique::{Encounter, Failure, Measure, Remedy};
-use crate::kessler::constants::SATELLITES;
+use crate::kessler::constants::{SATELLITES, SURVIVED};
+use crate::significant;
 
 /// A satellite's loss.
 pub(super) struct Loss {
@@ -48,9 +49,12 @@ fn hit(case: &Case<'_>, satellite: usize, end: End, met: Met) -> Loss {
             measures.push(Measure { name: "miss", value: passed.miss, unit: "LU" });
             measures.push(Measure { name: "probability", value: passed.probability, unit: "" });
             let did = format!(
-                "Satellite {satellite} was left a survival of {survival:.2}: {what} passed it at {:.1} LU at step {} \
-                 (probability of collision {:.2})",
-                passed.miss, end.step, passed.probability
+                "Satellite {satellite} was left a survival of {}: {what} passed it at {:.1} LU at step {} (probability of \
+                 collision {})",
+                below(survival),
+                passed.miss,
+                end.step,
+                significant(passed.probability, 3)
             );
             (Mode::Risk, did)
         }
@@ -65,6 +69,13 @@ fn hit(case: &Case<'_>, satellite: usize, end: End, met: Met) -> Loss {
         words,
     };
     Loss { satellite, end, avoidable, failure }
+}
+
+/// A survival that does not suffice, in as many digits as it takes to be seen below what would.
+fn below(survival: f64) -> String {
+    let enough =
+        |digits: &usize| *digits > 12 || significant(survival, *digits) != significant(SURVIVED, *digits);
+    significant(survival, (3..).find(enough).unwrap_or(3))
 }
 
 fn hit_words(did: &str, met: &Encounter) -> String {
@@ -124,4 +135,15 @@ fn decayed(case: &Case<'_>, satellite: usize, end: End) -> Loss {
 
 fn fuel_left(case: &Case<'_>, satellite: usize, step: u32) -> Measure {
     Measure { name: "fuel_left", value: case.trace.satellite(satellite, step).fuel, unit: "fuel" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_survival_that_does_not_suffice_is_seen_to_be_below() {
+        let told = [0.5, 0.897, 0.8996, 0.899_99, 0.001].map(below);
+        assert_eq!(told, ["0.500", "0.897", "0.8996", "0.89999", "0.00100"]);
+    }
 }

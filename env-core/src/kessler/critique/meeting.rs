@@ -3,8 +3,8 @@
 use super::Case;
 use super::remedy::{Danger, search};
 use super::trace::{End, Met};
-use crate::critique::Encounter;
-use crate::kessler::bearing::{BEARING_STEPS, Frame};
+use crate::critique::{BEARING_STEPS, Encounter};
+use crate::kessler::bearing::Frame;
 
 /// How a satellite and debris met.
 pub(super) fn encounter(case: &Case<'_>, satellite: usize, end: End, met: Met) -> Encounter {

@@ -90,10 +90,10 @@ impl<'a> Sky<'a> {
             body = body.coasted(self.physics.gravity);
             let at = t as usize;
             if let Contact::Chance(sigma) = self.physics.contact {
-                for column in 0..self.table.len() {
+                self.table.passing(at, &before, &body, sigma, |column| {
                     let spares = self.table.spares(column, at, &before, &body, sigma);
                     left *= if spares < 1.0 && self.known(column, step) { spares } else { 1.0 };
-                }
+                });
                 if left < SURVIVED {
                     return false;
                 }

@@ -3,7 +3,7 @@
 use super::panel::capped;
 use super::table::{Burn, Path, Table};
 use crate::chance::{Chance, Seeded, Stream};
-use crate::kessler::constants::{CONTACT_2, FUEL_PER_SPEED, HORIZON};
+use crate::kessler::constants::{CONTACT_2, FUEL_PER_SPEED, HORIZON, SURVIVED};
 use crate::kessler::kernel::clamped_burn;
 use crate::kessler::reward::Objective;
 use crate::kessler::setup::Contact;
@@ -25,8 +25,69 @@ pub(super) fn worth(objective: Objective, path: &Path) -> f64 {
     }
 }
 
-/// The best path found for a satellite, given its panel (hold first).
-pub(super) fn search(objective: Objective, table: &Table, panel: &[Path], chance: &mut Seeded) -> Path {
+/// What a path that is being flown can still be worth, under `risk: pc`: survival and fuel only fall.
+struct Hope {
+    objective: Objective,
+    /// What it must be worth more than.
+    best: f64,
+    /// What the steps flown are worth.
+    so_far: f64,
+}
+
+/// The bound and the worth it bounds are sums of 50 terms in the same order: they round apart by less than 50 ε.
+const ROUNDING: f64 = 1.0 + 1e-12;
+
+impl Hope {
+    /// For a path that is to be flown from `step` on.
+    fn of(objective: Objective, path: &Path, step: u32, best: f64) -> Self {
+        let so_far = (1..step as usize).map(|t| Self::step(objective, path, t)).sum();
+        Self { objective, best, so_far }
+    }
+
+    fn step(objective: Objective, path: &Path, t: usize) -> f64 {
+        match objective {
+            Objective::EcoStation => path.fuel[t] * path.survival[t],
+            Objective::Survival | Objective::Rendezvous | Objective::Formation => path.survival[t],
+        }
+    }
+
+    /// Whether it may yet count as alive at the end, or be worth more than the best: else whatever it does from here,
+    /// the search would throw it away.
+    fn is_left(&mut self, path: &Path, t: usize) -> bool {
+        let now = Self::step(self.objective, path, t);
+        self.so_far += now;
+        let rest = now * (HORIZON as usize - t) as f64;
+        path.survival[t] >= SURVIVED || (self.so_far + rest) * ROUNDING > self.best
+    }
+}
+
+/// Flies `path` by `burns`; its worth, if that is more than `best` or the path lives.
+fn worth_more(
+    objective: Objective,
+    table: &Table,
+    path: &mut Path,
+    burns: &[Burn],
+    best: f64,
+) -> Option<f64> {
+    let step = burns.first().map_or(1, |burn| burn.step);
+    let whole = if matches!(table.physics.contact, Contact::Chance(_)) {
+        let mut hope = Hope::of(objective, path, step, best);
+        path.fly_while(table, step, burns, |path, t| hope.is_left(path, t))
+    } else {
+        path.fly(table, step, burns);
+        true
+    };
+    whole.then(|| worth(objective, path))
+}
+
+/// The best path found for a satellite, given its panel (hold first), for as long as it is `wanted`.
+pub(super) fn search(
+    objective: Objective,
+    table: &Table,
+    panel: &[Path],
+    chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
+) -> Path {
     let hold = &panel[0];
     if !hold.lost() {
         return hold.clone();
@@ -44,15 +105,22 @@ pub(super) fn search(objective: Objective, table: &Table, panel: &[Path], chance
     if !best.lost() && !thrifty {
         return best;
     }
-    single_burns(objective, table, hold, &mut best, &mut best_worth);
+    single_burns(objective, table, hold, &mut best, &mut best_worth, wanted);
     if best.lost() {
-        schedules(objective, table, hold, &mut best, &mut best_worth, chance);
+        schedules(objective, table, hold, &mut best, &mut best_worth, chance, wanted);
     }
     best
 }
 
 /// One burn: sizes from small to large, steps from late to early, 16 directions.
-fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Path, best_worth: &mut f64) {
+fn single_burns(
+    objective: Objective,
+    table: &Table,
+    hold: &Path,
+    best: &mut Path,
+    best_worth: &mut f64,
+    wanted: &dyn Fn() -> bool,
+) {
     let Some(threat) = hold.threat() else { return };
     let fuel = hold.fuel[0];
     let last = threat as usize;
@@ -62,6 +130,9 @@ fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Pat
     for size in SIZES {
         let size = capped(size, fuel);
         for step in (1..=threat).rev() {
+            if !wanted() {
+                return;
+            }
             let most = ideal(objective, fuel, size, step);
             if most <= *best_worth {
                 break; // an earlier burn of this size is worth less still
@@ -73,8 +144,9 @@ fn single_burns(objective: Objective, table: &Table, hold: &Path, best: &mut Pat
                     continue;
                 }
                 path.branch(hold, step);
-                path.fly(table, step, &[burn]);
-                let value = worth(objective, &path);
+                let Some(value) = worth_more(objective, table, &mut path, &[burn], *best_worth) else {
+                    continue;
+                };
                 if value > *best_worth {
                     *best_worth = value;
                     best.clone_from(&path);
@@ -120,11 +192,15 @@ fn schedules(
     best: &mut Path,
     best_worth: &mut f64,
     chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
 ) {
     let Some(threat) = hold.threat() else { return };
     let fuel = hold.fuel[0];
     let mut path = hold.clone();
     for _ in 0..SCHEDULES {
+        if !wanted() {
+            return;
+        }
         let mut burns = [Burn { step: 1, dvx: 0.0, dvy: 0.0 }; SCHEDULE_BURNS];
         for (i, burn) in burns.iter_mut().enumerate() {
             // The first acts before the contact; the others anywhere.
@@ -137,8 +213,7 @@ fn schedules(
         }
         burns.sort_by_key(|b| b.step);
         path.branch(hold, burns[0].step);
-        path.fly(table, burns[0].step, &burns);
-        let value = worth(objective, &path);
+        let Some(value) = worth_more(objective, table, &mut path, &burns, *best_worth) else { continue };
         if value > *best_worth {
             *best_worth = value;
             best.clone_from(&path);

@@ -104,7 +104,7 @@ struct Search<'a> {
     trial: [Path; SATELLITES],
 }
 
-/// The best formation flight found; `planned` is what avoidance alone gives.
+/// The best formation flight found, for as long as it is `wanted`; `planned` is what avoidance alone gives.
 pub(super) fn search(
     setup: &Setup,
     seed: Seed,
@@ -112,6 +112,7 @@ pub(super) fn search(
     panels: &[Vec<Path>; SATELLITES],
     planned: [Path; SATELLITES],
     chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
 ) -> [Path; SATELLITES] {
     debug_assert_eq!(panels[0].len(), PANEL);
     let holds = [&panels[0][0], &panels[1][0], &panels[2][0]];
@@ -123,6 +124,9 @@ pub(super) fn search(
     search.fly(&gains, &look, None);
     search.keep_if_better();
     for number in 0..RANDOM + LOCAL {
+        if !wanted() {
+            return search.best;
+        }
         let next = if number < RANDOM { anywhere(chance) } else { around(gains, chance) };
         let watch = lookout(chance);
         search.fly(&next, &watch, None);
@@ -131,7 +135,7 @@ pub(super) fn search(
         }
     }
     for _ in 0..SIDESTEPS {
-        let Some(threat) = search.threat(chance) else { break };
+        let Some(threat) = search.threat(chance).filter(|_| wanted()) else { break };
         let sidestep = aside(threat, chance);
         search.fly(&gains, &look, Some(sidestep));
         search.keep_if_better();

@@ -1,6 +1,8 @@
 //! Debris does not depend on what satellites do (fragments aside), so it is propagated once and satellites are flown
 //! against the table, one by one.
 
+mod passing;
+
 use crate::kessler::cloud::{ABSENT, NOWHERE};
 use crate::kessler::constants::{CONTACT_2, CONTACT_DISTANCE, EARTH_RADIUS_2, HORIZON, SIGMAS, SURVIVED};
 use crate::kessler::kernel::{
@@ -131,11 +133,6 @@ impl Table {
         passed
             .filter(|&miss_2| miss_2 < most * most)
             .map_or(1.0, |miss_2| 1.0 - collision_probability(miss_2.sqrt(), sigma))
-    }
-
-    /// What `step` leaves of a survival of `left`, of a body that was at `before` and is at `body`.
-    fn survival(&self, step: usize, before: &Body, body: &Body, sigma: f64, left: f64) -> f64 {
-        (0..self.n).fold(left, |left, column| left * self.spares(column, step, before, body, sigma))
     }
 
     /// Whether anything destroys a body in `step`, at whose end it is there.
@@ -307,14 +304,29 @@ impl Path {
 
     /// Flies the rest, from `step` on, by `burns` (ordered by step).
     pub(crate) fn fly(&mut self, table: &Table, step: u32, burns: &[Burn]) {
+        self.fly_while(table, step, burns, |_, _| true);
+    }
+
+    /// The same for as long as `promising` says so of the path and each step flown; whether it came to its end.
+    pub(crate) fn fly_while(
+        &mut self,
+        table: &Table,
+        step: u32,
+        burns: &[Burn],
+        mut promising: impl FnMut(&Self, usize) -> bool,
+    ) -> bool {
         let mut next = 0;
         for t in step..=HORIZON {
             let burn = burns.get(next).filter(|b| b.step == t).map(|b| (b.dvx, b.dvy));
             next += usize::from(burn.is_some());
             if !self.advance(table, t, burn) {
-                return;
+                return true;
+            }
+            if !promising(self, t as usize) {
+                return false;
             }
         }
+        true
     }
 
     /// The same start again, to be flown from `step` on.

@@ -21,13 +21,23 @@ const RANDOM: u32 = 260;
 const LOCAL: u32 = 260;
 const DODGES: u32 = 400;
 
-/// The best transfer found from satellite 0's start.
-pub(super) fn search(table: &Table, body: Body, fuel: f64, hold: &Path, chance: &mut Seeded) -> Path {
+/// The best transfer found from satellite 0's start, for as long as it is `wanted`.
+pub(super) fn search(
+    table: &Table,
+    body: Body,
+    fuel: f64,
+    hold: &Path,
+    chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
+) -> Path {
     let mut path = Path::start(body, fuel);
     let mut best = hold.clone();
     let mut best_worth = worth(hold);
     let mut best_gains = BOUNDS.map(|(low, high)| 0.5 * (low + high));
     for trial in 0..RANDOM + LOCAL {
+        if !wanted() {
+            return best;
+        }
         let gains = if trial < RANDOM {
             BOUNDS.map(|(low, high)| chance.between(Stream::Planner, low, high))
         } else {
@@ -43,7 +53,7 @@ pub(super) fn search(table: &Table, body: Body, fuel: f64, hold: &Path, chance: 
         }
     }
     if best.lost() {
-        dodge(table, hold, &mut best, best_worth, best_gains, chance);
+        dodge(table, hold, &mut best, best_worth, best_gains, chance, wanted);
     }
     best
 }
@@ -56,9 +66,13 @@ fn dodge(
     mut best_worth: f64,
     gains: [f64; GAINS],
     chance: &mut Seeded,
+    wanted: &dyn Fn() -> bool,
 ) {
     let mut path = hold.clone();
     for _ in 0..DODGES {
+        if !wanted() {
+            return;
+        }
         let step = 1 + (chance.uniform(Stream::Planner) * f64::from(best.survived() + 1).min(49.0)) as u32;
         let size = chance.uniform(Stream::Planner);
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * chance.uniform(Stream::Planner));

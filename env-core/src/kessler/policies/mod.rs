@@ -45,7 +45,9 @@ pub fn by_name(
         "blind" => seated(Blind::new()),
         "frozen" => seated(Learner::new(Parameters::random(seed))),
         "heuristic" => seated(Heuristic),
-        "reference" => seated::<Telemetry>(Witness::new(planner::bracket(objective, scenario)?.witness)),
+        "reference" => {
+            seated::<Telemetry>(Witness::new(planner::bracket(objective, scenario, &|| true)?.witness))
+        }
         _ => return Err(PolicyError::unknown(name, &SPECS)),
     })
 }

@@ -167,6 +167,45 @@ fn layouts_that_cannot_be() {
     "#);
 }
 
+/// The path counts from 0, the words say the same path, and it leads from wherever the log stands.
+#[test]
+fn logs_name_the_place_at_fault() {
+    let scenario = super::at_level("kessler/survival", 0, 1);
+    let refused = |steps: serde_json::Value| {
+        let steps: Vec<_> = steps.as_array().unwrap().clone();
+        let stopped = Some(crate::Stopped::TooLong);
+        let read = crate::rollout::read_log(&scenario, &steps, crate::log::Precision::F64, stopped);
+        let error = read
+            .map_err(crate::rollout::ReplayError::from)
+            .and_then(|log| crate::rollout::replay(&scenario, &log));
+        let Err(crate::rollout::ReplayError::Log(error)) = error else { panic!("{error:?}") };
+        let (field, under) = (format!("actions.{}", error.field()), error.under("actions").to_string());
+        assert!(under.starts_with(&format!("{field}: ")) || field == "actions.steps", "{field} | {under}");
+        under
+    };
+    let told = [
+        json!([7]),
+        json!([[], [[0, 0.1, 0], [5, 0, 0]]]),
+        json!([[], [[0, 0.1, 0], [-1, 0, 0]]]),
+        json!([[[0, 0.1, "x"]]]),
+        json!([[{"satellite_id": 0, "delta_vx": 0.1}]]),
+        json!([[{"satellite": 0}]]),
+        json!([[[0, 0.1]]]),
+        json!(vec![json!([]); 51]),
+    ]
+    .map(refused);
+    insta::assert_snapshot!(told.join("\n"), @r"
+    actions.steps.0: a step is a list of burns
+    actions.steps.1.1: agent 5 does not exist; agents are 0 to 2
+    actions.steps.1.1.0: a satellite's number must be a whole number, 0 or more
+    actions.steps.0.0.2: a change of speed must be a finite number
+    actions.steps.0.0.delta_vy: a change of speed must be a finite number
+    actions.steps.0.0.satellite: it is not known; a burn has satellite_id, delta_vx, delta_vy
+    actions.steps.0.0: a burn is [satellite, dvx, dvy]
+    the log has 51 steps, but the episode was over after 50
+    ");
+}
+
 #[test]
 fn whose_task_and_seed_are_none() {
     let scenario = |value: Value| Scenario::from_json(&value).unwrap_err().to_string() + "\n";
@@ -193,11 +232,11 @@ fn whose_task_and_seed_are_none() {
     task is missing: a task's id, as kessler/survival
     task is 1, but must be a task's id, as kessler/survival
     task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent
-    seed is missing: a whole number below 2^53
-    seed is -1, but must be a whole number below 2^53
-    seed is 1.5, but must be a whole number below 2^53
-    seed is "1", but must be a whole number below 2^53
-    seed is 9007199254740992, outside 0 to 6755399441055743
+    seed is missing: a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
+    seed is -1, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
+    seed is 1.5, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
+    seed is "1", but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
+    seed is 9007199254740992, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
     world is "kessler@2"; choose one of kessler@1
     level is not a known field; known are world, task, params, physics, layout, seed
     "#);

@@ -119,7 +119,7 @@ fn bearings_five_steps_before_contact() {
     let scenario = survival(&json!({}));
     let mut seen = 0;
     for (step, direction) in [8, 12, 20].into_iter().flat_map(|s| [0.0, 90.0, 180.0, 270.0].map(|d| (s, d))) {
-        // +X, +Y, −X, −Y as the brief speaks.
+        // +X, +Y, −X, −Y as people speak.
         if let Some(planted) = try_threat(&scenario, step, direction - angle_after(step)) {
             let found = met(&planted);
             assert!(apart(found.bearing_inertial_deg.unwrap(), direction) < 10.0, "{direction} {found:?}");

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::at_level;
 use crate::bracket::Flown;
-use crate::critique::{ActionVerdict, Critique, Remedy, Verdict};
+use crate::critique::{ActionVerdict, Critique, Failure, Remedy, Verdict};
 use crate::kessler::TASKS;
 use crate::kessler::constants::SATELLITES;
 use crate::kessler::telemetry::Telemetry;
@@ -146,7 +146,9 @@ fn check(scenario: &Scenario, log: &ActionLog) -> Result<(Critique, Flown), Test
     let seen = watched(scenario, log);
     let risk = scenario.recipe().option("risk") == Some("pc");
     let mut losses = [0; SATELLITES];
-    for failure in critique.failures.iter().filter(|f| LOSSES.contains(&f.mode)) {
+    // Risk without an encounter is a goal that was held and not safe: nobody's loss.
+    let goal = |f: &Failure| f.mode == "risk" && f.encounter.is_none();
+    for failure in critique.failures.iter().filter(|f| LOSSES.contains(&f.mode) && !goal(f)) {
         losses[failure.agent as usize] += 1;
     }
     for (count, gone) in losses.iter().zip(lost) {

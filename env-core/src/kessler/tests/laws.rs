@@ -163,10 +163,11 @@ fn errors_name_field_value_and_range() {
         Scenario::from_json(&changed).unwrap_err().to_string()
     };
     insta::assert_snapshot!(with("params", json!({"fuel": -1})), @"params.fuel is -1, outside 0.1 to 1000");
+    insta::assert_snapshot!(with("params", json!({"fuel": 1e300})), @"params.fuel is 1e300, outside 0.1 to 1000");
     insta::assert_snapshot!(with("params", json!({"debris": 2.5})), @"params.debris is 2.5, but must be a whole number");
     insta::assert_snapshot!(with("params", json!({"fule": 1})), @"params.fule is not a known field; known are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma");
     insta::assert_snapshot!(with("physics", json!({"compat": "downstream"})), @r#"physics.compat is "downstream"; choose one of none, upstream"#);
-    insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed is 9007199254740992, outside 0 to 6755399441055743");
+    insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed is 9007199254740992, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)");
     insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent"#);
     insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris: it is 25, but the layout replaces debris by 1: say 1");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 5]]}})), @"layout.bodies.debris.0: it starts inside the Earth, 3.0 LU from its centre");

@@ -10,6 +10,7 @@ mod golden;
 mod laws;
 mod observed;
 mod planned;
+mod planned_at_risk;
 mod reference;
 mod staging;
 mod tracks;
@@ -19,4 +20,12 @@ mod validate_pc;
 mod validate_swept;
 mod validate_warnings;
 
+use crate::scenario::{Recipe, Scenario};
+use crate::seed::Seed;
 use crate::testing::at_level;
+
+/// A scenario under `risk: pc` with these params, by a user's seed.
+pub(super) fn at_risk(task: &str, params: &[(&str, f64)], seed: u64) -> Scenario {
+    let recipe = Recipe::with_params(crate::task(task).unwrap(), params.iter().copied()).unwrap();
+    Scenario::new(recipe.with_option("risk", "pc").unwrap(), Seed::user(seed).unwrap())
+}

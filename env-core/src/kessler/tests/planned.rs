@@ -6,6 +6,7 @@ use super::at_level;
 use crate::bracket::admit;
 use crate::chance::Seeded;
 use crate::kessler::TASKS;
+use crate::kessler::constants::EPSILON;
 use crate::kessler::planner::panel::{PANEL, kick};
 use crate::kessler::plant::{Threat, plant};
 use crate::kessler::setup::Setup;
@@ -56,7 +57,8 @@ fn panel_log(scenario: &Scenario, index: usize) -> ActionLog {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// The witness, flown, earns exactly its score; so does each plan of the panel; the reference is at least each.
+    /// The witness, flown, earns exactly its score; so does each plan of the panel; the reference is at least each (under
+    /// `risk: pc` it leaves out burns that are worth less than ε together).
     #[test]
     fn brackets_are_what_the_episode_gives(scenario in any_scenario()) {
         let bracket = scenario.task().bracket(&scenario).unwrap();
@@ -65,7 +67,8 @@ proptest! {
         for (index, told) in bracket.panel.iter().enumerate() {
             let flown = replay(&scenario, &panel_log(&scenario, index)).unwrap();
             prop_assert_eq!(&flown, told, "plan {}", index);
-            prop_assert!(bracket.reference.score >= told.score);
+            let spared = if scenario.recipe().option("risk") == Some("pc") { EPSILON } else { 0.0 };
+            prop_assert!(bracket.reference.score >= told.score - spared);
         }
     }
 

@@ -1,7 +1,7 @@
 //! What the subcommand reads and prints.
 
 use clap::Parser;
-use env_core::critique::{Judged, Remedy};
+use env_core::critique::{Judged, Measure, Remedy};
 use env_core::{Recipe, Seed};
 
 use super::*;
@@ -54,7 +54,17 @@ fn shown(actions: Vec<ActionVerdict>) -> Shown {
         agent: 2,
         ..hit.clone()
     };
-    let decay = Failure { mode: "decay", step: 40, encounter: None, words: String::new(), ..hit.clone() };
+    let measure = |name, value| Measure { name, value, unit: "" };
+    let remedy =
+        vec![measure("avoidable", 1.0), measure("cheapest_step", 9.0), measure("cheapest_cost", 0.25)];
+    let decay = Failure {
+        mode: "decay",
+        step: 40,
+        encounter: None,
+        measures: remedy,
+        words: String::new(),
+        ..hit.clone()
+    };
     let critique = Critique {
         failures: vec![hit, fragment, decay],
         actions,

@@ -29,7 +29,8 @@ use super::worlds;
 /// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of agents lost; and
 /// fuel used by all agents together, in the world's unit. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
 /// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
-/// together; there the suite decides how many are of which kind.
+/// together; there the suite decides how many are of which kind. All tasks together stand first where they are of one
+/// world; scores and fuel of several have no common mean.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
@@ -70,7 +71,7 @@ parts stay what they are in the suite. Such a report does not compare with one o
 JSON (--format json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
 resamples, scenarios, rows}. physics are the options that were flown under instead of the suite's, by task; comparable is false \
 where there are any, and note then says so in words. \
-Each row: {task (an id, or \"all\"), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
+Each row: {task (an id, or \"all\" where the suite is of one world), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
 skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is null where it is nowhere defined.
 
 Examples:

@@ -1,5 +1,7 @@
 //! The numbers of an evaluation, as tables and as JSON.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 use super::Args;
@@ -53,8 +55,12 @@ impl Report {
         physics: Option<Physics>,
         rows: &[Row],
     ) -> Self {
+        let of = suite.tasks();
+        // Scores, agents and fuel of different worlds are no one quantity: no mean is made of them.
+        let worlds: BTreeSet<&str> = of.iter().map(|task| task.world()).collect();
+        let all = (worlds.len() == 1).then_some(ALL);
         let mut told = Vec::new();
-        for task in std::iter::once(ALL).chain(suite.tasks().iter().map(|task| task.id())) {
+        for task in all.into_iter().chain(of.iter().map(|task| task.id())) {
             for (part, of) in PARTS {
                 let belongs = |entry: &Entry| {
                     (task == ALL || entry.scenario.task().id() == task)
@@ -82,7 +88,7 @@ impl Report {
         }
     }
 
-    /// A table per task, all tasks together first.
+    /// A table per task, all tasks together first where they are of one world.
     pub(super) fn tables(&self) -> String {
         let mut text = format!(
             "{}: {} scenarios, hash {}…, planner {}; means with {:.0} % bootstrap intervals over scenarios\n",

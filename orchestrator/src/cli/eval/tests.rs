@@ -74,6 +74,16 @@ fn the_report_has_every_block_and_the_controls() {
     assert!((-1e-9..0.2).contains(&panel["skill"]["mean"].as_f64().unwrap()), "{panel}");
 }
 
+#[test]
+fn no_mean_is_made_of_two_worlds() {
+    let suite = mixed();
+    let rows = [flown(&suite, "hold", 1)];
+    let report = serde_json::to_value(Report::new(&suite, "0".repeat(64), &args(&[]), None, &rows)).unwrap();
+    let tasks: std::collections::BTreeSet<&str> =
+        report["rows"].as_array().unwrap().iter().map(|row| row["task"].as_str().unwrap()).collect();
+    assert!(!tasks.contains("all") && tasks.len() > 1, "{tasks:?}");
+}
+
 /// Rows whose numbers rest on the planner alone: the learner may change.
 #[test]
 fn the_tables_are_readable() {

@@ -118,7 +118,7 @@ fn a_forged_suite_is_refused() {
     ].map(|error| error.to_string()).join("\n"), @r#"
     scenario 0 of kessler/survival level 2: seed 5 is not an evaluation seed
     scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
-    scenario 0 of kessler/survival level 2: seed is 9007199254740992, outside 0 to 6755399441055743
+    scenario 0 of kessler/survival level 2: seed is 9007199254740992, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
     scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
     scenario 0 of kessler/survival level 2: params.debris is 5000, outside 0 to 1000
     scenario 0 of kessler/eco_station level 2: its recipe is one of kessler/survival

@@ -28,7 +28,8 @@ use crate::training::{RunSettings, TrainingError, sample};
 pub(super) struct Asked {
     /// One task only.
     task: Option<String>,
-    /// How many episodes behind each cell are named, the newest: 0 to 64 (3).
+    /// How many different episodes behind each cell are named, the newest: 0 to 64 (3). Of each cell its newest 64 failures
+    /// are kept; where those are of fewer episodes, fewer are named.
     examples: Option<u32>,
 }
 
@@ -281,10 +282,7 @@ async fn profile(
     let mut behind: HashMap<i64, Vec<String>> = HashMap::new();
     for (cell, number, token, index) in failures::newest(conn, run.as_str(), task.id(), examples).await? {
         let episode = EpisodeId { lease: LeaseId { number, token }, index }.to_string();
-        let episodes = behind.entry(cell).or_default();
-        if episodes.last() != Some(&episode) {
-            episodes.push(episode); // an episode can fail twice in one cell
-        }
+        behind.entry(cell).or_default().push(episode);
     }
     let CritiqueSums { criticised, skipped, failed, judged, verdicts } = sums;
     let verdicts = VERDICTS.into_iter().zip(verdicts).map(|(verdict, Fading { all, now })| VerdictView {

@@ -68,6 +68,7 @@ fn id<T: std::str::FromStr<Err = crate::ids::BadId>>(field: &str, text: &str) ->
 /// How many a list gives at most, and where it goes on.
 #[derive(Debug, serde::Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
 struct Page {
     /// How many at most: 1 to 500 (50).
     limit: Option<u32>,

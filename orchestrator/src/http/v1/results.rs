@@ -66,7 +66,7 @@ const fn finished() -> Status {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Actions {
-    /// One entry a step, in the task's own form: a list of `[agent, value, …]` with the values of its action space, as
+    /// One entry a step, the first step's first, in the task's own form: a list of `[agent, value, …]` with the values of its action space, as
     /// `[satellite, dvx, dvy]` for kessler. An agent without an entry goes on as it is.
     #[schema(value_type = Vec<Vec<Object>>, example = json!([[[0, 0.1, 0.0]], [], []]))]
     pub(super) steps: Vec<Value>,
@@ -168,7 +168,7 @@ pub(super) async fn report(
         let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
         return Err(Problem::invalid("results", detail));
     }
-    let claims = body.results.into_iter().enumerate().map(claim).collect::<Result<_, _>>()?;
+    let claims = body.results.into_iter().map(claim).collect::<Result<_, _>>()?;
     let results = {
         let mut conn = app.readers.acquire().await?;
         let row = runs::get(&mut conn, run.as_str()).await?;
@@ -181,26 +181,19 @@ pub(super) async fn report(
     Ok(axum::Json(Receipts { results, moves }))
 }
 
-fn claim((at, item): (usize, ResultItem)) -> Result<Claim, Problem> {
-    let field = |name: &str| format!("results[{at}].{name}");
+fn claim(item: ResultItem) -> Result<Claim, Problem> {
+    let refused = |why: &str| Claimed::Refused { code: "invalid_log", detail: format!("actions: {why}") };
     let what = match (item.status, item.actions) {
         (Status::Finished, Some(actions)) => Claimed::Finished {
             steps: actions.steps,
             precision: actions.precision.into(),
             stopped: actions.stopped.map(Into::into),
         },
-        (Status::Finished, None) => {
-            return Err(Problem::invalid(field("actions"), "a finished episode needs its actions"));
-        }
+        (Status::Finished, None) => refused("a finished episode needs them"),
         (Status::Failed, None) => {
             Claimed::Failed { reason: item.reason.unwrap_or_default().chars().take(MAX_REASON).collect() }
         }
-        (Status::Failed, Some(_)) => {
-            return Err(Problem::invalid(
-                field("actions"),
-                "a failed episode has none that count; leave them out",
-            ));
-        }
+        (Status::Failed, Some(_)) => refused("a failed episode has none that count; leave them out"),
     };
     let metrics = item.metrics.map(|m| to_json(&m)).transpose()?;
     Ok(Claim { episode: item.episode, what, policy_version: item.policy_version, metrics })

@@ -1,26 +1,30 @@
 //! Scenarios by hand: validate, bracket, replay, and criticise.
 
-use env_core::bracket::{SuccessRule, admit, success};
+use axum::extract::State;
+use env_core::bracket::{SuccessRule, admit_while, success};
 use env_core::log::Precision;
-use env_core::rollout::{read_log, replay};
+use env_core::rollout::{ReplayError, read_log, replay};
 use env_core::{ActionLog, Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::Json;
+use super::super::extract::{Json, read};
 use super::super::problem::Problem;
 use super::critique::CritiqueView;
 use super::leases::BracketView;
 use super::results::Actions;
 use crate::frames::{MOST_BYTES, Show, frames};
+use crate::service::App;
 use crate::store::brackets::StoredFlown;
 
 /// A scenario to look at, and actions to fly on it.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wish {
-    /// The scenario: task, params, physics, layout, and a seed below 2^51. What is left out stands at its default.
+    /// The scenario: a task and a seed from 0 to 2^51 − 1, and what is wanted of params, physics and layout, whose defaults
+    /// hold for what is left out. A layout is `{mode, bodies, provenance}`: tables of rows that stand after what is drawn
+    /// (`extend`) or instead of it (`replace`), at most 512 rows in all.
     #[schema(value_type = Object, example = json!({"task": "kessler/survival", "params": {"debris": 100}, "seed": 7}))]
     scenario: Value,
     /// An action log to replay on it.
@@ -77,10 +81,15 @@ struct Judged {
     post, path = "/scenarios", tag = "scenarios", request_body = Wish,
     responses(
         (status = 200, body = Checked), (status = 400, body = Problem), (status = 413, body = Problem),
-        (status = 415, body = Problem), (status = 422, body = Problem)
+        (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 503, body = Problem, description = "Too many are planned on at once, or it took longer than a minute.")
     )
 )]
-pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>, Problem> {
+pub(super) async fn check(
+    State(app): State<App>,
+    Json(body): Json<Value>,
+) -> Result<axum::Json<Checked>, Problem> {
+    let wish = wish(body)?;
     let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
         let field = match error.field() {
             "scenario" => "scenario".to_owned(),
@@ -90,33 +99,53 @@ pub(super) async fn check(Json(wish): Json<Wish>) -> Result<axum::Json<Checked>,
     })?;
     if scenario.seed().space() != SeedSpace::User {
         let error = Seed::user(scenario.seed().get()).err();
-        let detail = error.map_or_else(String::new, |e| e.to_string());
-        return Err(Problem::invalid(
-            "scenario.seed",
-            format!("{detail}: larger seeds are kept for training and evaluation"),
-        ));
+        return Err(Problem::invalid("scenario.seed", error.map_or_else(String::new, |e| e.to_string())));
     }
-    // Planning takes milliseconds: off the threads that answer others.
-    let checked = tokio::task::spawn_blocking(move || judge(&scenario, wish.actions, wish.telemetry)).await;
-    Ok(axum::Json(checked.map_err(|_| Problem::internal())??))
+    let planned =
+        app.planning.plan(move |wanted| judge(&scenario, wish.actions, wish.telemetry, wanted)).await?;
+    Ok(axum::Json(planned?))
 }
 
-fn judge(scenario: &Scenario, actions: Option<Actions>, telemetry: bool) -> Result<Checked, Problem> {
-    let admission = admit(scenario);
+/// Actions that are not of this scenario.
+fn refuse(error: ReplayError) -> Problem {
+    match error {
+        ReplayError::Scenario(error) => Problem::invalid("scenario", error.to_string()),
+        ReplayError::Log(error) => {
+            Problem::invalid(format!("actions.{}", error.field()), error.under("actions").to_string())
+        }
+    }
+}
+
+/// A body, told of the wrapper where it is a bare scenario.
+fn wish(body: Value) -> Result<Wish, Problem> {
+    if body.get("scenario").is_none() && body.get("task").is_some() {
+        let detail = "it is missing: wrap the scenario in it, as {\"scenario\": {\"task\": …, \"seed\": 7}}";
+        return Err(Problem::invalid("scenario", detail));
+    }
+    read(body)
+}
+
+fn judge(
+    scenario: &Scenario,
+    actions: Option<Actions>,
+    telemetry: bool,
+    wanted: &dyn Fn() -> bool,
+) -> Result<Checked, Problem> {
+    // Given up only where nobody reads the answer.
+    let admission = admit_while(scenario, wanted).ok_or_else(Problem::timed_out)?;
     let (mut judged, mut critique) = (None, None);
     let mut log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(Into::into);
-        let refuse = |error: String| Problem::invalid("actions", error);
         log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
-            .map_err(|error| refuse(error.to_string()))?;
-        let flown = replay(scenario, &log).map_err(|error| refuse(error.to_string()))?;
+            .map_err(|error| refuse(error.into()))?;
+        let flown = replay(scenario, &log).map_err(refuse)?;
         judged = Some(Judged {
             skill: bracket.skill(flown.score),
             success: success(scenario, SuccessRule::Task, bracket, &flown),
             flown: flown.into(),
         });
-        let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse(error.to_string()))?;
+        let shown = scenario.task().critique(scenario, &log).map_err(refuse)?;
         critique = Some(CritiqueView::of(scenario, shown));
     }
     let frames = (telemetry && admission.fair.is_ok())
