@@ -123,6 +123,7 @@ fn keeps_clear(from: u32, mut body: Body, hold: &Hold, laws: Laws) -> bool {
     true
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "it stands in map_err")]
 fn fault(error: ScenarioError) -> Fault {
     Fault::new(error.field().to_owned(), error.to_string())
 }

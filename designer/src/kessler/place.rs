@@ -111,6 +111,17 @@ impl Solving<'_> {
         self.encounter.satellite as usize
     }
 
+    /// The step after which it starts, or appears.
+    fn from(&self) -> u32 {
+        if self.encounter.rogue { self.encounter.step.saturating_sub(ROGUE_LEAD) } else { 0 }
+    }
+
+    /// How many steps before the encounter its bearing is taken at the earliest: what appears in a step is there after it.
+    fn backs(&self) -> u32 {
+        let there = self.from() + u32::from(self.encounter.rogue);
+        BEARING_STEPS.min(self.encounter.step - there)
+    }
+
     /// The body at the end of the encounter's step, moving relative to the satellite along this heading, degrees from +X
     /// towards +Y: closest there, since it is put across its relative velocity.
     fn meeting(&self, heading_deg: f64) -> Body {
@@ -125,30 +136,24 @@ impl Solving<'_> {
     fn bearing(&self, heading_deg: f64) -> f64 {
         let step = self.encounter.step;
         let mut body = self.meeting(heading_deg);
-        let mut seen = None;
-        let mut ways = [body; BEARING_STEPS as usize + 1];
-        for back in 1..=BEARING_STEPS.min(step) as usize {
-            body = body.uncoasted(self.laws.gravity);
-            ways[back] = body;
-        }
-        for back in 0..=BEARING_STEPS.min(step) {
-            let at = step - back;
-            if self.hold.sees(at, &ways[back as usize]) {
-                seen = Some(back);
+        let mut at = (0, body);
+        for back in 0..=self.backs() {
+            if back > 0 {
+                body = body.uncoasted(self.laws.gravity);
+            }
+            if self.hold.sees(step - back, &body) {
+                at = (back, body);
             }
         }
-        let back = seen.unwrap_or(0);
-        let of = self.hold.at(self.satellite(), step - back);
-        let at = &ways[back as usize];
-        self.frame.bearing_deg(of, (at.x, at.y))
+        let (back, body) = at;
+        self.frame.bearing_deg(self.hold.at(self.satellite(), step - back), (body.x, body.y))
     }
 
     /// The heading whose bearing is the one asked for. A body that comes from somewhere moves away from there, so that
     /// turning the heading turns the bearing with it, nearly one to one: correcting by the difference converges.
     fn solve(&self) -> Result<Solved, Trouble> {
         let wanted = f64::from(self.encounter.bearing_deg);
-        let step = self.encounter.step;
-        let of = self.hold.at(self.satellite(), step - BEARING_STEPS.min(step));
+        let of = self.hold.at(self.satellite(), self.encounter.step - self.backs());
         let first = self.frame.direction_deg(of, wanted) + 180.0;
         let mut best = Solved { heading_deg: first, bearing_deg: self.bearing(first) };
         // From where it should come, and where that leads nowhere from all around.
@@ -175,7 +180,7 @@ impl Solving<'_> {
     /// Runs it back to where it starts, and looks whether it does what it claims.
     fn check(&self, solved: Solved) -> Result<Placed, Trouble> {
         let step = self.encounter.step;
-        let from = if self.encounter.rogue { step.saturating_sub(ROGUE_LEAD) } else { 0 };
+        let from = self.from();
         let mut body = self.meeting(solved.heading_deg);
         for at in (from..step).rev() {
             body = body.uncoasted(self.laws.gravity);
