@@ -207,11 +207,14 @@ impl Solving<'_> {
         let own = self.satellite();
         let claimed = MISS.value(self.encounter.miss_distance);
         let mut least = f64::MAX;
-        for step in from + 1..=HORIZON {
+        // What is there from the start counts where it starts; what appears, first where it has moved to.
+        for step in from + u32::from(self.encounter.rogue)..=HORIZON {
             if body.radius() < EARTH_RADIUS {
                 break;
             }
-            body = body.coasted(self.laws.gravity);
+            if step > from {
+                body = body.coasted(self.laws.gravity);
+            }
             for satellite in 0..SATELLITES {
                 let distance = self.distance(satellite, step, &body);
                 if satellite == own {
@@ -243,7 +246,7 @@ impl Solving<'_> {
     fn distance(&self, satellite: usize, step: u32, body: &Body) -> f64 {
         let of = self.hold.at(satellite, step);
         let (dx, dy) = (of.x - body.x, of.y - body.y);
-        let back = if self.laws.swept {
+        let back = if self.laws.swept && step > self.from() {
             let (wx, wy) = (of.vx - body.vx, of.vy - body.vy);
             let moving = (wx * wx + wy * wy).max(f64::MIN_POSITIVE);
             let back = ((dx * wx + dy * wy) / moving).clamp(0.0, 1.0);
