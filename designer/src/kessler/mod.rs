@@ -1,8 +1,10 @@
 //! The language of kessler's layouts: encounters of satellites with debris, and what makes bodies of them.
 
+pub mod agents;
 pub mod compile;
 mod hold;
 pub mod language;
+pub mod novelty;
 mod place;
 #[cfg(test)]
 mod tests;
