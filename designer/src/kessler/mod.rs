@@ -1,6 +1,7 @@
 //! The language of kessler's layouts: encounters of satellites with debris, and what makes bodies of them.
 
 pub mod agents;
+pub mod claim;
 pub mod compile;
 mod hold;
 pub mod language;

@@ -118,3 +118,21 @@ fn how_much_compiles() {
     }
     println!("{count:#?}");
 }
+
+/// What the scripted agents make of random contested scenarios: each flies, and none is a fool.
+#[test]
+fn scripted_agents_fly() {
+    for (name, weakness) in super::agents::ALL {
+        let (mut lost, mut burnt, mut hold_lost) = (0, 0.0, 0);
+        for seed in 0..60 {
+            let scenario = base("kessler/survival", seed, &[]);
+            let Some((scenario, bracket)) = scenario.task().plant_contested(&scenario) else { continue };
+            let mut agent = super::agents::agent(weakness, &scenario).unwrap();
+            let (flown, _) = env_core::rollout::fly(&scenario, &mut *agent).unwrap();
+            lost += flown.lost;
+            burnt += flown.fuel_used;
+            hold_lost += bracket.panel[0].lost;
+        }
+        println!("{name}: lost {lost}, hold {hold_lost}, fuel {burnt:.0}");
+    }
+}
