@@ -4,6 +4,7 @@
 //! (procedural, and a language model) come behind the same trait.
 
 pub mod gate;
+pub mod kessler;
 pub mod replay;
 
 use std::future::Future;
@@ -62,4 +63,29 @@ pub trait Designer: Send {
 
     /// Layouts for a brief.
     fn design<'a>(&'a mut self, brief: &'a Brief) -> Designing<'a>;
+}
+
+/// What is wrong with a design, in a sentence that its designer can act on.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: {words}")]
+pub struct Fault {
+    /// The field at fault.
+    pub field: String,
+    /// What is wrong there, and what would do.
+    pub words: String,
+}
+
+impl Fault {
+    fn new(field: impl Into<String>, words: impl Into<String>) -> Self {
+        Self { field: field.into(), words: words.into() }
+    }
+}
+
+/// At most 60 characters of what a stranger wrote, for a message.
+fn shorten(text: &str) -> String {
+    if text.chars().count() <= 60 {
+        text.to_owned()
+    } else {
+        text.chars().take(57).chain("...".chars()).collect()
+    }
 }

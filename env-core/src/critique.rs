@@ -150,8 +150,8 @@ pub fn sector(bearing_deg: f64) -> u32 {
     (wrapped as u32).min(SECTORS - 1)
 }
 
-/// Steps before a contact at which its bearing is taken (DESIGN: min(5, step)).
-pub(crate) const BEARING_STEPS: u32 = 5;
+/// Steps before a contact at which its bearing is taken: min(5, step), or when what comes is first visible if that is later.
+pub const BEARING_STEPS: u32 = 5;
 
 /// A bearing: the angle of (first, second) from the first axis towards the second, degrees in [0, 360).
 pub(crate) fn angle_deg(first: f64, second: f64) -> f64 {

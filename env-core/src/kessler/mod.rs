@@ -3,6 +3,7 @@
 //! arithmetic. `docs/kessler.md` has the tables.
 
 pub mod batch;
+pub mod bearing;
 mod cloud;
 mod codec;
 mod columns;

@@ -1,0 +1,14 @@
+//! The language of kessler's layouts: encounters of satellites with debris, and what makes bodies of them.
+
+pub mod agents;
+pub mod claim;
+pub mod compile;
+mod hold;
+pub mod language;
+pub mod novelty;
+mod place;
+#[cfg(test)]
+mod tests;
+
+pub use self::compile::{Compiled, compile};
+pub use self::language::{Aim, Design, Encounter, Kind};
