@@ -1,33 +1,42 @@
 //! Scenario design: designers behind one trait, and the gate that every layout passes before an agent sees it.
 //!
-//! So far there is one designer, [`replay`], which reads layouts from a file. Designers that study an agent's failures
-//! (procedural, and a language model) come behind the same trait.
+//! A [`Designer`] is given a [`Brief`] (what the agent fails at, within which limits) and the [`Gate`]; it answers with the
+//! layouts it thought of and what the gate said of each. [`procedural`] samples from the failure profile and edits what
+//! worked; [`replay`] reads layouts from a file. What designs are said in is the world's: [`language`], [`kessler`].
 
+pub mod brief;
 pub mod gate;
 pub mod kessler;
+pub mod language;
+pub mod procedural;
+pub mod profile;
 pub mod replay;
 
 use std::future::Future;
 use std::pin::Pin;
 
-use env_core::Scenario;
+pub use self::brief::Brief;
+pub use self::gate::{Admitted, Gate, Judged, Refusal, Usage};
+pub use self::language::{Claim, Language, language};
+pub use self::profile::Profile;
 
-/// What a designer is asked for.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Brief {
-    /// The task to design for; none for any.
-    pub task: Option<String>,
-    /// How many layouts are wanted at most.
-    pub count: usize,
+/// What a designer came up with.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Designed {
+    /// Every layout it thought of, those refused included, in order.
+    pub judged: Vec<Judged>,
+    /// What it took.
+    pub usage: Usage,
+    /// What went wrong on the way without ending it, in a sentence each.
+    pub troubles: Vec<String>,
 }
 
-/// A layout as a designer gives it: not yet gated.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Draft {
-    /// Its name, for people.
-    pub name: String,
-    /// The scenario it makes.
-    pub scenario: Scenario,
+impl Designed {
+    /// How many the gate let through.
+    #[must_use]
+    pub fn admitted(&self) -> usize {
+        self.judged.iter().filter(|judged| judged.verdict.is_ok()).count()
+    }
 }
 
 /// A designer that could not design.
@@ -54,15 +63,15 @@ pub enum DesignError {
 }
 
 /// What a designer's work comes to, in time.
-pub type Designing<'a> = Pin<Box<dyn Future<Output = Result<Vec<Draft>, DesignError>> + Send + 'a>>;
+pub type Designing<'a> = Pin<Box<dyn Future<Output = Result<Designed, DesignError>> + Send + 'a>>;
 
 /// Something that thinks of layouts. It may take long (a language model does): never in a trainer's path.
 pub trait Designer: Send {
     /// Its name, as provenance says it.
     fn name(&self) -> &'static str;
 
-    /// Layouts for a brief.
-    fn design<'a>(&'a mut self, brief: &'a Brief) -> Designing<'a>;
+    /// Layouts for a brief, each passed through the gate.
+    fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a>;
 }
 
 /// What is wrong with a design, in a sentence that its designer can act on.

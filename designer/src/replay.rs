@@ -7,7 +7,7 @@ use env_core::{Scenario, ScenarioError};
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::{Brief, DesignError, Designer, Designing, Draft};
+use crate::{Brief, DesignError, Designed, Designer, Designing, Gate, Judged, Usage};
 
 /// Largest file read, bytes.
 const MAX_FILE: u64 = 64 * 1024 * 1024;
@@ -18,6 +18,15 @@ pub struct Replay {
     path: PathBuf,
     read: Option<Vec<Draft>>,
     next: usize,
+}
+
+/// A layout of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draft {
+    /// Its name, for people.
+    pub name: String,
+    /// The scenario it makes.
+    pub scenario: Scenario,
 }
 
 #[derive(Deserialize)]
@@ -40,20 +49,34 @@ impl Replay {
         Self { path, read: None, next: 0 }
     }
 
-    fn drafts(&mut self, brief: &Brief) -> Result<Vec<Draft>, DesignError> {
+    /// The layouts of the file that are of a task, or all.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or holds something else.
+    pub fn drafts(&mut self, task: Option<&str>, count: usize) -> Result<Vec<Draft>, DesignError> {
         let all = match &self.read {
             Some(all) => all,
             None => self.read.insert(read(&self.path)?),
         };
         let mut drafts = Vec::new();
-        while drafts.len() < brief.count && self.next < all.len() {
+        while drafts.len() < count && self.next < all.len() {
             let draft = &all[self.next];
             self.next += 1;
-            if brief.task.as_deref().is_none_or(|task| task == draft.scenario.task().id()) {
+            if task.is_none_or(|task| task == draft.scenario.task().id()) {
                 drafts.push(draft.clone());
             }
         }
         Ok(drafts)
+    }
+
+    fn layouts(&mut self, brief: &Brief, gate: &mut Gate) -> Result<Designed, DesignError> {
+        let drafts = self.drafts(Some(brief.base.task().id()), brief.count)?;
+        let judged = drafts.into_iter().map(|Draft { name, scenario }| {
+            let design = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
+            Judged { name, design, round: 1, verdict: gate.judge_scenario(&scenario) }
+        });
+        let usage = Usage { rounds: 1, ..Usage::default() };
+        Ok(Designed { judged: judged.collect(), usage, ..Designed::default() })
     }
 }
 
@@ -62,9 +85,9 @@ impl Designer for Replay {
         "replay"
     }
 
-    fn design<'a>(&'a mut self, brief: &'a Brief) -> Designing<'a> {
-        let drafts = self.drafts(brief);
-        Box::pin(std::future::ready(drafts))
+    fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a> {
+        let layouts = self.layouts(brief, gate);
+        Box::pin(std::future::ready(layouts))
     }
 }
 
@@ -96,20 +119,16 @@ fn user_seed(scenario: Scenario) -> Result<Scenario, ScenarioError> {
 #[cfg(test)]
 mod tests {
     use std::io::Write;
-    use std::task::{Context, Poll, Waker};
+
+    use env_core::Recipe;
 
     use serde_json::json;
 
     use super::*;
-    use crate::gate;
+    use crate::{Refusal, language};
 
-    fn ask(designer: &mut Replay, count: usize) -> Result<Vec<Draft>, DesignError> {
-        let brief = Brief { task: None, count };
-        let mut designing = designer.design(&brief);
-        match designing.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
-            Poll::Ready(drafts) => drafts,
-            Poll::Pending => unreachable!("a file is read at once"),
-        }
+    fn gate() -> Gate {
+        Gate::new(language(env_core::task("kessler/survival").unwrap()).unwrap(), Vec::new())
     }
 
     fn file(text: &str) -> tempfile::NamedTempFile {
@@ -127,7 +146,7 @@ mod tests {
         .unwrap();
         let hit = (0..32).find_map(|i| {
             let threat = Threat { satellite: 0, step: 6, direction: f64::from(i) * 0.2, speed: 4.0 };
-            plant(&bare, threat).ok().filter(|s| gate::threat(s).is_ok())
+            plant(&bare, threat).ok().filter(|s| gate().judge_scenario(s).is_ok())
         });
         json!({"layouts": [
             {"name": "head-on", "scenario": hit.expect("one of 32 directions is contested").to_json()},
@@ -138,19 +157,21 @@ mod tests {
     #[test]
     fn layouts_come_in_order_and_are_gated() {
         let file = file(&layouts().to_string());
-        let mut designer = Replay::new(file.path().to_owned());
-        let first = ask(&mut designer, 1).unwrap();
-        assert_eq!(first[0].name, "head-on");
-        let bracket = gate::threat(&first[0].scenario).unwrap();
-        let flown = env_core::rollout::replay(&first[0].scenario, &bracket.witness).unwrap();
-        assert_eq!(flown, bracket.reference);
-        let rest = ask(&mut designer, 9).unwrap();
-        assert_eq!(rest.len(), 1);
-        assert_eq!(
-            gate::threat(&rest[0].scenario).unwrap_err(),
-            gate::Refusal::Uncontested { blind: 16, most: 8, panel: 16, gap: 0.0 }
-        );
-        assert!(ask(&mut designer, 9).unwrap().is_empty());
+        let mut replay = Replay::new(file.path().to_owned());
+        let recipe = Recipe::new(env_core::task("kessler/survival").unwrap()).unwrap();
+        let mut gate = gate();
+        let mut brief = Brief::new(std::sync::Arc::new(recipe), 1, 0);
+        let first = replay.layouts(&brief, &mut gate).unwrap();
+        assert_eq!(first.judged[0].name, "head-on");
+        let admitted = first.judged[0].verdict.as_ref().unwrap();
+        let flown = env_core::rollout::replay(admitted.scenario(), &admitted.bracket().witness).unwrap();
+        assert_eq!(flown, admitted.bracket().reference);
+        brief.count = 9;
+        let rest = replay.layouts(&brief, &mut gate).unwrap();
+        assert_eq!((rest.judged.len(), rest.admitted()), (1, 0));
+        let refusal = Refusal::Uncontested { blind: 16, most: 8, panel: 16, gap: 0.0 };
+        assert_eq!(rest.judged[0].verdict, Err(refusal));
+        assert!(replay.layouts(&brief, &mut gate).unwrap().judged.is_empty());
     }
 
     #[test]
@@ -167,9 +188,9 @@ mod tests {
             ),
         ] {
             let file = file(text);
-            let error = ask(&mut Replay::new(file.path().to_owned()), 1).unwrap_err().to_string();
+            let error = Replay::new(file.path().to_owned()).drafts(None, 1).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
-        assert!(ask(&mut Replay::new("/no/such/file".into()), 1).is_err());
+        assert!(Replay::new("/no/such/file".into()).drafts(None, 1).is_err());
     }
 }

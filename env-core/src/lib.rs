@@ -13,6 +13,7 @@ mod canonical;
 pub mod chance;
 pub mod critique;
 pub mod docking;
+pub mod draws;
 pub mod error;
 pub mod kessler;
 pub mod log;
@@ -31,6 +32,7 @@ pub mod world;
 
 pub use bracket::{Admission, Bracket, Flown, SuccessRule};
 pub use critique::Critique;
+pub use draws::Draws;
 pub use error::{LogError, ScenarioError, StepError};
 pub use log::{ActionLog, JointAction, Stopped};
 pub use registry::{task, tasks, usual_tasks, world, worlds};

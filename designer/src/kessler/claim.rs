@@ -8,6 +8,7 @@ use env_core::{Scenario, ScenarioError};
 use super::agents::{Weakness, agent};
 use super::language::{Design, Encounter, Kind};
 use super::place::{Placed, difference};
+use crate::Fault;
 
 /// Failure modes that a layout can aim at, and what it takes: which kinds of encounter, of which a rogue or not.
 pub const AIMS: [(&str, Kind, Option<bool>, &str); 4] = [
@@ -65,6 +66,14 @@ pub enum Broken {
         /// What it spends in vain.
         spent: f64,
     },
+}
+
+impl From<Broken> for Fault {
+    fn from(broken: Broken) -> Self {
+        let words = broken.to_string();
+        let (field, words) = words.split_once(": ").unwrap_or(("design", &words));
+        Self::new(field, words)
+    }
 }
 
 /// Whether the layout is one of threats: some encounter is to hit.

@@ -3,12 +3,18 @@
 pub mod agents;
 pub mod claim;
 pub mod compile;
+mod edit;
 mod hold;
 pub mod language;
 pub mod novelty;
 mod place;
+mod sample;
+mod schema;
+mod sky;
+mod speak;
 #[cfg(test)]
 mod tests;
 
 pub use self::compile::{Compiled, compile};
 pub use self::language::{Aim, Design, Encounter, Kind};
+pub use self::speak::Kessler;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use designer::{Brief, Designer, gate, replay::Replay};
+use designer::{Designer, gate, replay::Replay};
 use env_core::bracket::panel_success;
 use serde_json::json;
 
@@ -47,12 +47,10 @@ pub struct Args {
 /// # Errors
 /// A file that cannot be read, or a layout that is none.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut designer: Box<dyn Designer> = match args.designer {
-        Who::Replay => Box::new(Replay::new(args.layouts.clone())),
+    let mut designer = match args.designer {
+        Who::Replay => Replay::new(args.layouts.clone()),
     };
-    let brief = Brief { task: None, count: args.n };
-    let runtime = tokio::runtime::Builder::new_current_thread().build()?;
-    let drafts = runtime.block_on(designer.design(&brief))?;
+    let drafts = designer.drafts(None, args.n)?;
     let gated: Vec<_> = drafts.iter().map(|draft| (draft, gate::threat(&draft.scenario))).collect();
     match args.format {
         Format::Json => {

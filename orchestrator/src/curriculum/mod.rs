@@ -10,7 +10,6 @@
 //! - One strategy a file: `ladder` (the default), `uniform` and `fixed` (the baselines).
 
 mod block;
-mod draws;
 mod event;
 mod explain;
 mod fixed;
@@ -27,7 +26,6 @@ mod strategy;
 mod tests;
 mod uniform;
 
-pub use draws::Draws;
 pub use event::{
     BlockEvidence, CurriculumEvent, Evidence, GroupOutcome, Move, MoveKind, ProbeEvidence, Proposal, Role,
 };

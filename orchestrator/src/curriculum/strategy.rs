@@ -1,8 +1,8 @@
 //! What every strategy answers to.
 
+use env_core::draws::{Draws, Purpose};
 use serde_json::Value;
 
-use super::draws::Draws;
 use super::event::{GroupOutcome, Move, Proposal};
 use super::explain::{Explanation, TaskStatus};
 use super::fixed::Fixed;
@@ -26,7 +26,7 @@ impl Context<'_> {
     /// The draws of this event, from the first: a function of (run seed, seq).
     #[must_use]
     pub fn draws(&self) -> Draws {
-        Draws::new(self.run_seed, self.seq)
+        Draws::new(Purpose::Course, self.run_seed, self.seq)
     }
 }
 

@@ -6,6 +6,8 @@ mod rules;
 
 use std::collections::VecDeque;
 
+use env_core::draws::{Draws, Purpose};
+
 use super::*;
 
 pub(super) const SURVIVAL: &str = "kessler/survival";
@@ -71,7 +73,7 @@ impl Simulation {
             curriculum: Curriculum::new(seed, settings).unwrap(),
             group_size: 1,
             lag: 0,
-            chance: Draws::new(seed, u64::MAX),
+            chance: Draws::new(Purpose::Course, seed, u64::MAX),
             in_flight: VecDeque::new(),
             moves: Vec::new(),
             contested: 0,

@@ -1,0 +1,106 @@
+//! The designer without a model: samples designs from the failure profile and edits the best of the archive. Needs no
+//! network and never fails; what another designer cannot do, it does.
+
+use std::future::ready;
+
+use env_core::Draws;
+use env_core::draws::Purpose;
+use serde_json::Value;
+
+use crate::brief::{Brief, Fate, Past};
+use crate::gate::{Gate, Judged, Usage};
+use crate::language::Language;
+use crate::{Designed, Designer, Designing};
+
+/// Designs tried for each that is wanted, at most.
+const TRIES: usize = 40;
+/// The share of tries that edit an earlier design, where there are some worth it.
+const EDITED: f64 = 0.5;
+
+/// Samples and edits.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Procedural;
+
+impl Procedural {
+    /// Layouts for a brief: until as many passed as are wanted, or the tries are used up.
+    #[must_use]
+    pub fn layouts(brief: &Brief, gate: &mut Gate) -> Designed {
+        let parents = parents(brief, gate.language());
+        let mut designed = Designed { usage: Usage { rounds: 1, ..Usage::default() }, ..Designed::default() };
+        for number in 0..(brief.count * TRIES) as u64 {
+            if designed.admitted() >= brief.count {
+                break;
+            }
+            let mut draws = Draws::new(Purpose::Design, brief.seed, number);
+            let (sky, design) = think(brief, gate.language(), &parents, number, &mut draws);
+            let Some(mut design) = design else { continue };
+            name(&mut design, number);
+            let verdict = gate.judge(brief, &design, [sky]);
+            let name = design.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
+            designed.judged.push(Judged { name, design: Some(design), round: 1, verdict });
+        }
+        designed
+    }
+}
+
+impl Designer for Procedural {
+    fn name(&self) -> &'static str {
+        "procedural"
+    }
+
+    fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a> {
+        Box::pin(ready(Ok(Self::layouts(brief, gate))))
+    }
+}
+
+/// Earlier designs worth editing, with their weights: regret × novelty.
+struct Parents<'a> {
+    past: Vec<&'a Past>,
+    weights: Vec<f64>,
+}
+
+fn parents<'a>(brief: &'a Brief, language: &dyn Language) -> Parents<'a> {
+    let mut parents = Parents { past: Vec::new(), weights: Vec::new() };
+    for (at, past) in brief.fates.iter().enumerate() {
+        let Fate::Flown { regret, .. } = past.fate else { continue };
+        let others = brief.fates.iter().enumerate().filter(|(other, _)| *other != at);
+        let distances = others.map(|(_, other)| language.distance(&past.design, &other.design));
+        let novelty = distances.fold(1.0, f64::min);
+        let weight = regret * novelty;
+        if weight > 0.0 {
+            parents.past.push(past);
+            parents.weights.push(weight);
+        }
+    }
+    parents
+}
+
+fn think(
+    brief: &Brief,
+    language: &dyn Language,
+    parents: &Parents<'_>,
+    number: u64,
+    draws: &mut Draws,
+) -> (env_core::Scenario, Option<Value>) {
+    let edits = draws.chance(EDITED);
+    match draws.weighted(&parents.weights).map(|at| parents.past[at]).filter(|_| edits) {
+        Some(parent) => {
+            let sky = parent.sky.map_or_else(|| brief.sky(number), |seed| brief.under(seed));
+            let design = language.edit(&parent.design, brief, &sky, draws);
+            (sky, design)
+        }
+        None => {
+            let sky = brief.sky(number);
+            let design = language.sample(brief, &sky, draws);
+            (sky, design)
+        }
+    }
+}
+
+/// A name for people where the design has none.
+fn name(design: &mut Value, number: u64) {
+    let mode = design.pointer("/aim/mode").and_then(Value::as_str).unwrap_or("layout").to_owned();
+    if let Some(named) = design.get_mut("name").filter(|name| name.as_str() == Some("")) {
+        *named = Value::String(format!("{mode} {}", number + 1));
+    }
+}
