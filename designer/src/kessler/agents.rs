@@ -4,6 +4,7 @@
 use std::any::Any;
 
 use env_core::kessler::bearing::Frame;
+use env_core::kessler::constants::{CONTACT_DISTANCE, FUEL_PER_SPEED};
 use env_core::kessler::kernel::{Body, Gravity};
 use env_core::kessler::telemetry::{SatelliteTelemetry, Telemetry};
 use env_core::policy::{Policy, PolicyError};
@@ -43,7 +44,7 @@ pub fn agent(weakness: Weakness, scenario: &Scenario) -> Result<Box<dyn Policy>,
         Weakness::NeverLooksBehind => {
             Box::new(Blinkered { pilot: pilot()?, frame: Frame::RadialInTrack, at: 270.0, half: 60.0 })
         }
-        Weakness::Late => Box::new(Late { pilot: pilot()?, before: None }),
+        Weakness::Late => Box::new(Late { before: None }),
         Weakness::Nervous => Box::new(Nervous),
     })
 }
@@ -86,21 +87,51 @@ impl Policy for Blinkered {
     }
 }
 
-/// A pilot that sees what was a step ago.
+/// Sees what was a step ago, and looks three steps ahead: dodges what will hit within them, by the gentlest burn that clears
+/// it from where things were.
 struct Late {
-    pilot: Box<dyn Policy>,
     before: Option<Telemetry>,
 }
+
+/// Steps the late one looks ahead, and the burns it tries, LU/TU in 16 directions.
+const SIGHT: u32 = 3;
+const BURNS: [f64; 5] = [0.1, 0.2, 0.4, 0.7, 1.0];
+/// How far it wants to pass, LU: contact is at 2.
+const PASS: f64 = 2.2;
 
 impl Policy for Late {
     fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) {
         let now = observation.downcast_ref::<Telemetry>();
-        match (self.before.take(), now) {
-            (Some(before), Some(_)) => self.pilot.act(&before, log),
-            _ => log.end_step(),
+        if let (Some(seen), Some(_)) = (&self.before, now) {
+            for satellite in seen.satellites.iter().filter(|s| s.active()) {
+                if let Some(burn) = dodge(satellite, seen) {
+                    log.act(satellite.id, &burn);
+                }
+            }
         }
+        log.end_step();
         self.before = now.cloned();
     }
+}
+
+/// The gentlest burn that clears everything within sight, if something there would hit.
+fn dodge(satellite: &SatelliteTelemetry, seen: &Telemetry) -> Option<[f64; 2]> {
+    let least = |burn: [f64; 2]| {
+        let mut body = satellite.body();
+        body.vx += burn[0];
+        body.vy += burn[1];
+        seen.radar_debris.iter().map(|debris| nearest(body, debris.body(), SIGHT).0).fold(f64::MAX, f64::min)
+    };
+    if least([0.0, 0.0]) >= CONTACT_DISTANCE {
+        return None;
+    }
+    let burns = BURNS.into_iter().filter(|size| satellite.fuel >= FUEL_PER_SPEED * size).flat_map(|size| {
+        (0..16).map(move |turn| {
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(turn) / 16.0);
+            [size * cos, size * sin]
+        })
+    });
+    burns.map(|burn| (least(burn), burn)).find(|(passes, _)| *passes >= PASS).map(|(_, burn)| burn)
 }
 
 /// Steps it foresees, the distance that alarms it, LU, and what it then burns, LU/TU.
@@ -125,19 +156,19 @@ impl Policy for Nervous {
 }
 
 fn nervous(satellite: &SatelliteTelemetry, seen: &Telemetry) -> Option<[f64; 2]> {
-    let nearest = seen.radar_debris.iter().map(|debris| nearest(satellite.body(), debris.body()));
+    let nearest = seen.radar_debris.iter().map(|debris| nearest(satellite.body(), debris.body(), AHEAD));
     let (distance, dx, dy) = nearest.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // A burn costs 5 units of fuel an LU/TU: one that cannot be paid would be refused.
-    (distance < ALARM && satellite.fuel >= 5.0 * KICK).then(|| {
+    // One that cannot be paid would be refused.
+    (distance < ALARM && satellite.fuel >= FUEL_PER_SPEED * KICK).then(|| {
         let length = distance.max(f64::MIN_POSITIVE);
         [KICK * dx / length, KICK * dy / length]
     })
 }
 
-/// The least distance of two bodies in the steps to come, and from where to where it is.
-fn nearest(mut satellite: Body, mut debris: Body) -> (f64, f64, f64) {
+/// The least distance of two bodies in some steps to come, and from where to where it is.
+fn nearest(mut satellite: Body, mut debris: Body, ahead: u32) -> (f64, f64, f64) {
     let mut least = (f64::MAX, 0.0, 0.0);
-    for _ in 0..AHEAD {
+    for _ in 0..ahead {
         satellite = satellite.coasted(Gravity::Point);
         debris = debris.coasted(Gravity::Point);
         let (dx, dy) = (satellite.x - debris.x, satellite.y - debris.y);

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use env_core::chance::Seeded;
-use env_core::kessler::constants::{CONTACT_DISTANCE, EARTH_RADIUS, HORIZON, SATELLITES};
+use env_core::kessler::constants::CONTACT_DISTANCE;
 use env_core::kessler::kernel::Body;
 use env_core::kessler::setup::{Contact, Setup, Start};
 use env_core::{Layout, Scenario, ScenarioError, Seed, SeedSpace};
@@ -88,39 +88,20 @@ fn all(design: &Design, hold: &Hold, laws: Laws) -> Result<Vec<Placed>, Fault> {
 
 /// Bodies of the generator that meet nobody who holds, so that what a layout does is what its encounters say.
 fn background(setup: &Setup, seed: Seed, start: Start, room: usize, hold: &Hold, laws: Laws) -> Start {
-    let clear = |from: u32, body: &Body| keeps_clear(from, *body, hold, laws);
     let mut sky = Start { debris: Vec::with_capacity(room), ..start.clone() };
     let mut next = Some(start);
     for turn in 1..=SKIES {
         let Some(drawn) = next.take() else { break };
-        sky.debris.extend(drawn.debris.iter().filter(|body| clear(0, body)).take(room - sky.debris.len()));
+        let distances = hold.least_distances(0, &drawn.debris, laws.swept);
+        let clear = drawn.debris.iter().zip(distances).filter(|(_, distance)| *distance >= CLEAR);
+        sky.debris.extend(clear.map(|(body, _)| *body).take(room - sky.debris.len()));
         if sky.debris.len() < room {
             let other = Seed::in_space(SeedSpace::User, seed.get().wrapping_mul(31).wrapping_add(turn));
             next = setup.start(&mut Seeded::new(other)).ok();
         }
     }
-    sky.rogues.retain(|(step, body)| clear(step - 1, body));
+    sky.rogues.retain(|(step, body)| hold.least_distances(step - 1, &[*body], laws.swept)[0] >= CLEAR);
     sky
-}
-
-fn keeps_clear(from: u32, mut body: Body, hold: &Hold, laws: Laws) -> bool {
-    for step in from..=HORIZON {
-        if step > from {
-            body = body.coasted(laws.gravity);
-        }
-        if body.radius() < EARTH_RADIUS {
-            return true;
-        }
-        let near = (0..SATELLITES).any(|satellite| {
-            let of = hold.at(satellite, step);
-            let (dx, dy) = (of.x - body.x, of.y - body.y);
-            dx * dx + dy * dy < CLEAR * CLEAR
-        });
-        if near {
-            return false;
-        }
-    }
-    true
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "it stands in map_err")]

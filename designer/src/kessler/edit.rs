@@ -12,16 +12,16 @@ use crate::brief::Brief;
 const TRIES: u32 = 12;
 
 /// What may be changed.
-const CHANGES: [fn(&mut Design, &Brief, &mut Draws) -> bool; 8] =
-    [turn, retime, rephase, speed_up, add, remove, other_satellite, other_param];
+const CHANGES: [fn(&mut Design, &Brief, &mut Draws) -> bool; 9] =
+    [turn, retime, rephase, speed_up, nearer, add, remove, other_satellite, other_param];
 
-/// A design with one or two things changed, as it can be under this sky.
+/// A design with a few things changed, as it can be under this sky.
 pub(super) fn edit(design: &Design, brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option<Design> {
     let sky = Sky::of(sky)?;
     for _ in 0..TRIES {
         let mut child = design.clone();
         child.name.clear();
-        let changes = draws.between(1, 2);
+        let changes = draws.between(2, 4);
         let changed = (0..changes).filter(|_| {
             let change = CHANGES[draws.between(0, CHANGES.len() as u32 - 1) as usize];
             change(&mut child, brief, draws)
@@ -73,6 +73,14 @@ fn speed_up(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     pick(design, draws)
         .map(|e| e.relative_speed = jittered(e.relative_speed, 10, SPEED.min, SPEED.max, draws))
         .is_some()
+}
+
+/// One passes nearer or wider, within what its kind may.
+fn nearer(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+    let Some(encounter) = pick(design, draws) else { return false };
+    let (_, _, min, max, _) = *encounter.kind.row();
+    encounter.miss_distance = jittered(encounter.miss_distance, (max - min) / 3, min, max, draws);
+    true
 }
 
 /// One more like one that is there, at another step.

@@ -13,11 +13,11 @@ use crate::brief::Brief;
 use crate::profile::{ModeProfile, Rose};
 
 /// The share of designs that look where nothing was found yet.
-const EXPLORED: f64 = 0.1;
+const EXPLORED: f64 = 0.05;
 /// Tries at one encounter.
 const TRIES: u32 = 24;
 /// Threats of a design, and decoys of one that is all decoys.
-const THREATS: (u32, u32) = (3, 8);
+const THREATS: (u32, u32) = (4, 9);
 const DECOYS: (u32, u32) = (4, 10);
 /// Steps at which encounters are put: early ones leave blind kicks no time, late ones wear down fuel.
 const STEPS: (u32, u32) = (4, 40);
@@ -71,7 +71,7 @@ fn target(brief: &Brief, draws: &mut Draws) -> Option<Target> {
     let profile = brief.profile.mode(mode).unwrap_or(&blank);
     let (frame, rose) = sharper(profile);
     let met = rose.iter().sum::<f64>() > 0.0;
-    let sharpened = rose.map(|weight| weight * weight);
+    let sharpened = sharpened(&rose);
     let explores = !met || draws.chance(EXPLORED);
     let sector = draws.weighted(if explores { &[1.0; SECTORS as usize] } else { &sharpened })?;
     let centre = sector as f64 * 360.0 / f64::from(SECTORS);
@@ -101,6 +101,18 @@ fn focus(rose: &Rose) -> f64 {
     if all > 0.0 { rose.iter().map(|weight| (weight / all) * (weight / all)).sum() } else { 0.0 }
 }
 
+/// A rose from which draws go to the middle of what stands out: each sector with half of its neighbours, cubed.
+fn sharpened(rose: &Rose) -> Rose {
+    let last = rose.len() - 1;
+    let mut sharp = *rose;
+    for (at, weight) in sharp.iter_mut().enumerate() {
+        let beside = rose[if at == 0 { last } else { at - 1 }] + rose[if at == last { 0 } else { at + 1 }];
+        let smooth = rose[at] + 0.5 * beside;
+        *weight = smooth * smooth * smooth;
+    }
+    sharp
+}
+
 /// A bearing, some degrees on.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number from 0 to 359")]
 pub(super) fn turned(bearing_deg: f64, by: f64) -> u32 {
@@ -125,7 +137,8 @@ impl Target {
             step: draws.between(STEPS.0.max(STEP.min), STEPS.1.min(STEP.max)),
             bearing_deg,
             relative_speed: speed(&self.speeds, brief, draws),
-            miss_distance: draws.between(min, max.min(MISS.max)),
+            // The nearer, the more it takes to dodge, and the more it tempts.
+            miss_distance: draws.between(min, max.min(MISS.max)).min(draws.between(min, max)),
             kind: self.kind,
             rogue: self.rogue,
         }

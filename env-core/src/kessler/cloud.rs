@@ -1,7 +1,9 @@
 //! Bodies in blocks, each of a whole number of the machine's vectors, one block after the other in memory: what a pass
 //! over all of them reads is one stream, and it has no remainder.
 
-use super::kernel::Body;
+use super::constants::SATELLITES;
+use super::kernel::{Body, Gravity};
+use super::pass;
 
 /// Bodies of a block: the widest vectors of today hold eight f64.
 pub(super) const BLOCK: usize = 8;
@@ -131,6 +133,27 @@ impl Cloud {
         self.len -= 1;
         self.set(self.len, ABSENT);
     }
+}
+
+/// How near each of these bodies comes to satellites on these paths, LU: a row of `paths` is where they are after a step,
+/// the first where everything starts. Nobody burns, and what falls into the Earth comes out again: who asks wants bodies
+/// that keep clear.
+#[must_use]
+pub fn least_distances(
+    bodies: &[Body],
+    paths: &[[Body; SATELLITES]],
+    gravity: Gravity,
+    swept: bool,
+) -> Vec<f64> {
+    let mut cloud = Cloud::default();
+    cloud.clear(bodies.len());
+    bodies.iter().for_each(|body| cloud.push(*body));
+    let mut least = Vec::with_capacity(cloud.blocks.len() * BLOCK);
+    pass::nearest(gravity, swept, &cloud.blocks, paths, |_, nearest_2| {
+        least.extend(nearest_2.iter().map(|d2| d2.sqrt()));
+    });
+    least.truncate(bodies.len());
+    least
 }
 
 #[cfg(test)]

@@ -35,6 +35,7 @@ use std::sync::LazyLock;
 
 use serde_json::Value;
 
+pub use self::cloud::least_distances;
 pub use self::world::KESSLER;
 
 use self::constants::{EPSILON, GOAL, HORIZON, MAX_BURN, SATELLITES};

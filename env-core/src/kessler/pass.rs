@@ -152,31 +152,51 @@ impl WithSimd for Inside<'_> {
 /// Which blocks of [`BLOCK`] bodies have one that touches a satellite at the points of these paths, at most 128 of them:
 /// the first where everything starts, then step by step.
 pub(super) fn early(gravity: Gravity, swept: bool, blocks: &[Block], paths: &[[Body; SATELLITES]]) -> u128 {
+    let mut found = 0;
+    nearest(gravity, swept, blocks, paths, |number, nearest_2| {
+        found |= u128::from(nearest_2.iter().any(|d2| *d2 < CONTACT_2)) << number;
+    });
+    found
+}
+
+/// Tells of every block how near, squared, each of its bodies comes to a satellite at the points of these paths: the first
+/// where everything starts, then step by step.
+pub(super) fn nearest(
+    gravity: Gravity,
+    swept: bool,
+    blocks: &[Block],
+    paths: &[[Body; SATELLITES]],
+    tell: impl FnMut(usize, &[f64; BLOCK]),
+) {
     let arch = Arch::new();
     match (gravity, swept) {
-        (Gravity::Point, false) => arch.dispatch(Early::<false, false> { blocks, paths }),
-        (Gravity::Point, true) => arch.dispatch(Early::<false, true> { blocks, paths }),
-        (Gravity::J2, false) => arch.dispatch(Early::<true, false> { blocks, paths }),
-        (Gravity::J2, true) => arch.dispatch(Early::<true, true> { blocks, paths }),
+        (Gravity::Point, false) => arch.dispatch(Nearest::<_, false, false> { blocks, paths, tell }),
+        (Gravity::Point, true) => arch.dispatch(Nearest::<_, false, true> { blocks, paths, tell }),
+        (Gravity::J2, false) => arch.dispatch(Nearest::<_, true, false> { blocks, paths, tell }),
+        (Gravity::J2, true) => arch.dispatch(Nearest::<_, true, true> { blocks, paths, tell }),
     }
 }
 
-struct Early<'a, const OBLATE: bool, const SWEPT: bool> {
+struct Nearest<'a, F, const OBLATE: bool, const SWEPT: bool> {
     blocks: &'a [Block],
     paths: &'a [[Body; SATELLITES]],
+    tell: F,
 }
 
-impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Early<'_, OBLATE, SWEPT> {
-    type Output = u128;
+impl<F: FnMut(usize, &[f64; BLOCK]), const OBLATE: bool, const SWEPT: bool> WithSimd
+    for Nearest<'_, F, OBLATE, SWEPT>
+{
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> u128 {
-        let mut found = 0;
+    fn with_simd<S: Simd>(mut self, simd: S) {
         for (number, block) in self.blocks.iter().enumerate() {
             let (x, y) = (S::as_simd_f64s(&block.x).0, S::as_simd_f64s(&block.y).0);
             let (vx, vy) = (S::as_simd_f64s(&block.vx).0, S::as_simd_f64s(&block.vy).0);
-            let mut nearest = simd.splat_f64s(f64::MAX);
-            for (((x, y), vx), vy) in x.iter().zip(y).zip(vx).zip(vy) {
+            let mut all = [f64::MAX; BLOCK];
+            let out = S::as_mut_simd_f64s(&mut all).0;
+            for ((((x, y), vx), vy), out) in x.iter().zip(y).zip(vx).zip(vy).zip(out) {
+                let mut nearest = simd.splat_f64s(f64::MAX);
                 let mut at = [*x, *y, *vx, *vy];
                 for (step, satellites) in self.paths.iter().enumerate() {
                     if step > 0 {
@@ -192,10 +212,10 @@ impl<const OBLATE: bool, const SWEPT: bool> WithSimd for Early<'_, OBLATE, SWEPT
                         nearest = simd.min_f64s(nearest, d2);
                     }
                 }
+                *out = nearest;
             }
-            found |= u128::from(simd.reduce_min_f64s(nearest) < CONTACT_2) << number;
+            (self.tell)(number, &all);
         }
-        found
     }
 }
 

@@ -2,6 +2,8 @@
 
 mod start;
 
+use std::fmt::Arguments;
+
 pub(super) use self::start::Draft;
 pub use self::start::Start;
 use super::constants::{EARTH_RADIUS, HORIZON, RADAR_NONE, SATELLITES};
@@ -130,23 +132,19 @@ impl Setup {
         }
         let replace = layout.mode == LayoutMode::Replace;
         for (table, rows) in &layout.bodies {
-            let at = |i: usize| format!("layout.bodies.{table}.{i}");
             match table.as_str() {
                 "satellites" => {
-                    let bodies: Result<Vec<Body>, _> =
-                        rows.iter().enumerate().map(|(i, r)| body(&at(i), r)).collect();
-                    let bodies: [Body; SATELLITES] = bodies?.try_into().map_err(|given: Vec<Body>| {
-                        fault(
-                            "layout.bodies.satellites",
-                            format!("{} rows; give all {SATELLITES}", given.len()),
-                        )
-                    })?;
+                    let bodies: [Body; SATELLITES] =
+                        bodies(table, rows)?.try_into().map_err(|given: Vec<Body>| {
+                            fault(
+                                "layout.bodies.satellites",
+                                format!("{} rows; give all {SATELLITES}", given.len()),
+                            )
+                        })?;
                     self.satellites = Some(bodies);
                 }
                 "debris" => {
-                    for (i, row) in rows.iter().enumerate() {
-                        self.layout_debris.push(body(&at(i), row)?);
-                    }
+                    self.layout_debris = bodies(table, rows)?;
                     if replace {
                         if self.debris != rows.len() {
                             return Err(fault(
@@ -163,7 +161,7 @@ impl Setup {
                 }
                 "rogues" => {
                     for (i, row) in rows.iter().enumerate() {
-                        self.layout_rogues.push(rogue(&at(i), row)?);
+                        self.layout_rogues.push(rogue(format_args!("layout.bodies.{table}.{i}"), row)?);
                     }
                     self.layout_rogues.sort_by_key(|(step, _)| *step);
                     self.rogues_replaced = replace;
@@ -220,47 +218,58 @@ fn physics(recipe: &Recipe) -> Result<Physics, ScenarioError> {
     Ok(physics)
 }
 
-fn body(field: &str, row: &[f64]) -> Result<Body, ScenarioError> {
+fn bodies(table: &str, rows: &[Vec<f64>]) -> Result<Vec<Body>, ScenarioError> {
+    let numbered = rows.iter().enumerate();
+    numbered.map(|(i, row)| body(format_args!("layout.bodies.{table}.{i}"), row)).collect()
+}
+
+fn body(field: Arguments<'_>, row: &[f64]) -> Result<Body, ScenarioError> {
     let &[x, y, vx, vy] = row else {
-        return Err(fault(field, format!("{} numbers; a body is x, y, vx, vy", row.len())));
+        return Err(fault(&field.to_string(), format!("{} numbers; a body is x, y, vx, vy", row.len())));
     };
     placed(field, 0, Body { x, y, vx, vy })
 }
 
 /// A body whose columns start at `first`.
-fn placed(field: &str, first: usize, body: Body) -> Result<Body, ScenarioError> {
+fn placed(field: Arguments<'_>, first: usize, body: Body) -> Result<Body, ScenarioError> {
     let columns =
         [(body.x, MAX_COORDINATE), (body.y, MAX_COORDINATE), (body.vx, MAX_SPEED), (body.vy, MAX_SPEED)];
     for (column, (value, max)) in (first..).zip(columns) {
-        within(&format!("{field}.{column}"), value, -max, max)?;
+        within(format_args!("{field}.{column}"), value, -max, max)?;
     }
     if body.radius() < EARTH_RADIUS {
         return Err(fault(
-            field,
+            &field.to_string(),
             format!("it starts inside the Earth, {:.1} LU from its centre", body.radius()),
         ));
     }
     Ok(body)
 }
 
-fn rogue(field: &str, row: &[f64]) -> Result<(u32, Body), ScenarioError> {
+fn rogue(field: Arguments<'_>, row: &[f64]) -> Result<(u32, Body), ScenarioError> {
     let &[step, x, y, vx, vy] = row else {
-        return Err(fault(field, format!("{} numbers; a rogue is step, x, y, vx, vy", row.len())));
+        return Err(fault(
+            &field.to_string(),
+            format!("{} numbers; a rogue is step, x, y, vx, vy", row.len()),
+        ));
     };
-    let at = format!("{field}.0");
-    within(&at, step, 1.0, f64::from(HORIZON))?;
+    within(format_args!("{field}.0"), step, 1.0, f64::from(HORIZON))?;
     if libm::floor(step) != step {
         let wanted = "a whole number".to_owned();
-        return Err(ScenarioError::WrongType { field: at, found: step.to_string(), wanted });
+        return Err(ScenarioError::WrongType {
+            field: format!("{field}.0"),
+            found: step.to_string(),
+            wanted,
+        });
     }
     Ok((step as u32, placed(field, 1, Body { x, y, vx, vy })?))
 }
 
-fn within(field: &str, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
+fn within(field: Arguments<'_>, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
     if value >= min && value <= max {
         Ok(())
     } else {
-        Err(ScenarioError::OutOfRange { field: field.to_owned(), value, min, max })
+        Err(ScenarioError::OutOfRange { field: field.to_string(), value, min, max })
     }
 }
 
