@@ -158,14 +158,11 @@ fn every_refusal_has_its_name() {
     assert_eq!(word(judge(&design("collision", 0, vec![slow]))), "compiles");
     assert_eq!(word(judge(&design("collision", 200, vec![encounter(12, "threat", 0)]))), "aim");
     assert_eq!(word(judge(&design("wasted_fuel", 90, vec![encounter(12, "threat", 0)]))), "aim");
-    // One threat is dodged by most kicks at the start.
     let survival = at_level("kessler/survival", 0, 3);
-    let one = super::gate::gate().judge(
-        &survival,
-        &design("collision", 90, vec![encounter(12, "threat", 19)]),
-        (0..4).map(|n| survival.sky(n)),
-    );
-    assert_eq!(word(one), "contested");
+    // Far from the start even a gentle kick leads past.
+    let one = |step: u32| design("collision", 90, vec![encounter(step, "threat", 19)]);
+    let mut fresh = super::gate::gate();
+    assert!((38..47).any(|step| word(fresh.judge(&survival, &one(step), [survival.sky(0)])) == "contested"));
     assert_eq!(word(judge(&design("wasted_fuel", 90, vec![encounter(40, "decoy", 80)]))), "decoy");
     let decoys = (8..14).map(|step| encounter(2 * step, "decoy", 30)).collect();
     let tempting = design("wasted_fuel", 90, decoys);
