@@ -162,7 +162,7 @@ fn every_refusal_has_its_name() {
     // Far from the start even a gentle kick leads past.
     let one = |step: u32| design("collision", 90, vec![encounter(step, "threat", 19)]);
     let mut fresh = super::gate::gate();
-    assert!((38..47).any(|step| word(fresh.judge(&survival, &one(step), [survival.sky(0)])) == "contested"));
+    assert!((17..24).any(|step| word(fresh.judge(&survival, &one(step), [survival.sky(0)])) == "contested"));
     assert_eq!(word(judge(&design("wasted_fuel", 90, vec![encounter(40, "decoy", 80)]))), "decoy");
     let decoys = (8..14).map(|step| encounter(2 * step, "decoy", 30)).collect();
     let tempting = design("wasted_fuel", 90, decoys);
