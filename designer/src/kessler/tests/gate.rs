@@ -163,7 +163,12 @@ fn every_refusal_has_its_name() {
     let one = |step: u32| design("collision", 90, vec![encounter(step, "threat", 19)]);
     let mut fresh = super::gate::gate();
     assert!((17..24).any(|step| word(fresh.judge(&survival, &one(step), [survival.sky(0)])) == "contested"));
-    assert_eq!(word(judge(&design("wasted_fuel", 90, vec![encounter(40, "decoy", 80)]))), "decoy");
+    // Who has nothing to burn cannot be tempted.
+    let mut poor = at_level("kessler/eco_station", 0, 3);
+    let params = [("debris", 1.0), ("fuel", 1.0)].into_iter();
+    poor.base = Arc::new(Recipe::with_params(poor.base.task(), params).unwrap());
+    let dull = design("wasted_fuel", 90, vec![encounter(20, "decoy", 80)]);
+    assert_eq!(word(fresh.judge(&poor, &dull, (0..8).map(|n| poor.sky(n)))), "decoy");
     let decoys = (8..14).map(|step| encounter(2 * step, "decoy", 30)).collect();
     let tempting = design("wasted_fuel", 90, decoys);
     assert_eq!(word(judge(&tempting)), "admitted");
