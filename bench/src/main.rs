@@ -4,6 +4,7 @@
 mod bare;
 mod bracket;
 mod critique;
+mod designer;
 mod engine;
 mod levels;
 mod results;
@@ -17,8 +18,11 @@ use clap::Parser;
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "designer", "levels"])]
     what: Vec<String>,
+    /// Flies the layouts of a file again, and says how many are not what they claim: the process that `designer` starts.
+    #[arg(long, hide = true)]
+    again: Option<std::path::PathBuf>,
 }
 
 /// One line of the table.
@@ -34,6 +38,9 @@ fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let wanted = |name: &str| args.what.is_empty() || args.what.iter().any(|w| w == name);
     let mut out = std::io::stdout().lock();
+    if let Some(file) = &args.again {
+        return Ok(writeln!(out, "{}", designer::check_again(file)?)?);
+    }
     let mut show = |rows: Vec<Row>| -> std::io::Result<()> {
         for row in rows {
             let ratio = row.ratio.map_or_else(String::new, |r| format!("{r:.2}×"));
@@ -56,6 +63,9 @@ fn main() -> anyhow::Result<()> {
     }
     if wanted("results") {
         show(results::measure()?)?;
+    }
+    if wanted("designer") {
+        show(designer::measure()?)?;
     }
     if args.what.iter().any(|what| what == "levels") {
         show(levels::measure()?)?;
