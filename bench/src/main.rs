@@ -17,8 +17,9 @@ use clap::Parser;
 /// Measures Sparring against its goals. Run it on an idle machine, in release: `make bench`.
 #[derive(Debug, Parser)]
 struct Args {
-    /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "designer", "levels"])]
+    /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level; `learner`
+    /// trains the demo's learner with and without the designer, for ten minutes.
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "designer", "learner", "levels"])]
     what: Vec<String>,
     /// Flies the layouts of a file again, and says how many are not what they claim: the process that `designer` starts.
     #[arg(long, hide = true)]
@@ -66,6 +67,9 @@ fn main() -> anyhow::Result<()> {
     }
     if wanted("designer") {
         show(designer::measure()?)?;
+    }
+    if args.what.iter().any(|what| what == "learner") {
+        show(designer::learner::measure()?)?;
     }
     if args.what.iter().any(|what| what == "levels") {
         show(levels::measure()?)?;

@@ -1,6 +1,7 @@
 //! The designer: whether its layouts hit what an agent is weak at, whether anything unfair gets through, and how fast it is.
 
 mod again;
+pub(crate) mod learner;
 mod rates;
 mod spots;
 
