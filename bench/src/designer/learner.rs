@@ -110,7 +110,7 @@ fn fared(told: &Value, contested: &[&Entry]) -> anyhow::Result<Fared> {
         sum.level += task["level"].as_f64().unwrap_or(0.0);
     }
     let n = tasks.len() as f64;
-    let designed = told["designs"]["share"].as_f64().unwrap_or(0.0);
+    let designed = told["designed"].as_f64().unwrap_or(0.0);
     Ok(Fared {
         success: sum.success / n,
         skill: sum.skill / n,

@@ -9,6 +9,8 @@ use serde::ser::{SerializeSeq, SerializeTuple, Serializer};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::designs::Designs;
+
 /// Most episodes the service takes in one report.
 pub(super) const MAX_RESULTS: usize = 5000;
 /// Bytes of one report that are aimed at: the service takes 16 MiB.
@@ -22,6 +24,8 @@ pub(super) trait Feed {
     async fn report(&self, policy_version: u32, results: Vec<Finished>) -> anyhow::Result<Receipts>;
     /// Where each task stands.
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>>;
+    /// What was designed so far.
+    async fn designs(&self) -> anyhow::Result<Designs>;
 }
 
 /// Groups of scenarios, handed out for a time.

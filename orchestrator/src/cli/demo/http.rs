@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::designs::{Design, Designs};
 use super::feed::{Feed, Finished, Lease, Receipts, TaskMastery};
 
 /// How long a lease holds: many times what a batch takes.
@@ -18,6 +19,8 @@ const TTL_S: u32 = 120;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Longest pause between two tries, whatever Retry-After says.
 const MAX_PAUSE: Duration = Duration::from_secs(10);
+/// Designs that are looked through: far more than a demo gets.
+const MOST_DESIGNS: usize = 20_000;
 /// Longest time one request may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -40,8 +43,15 @@ pub(super) struct RunWish<'a> {
     pub(super) placement: bool,
     pub(super) group_size: usize,
     pub(super) tasks: &'a [String],
+    pub(super) design: DesignWish,
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) task_settings: BTreeMap<&'static str, TaskWish<'a>>,
+}
+
+/// What it wants of designs.
+#[derive(Debug, Serialize)]
+pub(super) struct DesignWish {
+    pub(super) designer: &'static str,
 }
 
 /// What is special about one of its tasks.
@@ -79,6 +89,10 @@ impl HttpFeed {
         &self.run
     }
 
+    async fn get<A: DeserializeOwned>(&self, path: &str) -> anyhow::Result<A> {
+        send(&self.client, Method::GET, &format!("{}/{path}", self.url), None::<&()>).await
+    }
+
     async fn post<A: DeserializeOwned>(&self, path: &str, body: &impl Serialize) -> anyhow::Result<A> {
         send(&self.client, Method::POST, &format!("{}/{path}", self.url), Some(body)).await
     }
@@ -105,9 +119,30 @@ impl Feed for HttpFeed {
         struct Masteries {
             tasks: Vec<TaskMastery>,
         }
-        let url = format!("{}/mastery", self.url);
-        let masteries: Masteries = send(&self.client, Method::GET, &url, None::<&()>).await?;
+        let masteries: Masteries = self.get("mastery").await?;
         Ok(masteries.tasks)
+    }
+
+    async fn designs(&self) -> anyhow::Result<Designs> {
+        #[derive(Deserialize)]
+        struct Summary {
+            share: Option<f64>,
+        }
+        #[derive(Deserialize)]
+        struct Page {
+            designs: Vec<Design>,
+            next: Option<String>,
+        }
+        let Summary { share } = self.get("designs/summary").await?;
+        let mut designs = Designs { share, all: Vec::new() };
+        let mut page: Page = self.get("designs?limit=500").await?;
+        loop {
+            designs.all.append(&mut page.designs);
+            let Some(next) = page.next.filter(|_| designs.all.len() < MOST_DESIGNS) else {
+                return Ok(designs);
+            };
+            page = self.get(&format!("designs?limit=500&cursor={next}")).await?;
+        }
     }
 }
 

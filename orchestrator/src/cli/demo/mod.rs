@@ -3,6 +3,7 @@
 //! It starts the real service, creates a run, and trains over HTTP as any trainer would. Who learns is [`learner`], of
 //! one task [`trainee`]; the loop is [`train`]; what the service is asked is [`feed`].
 
+mod designs;
 mod feed;
 mod fly;
 mod http;
@@ -20,10 +21,11 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use env_core::{Recipe, TaskSpec, World};
 
-use self::http::{HttpFeed, RunWish, TaskWish};
+use self::http::{DesignWish, HttpFeed, RunWish, TaskWish};
 use self::show::Screen;
 use self::summary::Summary;
 use self::train::{MEMBERS, Plan, Progress, train};
@@ -54,6 +56,9 @@ pub struct Args {
     /// Who flies
     #[arg(long, value_enum, default_value = "learn")]
     learner: Kind,
+    /// Who designs layouts for what the learner fails at
+    #[arg(long, value_enum, default_value = "auto")]
+    designer: Who,
     /// This task, of any world; repeat the option for more. All tasks of the first world unless told
     #[arg(long = "task", value_name = "TASK",
           value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
@@ -67,6 +72,27 @@ pub struct Args {
     /// Print one JSON object last, and words to stderr
     #[arg(long)]
     json: bool,
+}
+
+/// Who designs, in the service's words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Who {
+    /// The service's language model, where it has one, else the procedural designer
+    Auto,
+    /// Samples from the failure profile and edits what worked
+    Procedural,
+    /// Nobody: the curriculum alone decides
+    Off,
+}
+
+impl Who {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Procedural => "procedural",
+            Self::Off => "off",
+        }
+    }
 }
 
 /// Episodes of a run of the shortest tasks.
@@ -107,9 +133,11 @@ const AFTER_HELP: &str = "\
 Progress goes to stderr: a live table on a terminal, else a line every five seconds and one per change of level. Ctrl-C \
 stops after the batch under way; the summary comes all the same.
 
-JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, tasks}; \
-physics are the options asked for, by task. Each of tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
-last_generation, generations, params, learnt, moves, warnings}; success is mastery's mean at the current level, over \
+JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, designed, \
+tasks}; physics are the options asked for, by task; designed is the share of groups that flew designed layouts. Each of \
+tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
+last_generation, generations, params, learnt, numbers, designs, moves, \
+warnings}; success is mastery's mean at the current level, over \
 the last success_scenarios contested scenarios (0.5 of none); plain_success is over all episodes.
 
 Examples:
@@ -183,6 +211,7 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         placement: false,
         group_size: MEMBERS,
         tasks: &tasks,
+        design: DesignWish { designer: args.designer.word() },
         task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
     };
     let feed = HttpFeed::create(url, &wish).await?;

@@ -79,6 +79,11 @@ impl Watch for Screen {
         let seconds = self.started.elapsed().as_secs_f64();
         self.say(&format!("{seconds:5.0} s  {at} episodes  {task} is at level {to}: {why}"));
     }
+
+    fn designed(&mut self, at: usize, news: &str) {
+        let seconds = self.started.elapsed().as_secs_f64();
+        self.say(&format!("{seconds:5.0} s  {at} episodes  {news}"));
+    }
 }
 
 /// Episodes a second.

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::super::options::{self, ByTask};
 use super::super::worlds;
+use super::designs::TaskDesigns;
 use super::feed::{Posterior, TaskMastery};
 use super::show::{rate, share, table};
 use super::train::{Moved, Progress};
@@ -35,6 +36,8 @@ pub(super) struct Summary<'a> {
     run: &'a str,
     db: Option<&'a Path>,
     physics: &'a ByTask,
+    /// The share of training groups that were designed.
+    designed: Option<f64>,
     tasks: BTreeMap<&'a str, TaskSummary<'a>>,
 }
 
@@ -54,6 +57,9 @@ struct TaskSummary<'a> {
     generations: u32,
     params: &'a BTreeMap<String, f64>,
     learnt: BTreeMap<&'static str, f64>,
+    /// The numbers of the reflex themselves, in [0, 1]; none where nobody flies a reflex.
+    numbers: Option<&'a [f64]>,
+    designs: TaskDesigns,
     moves: Vec<MoveSummary>,
     warnings: &'a [String],
 }
@@ -78,6 +84,7 @@ impl<'a> Summary<'a> {
             run,
             db,
             physics: &progress.plan.options,
+            designed: progress.designs.share,
             tasks: progress.mastery.iter().map(task).collect(),
         }
     }
@@ -101,6 +108,8 @@ impl<'a> TaskSummary<'a> {
             generations: trainee.map_or(0, Trainee::generation),
             params: &task.params,
             learnt: meaning(progress, task).iter().map(|m| (m.name, m.value)).collect(),
+            numbers: trainee.and_then(Trainee::numbers),
+            designs: progress.designs.of(&task.task),
             moves: moves(progress, &task.task)
                 .map(|m| MoveSummary { episodes: m.at, from: m.from, to: m.to })
                 .collect(),
@@ -138,6 +147,13 @@ pub(super) fn words(progress: &Progress, run: &str, db: Option<&Path>) -> String
         // Writing into a string cannot fail.
         let _ = write!(out, "\n{}", paragraph(progress, task));
     }
+    if let Some(share) = progress.designs.share.filter(|share| *share > 0.0) {
+        let _ = writeln!(
+            out,
+            "\n{:.0} % of all groups flew designed layouts; these move no level.",
+            100.0 * share
+        );
+    }
     if progress.late > 0 {
         let _ =
             writeln!(out, "\n{} results came after their lease was over and did not count.", progress.late);
@@ -172,6 +188,9 @@ fn paragraph(progress: &Progress, task: &TaskMastery) -> String {
         line(format!("Moved last, after {} episodes: {}.", last.at, last.why.trim_end_matches('.')));
     }
     line(defeat(task, level, top));
+    if let Some(designs) = progress.designs.of(&task.task).words() {
+        line(designs);
+    }
     if let Some(learnt) = learnt(progress, task) {
         line(learnt);
     }

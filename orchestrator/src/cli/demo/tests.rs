@@ -8,6 +8,7 @@ use env_core::bracket::{contested, success};
 use env_core::log::Precision;
 use env_core::{Bracket, Scenario, SeedSpace, SuccessRule, rollout};
 
+use super::designs::Designs;
 use super::feed::{
     Evidence, Feed, Finished, Lease, LeasedGroup, Move, Plain, Posterior, Receipt, Receipts, TaskMastery,
 };
@@ -88,6 +89,10 @@ impl Feed for Local {
         Ok(receipts)
     }
 
+    async fn designs(&self) -> anyhow::Result<Designs> {
+        Ok(Designs::default())
+    }
+
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>> {
         let books = self.books.lock().unwrap();
         let mastery = books.curriculum.mastery();
@@ -152,6 +157,7 @@ impl Watch for Silent {
 
     fn show(&mut self, _: &Progress) {}
 
+    fn designed(&mut self, _: usize, _: &str) {}
     fn moved(&mut self, _: &Moved) {}
 }
 

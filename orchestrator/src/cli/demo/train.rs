@@ -1,10 +1,11 @@
 //! The training loop: lease, fly, report, learn.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use super::designs::Designs;
 use super::feed::{Feed, Finished, Lease, MAX_RESULTS, Move, Receipts, TaskMastery, batches};
 use super::fly::{fly, outcomes, sorties};
 use super::trainee::{Kind, Trainee};
@@ -48,6 +49,10 @@ pub(super) struct Progress {
     pub(super) moves: Vec<Moved>,
     /// As last asked for, in the order of the plan.
     pub(super) mastery: Vec<TaskMastery>,
+    /// As last asked for.
+    pub(super) designs: Designs,
+    /// Layouts that were told of.
+    told: BTreeSet<String>,
     /// Results that came too late to count.
     pub(super) late: usize,
     /// It was told to stop before its episodes were flown.
@@ -62,6 +67,8 @@ pub(super) trait Watch {
     fn show(&mut self, progress: &Progress);
     /// A level moved.
     fn moved(&mut self, moved: &Moved);
+    /// Layouts were designed.
+    fn designed(&mut self, at: usize, news: &str);
 }
 
 /// Trains until the episodes are flown, or `stop` is set: then what is leased is flown and no more is taken. (Leases given
@@ -79,15 +86,27 @@ pub(super) async fn train(
         ahead = training.step(&lease, watch).await?;
         training.progress.elapsed = started.elapsed();
         if watch.due() || ahead.is_none() {
-            training.progress.mastery = feed.mastery().await?;
+            training.progress.look(feed, watch).await?;
             watch.show(&training.progress);
         }
     }
     let mut progress = training.progress;
     progress.stopped = progress.flown < progress.plan.episodes;
-    progress.mastery = feed.mastery().await?;
+    progress.look(feed, watch).await?;
     progress.elapsed = started.elapsed();
     Ok(progress)
+}
+
+impl Progress {
+    /// Asks where things stand, and tells of layouts that are new.
+    async fn look(&mut self, feed: &impl Feed, watch: &mut impl Watch) -> anyhow::Result<()> {
+        self.mastery = feed.mastery().await?;
+        self.designs = feed.designs().await?;
+        for news in self.designs.news(&mut self.told) {
+            watch.designed(self.flown, &news);
+        }
+        Ok(())
+    }
 }
 
 struct Training<'a, F> {
@@ -115,6 +134,8 @@ impl<'a, F: Feed> Training<'a, F> {
             trainees,
             moves: Vec::new(),
             mastery: Vec::new(),
+            designs: Designs::default(),
+            told: BTreeSet::new(),
             late: 0,
             stopped: false,
         };
