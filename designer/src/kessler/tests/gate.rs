@@ -11,13 +11,13 @@ use crate::procedural::Procedural;
 use crate::profile::{Cell, ModeProfile, Profile};
 use crate::{Admitted, Claim, language};
 
-fn at_level(task_id: &str, level: u32, seed: u64) -> Brief {
+pub(super) fn at_level(task_id: &str, level: u32, seed: u64) -> Brief {
     let task = task(task_id).unwrap();
     let recipe = Recipe::with_params(task, task.levels().params(level as usize)).unwrap();
     Brief::new(Arc::new(recipe), 4, seed).at_level(task.levels(), level)
 }
 
-fn gate() -> Gate {
+pub(super) fn gate() -> Gate {
     Gate::new(language(task("kessler/survival").unwrap()).unwrap(), Vec::new())
 }
 

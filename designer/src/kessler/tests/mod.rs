@@ -1,6 +1,7 @@
 //! Compiled layouts do what they claim when the engine flies them, and the critique sees them as they were meant.
 
 mod agents;
+mod fuzz;
 mod gate;
 
 use std::collections::BTreeMap;
