@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::TrainingError;
+use super::design::{DesignSettings, DesignWish};
 use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
 
 /// Most episodes of a group.
@@ -95,6 +96,8 @@ pub struct RunWish {
     /// The tasks (those of the first world, kessler). Tasks of several worlds may be mixed where the agent can act in
     /// all of them.
     pub tasks: Option<Vec<String>>,
+    /// Layouts designed for the agent's failures, mixed into its training.
+    pub design: DesignWish,
     /// What is special about single tasks, by id.
     pub task_settings: BTreeMap<String, TaskWish>,
 }
@@ -116,6 +119,9 @@ pub struct RunSettings {
     pub success: SuccessSetting,
     /// Thresholds of the raw rule that are not 0.7, by task.
     pub thresholds: BTreeMap<String, f64>,
+    /// Layouts designed for the agent's failures; a run of before there were any has none.
+    #[serde(default)]
+    pub design: DesignSettings,
 }
 
 impl RunSettings {
@@ -167,6 +173,7 @@ impl RunSettings {
             evidence_from: wish.evidence_from.unwrap_or(EvidenceFrom::Train),
             success: wish.success.unwrap_or(SuccessSetting::Task),
             thresholds,
+            design: DesignSettings::read(&wish.design)?,
         })
     }
 
