@@ -200,7 +200,8 @@ mod tests {
         }
         assert_eq!("layout-7".parse(), Ok(LayoutId(7)));
         assert_eq!(AskId(12).to_string().parse(), Ok(AskId(12)));
-        for bad in ["", "layout", "layout-", "layout-0", "layout-07", "layout--7", "layout-+7", "ask-7", "7"] {
+        for bad in ["", "layout", "layout-", "layout-0", "layout-07", "layout--7", "layout-+7", "ask-7", "7"]
+        {
             assert!(bad.parse::<LayoutId>().is_err(), "{bad}");
         }
         assert_eq!(random_token(6).len(), 6);

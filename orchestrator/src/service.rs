@@ -16,6 +16,7 @@ use crate::clock::Clock;
 use crate::http;
 use crate::ids::RunId;
 use crate::store::{Claim, OpenError, claim, reader, writer};
+use crate::training::design::{BuiltIn, Designers};
 use crate::training::{Wakes, Writer};
 use crate::workers;
 
@@ -33,13 +34,20 @@ pub struct Config {
     pub db: PathBuf,
     /// Where the time is read.
     pub clock: Clock,
+    /// Who designs layouts.
+    pub designers: Arc<dyn Designers>,
 }
 
 impl Config {
     /// On loopback, on a free port.
     #[must_use]
     pub fn local(db: PathBuf) -> Self {
-        Self { bind: SocketAddr::from(([127, 0, 0, 1], 0)), db, clock: Clock::system() }
+        Self {
+            bind: SocketAddr::from(([127, 0, 0, 1], 0)),
+            db,
+            clock: Clock::system(),
+            designers: Arc::new(BuiltIn),
+        }
     }
 }
 
@@ -82,6 +90,8 @@ pub struct App {
     pub large_bodies: Arc<Semaphore>,
     /// Scenarios by hand that are planned on at once.
     pub planning: http::Planning,
+    /// Who designs layouts.
+    pub designers: Arc<dyn Designers>,
     /// Who waits for a lease, run by run: one after the other, so that a large lease gets its turn.
     pub gates: Arc<Gates>,
     /// The service is going down.
@@ -161,6 +171,13 @@ impl Service {
             pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
         };
         jobs.spawn(critic.run());
+        let studio = workers::design::Studio {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            wake: wakes.design,
+            designers: Arc::clone(&config.designers),
+        };
+        jobs.spawn(studio.run());
 
         let stopping = Arc::new(AtomicBool::new(false));
         let app = App {
@@ -170,6 +187,7 @@ impl Service {
             ready,
             large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
             planning: http::Planning::default(),
+            designers: config.designers,
             gates: Arc::default(),
             stopping: Arc::clone(&stopping),
         };

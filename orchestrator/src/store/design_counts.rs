@@ -37,9 +37,10 @@ pub async fn verdicts(
     conn: &mut SqliteConnection,
     run: &str,
 ) -> Result<Vec<(String, String, i64)>, StoreError> {
-    let rows = query!("SELECT task, verdict, count FROM gate_counts WHERE run = ? ORDER BY task, verdict", run)
-        .fetch_all(conn)
-        .await?;
+    let rows =
+        query!("SELECT task, verdict, count FROM gate_counts WHERE run = ? ORDER BY task, verdict", run)
+            .fetch_all(conn)
+            .await?;
     Ok(rows.into_iter().map(|r| (r.task, r.verdict, r.count)).collect())
 }
 

@@ -1,8 +1,8 @@
 //! A group's end: what it says to the curriculum, and what becomes of its scenario.
 
 use super::TrainingError;
-use super::{design, queue};
 use super::writer::Work;
+use super::{design, queue};
 use crate::curriculum::{GroupOutcome, Move, Proposal};
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};

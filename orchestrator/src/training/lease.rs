@@ -128,8 +128,9 @@ impl Change for TakeLease {
         let row = self.begin(conn, group_size, now).await?;
         queue::fill(work, run, AHEAD.max(self.groups)).await?;
         let (mind, conn) = work.mind(run).await?;
+        let next = leases::next_id(conn).await?;
         let designed = match self.purpose {
-            Purpose::Train => serve::choose(conn, mind, leases::next_id(conn).await?, self.groups).await?,
+            Purpose::Train => serve::choose(conn, mind, next, self.groups).await?,
             Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
         };
         let proposed = designed.iter().filter(|layout| layout.is_none()).count();

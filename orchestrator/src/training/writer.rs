@@ -101,15 +101,8 @@ impl Writer {
         let (queue, inbox) = mpsc::channel(QUEUE);
         let now = clock.now();
         let (minds, touched) = (HashMap::new(), Vec::new());
-        let work = Work {
-            conn,
-            now,
-            minds,
-            touched,
-            wake_prepare: false,
-            wake_critique: false,
-            wake_design: false,
-        };
+        let work =
+            Work { conn, now, minds, touched, wake_prepare: false, wake_critique: false, wake_design: false };
         let task = tokio::spawn(serve(work, inbox, clock, wakes));
         (Self { queue }, task)
     }

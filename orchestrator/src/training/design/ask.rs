@@ -119,7 +119,8 @@ async fn begin_waiting(
         return Ok(None);
     }
     let course = mind.settings.curriculum.tasks.iter().find(|plan| plan.task == task);
-    let Some((course, which)) = course.and_then(|plan| Course::of(mind, plan)).zip(Which::of(&designer)) else {
+    let Some((course, which)) = course.and_then(|plan| Course::of(mind, plan)).zip(Which::of(&designer))
+    else {
         let error = Some("the run has no such task any more that could be designed for".to_owned());
         asks::end(conn, id, &Ended { error, troubles: "[]".to_owned(), ..Ended::default() }, now).await?;
         return Ok(None);
@@ -307,7 +308,8 @@ impl Finish {
         // The bodies' provenance is the design as the gate read it.
         let read = admitted.and_then(|a| a.scenario().recipe().layout()?.provenance.as_ref());
         let design = read.or(given);
-        let text = design.map(Value::to_string).filter(|text| admitted.is_some() || text.len() <= MOST_DESIGN);
+        let text =
+            design.map(Value::to_string).filter(|text| admitted.is_some() || text.len() <= MOST_DESIGN);
         let at = |path: &str| design.and_then(|design| design.pointer(path));
         let word = |path: &str| at(path).and_then(Value::as_str).map(|word| cut(word, 60));
         let refusal = judged.verdict.as_ref().err();

@@ -19,10 +19,7 @@ const ARCHIVE: i64 = 500;
 ///
 /// # Errors
 /// The database's, or a design that cannot be read back.
-pub async fn gather(
-    conn: &mut SqliteConnection,
-    begun: &Begun,
-) -> Result<(Brief, Vec<Value>), StoreError> {
+pub async fn gather(conn: &mut SqliteConnection, begun: &Begun) -> Result<(Brief, Vec<Value>), StoreError> {
     let mut brief = Brief::new(begun.base.clone(), begun.wanted as usize, seed(begun.run_seed, begun.ask));
     if let Some(level) = begun.level {
         brief = brief.at_level(&begun.levels, level);
@@ -47,7 +44,8 @@ pub fn seed(run_seed: u64, ask: i64) -> u64 {
 }
 
 async fn fates(conn: &mut SqliteConnection, begun: &Begun) -> Result<Vec<Past>, StoreError> {
-    let of_task = Wanted { run: Some(begun.run.clone()), task: Some(begun.task.clone()), ..Wanted::default() };
+    let of_task =
+        Wanted { run: Some(begun.run.clone()), task: Some(begun.task.clone()), ..Wanted::default() };
     let refused = Wanted { state: Some("refused".to_owned()), refused: true, ..of_task.clone() };
     let mut rows = layouts::page(conn, &of_task, i64::MAX, FATES.0).await?;
     rows.extend(layouts::page(conn, &refused, i64::MAX, FATES.1).await?);

@@ -6,8 +6,8 @@ use env_core::draws::Purpose;
 use sqlx::SqliteConnection;
 
 use super::DesignSettings;
-use crate::store::leases::GroupRow;
 use crate::store::layouts::{self, Servable};
+use crate::store::leases::GroupRow;
 use crate::store::{StoreError, design_counts, unsigned};
 use crate::training::settings::EvidenceFrom;
 use crate::training::{Mind, RunSettings};
@@ -42,10 +42,11 @@ pub fn draw(share: f64, run_seed: u64, lease: u64, groups: u32) -> Vec<Drawn> {
     (0..groups).map(|_| one()).collect()
 }
 
-/// Whether a layout that has had so many groups may have one more, `since` training groups after it was made.
+/// Whether a layout that has had so many groups may have the next, when `since` training groups were leased since it was
+/// made.
 #[must_use]
 pub fn within_share(groups: i64, since: i64, layout_share: f64) -> bool {
-    (groups + 1) as f64 <= (layout_share * since as f64).max(ALWAYS)
+    (groups + 1) as f64 <= (layout_share * (since + 1) as f64).max(ALWAYS)
 }
 
 /// Whether a layout of one level suits a task that stands at another. Without levels everything does.
@@ -144,8 +145,9 @@ impl Shelf {
             if nth < *n {
                 let found = layouts::nth_retired(conn, run, task, *level, nth).await?;
                 let share = self.settings.layout_share;
-                return Ok(found
-                    .filter(|l| within_share(l.groups, self.train_groups - l.train_groups_at, share)));
+                return Ok(
+                    found.filter(|l| within_share(l.groups, self.train_groups - l.train_groups_at, share))
+                );
             }
             nth -= n;
         }
@@ -209,7 +211,9 @@ mod tests {
 
     #[test]
     fn levels_one_off_are_near() {
-        assert!(near(Some(3), Some(4)) && near(Some(4), Some(3)) && near(None, Some(9)) && near(Some(1), None));
+        assert!(
+            near(Some(3), Some(4)) && near(Some(4), Some(3)) && near(None, Some(9)) && near(Some(1), None)
+        );
         assert!(!near(Some(2), Some(4)));
     }
 
@@ -222,7 +226,7 @@ mod tests {
                 if asked && within_share(groups, since, share) {
                     groups += 1;
                 }
-                prop_assert!(groups as f64 <= (share * since as f64).max(ALWAYS));
+                prop_assert!(groups as f64 <= (share * (since + 1) as f64).max(ALWAYS));
             }
         }
 

@@ -1,0 +1,439 @@
+//! The designer's life: a run that loses gets layouts made for what it loses by, leases contain as many as were drawn, and
+//! whatever a designer does the run goes on.
+
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
+mod designs;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use designer::Profile;
+use env_core::Draws;
+use env_core::critique::sector;
+use env_core::draws::Purpose;
+use orchestrator::clock::Clock;
+use serde_json::{Value, json};
+use system_tests::{Api, Lease, Server, flown, result};
+
+use self::designs::{Fake, Script, TASK, asked, caught_up, create, lose, stocked, summary};
+
+/// Layouts of a lease's groups, in order.
+fn layouts_of(lease: &Lease) -> Vec<Option<String>> {
+    let groups = lease.0["groups"].as_array().unwrap();
+    groups.iter().map(|group| group["layout"].as_str().map(str::to_owned)).collect()
+}
+
+/// The active layouts of the run, in the order in which they were made.
+async fn active(api: &Api) -> Vec<String> {
+    let page = api.get("/v1/runs/run/designs?state=active&limit=500").await.expect(200);
+    let ids = page["designs"].as_array().unwrap().iter().map(|d| d["id"].as_str().unwrap().to_owned());
+    ids.rev().collect()
+}
+
+/// What the draws say a lease gets, where every active layout may be served and none is retired: of each group three draws.
+fn drawn(seed: u64, lease: &Lease, groups: usize, share: f64, active: &[String]) -> Vec<Option<String>> {
+    let number = lease.id().split_once('-').unwrap().0.parse().unwrap();
+    let mut draws = Draws::new(Purpose::Serving, seed, number);
+    let mut one = || {
+        let designed = draws.uniform() < share;
+        let (_, pick) = (draws.uniform(), draws.uniform());
+        designed.then(|| active[(pick * active.len() as f64) as usize].clone())
+    };
+    (0..groups).map(|_| one()).collect()
+}
+
+fn hold(lease: &Lease, policy: &str) -> Vec<Value> {
+    lease.episodes().iter().map(|(episode, scenario)| result(episode, scenario, policy)).collect()
+}
+
+#[tokio::test]
+async fn a_run_that_loses_gets_layouts_and_leases_serve_what_is_drawn() {
+    let mut server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"share": 0.5, "layout_share": 1.0, "stock": 4})).await;
+    let before = lose(&api).await;
+    assert_eq!(layouts_of(&before), vec![None; 24], "there is nothing in stock yet");
+    stocked(&api, 4).await;
+    let stock = active(&api).await;
+    let mut designed = 0;
+    for _ in 0..3 {
+        let lease = api.lease("run", json!({"groups": 12})).await;
+        assert_eq!(layouts_of(&lease), drawn(11, &lease, 12, 0.5, &stock));
+        designed += layouts_of(&lease).iter().flatten().count();
+        for group in lease.0["groups"].as_array().unwrap() {
+            let is = group["layout"].is_string();
+            assert_eq!(group["role"] == "designed", is);
+            assert_eq!(lease.scenario(group).id().to_string(), group["scenario"].as_str().unwrap());
+        }
+    }
+    assert!((6..30).contains(&designed), "{designed} of 36: both kinds are there, or this proves little");
+    let told = summary(&api).await;
+    assert_eq!((&told["train_groups"], &told["designed_groups"]), (&json!(60), &json!(designed)));
+    // Only training is designed for.
+    for purpose in ["probe", "eval"] {
+        let lease = api.lease("run", json!({"groups": 12, "purpose": purpose})).await;
+        assert_eq!(layouts_of(&lease), vec![None; 12]);
+    }
+    server.restart().await;
+    let api = server.api();
+    assert_eq!(active(&api).await, stock);
+    let lease = api.lease("run", json!({"groups": 12})).await;
+    assert_eq!(layouts_of(&lease), drawn(11, &lease, 12, 0.5, &stock));
+    by_hand(&api, &stock).await;
+}
+
+/// What is shown of layouts is what the gate admitted, and can be flown by hand.
+async fn by_hand(api: &Api, stock: &[String]) {
+    let listed = api.get("/v1/layouts?task=kessler/survival&state=active&limit=2").await.expect(200);
+    assert_eq!(listed["designs"].as_array().unwrap().len(), 2);
+    let next = listed["next"].as_str().unwrap();
+    let rest = api.get(&format!("/v1/layouts?limit=500&cursor={next}")).await.expect(200);
+    assert_eq!(rest["designs"].as_array().unwrap().len(), stock.len() - 2);
+    for id in stock {
+        let layout = api.get(&format!("/v1/layouts/{id}")).await.expect(200);
+        let tried = api.post("/v1/scenarios", json!({"scenario": layout["scenario"]})).await.expect(200);
+        assert_eq!(tried["scenario_id"], layout["scenario_id"]);
+        assert_eq!((&tried["fair"], &tried["solvable"]), (&json!(true), &json!(true)));
+        assert_eq!(tried["contested"], layout["claim"] == "threat");
+        assert_eq!(tried["bracket"], layout["bracket"]);
+        assert_eq!(layout["witness"]["score"], layout["bracket"]["reference"]);
+        let design = api.get(&format!("/v1/runs/run/designs/{id}")).await.expect(200);
+        assert_eq!(design["design"], layout["design"]);
+        assert_eq!(design["design"]["aim"]["mode"], design["aim"]["mode"]);
+        assert_eq!(design["turns"][0]["state"], "active");
+        let ask = design["ask"].as_str().unwrap();
+        let ask = api.get(&format!("/v1/runs/run/designs/asks/{ask}")).await.expect(200);
+        assert_eq!((&ask["state"], &ask["asked_by"]), (&json!("done"), &json!("worker")));
+        let profile: Profile = serde_json::from_value(ask["profile"].clone()).unwrap();
+        assert_eq!(ask["criticised"], profile.criticised);
+    }
+}
+
+#[tokio::test]
+async fn the_profile_shown_is_one_to_design_from() {
+    let server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"designer": "off"})).await;
+    let lease = lose(&api).await;
+    let mut sectors: BTreeMap<(String, u64), u64> = BTreeMap::new();
+    for (_, scenario) in lease.episodes() {
+        let critique = scenario.task().critique(&scenario, &flown(&scenario, "hold").1).unwrap();
+        for failure in critique.failures {
+            if let Some(bearing) = failure.encounter.and_then(|e| e.bearing_inertial_deg) {
+                *sectors.entry((failure.mode.to_owned(), u64::from(sector(bearing)))).or_default() += 1;
+            }
+        }
+    }
+    let answer = caught_up(&api).await;
+    let profile = Profile::read(&answer.to_string(), Some(TASK)).unwrap();
+    let told = profile.modes.iter().flat_map(|mode| {
+        mode.inertial.iter().map(|at| ((mode.mode.clone(), u64::from(at.sector)), at.count))
+    });
+    assert_eq!(told.collect::<BTreeMap<_, _>>(), sectors);
+    assert!(sectors.len() > 2, "failures come from several sides, or this proves little");
+    for mode in profile.modes.iter().filter(|mode| mode.mode == "collision") {
+        let (orbit, inertial) = (mode.rose().iter().sum::<f64>(), mode.inertial_rose().iter().sum::<f64>());
+        // The same failures in another order: sums of some dozens of numbers near 1.
+        assert!((orbit - inertial).abs() < 1e-9 && (mode.weight - orbit).abs() < 1e-9);
+    }
+    assert_eq!(answer["tasks"][0]["weight"], profile.weight);
+}
+
+/// (events, block, mastery, plain sums) of the run's task.
+async fn standing(api: &Api) -> Value {
+    let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
+    let task = &mastery["tasks"][0];
+    json!([mastery["explanation"], task["status"], task["levels"], task["plain"]])
+}
+
+#[tokio::test]
+async fn outcomes_of_designed_groups_move_nothing_unless_asked() {
+    for evidence in [false, true] {
+        let server = Server::start().await;
+        let api = server.api();
+        create(&api, json!({"share": 1.0, "layout_share": 1.0, "evidence": evidence, "stock": 6})).await;
+        lose(&api).await;
+        stocked(&api, 6).await;
+        let before = standing(&api).await;
+        let lease = api.lease("run", json!({"groups": 10})).await;
+        assert!(layouts_of(&lease).iter().all(Option::is_some), "all are designed");
+        let groups = lease.0["groups"].as_array().unwrap();
+        let contested = groups.iter().filter(|group| group["contested"] == true).count();
+        let told = api.report("run", hold(&lease, "hold")).await;
+        let statuses: BTreeSet<&str> =
+            told["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
+        let after = standing(&api).await;
+        if evidence {
+            assert!(statuses.contains("counted"), "{statuses:?}");
+            let n = |standing: &Value| standing[1]["block"]["n"].as_u64().unwrap();
+            assert_eq!(n(&after), (n(&before) + contested as u64) % 32);
+            assert_eq!(after[3], before[3], "plain sums keep designed episodes apart all the same");
+        } else {
+            assert_eq!(statuses, BTreeSet::from(["stored"]));
+            assert_eq!(after, before);
+        }
+        let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
+        assert_eq!(mastery["tasks"][0]["designed"]["episodes"], 20);
+        let profile = caught_up(&api).await;
+        assert_eq!(
+            profile["tasks"][0]["criticised"],
+            48 + 20,
+            "they show failures like all training episodes"
+        );
+        let flown = api.get("/v1/runs/run/designs?state=active").await.expect(200);
+        let episodes: u64 = flown["designs"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|d| d["flown"]["episodes"].as_u64().unwrap())
+            .sum();
+        assert_eq!(episodes, 20);
+        let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);
+        let designed = listed["episodes"].as_array().unwrap().iter().filter(|e| e["layout"].is_string());
+        assert_eq!(designed.count(), 20);
+    }
+}
+
+#[tokio::test]
+async fn a_layout_that_was_taken_out_is_never_served_and_one_put_back_is() {
+    let server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"share": 1.0, "layout_share": 1.0, "stock": 2})).await;
+    lose(&api).await;
+    stocked(&api, 2).await;
+    let stock = active(&api).await;
+    let path = |verb: &str| format!("/v1/runs/run/designs/{}/{verb}", stock[0]);
+    let retired = api.post(&path("retire"), json!({})).await.expect(200);
+    assert_eq!((&retired["state"], &retired["why"]), (&json!("retired"), &json!("hand")));
+    assert_eq!(api.post(&path("retire"), json!({})).await.expect(200), retired, "twice is the same as once");
+    for _ in 0..4 {
+        let lease = api.lease("run", json!({"groups": 20})).await;
+        assert!(!layouts_of(&lease).contains(&Some(stock[0].clone())));
+    }
+    let revived = api.post(&path("revive"), json!({})).await.expect(200);
+    assert_eq!(revived["state"], "active");
+    let lease = api.lease("run", json!({"groups": 40})).await;
+    // Of at most three layouts one that is drawn 40 times is missed with a probability of 1e-7, and draws are fixed.
+    assert!(layouts_of(&lease).contains(&Some(stock[0].clone())));
+    let shown = api.get(&format!("/v1/runs/run/designs/{}", stock[0])).await.expect(200);
+    let states: Vec<&str> =
+        shown["turns"].as_array().unwrap().iter().map(|t| t["state"].as_str().unwrap()).collect();
+    assert_eq!(states, ["active", "retired", "active"]);
+    assert_eq!(api.post("/v1/runs/run/designs/layout-99999/retire", json!({})).await.status, 404);
+}
+
+#[tokio::test]
+async fn what_is_mastered_retires_and_is_told() {
+    let server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"share": 1.0, "layout_share": 1.0, "stock": 1})).await;
+    lose(&api).await;
+    stocked(&api, 1).await;
+    let first = active(&api).await.remove(0);
+    let layout = api.get(&format!("/v1/layouts/{first}")).await.expect(200);
+    let scenario = env_core::Scenario::from_json(&layout["scenario"]).unwrap();
+    let bracket = env_core::bracket::admit(&scenario).bracket.unwrap();
+    let witness = system_tests::wire(&bracket.witness);
+    for _ in 0..8 {
+        let lease = api.lease("run", json!({"groups": 1})).await;
+        let groups = lease.0["groups"].as_array().unwrap();
+        if groups[0]["layout"] != json!(first) {
+            break;
+        }
+        let fly = |(episode, _): (String, _)| json!({"episode": episode, "actions": witness});
+        api.report("run", lease.episodes().into_iter().map(fly).collect()).await;
+    }
+    let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
+    assert_eq!((&shown["state"], &shown["why"]), (&json!("retired"), &json!("mastered")), "{shown}");
+    assert_eq!(shown["flown"]["recent"], json!(vec![1.0; 8]));
+    assert_eq!(shown["episodes"].as_array().unwrap().len(), 16);
+    assert_eq!(summary(&api).await["tasks"][0]["retired"]["mastered"], 1);
+}
+
+#[tokio::test]
+async fn no_layout_takes_more_than_its_share() {
+    let server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"share": 1.0, "layout_share": 0.1, "stock": 1})).await;
+    lose(&api).await;
+    stocked(&api, 1).await;
+    let first = active(&api).await.remove(0);
+    let (mut since, mut taken) = (0u32, 0u32);
+    for _ in 0..5 {
+        let lease = api.lease("run", json!({"groups": 16})).await;
+        for layout in layouts_of(&lease) {
+            taken += u32::from(layout.as_ref() == Some(&first));
+            since += 1;
+            assert!(f64::from(taken) <= (0.1 * f64::from(since)).max(4.0), "{taken} of {since}");
+        }
+    }
+    assert!(taken >= 4, "four it may always take");
+}
+
+#[tokio::test]
+async fn nothing_is_designed_where_nothing_is_wanted() {
+    let server = Server::start().await;
+    let api = server.api();
+    for (id, design) in [("none", json!({"share": 0.0})), ("off", json!({"designer": "off"}))] {
+        let wish = json!({
+            "id": id, "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "tasks": [TASK],
+            "design": design
+        });
+        let _ = api.post("/v1/runs", wish).await.expect(201);
+    }
+    let docking = json!({"id": "docks", "seed": 1, "tasks": ["docking/single"]});
+    let _ = api.post("/v1/runs", docking).await.expect(201);
+    for id in ["none", "off"] {
+        let lease = api.lease(id, json!({"groups": 24})).await;
+        api.report(id, hold(&lease, "hold")).await;
+    }
+    tokio::time::sleep(std::time::Duration::from_secs(3)).await;
+    for id in ["none", "off", "docks"] {
+        let asks = api.get(&format!("/v1/runs/{id}/designs/asks")).await.expect(200);
+        assert_eq!(asks["asks"], json!([]), "{id}");
+        let told = api.get(&format!("/v1/runs/{id}/designs/summary")).await.expect(200);
+        assert_eq!(told["designed_groups"], 0);
+    }
+    let lease = api.lease("none", json!({"groups": 24})).await;
+    assert_eq!(layouts_of(&lease), vec![None; 24]);
+}
+
+#[tokio::test]
+async fn whatever_a_designer_does_the_run_goes_on() {
+    let script = Script::default();
+    let server = Server::with(Clock::system(), Arc::new(Fake(script.clone()))).await;
+    let api = server.api();
+    create(&api, json!({"designer": "off"})).await;
+    lose(&api).await;
+    caught_up(&api).await;
+    // The language model fails: the procedural designer does its part.
+    for (word, trouble) in [("error", "it is down"), ("panic", "it panicked: nonsense"), ("garbage", "blah")]
+    {
+        script.llm(word);
+        let ask = asked(&api, json!({"n": 2, "designer": "llm"})).await;
+        assert_eq!((&ask["state"], &ask["admitted"]), (&json!("done"), &json!(2)), "{word}: {ask}");
+        let troubles = ask["troubles"].as_array().unwrap();
+        assert!(troubles.iter().any(|t| t.as_str().unwrap().contains(trouble)), "{word}: {ask}");
+        if word == "garbage" {
+            assert_eq!((&ask["refused"], &ask["cost"]), (&json!(100), &json!(0.0)));
+            let path =
+                format!("/v1/runs/run/designs?state=refused&ask={}&limit=500", ask["id"].as_str().unwrap());
+            let kept = api.get(&path).await.expect(200);
+            let kept = kept["designs"].as_array().unwrap();
+            assert!(kept.len() <= 64 && kept.iter().all(|d| d["name"].as_str().unwrap().len() <= 200));
+            let refused = kept[0]["id"].as_str().unwrap();
+            let path = format!("/v1/runs/run/designs/{refused}/retire");
+            assert_eq!(api.post(&path, json!({})).await.status, 409);
+            assert_eq!(api.get(&format!("/v1/layouts/{refused}")).await.status, 404);
+            let counted = &summary(&api).await["tasks"][0]["refused"];
+            let schema = counted.as_array().unwrap().iter().find(|c| c["check"] == "schema").unwrap();
+            assert_eq!(schema["count"], 100, "counted though not kept");
+        }
+    }
+    // The procedural one fails: so does the ask, and nothing else.
+    script.procedural("panic");
+    let ask = asked(&api, json!({"n": 2, "designer": "procedural"})).await;
+    assert_eq!(ask["state"], "failed", "{ask}");
+    assert!(ask["error"].as_str().unwrap().contains("nonsense"));
+    let lease = api.lease("run", json!({"groups": 4})).await;
+    api.report("run", hold(&lease, "hold")).await;
+    script.procedural("real");
+    let ask = asked(&api, json!({"designer": "procedural", "n": 1})).await;
+    assert_eq!(ask["state"], "done", "{ask}");
+}
+
+#[tokio::test]
+async fn an_ask_that_is_cut_off_is_told_and_another_can_be_made() {
+    let script = Script::default();
+    script.llm("slow");
+    let mut server = Server::with(Clock::system(), Arc::new(Fake(script.clone()))).await;
+    create(&server.api(), json!({"designer": "off"})).await;
+    lose(&server.api()).await;
+    caught_up(&server.api()).await;
+    let answer =
+        server.api().post("/v1/runs/run/designs", json!({"designer": "llm", "n": 1})).await.expect(202);
+    let path = format!("/v1/runs/run/designs/asks/{}", answer["id"].as_str().unwrap());
+    designs::until(&server.api(), &path, |ask| ask["state"] == "running").await;
+    // One at a time: the next waits.
+    let next = server.api().post("/v1/runs/run/designs", json!({"n": 1, "designer": "procedural"})).await;
+    let next = next.expect(202);
+    let lease = server.api().lease("run", json!({"groups": 4})).await;
+    server.api().report("run", hold(&lease, "hold")).await;
+    assert_eq!(server.api().get(&path).await.expect(200)["state"], "running");
+    server.restart().await;
+    let api = server.api();
+    let ask = api.get(&path).await.expect(200);
+    assert_eq!(ask["state"], "failed");
+    assert!(ask["error"].as_str().unwrap().starts_with("interrupted"), "{ask}");
+    let path = format!("/v1/runs/run/designs/asks/{}", next["id"].as_str().unwrap());
+    let next = designs::until(&api, &path, |ask| ask["ended_at"].is_string()).await;
+    assert_eq!((&next["state"], &next["admitted"]), (&json!("done"), &json!(1)), "{next}");
+}
+
+#[tokio::test]
+async fn bodies_and_queries_that_are_none() {
+    let server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"designer": "off"})).await;
+    let docking = json!({"id": "docks", "seed": 1, "tasks": ["docking/single"]});
+    let _ = api.post("/v1/runs", docking).await.expect(201);
+    let mut answers = Vec::new();
+    let mut told = |what: String, answer: system_tests::Answer| {
+        assert_eq!(answer.kind, "application/problem+json", "{what}");
+        answers.push(format!("{what}\n{:#}", answer.body));
+    };
+    for (run, body) in [
+        ("run", "{}"),
+        ("run", "[]"),
+        ("run", r#"{"n": 0, "designer": "auto"}"#),
+        ("run", r#"{"n": 33, "designer": "auto"}"#),
+        ("run", r#"{"n": "many"}"#),
+        ("run", r#"{"designer": "llm"}"#),
+        ("run", r#"{"designer": "off"}"#),
+        ("run", r#"{"designer": "chance"}"#),
+        ("run", r#"{"designer": "auto", "task": "kessler/rendezvous"}"#),
+        ("run", r#"{"layouts": 3}"#),
+        ("run", r#"{"n": 1, "n": 2}"#),
+        ("docks", r#"{"n": 1}"#),
+        ("nobody", r#"{"n": 1}"#),
+    ] {
+        let path = format!("/v1/runs/{run}/designs");
+        told(format!("POST {path} {body}"), api.raw("POST", &path, "application/json", body).await);
+    }
+    for path in [
+        "/v1/runs/run/designs?state=lost",
+        "/v1/runs/run/designs?task=kessler/rendezvous",
+        "/v1/runs/run/designs?ask=7",
+        "/v1/runs/run/designs?limit=0",
+        "/v1/runs/run/designs?cursor=x",
+        "/v1/runs/run/designs?page=2",
+        "/v1/runs/nobody/designs",
+        "/v1/runs/run/designs/7",
+        "/v1/runs/run/designs/layout-7",
+        "/v1/runs/run/designs/asks?state=admitted",
+        "/v1/runs/run/designs/asks/ask-7",
+        "/v1/runs/run/designs/summary?task=x",
+        "/v1/layouts?state=refused",
+        "/v1/layouts?task=kessler/golf",
+        "/v1/layouts/layout-7",
+        "/v1/layouts/layout-07",
+    ] {
+        told(format!("GET {path}"), api.get(path).await);
+    }
+    for design in [
+        json!({"share": 1.5}),
+        json!({"layout_share": 0}),
+        json!({"stock": 0}),
+        json!({"stock": 65}),
+        json!({"designer": "nobody"}),
+        json!({"shares": 0.5}),
+        json!("off"),
+    ] {
+        told(
+            format!("POST /v1/runs design: {design}"),
+            api.post("/v1/runs", json!({"design": design})).await,
+        );
+    }
+    insta::assert_snapshot!("problems", answers.join("\n\n"));
+}
