@@ -147,37 +147,7 @@ impl Service {
         let wakes = Wakes::default();
         let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
-        let mut jobs = JoinSet::new();
-        let preparer = workers::prepare::Preparer {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            wake: wakes.prepare,
-            ready: ready_tx,
-            hopeless: Arc::default(),
-            pool: Arc::new(
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(workers::prepare::AT_ONCE)
-                    .thread_name(|i| format!("prepare-{i}"))
-                    .build()
-                    .map_err(StartError::Threads)?,
-            ),
-        };
-        jobs.spawn(preparer.run());
-        jobs.spawn(workers::expire::run(writer.clone()));
-        let critic = workers::critique::Critic {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            wake: wakes.critique,
-            pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
-        };
-        jobs.spawn(critic.run());
-        let studio = workers::design::Studio {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            wake: wakes.design,
-            designers: Arc::clone(&config.designers),
-        };
-        jobs.spawn(studio.run());
+        let jobs = employ(&config, &readers, &writer, (wakes, ready_tx))?;
 
         let stopping = Arc::new(AtomicBool::new(false));
         let app = App {
@@ -233,6 +203,47 @@ impl Service {
             tracing::error!(error = %error, "The writer failed.");
         }
     }
+}
+
+/// Starts the workers.
+fn employ(
+    config: &Config,
+    readers: &SqlitePool,
+    writer: &Writer,
+    (wakes, ready): (Wakes, watch::Sender<u64>),
+) -> Result<JoinSet<()>, StartError> {
+    let mut jobs = JoinSet::new();
+    let preparer = workers::prepare::Preparer {
+        readers: readers.clone(),
+        writer: writer.clone(),
+        wake: wakes.prepare,
+        ready,
+        hopeless: Arc::default(),
+        pool: Arc::new(
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(workers::prepare::AT_ONCE)
+                .thread_name(|i| format!("prepare-{i}"))
+                .build()
+                .map_err(StartError::Threads)?,
+        ),
+    };
+    jobs.spawn(preparer.run());
+    jobs.spawn(workers::expire::run(writer.clone()));
+    let critic = workers::critique::Critic {
+        readers: readers.clone(),
+        writer: writer.clone(),
+        wake: wakes.critique,
+        pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
+    };
+    jobs.spawn(critic.run());
+    let studio = workers::design::Studio {
+        readers: readers.clone(),
+        writer: writer.clone(),
+        wake: wakes.design,
+        designers: Arc::clone(&config.designers),
+    };
+    jobs.spawn(studio.run());
+    Ok(jobs)
 }
 
 async fn serve(listener: TcpListener, app: App, mut stopped: watch::Receiver<bool>) {

@@ -230,3 +230,19 @@ pub(super) fn within(field: &str, value: u32, min: u32, max: u32) -> Result<(), 
         Err(TrainingError::invalid(field, format!("it is {value}, outside {min} to {max}")))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_of_before_there_were_designs_read_and_design_nothing() {
+        let settings = RunSettings::read(&RunWish::default()).expect("the defaults can be");
+        assert!(settings.design.on(), "a new run has designs");
+        let mut stored = serde_json::to_value(&settings).expect("settings have a JSON form");
+        assert_eq!(serde_json::from_value::<RunSettings>(stored.clone()).ok(), Some(settings));
+        stored.as_object_mut().and_then(|fields| fields.remove("design")).expect("it was there");
+        let old: RunSettings = serde_json::from_value(stored).expect("old settings read");
+        assert!(!old.design.on(), "an old run goes on as it was");
+    }
+}

@@ -1,19 +1,14 @@
-//! What tests of designs share: a run that loses, waiting, and a designer that does what it is told.
+//! What tests of designs share: a run that loses, and waiting.
 
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use designer::gate::{Judged, Usage};
-use designer::procedural::Procedural;
-use designer::{Brief, DesignError, Designed, Designer, Designing, Gate};
-use orchestrator::training::design::{Designers, Which};
 use serde_json::{Value, json};
 use system_tests::{Api, Lease, result};
 
-pub const TASK: &str = "kessler/survival";
+pub(crate) const TASK: &str = "kessler/survival";
 
 /// A run of one task in which everything is contested, with designs as told.
-pub async fn create(api: &Api, design: Value) {
+pub(crate) async fn create(api: &Api, design: Value) {
     let wish = json!({
         "id": "run", "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "target": "mastery",
         "tasks": [TASK], "design": design
@@ -22,7 +17,7 @@ pub async fn create(api: &Api, design: Value) {
 }
 
 /// Flies 24 scenarios, which who holds loses, by holding: 48 episodes with failures.
-pub async fn lose(api: &Api) -> Lease {
+pub(crate) async fn lose(api: &Api) -> Lease {
     let lease = api.lease("run", json!({"groups": 24})).await;
     let held = lease.episodes().iter().map(|(episode, scenario)| result(episode, scenario, "hold")).collect();
     api.report("run", held).await;
@@ -30,7 +25,7 @@ pub async fn lose(api: &Api) -> Lease {
 }
 
 /// GET until it is so; at most a minute.
-pub async fn until(api: &Api, path: &str, so: impl Fn(&Value) -> bool) -> Value {
+pub(crate) async fn until(api: &Api, path: &str, so: impl Fn(&Value) -> bool) -> Value {
     for _ in 0..1200 {
         let answer = api.get(path).await.expect(200);
         if so(&answer) {
@@ -42,111 +37,11 @@ pub async fn until(api: &Api, path: &str, so: impl Fn(&Value) -> bool) -> Value 
 }
 
 /// The run's failures, once nothing waits for its critique.
-pub async fn caught_up(api: &Api) -> Value {
+pub(crate) async fn caught_up(api: &Api) -> Value {
     until(api, "/v1/runs/run", |run| run["critique"]["waiting"] == 0).await;
     api.get("/v1/runs/run/failures").await.expect(200)
 }
 
-pub async fn summary(api: &Api) -> Value {
+pub(crate) async fn summary(api: &Api) -> Value {
     api.get("/v1/runs/run/designs/summary").await.expect(200)
-}
-
-/// Waits until so many layouts are active, and no ask is open.
-pub async fn stocked(api: &Api, layouts: u64) {
-    until(api, "/v1/runs/run/designs/summary", |told| told["tasks"][0]["active"].as_u64() >= Some(layouts))
-        .await;
-    until(api, "/v1/runs/run/designs/asks", |told| {
-        told["asks"].as_array().is_some_and(|asks| asks.iter().all(|ask| ask["ended_at"].is_string()))
-    })
-    .await;
-}
-
-/// Asks by hand, and waits for its end.
-pub async fn asked(api: &Api, wish: Value) -> Value {
-    let answer = api.post("/v1/runs/run/designs", wish).await.expect(202);
-    let path = format!("/v1/runs/run/designs/asks/{}", answer["id"].as_str().expect("an id"));
-    until(api, &path, |ask| ask["ended_at"].is_string()).await
-}
-
-/// What the designers do, by a word each.
-#[derive(Debug, Clone, Default)]
-pub struct Script(Arc<Mutex<[String; 2]>>);
-
-impl Script {
-    pub fn llm(&self, word: &str) {
-        self.0.lock().expect("nobody panics with it")[0] = word.to_owned();
-    }
-
-    pub fn procedural(&self, word: &str) {
-        self.0.lock().expect("nobody panics with it")[1] = word.to_owned();
-    }
-}
-
-/// Designers by a script: `error`, `panic`, `garbage`, `slow`; else the real one.
-#[derive(Debug)]
-pub struct Fake(pub Script);
-
-impl Designers for Fake {
-    fn designer(&self, which: Which, _: &str) -> Option<Box<dyn Designer>> {
-        let words = self.0.0.lock().expect("nobody panics with it");
-        let word = words[if which == Which::Llm { 0 } else { 1 }].clone();
-        Some(Box::new(Scripted { which, word }))
-    }
-
-    fn has_llm(&self) -> bool {
-        true
-    }
-}
-
-struct Scripted {
-    which: Which,
-    word: String,
-}
-
-impl Designer for Scripted {
-    fn name(&self) -> &'static str {
-        self.which.word()
-    }
-
-    fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a> {
-        Box::pin(async move {
-            match self.word.as_str() {
-                "error" => {
-                    Err(DesignError::Source { what: "the model".to_owned(), reason: "it is down".to_owned() })
-                }
-                "panic" => panic!("nonsense"),
-                "garbage" => Ok(garbage(brief, gate)),
-                "slow" => {
-                    tokio::time::sleep(Duration::from_secs(3600)).await;
-                    Ok(Designed::default())
-                }
-                _ => Ok(Procedural::layouts(brief, gate)),
-            }
-        })
-    }
-}
-
-/// What no designer should say, a hundred times.
-fn garbage(brief: &Brief, gate: &mut Gate) -> Designed {
-    let long = "x".repeat(100_000);
-    let judged = (0..100u32).map(|number| {
-        let design = match number % 4 {
-            0 => json!({"name": long, "aim": {"mode": long, "bearing_deg": -7}, "encounters": "many"}),
-            1 => json!([1, 2, 3]),
-            2 => json!({"name": "'; DROP TABLE layouts; --", "aim": {"bearing_deg": 1e300}, "frame": 5}),
-            _ => Value::Null,
-        };
-        let verdict = gate.judge(brief, &design, [brief.sky(0)]);
-        Judged { name: long.clone(), design: Some(design), round: u32::MAX, verdict }
-    });
-    let usage = Usage {
-        model: Some(long.clone()),
-        prompt: Some("<script>alert(1)</script>".to_owned()),
-        rounds: u32::MAX,
-        tokens_in: u64::MAX,
-        tokens_out: u64::MAX,
-        cost: f64::NAN,
-        latency: Duration::MAX,
-    };
-    Designed { judged: judged.collect(), usage, troubles: vec![format!("blah {long}"); 1000] }
 }
