@@ -15,7 +15,7 @@ use tokio::task::{JoinHandle, JoinSet};
 use crate::clock::Clock;
 use crate::http;
 use crate::ids::RunId;
-use crate::store::{Claim, OpenError, claim, reader, writer};
+use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, writer};
 use crate::training::design::{BuiltIn, Designers};
 use crate::training::{Wakes, Writer};
 use crate::workers;
@@ -57,6 +57,9 @@ pub enum StartError {
     /// The database.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// What was left open could not be closed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// The address is one that others reach, and there are no tokens yet to keep strangers out.
     #[error(
         "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700"
@@ -136,7 +139,15 @@ impl Service {
             return Err(StartError::Public(config.bind));
         }
         let claim = claim(&config.db)?;
-        let connection = writer(&config.db).await?;
+        let mut connection = writer(&config.db).await?;
+        // Before anybody can look: what was running is not any more.
+        let interrupted = asks::interrupt(&mut connection, config.clock.now()).await?;
+        if interrupted > 0 {
+            tracing::info!(
+                interrupted,
+                "Designers were being asked when the server went away; those asks failed."
+            );
+        }
         let readers = reader(&config.db).await?;
         let listener = TcpListener::bind(config.bind)
             .await

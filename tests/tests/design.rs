@@ -257,6 +257,22 @@ async fn what_is_mastered_retires_and_is_told() {
     assert_eq!(shown["flown"]["recent"], json!(vec![1.0; 8]));
     assert_eq!(shown["episodes"].as_array().unwrap().len(), 16);
     assert_eq!(summary(&api).await["tasks"][0]["retired"]["mastered"], 1);
+
+    // It is tried again where the draws say so, and comes back once the agent fails on it.
+    let lease = api.lease("run", json!({"groups": 60})).await;
+    let number = lease.id().split_once('-').unwrap().0.parse().unwrap();
+    let mut draws = Draws::new(Purpose::Serving, 11, number);
+    let probes: Vec<bool> = (0..60).map(|_| [(); 3].map(|()| draws.uniform())[1] < 0.05).collect();
+    let served = layouts_of(&lease);
+    assert!(probes.contains(&true), "60 draws of 1 in 20");
+    for (layout, probes) in served.iter().zip(&probes) {
+        assert_eq!(layout.as_ref() == Some(&first), *probes, "{served:?}");
+    }
+    assert_eq!(layout["claim"], "threat", "who holds fails on it");
+    api.report("run", held(&lease)).await;
+    let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
+    assert_eq!(shown["state"], "active", "{shown}");
+    assert!(shown["turns"][2]["reason"].as_str().unwrap().contains("forgotten"), "{shown}");
 }
 
 #[tokio::test]

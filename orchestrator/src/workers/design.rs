@@ -14,7 +14,7 @@ use tokio::task::JoinSet;
 
 use self::thread::{Shift, Task};
 use crate::store::{asks, design_counts};
-use crate::training::design::ask::{Begin, Begun, Finish, Interrupt};
+use crate::training::design::ask::{Begin, Begun, Finish};
 use crate::training::design::{Designers, Which, brief, stock};
 use crate::training::{TrainingError, Writer};
 
@@ -26,6 +26,8 @@ const AGAIN: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_secs(2);
 /// Language models asked at once.
 const LLM_AT_ONCE: usize = 4;
+/// How long a run that cannot be looked at is left alone.
+const REST: Duration = Duration::from_secs(60);
 /// Tries at storing what came of an ask.
 const TRIES: u32 = 30;
 
@@ -60,19 +62,14 @@ struct Underway {
     runs: BTreeSet<String>,
     /// What each run's look at whether anything is due rested on, where nothing was.
     looked: BTreeMap<String, (i64, Instant)>,
+    /// Runs that could not be looked at, and when.
+    broken: BTreeMap<String, Instant>,
 }
 
 impl Studio {
     /// Works until the writer is gone.
     pub async fn run(self) {
         let (alive, stopping) = watch::channel(());
-        while let Err(error) = self.writer.change(Interrupt).await {
-            if matches!(error, TrainingError::Stopping) {
-                return;
-            }
-            tracing::error!(error = %error, "Asks that were cut off could not be ended; trying again soon.");
-            tokio::time::sleep(PAUSE).await;
-        }
         let room = Room {
             studio: self,
             procedural: Arc::new(Semaphore::new(1)),
@@ -151,7 +148,7 @@ impl Room {
     }
 
     async fn begin(&self, begun: &mut Underway, run: String, ask: Option<i64>) -> Result<(), TrainingError> {
-        if begun.runs.contains(&run) {
+        if begun.runs.contains(&run) || begun.broken.get(&run).is_some_and(|at| at.elapsed() < REST) {
             return Ok(());
         }
         let has_llm = self.studio.designers.has_llm();
@@ -161,7 +158,8 @@ impl Room {
             Err(error @ (TrainingError::Stopping | TrainingError::Busy)) => return Err(error),
             // A run that cannot be looked at must not hold up the others.
             Err(error) => {
-                tracing::error!(run, error = %error, "A run's designs could not be looked at.");
+                tracing::error!(run, error = %error, "A run's designs could not be looked at; later again.");
+                begun.broken.insert(run.clone(), Instant::now());
                 None
             }
         };

@@ -40,6 +40,8 @@ pub(super) struct RunWish<'a> {
     pub(super) placement: bool,
     pub(super) group_size: usize,
     pub(super) tasks: &'a [String],
+    /// What the run wants of designs.
+    pub(super) design: serde_json::Value,
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) task_settings: BTreeMap<&'static str, TaskWish<'a>>,
 }

@@ -183,6 +183,8 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         placement: false,
         group_size: MEMBERS,
         tasks: &tasks,
+        // When a designer is done depends on the machine, and the same seed is to be the same run.
+        design: serde_json::json!({"designer": "off"}),
         task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
     };
     let feed = HttpFeed::create(url, &wish).await?;

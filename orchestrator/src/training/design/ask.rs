@@ -278,7 +278,10 @@ impl Change for Finish {
             }
         }
         let Usage { model, prompt, rounds, tokens_in, tokens_out, cost, .. } = self.usage;
-        let troubles: Vec<String> = self.troubles.iter().take(TROUBLES).map(|t| cut(t, 500)).collect();
+        let mut troubles: Vec<String> = self.troubles.iter().take(TROUBLES).map(|t| cut(t, 500)).collect();
+        if counts[1] > KEPT {
+            troubles.push(format!("{} layouts were let through; the first {KEPT} are kept", counts[1]));
+        }
         let ended = Ended {
             admitted: counts[1] as i64,
             refused: counts[0] as i64,
@@ -357,17 +360,5 @@ fn cut(text: &str, most: usize) -> String {
         text.to_owned()
     } else {
         text.chars().take(most.saturating_sub(3)).chain("...".chars()).collect()
-    }
-}
-
-/// Fails what was running when the server went away.
-#[derive(Debug)]
-pub struct Interrupt;
-
-impl Change for Interrupt {
-    type Answer = u64;
-
-    async fn apply(self, work: &mut Work) -> Result<u64, TrainingError> {
-        Ok(asks::interrupt(&mut work.conn, work.now).await?)
     }
 }

@@ -97,7 +97,8 @@ pub(in crate::training) async fn choose(
     };
     let mut active = layouts::active(conn, run).await?;
     active.retain(|layout| fits(&layout.task, layout.level));
-    let mut retired = layouts::retired(conn, run).await?;
+    let probes = drawn.iter().any(|drawn| drawn.designed && drawn.probes);
+    let mut retired = if probes { layouts::retired(conn, run).await? } else { Vec::new() };
     retired.retain(|(task, level, _)| fits(task, *level));
     let (train_groups, _) = design_counts::groups(conn, run).await?;
     let mut shelf = Shelf { settings, active, retired, train_groups };
