@@ -41,8 +41,8 @@ CREATE TABLE design_asks (
 ) STRICT;
 
 CREATE INDEX asks_of_run ON design_asks (run, id);
-CREATE INDEX asks_of_task ON design_asks (run, task, id);
-CREATE INDEX asks_open ON design_asks (run, id) WHERE state IN ('waiting', 'running');
+CREATE INDEX asks_waiting ON design_asks (run, id) WHERE state = 'waiting';
+CREATE INDEX asks_running ON design_asks (run, id) WHERE state = 'running';
 
 -- What designers thought of: layouts that serve or served, and what the gate refused.
 CREATE TABLE layouts (
@@ -80,9 +80,9 @@ CREATE TABLE layouts (
 ) STRICT;
 
 CREATE INDEX layouts_of_run ON layouts (run, id);
-CREATE INDEX layouts_of_ask ON layouts (ask, id);
-CREATE INDEX layouts_to_serve ON layouts (run, state, task, level, id) WHERE state != 'refused';
-CREATE INDEX layouts_designed ON layouts (run, task, id);
+CREATE INDEX layouts_of_task ON layouts (run, task, id);
+CREATE INDEX layouts_active ON layouts (run, id) WHERE state = 'active';
+CREATE INDEX layouts_retired ON layouts (run, task, level, id) WHERE state = 'retired';
 CREATE INDEX layouts_admitted ON layouts (id) WHERE state != 'refused';
 
 -- Every change of a layout's state, with its reason.

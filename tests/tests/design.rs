@@ -200,7 +200,23 @@ async fn outcomes_of_designed_groups_move_nothing_unless_asked() {
         let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);
         let designed = listed["episodes"].as_array().unwrap().iter().filter(|e| e["layout"].is_string());
         assert_eq!(designed.count(), 20);
+        given_back(&api).await;
     }
+}
+
+/// A designed group that is given back just ends: its layout has it counted as leased, and learns nothing.
+async fn given_back(api: &Api) {
+    let lease = api.lease("run", json!({"groups": 2})).await;
+    let ids: Vec<String> = layouts_of(&lease).into_iter().flatten().collect();
+    assert_eq!(ids.len(), 2);
+    let path = format!("/v1/runs/run/designs/{}", ids[0]);
+    let before = api.get(&path).await.expect(200)["flown"].clone();
+    let _ = api.post(&format!("/v1/runs/run/leases/{}/release", lease.id()), json!({})).await.expect(200);
+    assert_eq!(api.get(&path).await.expect(200)["flown"], before);
+    let shown = api.get(&format!("/v1/runs/run/leases/{}", lease.id())).await.expect(200);
+    assert!(shown["groups"].as_array().unwrap().iter().all(|group| group["state"] == "lost"));
+    let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
+    assert_eq!(mastery["tasks"][0]["designed"]["expired"], 4);
 }
 
 #[tokio::test]
@@ -321,4 +337,14 @@ async fn nothing_is_designed_where_nothing_is_wanted() {
     }
     let lease = api.lease("none", json!({"groups": 24})).await;
     assert_eq!(layouts_of(&lease), vec![None; 24]);
+
+    // Placement serves nothing else, though there is something in stock.
+    let placing = json!({"id": "placing", "seed": 1, "tasks": [TASK], "design": {"share": 1.0}});
+    let _ = api.post("/v1/runs", placing).await.expect(201);
+    let asked = api.post("/v1/runs/placing/designs", json!({"n": 1})).await.expect(202);
+    let path = format!("/v1/runs/placing/designs/asks/{}", asked["id"].as_str().unwrap());
+    let ask = until(&api, &path, |ask| ask["ended_at"].is_string()).await;
+    assert_eq!(ask["admitted"], 1, "{ask}");
+    let lease = api.lease("placing", json!({"groups": 8})).await;
+    assert_eq!(layouts_of(&lease), vec![None; 8]);
 }

@@ -166,8 +166,6 @@ pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LayoutRo
 /// Which layouts are asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Wanted {
-    /// Of this run.
-    pub run: Option<String>,
     /// Of this task.
     pub task: Option<String>,
     /// In this state.
@@ -180,11 +178,44 @@ pub struct Wanted {
     pub refused: bool,
 }
 
-/// Layouts, the newest first, before a number.
+/// Layouts of a run, the newest first, before a number.
 ///
 /// # Errors
 /// The database's.
-pub async fn page(
+pub async fn of_run(
+    conn: &mut SqliteConnection,
+    run: &str,
+    wanted: &Wanted,
+    before: i64,
+    limit: i64,
+) -> Result<Vec<LayoutRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        LayoutRow,
+        "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
+                gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
+                score, regret, recent, barren, served_at, created_at, retired_at
+         FROM layouts
+         WHERE run = ?1 AND id < ?2 AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
+               AND (?5 IS NULL OR mode = ?5) AND (?6 IS NULL OR ask = ?6) AND (?7 OR state != 'refused')
+         ORDER BY id DESC LIMIT ?8",
+        run,
+        before,
+        wanted.task,
+        wanted.state,
+        wanted.mode,
+        wanted.ask,
+        wanted.refused,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Layouts of all runs that were let through, the newest first, before a number.
+///
+/// # Errors
+/// The database's.
+pub async fn of_all(
     conn: &mut SqliteConnection,
     wanted: &Wanted,
     before: i64,
@@ -196,16 +227,13 @@ pub async fn page(
                 gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
                 score, regret, recent, barren, served_at, created_at, retired_at
          FROM layouts
-         WHERE id < ?1 AND (?2 IS NULL OR run = ?2) AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
-               AND (?5 IS NULL OR mode = ?5) AND (?6 IS NULL OR ask = ?6) AND (?7 OR state != 'refused')
-         ORDER BY id DESC LIMIT ?8",
+         WHERE state != 'refused' AND id < ?1 AND (?2 IS NULL OR task = ?2) AND (?3 IS NULL OR state = ?3)
+               AND (?4 IS NULL OR mode = ?4)
+         ORDER BY id DESC LIMIT ?5",
         before,
-        wanted.run,
         wanted.task,
         wanted.state,
         wanted.mode,
-        wanted.ask,
-        wanted.refused,
         limit
     )
     .fetch_all(conn)

@@ -69,7 +69,8 @@ struct Underway {
 impl Studio {
     /// Works until the writer is gone.
     pub async fn run(self) {
-        let (alive, stopping) = watch::channel(());
+        // Held until this ends, in whatever way: designers at work end with it.
+        let (_alive, stopping) = watch::channel(());
         let room = Room {
             studio: self,
             procedural: Arc::new(Semaphore::new(1)),
@@ -92,7 +93,6 @@ impl Studio {
                 () = room.studio.wake.notified() => {}
                 () = tokio::time::sleep(EVERY) => {}
             }
-            let _ = &alive; // held until here, whatever way this ends
         }
     }
 }

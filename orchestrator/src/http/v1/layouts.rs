@@ -76,7 +76,7 @@ pub(super) async fn list(
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
     let wanted = Wanted { task, state, mode: aim, ..Wanted::default() };
-    let rows = layouts::page(&mut conn, &wanted, before, limit).await?;
+    let rows = layouts::of_all(&mut conn, &wanted, before, limit).await?;
     Ok(axum::Json(Designs::of(&rows, limit)?))
 }
 

@@ -44,11 +44,10 @@ pub fn seed(run_seed: u64, ask: i64) -> u64 {
 }
 
 async fn fates(conn: &mut SqliteConnection, begun: &Begun) -> Result<Vec<Past>, StoreError> {
-    let of_task =
-        Wanted { run: Some(begun.run.clone()), task: Some(begun.task.clone()), ..Wanted::default() };
-    let refused = Wanted { state: Some("refused".to_owned()), refused: true, ..of_task.clone() };
-    let mut rows = layouts::page(conn, &of_task, i64::MAX, FATES.0).await?;
-    rows.extend(layouts::page(conn, &refused, i64::MAX, FATES.1).await?);
+    let passed = Wanted { task: Some(begun.task.clone()), ..Wanted::default() };
+    let refused = Wanted { state: Some("refused".to_owned()), refused: true, ..passed.clone() };
+    let mut rows = layouts::of_run(conn, &begun.run, &passed, i64::MAX, FATES.0).await?;
+    rows.extend(layouts::of_run(conn, &begun.run, &refused, i64::MAX, FATES.1).await?);
     rows.sort_by_key(|row| std::cmp::Reverse(row.id));
     let mut fates = Vec::with_capacity(rows.len());
     for row in rows {

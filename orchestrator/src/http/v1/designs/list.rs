@@ -58,8 +58,7 @@ pub(in crate::http::v1) async fn list(
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
     tasks_of(&mut conn, &run, task.as_deref()).await?;
-    let wanted =
-        Wanted { run: Some(run.to_string()), task, state, mode, ask: ask.map(|ask| ask.0), refused: true };
-    let rows = layouts::page(&mut conn, &wanted, before, limit).await?;
+    let wanted = Wanted { task, state, mode, ask: ask.map(|ask| ask.0), refused: true };
+    let rows = layouts::of_run(&mut conn, run.as_str(), &wanted, before, limit).await?;
     Ok(axum::Json(Designs::of(&rows, limit)?))
 }
