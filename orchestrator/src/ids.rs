@@ -28,6 +28,14 @@ pub struct EpisodeId {
     pub index: i64,
 }
 
+/// A layout, written `layout-<number>`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct LayoutId(pub i64);
+
+/// A round of asking a designer, written `ask-<number>`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct AskId(pub i64);
+
 /// An id that is none.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -109,6 +117,40 @@ impl fmt::Display for EpisodeId {
     }
 }
 
+/// A number after a word and a dash: above 0, written one way.
+fn numbered(text: &str, word: &str) -> Option<i64> {
+    let digits = text.strip_prefix(word)?.strip_prefix('-')?;
+    digits.parse::<i64>().ok().filter(|number| *number > 0 && number.to_string() == digits)
+}
+
+impl FromStr for LayoutId {
+    type Err = BadId;
+
+    fn from_str(text: &str) -> Result<Self, BadId> {
+        numbered(text, "layout").map(Self).ok_or(BadId("a layout's id is layout- and a number, as layout-7"))
+    }
+}
+
+impl fmt::Display for LayoutId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "layout-{}", self.0)
+    }
+}
+
+impl FromStr for AskId {
+    type Err = BadId;
+
+    fn from_str(text: &str) -> Result<Self, BadId> {
+        numbered(text, "ask").map(Self).ok_or(BadId("an ask's id is ask- and a number, as ask-7"))
+    }
+}
+
+impl fmt::Display for AskId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "ask-{}", self.0)
+    }
+}
+
 /// `count` letters and digits from the operating system's randomness.
 #[must_use]
 pub fn random_token(count: usize) -> String {
@@ -155,6 +197,12 @@ mod tests {
         }
         for bad in ["", "A", "a b", "../x", &"x".repeat(65)] {
             assert!(bad.parse::<RunId>().is_err(), "{bad}");
+        }
+        assert_eq!("layout-7".parse(), Ok(LayoutId(7)));
+        assert_eq!(AskId(12).to_string().parse(), Ok(AskId(12)));
+        for bad in ["", "layout", "layout-", "layout-0", "layout-07", "layout--7", "layout-+7", "ask-7", "7"]
+        {
+            assert!(bad.parse::<LayoutId>().is_err(), "{bad}");
         }
         assert_eq!(random_token(6).len(), 6);
         assert!(random_seed() < 1 << 53);

@@ -15,7 +15,8 @@ use tokio::task::{JoinHandle, JoinSet};
 use crate::clock::Clock;
 use crate::http;
 use crate::ids::RunId;
-use crate::store::{Claim, OpenError, claim, reader, writer};
+use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, writer};
+use crate::training::design::{BuiltIn, Designers};
 use crate::training::{Wakes, Writer};
 use crate::workers;
 
@@ -33,13 +34,20 @@ pub struct Config {
     pub db: PathBuf,
     /// Where the time is read.
     pub clock: Clock,
+    /// Who designs layouts.
+    pub designers: Arc<dyn Designers>,
 }
 
 impl Config {
     /// On loopback, on a free port.
     #[must_use]
     pub fn local(db: PathBuf) -> Self {
-        Self { bind: SocketAddr::from(([127, 0, 0, 1], 0)), db, clock: Clock::system() }
+        Self {
+            bind: SocketAddr::from(([127, 0, 0, 1], 0)),
+            db,
+            clock: Clock::system(),
+            designers: Arc::new(BuiltIn),
+        }
     }
 }
 
@@ -49,6 +57,9 @@ pub enum StartError {
     /// The database.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// What was left open could not be closed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// The address is one that others reach, and there are no tokens yet to keep strangers out.
     #[error(
         "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700"
@@ -82,6 +93,8 @@ pub struct App {
     pub large_bodies: Arc<Semaphore>,
     /// Scenarios by hand that are planned on at once.
     pub planning: http::Planning,
+    /// Who designs layouts.
+    pub designers: Arc<dyn Designers>,
     /// Who waits for a lease, run by run: one after the other, so that a large lease gets its turn.
     pub gates: Arc<Gates>,
     /// The service is going down.
@@ -126,7 +139,15 @@ impl Service {
             return Err(StartError::Public(config.bind));
         }
         let claim = claim(&config.db)?;
-        let connection = writer(&config.db).await?;
+        let mut connection = writer(&config.db).await?;
+        // Before anybody can look: what was running is not any more.
+        let interrupted = asks::interrupt(&mut connection, config.clock.now()).await?;
+        if interrupted > 0 {
+            tracing::info!(
+                interrupted,
+                "Designers were being asked when the server went away; those asks failed."
+            );
+        }
         let readers = reader(&config.db).await?;
         let listener = TcpListener::bind(config.bind)
             .await
@@ -137,30 +158,7 @@ impl Service {
         let wakes = Wakes::default();
         let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
-        let mut jobs = JoinSet::new();
-        let preparer = workers::prepare::Preparer {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            wake: wakes.prepare,
-            ready: ready_tx,
-            hopeless: Arc::default(),
-            pool: Arc::new(
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(workers::prepare::AT_ONCE)
-                    .thread_name(|i| format!("prepare-{i}"))
-                    .build()
-                    .map_err(StartError::Threads)?,
-            ),
-        };
-        jobs.spawn(preparer.run());
-        jobs.spawn(workers::expire::run(writer.clone()));
-        let critic = workers::critique::Critic {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            wake: wakes.critique,
-            pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
-        };
-        jobs.spawn(critic.run());
+        let jobs = employ(&config, &readers, &writer, (wakes, ready_tx))?;
 
         let stopping = Arc::new(AtomicBool::new(false));
         let app = App {
@@ -170,6 +168,7 @@ impl Service {
             ready,
             large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
             planning: http::Planning::default(),
+            designers: config.designers,
             gates: Arc::default(),
             stopping: Arc::clone(&stopping),
         };
@@ -215,6 +214,47 @@ impl Service {
             tracing::error!(error = %error, "The writer failed.");
         }
     }
+}
+
+/// Starts the workers.
+fn employ(
+    config: &Config,
+    readers: &SqlitePool,
+    writer: &Writer,
+    (wakes, ready): (Wakes, watch::Sender<u64>),
+) -> Result<JoinSet<()>, StartError> {
+    let mut jobs = JoinSet::new();
+    let preparer = workers::prepare::Preparer {
+        readers: readers.clone(),
+        writer: writer.clone(),
+        wake: wakes.prepare,
+        ready,
+        hopeless: Arc::default(),
+        pool: Arc::new(
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(workers::prepare::AT_ONCE)
+                .thread_name(|i| format!("prepare-{i}"))
+                .build()
+                .map_err(StartError::Threads)?,
+        ),
+    };
+    jobs.spawn(preparer.run());
+    jobs.spawn(workers::expire::run(writer.clone()));
+    let critic = workers::critique::Critic {
+        readers: readers.clone(),
+        writer: writer.clone(),
+        wake: wakes.critique,
+        pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
+    };
+    jobs.spawn(critic.run());
+    let studio = workers::design::Studio {
+        readers: readers.clone(),
+        writer: writer.clone(),
+        wake: wakes.design,
+        designers: Arc::clone(&config.designers),
+    };
+    jobs.spawn(studio.run());
+    Ok(jobs)
 }
 
 async fn serve(listener: TcpListener, app: App, mut stopped: watch::Receiver<bool>) {

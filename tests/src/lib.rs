@@ -3,12 +3,13 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use env_core::rollout::fly;
 use env_core::{ActionLog, Flown, Recipe, Scenario, Seed};
 use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
+use orchestrator::training::design::{BuiltIn, Designers};
 use serde_json::{Value, json};
 
 /// A server in this process, on a database of its own.
@@ -17,6 +18,7 @@ pub struct Server {
     service: Option<Service>,
     folder: tempfile::TempDir,
     clock: Clock,
+    designers: Arc<dyn Designers>,
 }
 
 impl Server {
@@ -33,14 +35,23 @@ impl Server {
     /// # Panics
     /// Where it cannot start.
     pub async fn with_clock(clock: Clock) -> Self {
+        Self::with(clock, Arc::new(BuiltIn)).await
+    }
+
+    /// Starts one that asks these designers.
+    ///
+    /// # Panics
+    /// Where it cannot start.
+    pub async fn with(clock: Clock, designers: Arc<dyn Designers>) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut server = Self { service: None, folder, clock };
+        let mut server = Self { service: None, folder, clock, designers };
         server.open().await;
         server
     }
 
     async fn open(&mut self) {
-        let config = Config { clock: self.clock.clone(), ..Config::local(self.db()) };
+        let (clock, designers) = (self.clock.clone(), Arc::clone(&self.designers));
+        let config = Config { clock, designers, ..Config::local(self.db()) };
         self.service = Some(Service::start(config).await.expect("the server starts"));
     }
 

@@ -20,7 +20,8 @@ const TASK: &str = "kessler/survival";
 
 async fn create(api: &Api, group_size: u32) {
     let wish = json!({
-        "id": "run", "seed": 11, "group_size": group_size, "placement": false, "contested_share": 1.0, "tasks": [TASK]
+        "id": "run", "seed": 11, "group_size": group_size, "placement": false, "contested_share": 1.0, "tasks": [TASK],
+        "design": {"designer": "off"}
     });
     let _ = api.post("/v1/runs", wish).await.expect(201);
 }

@@ -22,7 +22,8 @@ async fn train(server: &Server, run: &str, policy: &str, leases: u32, groups: u3
 async fn a_good_pilot_climbs_and_scores_come_from_replay() {
     let server = Server::start().await;
     let api = server.api();
-    let wish = json!({"id": "good", "seed": 7, "placement": false, "tasks": ["kessler/survival"], "contested_share": 1.0});
+    let wish = json!({"id": "good", "seed": 7, "placement": false, "tasks": ["kessler/survival"], "contested_share": 1.0,
+                      "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", wish).await.expect(201);
     let params = |body: &Value| body["tasks"]["kessler/survival"].clone();
     let before = params(&api.get("/v1/runs/good/params").await.expect(200));
@@ -70,7 +71,7 @@ async fn a_good_pilot_climbs_and_scores_come_from_replay() {
 #[tokio::test]
 async fn a_pilot_that_only_holds_stays_where_it_is() {
     let server = Server::start().await;
-    let wish = json!({"id": "hold", "seed": 3, "placement": false, "tasks": ["kessler/survival"]});
+    let wish = json!({"id": "hold", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = server.api().post("/v1/runs", wish).await.expect(201);
     assert!(train(&server, "hold", "hold", 6, 64).await.is_empty());
     let task = server.api().get("/v1/runs/hold/mastery").await.expect(200)["tasks"][0].clone();
@@ -84,7 +85,7 @@ async fn a_pilot_that_only_holds_stays_where_it_is() {
 async fn the_raw_rule_promotes_an_agent_that_does_nothing() {
     let server = Server::start().await;
     let wish = json!({
-        "id": "raw", "seed": 3, "placement": false, "tasks": ["kessler/survival"],
+        "id": "raw", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"},
         "success": "raw", "task_settings": {"kessler/survival": {"success_threshold": 0.5}}
     });
     let _ = server.api().post("/v1/runs", wish).await.expect(201);
@@ -96,8 +97,13 @@ async fn the_raw_rule_promotes_an_agent_that_does_nothing() {
 async fn a_new_run_is_placed_by_bisection() {
     let server = Server::start().await;
     let api = server.api();
-    let _ =
-        api.post("/v1/runs", json!({"id": "p", "seed": 11, "tasks": ["kessler/survival"]})).await.expect(201);
+    let _ = api
+        .post(
+            "/v1/runs",
+            json!({"id": "p", "seed": 11, "tasks": ["kessler/survival"], "design": {"designer": "off"}}),
+        )
+        .await
+        .expect(201);
     let moves = train(&server, "p", "heuristic", 10, 16).await;
     let placed = moves.iter().find(|m| m["kind"] == "placement").expect("a placement");
     // The look-ahead pilot succeeds on .96 of contested level 6, .85 of level 7 and .33 of level 8.
@@ -169,7 +175,10 @@ async fn an_episode_can_be_looked_at_and_replayed() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api
-        .post("/v1/runs", json!({"id": "r", "tasks": ["kessler/rendezvous"], "seed": 1}))
+        .post(
+            "/v1/runs",
+            json!({"id": "r", "tasks": ["kessler/rendezvous"], "seed": 1, "design": {"designer": "off"}}),
+        )
         .await
         .expect(201);
     let lease = api.lease("r", json!({"groups": 2})).await;

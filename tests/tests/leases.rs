@@ -260,7 +260,11 @@ async fn a_hopeless_table_holds_up_nobody() {
 async fn failed_episodes_are_never_low_scores() {
     let server = Server::start().await;
     let api = server.api();
-    let id = run(&api, json!({"seed": 9, "placement": false, "tasks": ["kessler/survival"]})).await;
+    let id = run(
+        &api,
+        json!({"seed": 9, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"}}),
+    )
+    .await;
     for _ in 0..4 {
         let lease = api.lease(&id, json!({"groups": 32})).await;
         let results = lease

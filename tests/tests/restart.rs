@@ -5,7 +5,7 @@
 use serde_json::{Value, json};
 use system_tests::{Api, Process, Server, result};
 
-const WISH: &str = r#"{"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "tasks": ["kessler/survival", "kessler/eco_station"]}"#;
+const WISH: &str = r#"{"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "design": {"designer": "off"}, "tasks": ["kessler/survival", "kessler/eco_station"]}"#;
 
 /// One round of a trainer; what it was given.
 async fn round(api: &Api, number: usize) -> Vec<Value> {

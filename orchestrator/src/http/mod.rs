@@ -45,6 +45,7 @@ const TIMEOUT: Duration = Duration::from_secs(60);
         (name = "mastery", description = "What the agent has mastered, and on what evidence."),
         (name = "episodes", description = "Single attempts, and their replay."),
         (name = "failures", description = "Why episodes lose score: the critique, and the failure profile of a run."),
+        (name = "designs", description = "Layouts designed for what the agent fails at, and asking for more."),
         (name = "scenarios", description = "Scenarios by hand: validate, bracket, replay."),
         (name = "health", description = "Whether the server lives and is ready."),
     )

@@ -121,6 +121,19 @@ pub async fn log(
         .await?)
 }
 
+/// A reported episode in a list.
+#[derive(Debug, Clone)]
+pub struct Listed {
+    /// The token of its lease.
+    pub token: String,
+    /// The task.
+    pub task: String,
+    /// Its layout, where its group was designed.
+    pub layout: Option<i64>,
+    /// The episode.
+    pub row: EpisodeRow,
+}
+
 /// Reported episodes of a run after (lease, index), in that order.
 ///
 /// # Errors
@@ -130,9 +143,9 @@ pub async fn page(
     run: &str,
     after: (i64, i64),
     limit: i64,
-) -> Result<Vec<(String, i64, String, EpisodeRow)>, StoreError> {
+) -> Result<Vec<Listed>, StoreError> {
     let rows = query!(
-        r#"SELECT l.token, l.group_size, g.task, e.lease AS "lease!", e.number AS "number!", e.state, e.digest, e.score, e.success, e.skill,
+        r#"SELECT l.token, g.task, g.layout, e.lease AS "lease!", e.number AS "number!", e.state, e.digest, e.score, e.success, e.skill,
                   e.floor, e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
            FROM leases l JOIN episodes e ON e.lease = l.id
            JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
@@ -165,9 +178,50 @@ pub async fn page(
                 metrics: r.metrics,
                 at: r.at,
             };
-            (r.token, r.group_size, r.task, row)
+            Listed { token: r.token, task: r.task, layout: r.layout, row }
         })
         .collect())
+}
+
+/// How a finished episode fared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fared {
+    /// Whether it succeeded.
+    pub success: bool,
+    /// Its skill, where the scenario defines one.
+    pub skill: Option<f64>,
+    /// Its score.
+    pub score: f64,
+    /// The policy that flew it.
+    pub policy_version: i64,
+}
+
+/// How the finished episodes of one group fared, in order.
+///
+/// # Errors
+/// The database's.
+pub async fn of_group(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    from: i64,
+    to: i64,
+) -> Result<Vec<Fared>, StoreError> {
+    let rows = query!(
+        "SELECT success, skill, score, policy_version FROM episodes
+         WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
+        lease,
+        from,
+        to
+    )
+    .fetch_all(conn)
+    .await?;
+    let fared = rows.into_iter().map(|r| Fared {
+        success: r.success == Some(1),
+        skill: r.skill,
+        score: r.score.unwrap_or(0.0),
+        policy_version: r.policy_version,
+    });
+    Ok(fared.collect())
 }
 
 /// Means over the finished episodes of one group: score, and skill where defined.

@@ -37,15 +37,17 @@ pub struct LeaseRow {
 pub struct GroupRow {
     /// Its number in the lease.
     pub number: i64,
-    /// The proposal it serves; none for eval.
+    /// The proposal it serves; none for eval, and where it was designed.
     pub proposal: Option<i64>,
+    /// Its layout, where it was designed.
+    pub layout: Option<i64>,
     /// Its scenario.
     pub scenario: Vec<u8>,
     /// The task.
     pub task: String,
     /// The level.
     pub level: Option<i64>,
-    /// The proposal's role.
+    /// The proposal's role, or `designed`.
     pub role: String,
     /// Whether the scenario is contested.
     pub contested: i64,
@@ -59,6 +61,24 @@ pub struct GroupRow {
     pub successes: i64,
     /// Whether its outcome could move the curriculum.
     pub evidence: i64,
+}
+
+impl GroupRow {
+    /// Whether its episodes are for training or probing: what is for measuring is counted nowhere.
+    #[must_use]
+    pub const fn counts(&self) -> bool {
+        self.proposal.is_some() || self.layout.is_some()
+    }
+}
+
+/// The number that the next lease gets: leases are never deleted, and one writer grants them.
+///
+/// # Errors
+/// The database's.
+pub async fn next_id(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(r#"SELECT coalesce(max(id), 0) + 1 AS "id!: i64" FROM leases"#)
+        .fetch_one(conn)
+        .await?)
 }
 
 /// Grants a lease; its number.
@@ -91,11 +111,12 @@ pub async fn insert(conn: &mut SqliteConnection, row: &LeaseRow) -> Result<i64, 
 /// The database's.
 pub async fn insert_group(conn: &mut SqliteConnection, lease: i64, row: &GroupRow) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO groups (lease, number, proposal, scenario, task, level, role, contested, state, evidence)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, evidence)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         lease,
         row.number,
         row.proposal,
+        row.layout,
         row.scenario,
         row.task,
         row.level,
@@ -185,7 +206,8 @@ pub async fn set_expiry(conn: &mut SqliteConnection, id: i64, expires_at: Millis
 pub async fn groups(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<GroupRow>, StoreError> {
     Ok(sqlx::query_as!(
         GroupRow,
-        "SELECT number, proposal, scenario, task, level, role, contested, state, finished, failed, successes, evidence
+        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
+                evidence
          FROM groups WHERE lease = ? ORDER BY number",
         lease
     )
@@ -204,7 +226,8 @@ pub async fn group(
 ) -> Result<Option<GroupRow>, StoreError> {
     Ok(sqlx::query_as!(
         GroupRow,
-        "SELECT number, proposal, scenario, task, level, role, contested, state, finished, failed, successes, evidence
+        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
+                evidence
          FROM groups WHERE lease = ? AND number = ?",
         lease,
         number

@@ -1,11 +1,15 @@
 //! SQL, and nothing else: one file per table family, functions taking a connection. SQL is written here and nowhere
 //! else.
 
+pub mod asks;
 pub mod brackets;
 pub mod critiques;
 pub mod curriculum;
+pub mod design_counts;
 pub mod episodes;
 pub mod failures;
+pub mod inertial;
+pub mod layouts;
 pub mod leases;
 mod open;
 pub mod progress;

@@ -39,7 +39,8 @@ pub async fn of_run(
                       ntile(?2) OVER (PARTITION BY g.task ORDER BY g.closed_at, g.lease, g.number) AS part
                FROM leases l JOIN groups g ON g.lease = l.id
                WHERE l.run = ?1 AND g.contested = 1 AND g.evidence = 1 AND g.finished > 0
-                     AND g.state IN ('complete', 'partial') AND g.proposal IS NOT NULL
+                     AND g.state IN ('complete', 'partial')
+                     AND (g.proposal IS NOT NULL OR g.layout IS NOT NULL)
            )
            GROUP BY task, part ORDER BY task, part"#,
         run,

@@ -31,6 +31,16 @@ pub async fn insert(conn: &mut SqliteConnection, scenario: &Scenario) -> Result<
     Ok(())
 }
 
+/// The seed of a scenario.
+///
+/// # Errors
+/// The database's.
+pub async fn seed(conn: &mut SqliteConnection, id: &[u8]) -> Result<Option<u64>, StoreError> {
+    let seed =
+        sqlx::query_scalar!("SELECT seed FROM scenarios WHERE id = ?", id).fetch_optional(conn).await?;
+    Ok(seed.map(unsigned))
+}
+
 /// Reads scenarios, each recipe once.
 #[derive(Debug, Default)]
 pub struct Loader {

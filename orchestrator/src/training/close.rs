@@ -1,8 +1,8 @@
 //! A group's end: what it says to the curriculum, and what becomes of its scenario.
 
 use super::TrainingError;
-use super::queue;
 use super::writer::Work;
+use super::{design, queue};
 use crate::curriculum::{GroupOutcome, Move, Proposal};
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
@@ -28,7 +28,12 @@ pub(super) async fn close_group(
     }
     .to_owned();
     leases::update_group(conn, lease.id, &group, Some(now)).await?;
-    let Some(seq) = group.proposal else { return Ok(Vec::new()) };
+    let Some(seq) = group.proposal else {
+        return match group.layout {
+            Some(_) => design::outcome::take(work, lease, &group, (enough, expired)).await,
+            None => Ok(Vec::new()), // an evaluation
+        };
+    };
     if expired > 0 {
         let lost = Sums { expired, ..Sums::default() };
         sums::add(conn, &lease.run, &group.task, group.level, &lost).await?;
@@ -56,14 +61,24 @@ pub(super) async fn close_group(
         mean_score: score.unwrap_or(0.0),
         mean_skill: skill,
     };
-    let before = epochs(mind);
-    let moves = mind.observe(conn, outcome, now).await?;
-    let moved = epochs(mind) != before;
     if !enough && current {
         proposals::offer_again(conn, &lease.run, seq, MOST_ATTEMPTS).await?;
     }
-    if moved {
-        queue::refresh(work, &lease.run).await?;
+    observe(work, &lease.run, outcome).await
+}
+
+/// Tells the curriculum, and drops what a move made stale.
+pub(super) async fn observe(
+    work: &mut Work,
+    run: &str,
+    outcome: GroupOutcome,
+) -> Result<Vec<Move>, TrainingError> {
+    let now = work.now;
+    let (mind, conn) = work.mind(run).await?;
+    let before = epochs(mind);
+    let moves = mind.observe(conn, outcome, now).await?;
+    if epochs(mind) != before {
+        queue::refresh(work, run).await?;
     }
     Ok(moves)
 }

@@ -3,7 +3,7 @@
 //! It runs behind the acknowledgement. Episodes wait in a durable queue; a job of it is some episodes of one lease and
 //! task, and leaves the queue in the transaction that enters what they showed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::AssertUnwindSafe;
 
 use env_core::{ActionLog, Scenario};
@@ -15,6 +15,7 @@ use super::{Change, TrainingError, Work, sample};
 use crate::clock::Millis;
 use crate::store::critiques::{self, Job};
 use crate::store::failures::{self, CellKey, CellSums, Example, RING};
+use crate::store::inertial::{self, SectorRow};
 use crate::store::scenarios::Loader;
 use crate::store::{StoreError, episodes, leases};
 
@@ -175,12 +176,14 @@ async fn enter(
 ) -> Result<(), StoreError> {
     let mut sums = critiques::sums(conn, run, task).await?;
     let mut cells: BTreeMap<CellKey, Touched> = BTreeMap::new();
+    let mut sectors = Sectors::read(conn, run, task).await?;
     for done in all {
         sums.skipped += done.skipped;
         sums.failed += done.failed;
         for note in &done.notes {
             profile::enter(&mut sums, note);
             for failing in &note.failures {
+                sectors.enter(sums.criticised, failing);
                 if !cells.contains_key(&failing.key) {
                     let known = failures::cell(conn, run, task, &failing.key).await?;
                     let known = known.map_or_else(CellSums::default, |(_, sums)| sums);
@@ -195,6 +198,7 @@ async fn enter(
         }
     }
     critiques::put_sums(conn, run, task, &sums).await?;
+    sectors.write(conn, run, task).await?;
     for (key, Touched { sums, examples }) in &cells {
         let cell = failures::put_cell(conn, run, task, key, sums).await?;
         let newest = examples.len().saturating_sub(RING as usize);
@@ -203,6 +207,36 @@ async fn enter(
         }
     }
     Ok(())
+}
+
+/// The profile by inertial sector: small enough to be held whole.
+struct Sectors {
+    rows: BTreeMap<(String, i64), SectorRow>,
+    touched: BTreeSet<(String, i64)>,
+}
+
+impl Sectors {
+    async fn read(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Self, StoreError> {
+        let rows = inertial::of_task(conn, run, task).await?;
+        let rows = rows.into_iter().map(|row| ((row.mode.clone(), row.sector), row)).collect();
+        Ok(Self { rows, touched: BTreeSet::new() })
+    }
+
+    fn enter(&mut self, place: i64, failing: &profile::Failing) {
+        let Some(sector) = failing.inertial.map(i64::from) else { return };
+        let mode = failing.key.mode.clone();
+        let key = (mode.clone(), sector);
+        let fresh = SectorRow { mode, sector, count: 0, weight: 0.0, as_of: place };
+        profile::enter_sector(self.rows.entry(key.clone()).or_insert(fresh), place);
+        self.touched.insert(key);
+    }
+
+    async fn write(&self, conn: &mut SqliteConnection, run: &str, task: &str) -> Result<(), StoreError> {
+        for row in self.touched.iter().filter_map(|key| self.rows.get(key)) {
+            inertial::put(conn, run, task, row).await?;
+        }
+        Ok(())
+    }
 }
 
 fn example(nth: i64, place: i64, lease: i64, number: i64, failing: &profile::Failing) -> Example {

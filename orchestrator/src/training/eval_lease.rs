@@ -106,6 +106,7 @@ impl Change for Fill {
             let group = GroupRow {
                 number,
                 proposal: None,
+                layout: None,
                 scenario,
                 task: proposal.task,
                 level: proposal.level.map(i64::from),

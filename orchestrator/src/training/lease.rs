@@ -3,13 +3,15 @@
 use sqlx::SqliteConnection;
 
 use super::close::close_group;
+use super::design::serve;
 use super::queue::{self, AHEAD};
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
 use super::{Change, Mind, TrainingError, Work};
 use crate::curriculum::{Move, Proposal};
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::leases::{self, GroupRow, LeaseRow};
-use crate::store::{from_json, proposals};
+use crate::store::proposals::{self, Queued};
+use crate::store::{design_counts, from_json, layouts};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -125,33 +127,59 @@ impl Change for TakeLease {
         };
         let row = self.begin(conn, group_size, now).await?;
         queue::fill(work, run, AHEAD.max(self.groups)).await?;
-        let head = proposals::head(&mut work.conn, run, i64::from(self.groups)).await?;
+        let (mind, conn) = work.mind(run).await?;
+        let next = leases::next_id(conn).await?;
+        let designed = match self.purpose {
+            Purpose::Train => serve::choose(conn, mind, next, self.groups).await?,
+            Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
+        };
+        let proposed = designed.iter().filter(|layout| layout.is_none()).count();
+        let head = proposals::head(conn, run, proposed as i64).await?;
         if head.iter().any(|queued| queued.scenario.is_none()) {
             return Ok(Taken::NotReady);
         }
-        let id = leases::insert(&mut work.conn, &row).await?;
-        for (number, queued) in (0i64..).zip(head) {
-            let proposal: Proposal = from_json("a proposal", &queued.body)?;
-            let group = GroupRow {
-                number,
-                proposal: Some(queued.seq),
-                scenario: queued.scenario.unwrap_or_default(),
-                task: proposal.task,
-                level: proposal.level.map(i64::from),
-                role: super::mind::word(&proposal.role)?,
-                contested: queued.contested.unwrap_or(0),
-                state: "open".to_owned(),
-                finished: 0,
-                failed: 0,
-                successes: 0,
-                evidence: i64::from(evidence),
+        let id = leases::insert(conn, &row).await?;
+        let mut head = head.into_iter();
+        for (number, layout) in (0i64..).zip(designed) {
+            let group = match layout {
+                Some(layout) => {
+                    layouts::served(conn, layout.id, now).await?;
+                    serve::group(mind, number, layout)
+                }
+                None => {
+                    let Some(queued) = head.next() else { continue }; // the queue was filled for as many
+                    proposals::leased(conn, run, queued.seq).await?;
+                    proposed_group(number, queued, evidence)?
+                }
             };
-            leases::insert_group(&mut work.conn, id, &group).await?;
-            proposals::leased(&mut work.conn, run, queued.seq).await?;
+            leases::insert_group(conn, id, &group).await?;
+        }
+        if self.purpose == Purpose::Train {
+            let designed = i64::from(self.groups) - proposed as i64;
+            design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
         }
         queue::fill(work, run, AHEAD).await?;
         Ok(Taken::Granted(LeaseId { number: id, token: row.token }))
     }
+}
+
+fn proposed_group(number: i64, queued: Queued, evidence: bool) -> Result<GroupRow, TrainingError> {
+    let proposal: Proposal = from_json("a proposal", &queued.body)?;
+    Ok(GroupRow {
+        number,
+        proposal: Some(queued.seq),
+        layout: None,
+        scenario: queued.scenario.unwrap_or_default(),
+        task: proposal.task,
+        level: proposal.level.map(i64::from),
+        role: super::mind::word(&proposal.role)?,
+        contested: queued.contested.unwrap_or(0),
+        state: "open".to_owned(),
+        finished: 0,
+        failed: 0,
+        successes: 0,
+        evidence: i64::from(evidence),
+    })
 }
 
 /// A lease of this run, by its id.

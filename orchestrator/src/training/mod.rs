@@ -5,6 +5,7 @@ pub mod audit;
 mod close;
 pub mod create_run;
 pub mod criticise;
+pub mod design;
 pub mod eval_lease;
 pub mod lease;
 mod mind;
@@ -36,6 +37,18 @@ pub enum TrainingError {
     /// No such episode in this run.
     #[error("there is no episode {0} in this run")]
     UnknownEpisode(String),
+    /// No such layout in this run, or at all.
+    #[error("there is no layout {0} here")]
+    UnknownLayout(String),
+    /// No such ask in this run.
+    #[error("there is no ask {0} in this run")]
+    UnknownAsk(String),
+    /// A layout that never served.
+    #[error("{0} was refused by the gate: it never serves")]
+    Refused(String),
+    /// More asks wait than a run may have.
+    #[error("{0} asks wait or run, as many as may; come again when some are done")]
+    TooManyAsks(i64),
     /// An id that is taken.
     #[error("a run {0} exists already")]
     RunExists(String),

@@ -9,6 +9,7 @@ use env_core::critique::{Critique, SpeedBands, Verdict, sector};
 use crate::clock::Millis;
 use crate::store::critiques::{CritiqueSums, Fading};
 use crate::store::failures::{CellKey, CellSums};
+use crate::store::inertial::SectorRow;
 
 /// Criticised episodes of a task after which a failure weighs half.
 pub const HALF_LIFE: f64 = 2000.0;
@@ -53,6 +54,8 @@ pub struct Failing {
     pub step: u32,
     /// What was met, if anything.
     pub met: Option<Met>,
+    /// The inertial sector it came from, in a world with such a frame.
+    pub inertial: Option<u32>,
 }
 
 /// What of a meeting is kept.
@@ -87,7 +90,8 @@ impl Note {
             });
             let cell = met.map(|m| (sector(m.bearing_deg), bands.band(m.relative_speed)));
             let key = CellKey { mode: failure.mode.to_owned(), met: cell };
-            Failing { key, agent: failure.agent, step: failure.step, met }
+            let inertial = failure.encounter.as_ref().and_then(|e| e.bearing_inertial_deg).map(sector);
+            Failing { key, agent: failure.agent, step: failure.step, met, inertial }
         });
         Ok(Self { number, judged: critique.judged.value, verdicts, failures: failures.collect() })
     }
@@ -127,6 +131,13 @@ pub(super) fn enter_failure(cell: &mut CellSums, place: i64, at: Millis, failing
     }
 }
 
+/// Enters a failure of the task's `place`-th criticised episode by the inertial sector it came from.
+pub(super) fn enter_sector(row: &mut SectorRow, place: i64) {
+    row.count += 1;
+    row.weight = fade(row.weight, place - row.as_of) + 1.0;
+    row.as_of = place;
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -140,6 +151,7 @@ mod tests {
             agent: 0,
             step: 9,
             met: Some(met),
+            inertial: Some(3),
         }
     }
 

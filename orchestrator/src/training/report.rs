@@ -14,14 +14,15 @@ use crate::store::brackets::StoredFlown;
 use crate::store::episodes::{self, EpisodeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{critiques, runs, to_json};
+use crate::store::{critiques, design_counts, runs, to_json};
 
 /// What became of one reported episode.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
 pub struct Receipt {
     /// The episode, as it was written.
     pub episode: String,
-    /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, or too old a policy),
+    /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, a designed
+    /// layout, or too old a policy),
     /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
     pub status: &'static str,
     /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
@@ -87,6 +88,8 @@ struct Books {
     leases: BTreeMap<i64, LeaseRow>,
     groups: BTreeMap<(i64, i64), GroupRow>,
     sums: BTreeMap<(String, Option<i64>), Sums>,
+    /// The same of designed groups, which are kept apart.
+    designed: BTreeMap<String, Sums>,
     /// Indices of episodes that the critique has to look at, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
@@ -158,7 +161,7 @@ impl Books {
         };
         let (mind, _) = work.mind(&lease.run).await?;
         let newest = mind.policy_version.max(self.newest_policy).max(row.policy_version);
-        if group.proposal.is_some() {
+        if group.counts() {
             self.newest_policy = newest; // an evaluation moves nothing, this neither
         }
         let stale =
@@ -181,8 +184,11 @@ impl Books {
             };
         }
         // An evaluation moves nothing, plain sums included.
-        if group.proposal.is_some() {
-            self.sums.entry((group.task.clone(), group.level)).or_default().add(&sums);
+        if group.counts() {
+            match group.layout {
+                Some(_) => self.designed.entry(group.task.clone()).or_default().add(&sums),
+                None => self.sums.entry((group.task.clone(), group.level)).or_default().add(&sums),
+            }
             if row.state == "finished" {
                 self.to_criticise.entry((lease.id, group.task.clone())).or_default().push(row.number);
             }
@@ -199,6 +205,9 @@ impl Books {
         let mut moves = Vec::new();
         for ((task, level), sums) in &self.sums {
             sums::add(&mut work.conn, run, task, *level, sums).await?;
+        }
+        for (task, sums) in &self.designed {
+            design_counts::add_sums(&mut work.conn, run, task, sums).await?;
         }
         for ((lease, task), numbers) in &self.to_criticise {
             for job in numbers.chunks(JOB) {

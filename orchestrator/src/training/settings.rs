@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::TrainingError;
+use super::design::{DesignSettings, DesignWish};
 use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
 
 /// Most episodes of a group.
@@ -95,6 +96,8 @@ pub struct RunWish {
     /// The tasks (those of the first world, kessler). Tasks of several worlds may be mixed where the agent can act in
     /// all of them.
     pub tasks: Option<Vec<String>>,
+    /// Layouts designed for the agent's failures, mixed into its training.
+    pub design: DesignWish,
     /// What is special about single tasks, by id.
     pub task_settings: BTreeMap<String, TaskWish>,
 }
@@ -116,6 +119,9 @@ pub struct RunSettings {
     pub success: SuccessSetting,
     /// Thresholds of the raw rule that are not 0.7, by task.
     pub thresholds: BTreeMap<String, f64>,
+    /// Layouts designed for the agent's failures; a run of before there were any has none.
+    #[serde(default)]
+    pub design: DesignSettings,
 }
 
 impl RunSettings {
@@ -167,6 +173,7 @@ impl RunSettings {
             evidence_from: wish.evidence_from.unwrap_or(EvidenceFrom::Train),
             success: wish.success.unwrap_or(SuccessSetting::Task),
             thresholds,
+            design: DesignSettings::read(&wish.design)?,
         })
     }
 
@@ -221,5 +228,21 @@ pub(super) fn within(field: &str, value: u32, min: u32, max: u32) -> Result<(), 
         Ok(())
     } else {
         Err(TrainingError::invalid(field, format!("it is {value}, outside {min} to {max}")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_of_before_there_were_designs_read_and_design_nothing() {
+        let settings = RunSettings::read(&RunWish::default()).expect("the defaults can be");
+        assert!(settings.design.on(), "a new run has designs");
+        let mut stored = serde_json::to_value(&settings).expect("settings have a JSON form");
+        assert_eq!(serde_json::from_value::<RunSettings>(stored.clone()).ok(), Some(settings));
+        stored.as_object_mut().and_then(|fields| fields.remove("design")).expect("it was there");
+        let old: RunSettings = serde_json::from_value(stored).expect("old settings read");
+        assert!(!old.design.on(), "an old run goes on as it was");
     }
 }

@@ -3,6 +3,7 @@
 use super::{Change, RunSettings, TrainingError, Work};
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
+use crate::store::design_counts;
 use crate::store::sums::{self, Sums};
 
 /// Asks where a run stands.
@@ -23,8 +24,10 @@ pub struct Standing {
     pub mastery: Vec<Mastery>,
     /// The rules and what moved, in words.
     pub explanation: Explanation,
-    /// Plain sums, per task.
+    /// Plain sums, per task; those of designed groups are not in them.
     pub sums: Vec<(String, Sums)>,
+    /// Plain sums of designed groups, per task.
+    pub designed: Vec<(String, Sums)>,
     /// Events so far.
     pub next_seq: u64,
 }
@@ -40,6 +43,7 @@ impl Change for Look {
             mastery: mind.curriculum.mastery(),
             explanation: mind.curriculum.explain(),
             sums: sums::of_run(conn, self.run.as_str()).await?,
+            designed: design_counts::sums(conn, self.run.as_str()).await?,
             next_seq: mind.curriculum.next_seq(),
         })
     }

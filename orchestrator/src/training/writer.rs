@@ -32,6 +32,7 @@ pub struct Work {
     touched: Vec<String>,
     wake_prepare: bool,
     wake_critique: bool,
+    wake_design: bool,
 }
 
 /// Who is woken after a commit that made work for them.
@@ -41,6 +42,8 @@ pub struct Wakes {
     pub prepare: Arc<Notify>,
     /// The worker that criticises episodes.
     pub critique: Arc<Notify>,
+    /// The worker that asks designers.
+    pub design: Arc<Notify>,
 }
 
 impl Work {
@@ -69,6 +72,11 @@ impl Work {
     pub const fn wake_critique(&mut self) {
         self.wake_critique = true;
     }
+
+    /// Wakes the worker that asks designers, after the commit.
+    pub const fn wake_design(&mut self) {
+        self.wake_design = true;
+    }
 }
 
 /// Something that changes the database.
@@ -93,7 +101,8 @@ impl Writer {
         let (queue, inbox) = mpsc::channel(QUEUE);
         let now = clock.now();
         let (minds, touched) = (HashMap::new(), Vec::new());
-        let work = Work { conn, now, minds, touched, wake_prepare: false, wake_critique: false };
+        let work =
+            Work { conn, now, minds, touched, wake_prepare: false, wake_critique: false, wake_design: false };
         let task = tokio::spawn(serve(work, inbox, clock, wakes));
         (Self { queue }, task)
     }
@@ -166,6 +175,9 @@ async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock
         }
         if std::mem::take(&mut work.wake_critique) {
             wakes.critique.notify_one();
+        }
+        if std::mem::take(&mut work.wake_design) {
+            wakes.design.notify_one();
         }
     }
     farewell(work).await;

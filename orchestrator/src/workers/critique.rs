@@ -43,15 +43,8 @@ pub fn threads() -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(all.div_ceil(2))
         .thread_name(|i| format!("critique-{i}"))
-        .start_handler(|_| yield_to_others())
+        .start_handler(|_| super::yield_to_others())
         .build()
-}
-
-fn yield_to_others() {
-    #[cfg(target_os = "linux")]
-    if let Err(error) = rustix::process::nice(19) {
-        tracing::debug!(error = %error, "Critiques run at the usual priority.");
-    }
 }
 
 impl Critic {

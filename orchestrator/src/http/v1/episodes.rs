@@ -13,10 +13,10 @@ use super::leases::BracketView;
 use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::frames::{FramesError, MOST_BYTES, Show, frames, wire_step};
-use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::ids::{EpisodeId, LayoutId, LeaseId, RunId};
 use crate::service::App;
 use crate::store::brackets::StoredFlown;
-use crate::store::episodes::EpisodeRow;
+use crate::store::episodes::{EpisodeRow, Listed};
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
 use crate::store::{brackets, episodes, from_json, leases};
@@ -30,6 +30,8 @@ pub(super) struct EpisodeHead {
     episode: String,
     /// The task.
     task: Option<String>,
+    /// The layout's id, where its group was designed.
+    layout: Option<String>,
     /// `leased`, `finished`, `failed`, `late` or `expired`.
     state: String,
     /// The score, by replay.
@@ -61,7 +63,7 @@ pub(super) struct Episode {
     head: EpisodeHead,
     /// The level.
     level: Option<i64>,
-    /// `placement`, `frontier`, `rehearsal` or `sample`.
+    /// `placement`, `frontier`, `rehearsal`, `sample` or `designed`.
     role: String,
     /// Whether the scenario is contested.
     contested: bool,
@@ -125,13 +127,14 @@ pub(super) async fn list(
     };
     let mut conn = reader_of(&app, &run).await?;
     let rows = episodes::page(&mut conn, run.as_str(), (lease, index), limit).await?;
-    let last = rows.last().map(|(_, _, _, row)| (row.lease, row.number.to_string()));
+    let last = rows.last().map(|listed| (listed.row.lease, listed.row.number.to_string()));
     let next = next(rows.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));
     let heads = rows
         .into_iter()
-        .map(|(token, _, task, row)| {
+        .map(|Listed { token, task, layout, row }| {
             let lease = LeaseId { number: row.lease, token };
-            head(&EpisodeId { lease, index: row.number }, Some(task), Some(&row), "finished")
+            let id = EpisodeId { lease, index: row.number };
+            head(&id, (Some(task), layout), Some(&row), "finished")
         })
         .collect();
     Ok(axum::Json(Episodes { episodes: heads, next }))
@@ -154,7 +157,12 @@ pub(super) async fn show(
     let row = found.row;
     let text = |json: Option<&String>| json.map(|j| from_json("a stored value", j)).transpose();
     Ok(axum::Json(Episode {
-        head: head(&found.id, Some(found.group.task), row.as_ref(), unreported(&found.lease)),
+        head: head(
+            &found.id,
+            (Some(found.group.task), found.group.layout),
+            row.as_ref(),
+            unreported(&found.lease),
+        ),
         level: found.group.level,
         role: found.group.role,
         contested: found.group.contested != 0,
@@ -244,10 +252,16 @@ fn unreported(lease: &LeaseRow) -> &'static str {
     if lease.status == "active" { "leased" } else { "expired" }
 }
 
-fn head(id: &EpisodeId, task: Option<String>, row: Option<&EpisodeRow>, unreported: &str) -> EpisodeHead {
+fn head(
+    id: &EpisodeId,
+    (task, layout): (Option<String>, Option<i64>),
+    row: Option<&EpisodeRow>,
+    unreported: &str,
+) -> EpisodeHead {
     EpisodeHead {
         episode: id.to_string(),
         task,
+        layout: layout.map(|id| LayoutId(id).to_string()),
         state: row.map_or(unreported, |r| r.state.as_str()).to_owned(),
         score: row.and_then(|r| r.score),
         success: row.and_then(|r| r.success).map(|s| s != 0),

@@ -16,9 +16,10 @@ use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::service::App;
 use crate::store::critiques::{self, CritiqueSums, Fading};
-use crate::store::failures::{self, CellKey, CellSums, RING};
+use crate::store::failures::{self, RING};
 use crate::store::{from_json, runs};
-use crate::training::profile::{HALF_LIFE, VERDICTS, fade, weight_of};
+use crate::training::design::profile::{Collected, Weighed};
+use crate::training::profile::{HALF_LIFE, VERDICTS, weight_of};
 use crate::training::{RunSettings, TrainingError, sample};
 
 /// What of a profile is shown.
@@ -165,6 +166,20 @@ struct ModeView {
     share: Option<Trend>,
     /// Where it occurred, by sector and band; cells in which it never did are left out.
     cells: Vec<CellView>,
+    /// The same failures by where the body was in the inertial frame: sector 0 is centred on +X, 3 on +Y. Sectors without
+    /// failures are left out; empty in a world without such a frame.
+    inertial: Vec<InertialView>,
+}
+
+/// Failures of one mode from one inertial sector.
+#[derive(Serialize, ToSchema)]
+struct InertialView {
+    /// The sector.
+    sector: u32,
+    /// How many.
+    count: u64,
+    /// What they weigh now.
+    weight: f64,
 }
 
 /// Failures of one mode from one sector at one band of speed.
@@ -192,13 +207,14 @@ struct CellView {
 }
 
 impl CellView {
-    fn of(key: &CellKey, sums: &CellSums, criticised: i64, episodes: Vec<String>) -> Self {
+    fn of(cell: &Weighed, episodes: Vec<String>) -> Self {
+        let Weighed { key, sums, weight, .. } = cell;
         let share = |n: i64| key.met.map(|_| n as f64 / sums.count as f64);
         Self {
             sector: key.met.map(|(sector, _)| sector),
             band: key.met.map(|(_, band)| band),
             count: sums.count,
-            weight: fade(sums.weight, criticised - sums.as_of),
+            weight: *weight,
             avoidable_share: share(sums.avoidable),
             unseen_share: share(sums.count - sums.avoidable - sums.unavoidable),
             mean_steps_left: share(sums.steps_left),
@@ -277,14 +293,15 @@ async fn profile(
     waiting: i64,
     examples: i64,
 ) -> Result<Profile, Problem> {
-    let sums = critiques::sums(conn, run.as_str(), task.id()).await?;
-    let cells = failures::profile(conn, run.as_str(), task.id()).await?;
+    let collected = Collected::read(conn, run.as_str(), task.id()).await?;
     let mut behind: HashMap<i64, Vec<String>> = HashMap::new();
     for (cell, number, token, index) in failures::newest(conn, run.as_str(), task.id(), examples).await? {
         let episode = EpisodeId { lease: LeaseId { number, token }, index }.to_string();
         behind.entry(cell).or_default().push(episode);
     }
-    let CritiqueSums { criticised, skipped, failed, judged, verdicts } = sums;
+    let modes = modes(task.failure_modes(), &collected, &mut behind);
+    let weight = collected.weight();
+    let CritiqueSums { criticised, skipped, failed, judged, verdicts } = collected.sums;
     let verdicts = VERDICTS.into_iter().zip(verdicts).map(|(verdict, Fading { all, now })| VerdictView {
         verdict,
         count: all,
@@ -293,7 +310,7 @@ async fn profile(
     Ok(Profile {
         task: task.id(),
         criticised,
-        weight: weight_of(criticised),
+        weight,
         skipped,
         failed,
         waiting,
@@ -303,7 +320,7 @@ async fn profile(
             .map(|sector| SectorView { sector, bearing_deg: f64::from(sector) * 360.0 / f64::from(SECTORS) })
             .collect(),
         bands: bands(task.speed_bands()),
-        modes: modes(task.failure_modes(), criticised, &cells, &mut behind),
+        modes,
     })
 }
 
@@ -316,39 +333,38 @@ fn bands(bands: SpeedBands) -> Vec<BandView> {
 /// The task's modes in its order, then any that an older version of the world knew.
 fn modes(
     specs: &'static [ModeSpec],
-    criticised: i64,
-    cells: &[(i64, CellKey, CellSums)],
+    collected: &Collected,
     behind: &mut HashMap<i64, Vec<String>>,
 ) -> Vec<ModeView> {
-    let weight = |sums: &CellSums| fade(sums.weight, criticised - sums.as_of);
+    let criticised = collected.sums.criticised;
     let (failures, weights): (i64, f64) =
-        cells.iter().fold((0, 0.0), |(n, w), (_, _, sums)| (n + sums.count, w + weight(sums)));
+        collected.cells.iter().fold((0, 0.0), |(n, w), cell| (n + cell.sums.count, w + cell.weight));
     let mut names: Vec<(&str, &'static str)> = specs.iter().map(|spec| (spec.name, spec.about)).collect();
-    for (_, key, _) in cells {
-        if !names.iter().any(|(name, _)| *name == key.mode) {
-            names.push((&key.mode, "of an older version of the world"));
+    for known in collected.modes() {
+        if !names.iter().any(|(name, _)| *name == known) {
+            names.push((known, "of an older version of the world"));
         }
     }
-    let view = |(name, about): (&str, &'static str)| {
-        let mut mode = ModeView {
-            mode: name.to_owned(),
-            about,
-            count: 0,
-            weight: 0.0,
-            per_episode: None,
-            share: None,
-            cells: Vec::new(),
-        };
-        for (cell, key, sums) in cells.iter().filter(|(_, key, _)| key.mode == name) {
-            mode.count += sums.count;
-            mode.weight += weight(sums);
-            mode.cells.push(CellView::of(key, sums, criticised, behind.remove(cell).unwrap_or_default()));
-        }
-        mode.per_episode = Trend::of(mode.weight, mode.count as f64, criticised);
+    let mut view = |(name, about): (&str, &'static str)| {
+        let mode = collected.mode(name);
+        let cells =
+            mode.cells.iter().map(|cell| CellView::of(cell, behind.remove(&cell.cell).unwrap_or_default()));
         // Weights that nothing was added to for millions of episodes are zero.
         let now = if weights > 0.0 { mode.weight / weights } else { 0.0 };
-        mode.share = (failures > 0).then(|| Trend { now, all: mode.count as f64 / failures as f64 });
-        mode
+        ModeView {
+            mode: name.to_owned(),
+            about,
+            count: mode.count,
+            weight: mode.weight,
+            per_episode: Trend::of(mode.weight, mode.count as f64, criticised),
+            share: (failures > 0).then(|| Trend { now, all: mode.count as f64 / failures as f64 }),
+            cells: cells.collect(),
+            inertial: mode
+                .inertial
+                .iter()
+                .map(|at| InertialView { sector: at.sector, count: at.count, weight: at.weight })
+                .collect(),
+        }
     };
-    names.into_iter().map(view).collect()
+    names.into_iter().map(&mut view).collect()
 }

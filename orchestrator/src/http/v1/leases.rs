@@ -14,7 +14,7 @@ use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::ids::{EpisodeId, LeaseId};
+use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::service::App;
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
@@ -92,8 +92,10 @@ struct Group {
     task: String,
     /// The level.
     level: Option<i64>,
-    /// `placement`, `frontier`, `rehearsal` or `sample`.
+    /// `placement`, `frontier`, `rehearsal`, `sample` or `designed`.
     role: String,
+    /// The layout's id, where it was designed.
+    layout: Option<String>,
     /// Whether acting well matters on this scenario.
     contested: bool,
     /// `open`, `complete`, `partial` or `lost`.
@@ -351,6 +353,7 @@ fn view(
         task: group.task,
         level: group.level,
         role: group.role,
+        layout: group.layout.map(|id| LayoutId(id).to_string()),
         state: group.state,
     }
 }

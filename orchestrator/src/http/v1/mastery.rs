@@ -48,8 +48,10 @@ struct TaskMastery {
     mastery: Option<Posterior>,
     /// The same at every level with evidence.
     levels: Vec<Posterior>,
-    /// Success over all episodes, contested or not.
+    /// Success over all episodes, contested or not, but those of designed layouts.
     plain: Plain,
+    /// The same of designed layouts, which are made to be failed.
+    designed: Plain,
     /// How full the current block is, what it takes to move.
     #[schema(value_type = Object)]
     status: TaskStatus,
@@ -136,12 +138,15 @@ pub(super) async fn show(
     Path(run): Path<String>,
 ) -> Result<axum::Json<Masteries>, Problem> {
     let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
-    let Standing { status, mastery, explanation, sums, .. } = standing;
+    let Standing { status, mastery, explanation, sums, designed, .. } = standing;
     let tasks = status
         .into_iter()
         .map(|status| {
             let of_task = || mastery.iter().filter(|m| m.task == status.task);
-            let plain = sums.iter().find(|(task, _)| *task == status.task);
+            let plain = |of: &[(String, Sums)]| {
+                let sums = of.iter().find(|(task, _)| *task == status.task);
+                Plain::of(sums.map_or(&Sums::default(), |(_, sums)| sums))
+            };
             TaskMastery {
                 level: status.level.filter(|_| status.placed),
                 probing: status.probing,
@@ -152,7 +157,8 @@ pub(super) async fn show(
                     .map(Posterior::of)
                     .or_else(|| status.level.map(Posterior::unseen)),
                 levels: of_task().map(Posterior::of).collect(),
-                plain: Plain::of(plain.map_or(&Sums::default(), |(_, sums)| sums)),
+                plain: plain(&sums),
+                designed: plain(&designed),
                 warnings: status.warnings.clone(),
                 task: status.task.clone(),
                 status,

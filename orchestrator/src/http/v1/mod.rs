@@ -1,9 +1,11 @@
 //! `/v1`: one file per resource.
 
 mod critique;
+mod designs;
 mod episodes;
 mod failure_list;
 mod failures;
+mod layouts;
 mod leases;
 mod mastery;
 mod results;
@@ -38,6 +40,15 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(critique::show))
         .routes(routes!(failures::show))
         .routes(routes!(failure_list::list))
+        .routes(routes!(designs::list::list, designs::ask::ask))
+        .routes(routes!(designs::asks::list))
+        .routes(routes!(designs::asks::show))
+        .routes(routes!(designs::summary::show))
+        .routes(routes!(designs::show::show))
+        .routes(routes!(designs::turn::retire))
+        .routes(routes!(designs::turn::revive))
+        .routes(routes!(layouts::list))
+        .routes(routes!(layouts::show))
         .routes(routes!(scenarios::check))
         .routes(routes!(tasks::list))
 }

@@ -58,6 +58,7 @@ impl Change for Report {
 struct Entered {
     sums: CritiqueSums,
     cells: Vec<(CellKey, CellSums)>,
+    inertial: Vec<SectorRow>,
     waiting: i64,
 }
 
@@ -72,6 +73,7 @@ impl Change for Look {
         Ok(Entered {
             sums: critiques::sums(conn, RUN, TASK).await?,
             cells: cells.into_iter().map(|(_, key, sums)| (key, sums)).collect(),
+            inertial: inertial::of_task(conn, RUN, TASK).await?,
             waiting: critiques::waiting(conn).await?.iter().map(|(_, n)| n).sum(),
         })
     }
@@ -232,6 +234,7 @@ fn notes() -> impl Strategy<Value = Vec<Note>> {
         },
         agent: 0,
         step: 5,
+        inertial: (mode < 2).then_some((sector * 5 + band) % 12),
         met: (mode < 2).then_some(Met { bearing_deg: 1.0, relative_speed: 1.0, steps_left, avoidable }),
     });
     let failures = proptest::collection::vec(failing, 0..4);

@@ -1,0 +1,109 @@
+//! Layouts of all runs: what the gate let through, to be looked at and flown by hand.
+
+use axum::extract::State;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+
+use super::super::extract::{NoQuery, Path, Query};
+use super::super::problem::Problem;
+use super::designs::view::{DesignHead, Designs, before, design, one_of};
+use super::leases::BracketView;
+use super::{Page, id};
+use crate::ids::LayoutId;
+use crate::service::App;
+use crate::store::brackets::{self, StoredFlown};
+use crate::store::layouts::{self, Wanted};
+use crate::store::scenarios::Loader;
+use crate::training::TrainingError;
+
+/// States of a layout.
+const STATES: [&str; 2] = ["active", "retired"];
+
+/// Which layouts are listed.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Listed {
+    /// Of this task.
+    task: Option<String>,
+    /// In this state: `active` or `retired`.
+    state: Option<String>,
+    /// That go for this failure mode.
+    aim: Option<String>,
+    /// How many at most: 1 to 500 (50).
+    limit: Option<u32>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// A layout with its bodies.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Layout {
+    /// What a list says of it.
+    #[serde(flatten)]
+    head: DesignHead,
+    /// The design in the language of its world: aim, params, encounters.
+    #[schema(value_type = Option<Object>)]
+    design: Option<Value>,
+    /// The scenario's id.
+    scenario_id: String,
+    /// The scenario, complete with its bodies: `POST /v1/scenarios` takes it as it is.
+    #[schema(value_type = Object)]
+    scenario: Value,
+    /// What the scenario is worth.
+    bracket: BracketView,
+    /// How the witness fared: the planner's own flight, which shows that it can be done.
+    witness: StoredFlown,
+}
+
+/// List the layouts of all runs that the gate let through, the newest first.
+#[utoipa::path(
+    get, path = "/layouts", tag = "designs", operation_id = "list_layouts", params(Listed),
+    responses((status = 200, body = Designs), (status = 400, body = Problem), (status = 422, body = Problem))
+)]
+pub(super) async fn list(
+    State(app): State<App>,
+    Query(listed): Query<Listed>,
+) -> Result<axum::Json<Designs>, Problem> {
+    let Listed { task, state, aim, limit, cursor } = listed;
+    one_of("state", state.as_ref(), &STATES)?;
+    if let Some(task) = task.as_ref().filter(|task| env_core::task(task).is_none()) {
+        let task: String = task.chars().take(60).collect();
+        return Err(Problem::invalid("task", format!("there is no task {task:?}; GET /v1/tasks lists them")));
+    }
+    let page = Page { limit, cursor };
+    let (limit, before) = (page.limit()?, before(&page)?);
+    let mut conn = app.readers.acquire().await?;
+    let wanted = Wanted { task, state, mode: aim, ..Wanted::default() };
+    let rows = layouts::of_all(&mut conn, &wanted, before, limit).await?;
+    Ok(axum::Json(Designs::of(&rows, limit)?))
+}
+
+/// Show a layout with its whole scenario, bodies included, and what it is worth.
+#[utoipa::path(
+    get, path = "/layouts/{layout}", tag = "designs", operation_id = "show_layout",
+    params(("layout" = String, Path, description = "The layout's id.")),
+    responses((status = 200, body = Layout), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(super) async fn show(
+    _: NoQuery,
+    State(app): State<App>,
+    Path(layout): Path<String>,
+) -> Result<axum::Json<Layout>, Problem> {
+    let layout: LayoutId = id("layout", &layout)?;
+    let unknown = || TrainingError::UnknownLayout(layout.to_string());
+    let mut conn = app.readers.acquire().await?;
+    let row = layouts::get(&mut conn, layout.0).await?.ok_or_else(unknown)?;
+    let of = row.scenario.as_ref().ok_or_else(unknown)?;
+    let scenario = Loader::default().get(&mut conn, of).await?;
+    let bracket = brackets::newest(&mut conn, of).await?.ok_or_else(unknown)?;
+    Ok(axum::Json(Layout {
+        head: DesignHead::of(&row)?,
+        design: design(&row)?,
+        scenario_id: scenario.id().to_string(),
+        scenario: scenario.to_json(),
+        witness: bracket.reference.into(),
+        bracket: BracketView::of(&scenario, &bracket),
+    }))
+}

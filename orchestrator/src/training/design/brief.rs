@@ -1,0 +1,79 @@
+//! What a designer is told, gathered from the store.
+
+use designer::brief::{Brief, Fate, Past};
+use env_core::Seed;
+use serde_json::Value;
+use sqlx::SqliteConnection;
+
+use super::ask::Begun;
+use crate::store::layouts::{self, LayoutRow, Wanted};
+use crate::store::{StoreError, from_json, scenarios, small};
+
+/// Earlier layouts that a designer hears of: those let through, and those refused. Counted apart, so that a bad round does
+/// not make it forget what worked.
+const FATES: (i64, i64) = (24, 8);
+/// Earlier designs that a new one is compared with.
+const ARCHIVE: i64 = 500;
+
+/// The brief of an ask that was begun, and the designs that the gate knows.
+///
+/// # Errors
+/// The database's, or a design that cannot be read back.
+pub async fn gather(conn: &mut SqliteConnection, begun: &Begun) -> Result<(Brief, Vec<Value>), StoreError> {
+    let mut brief = Brief::new(begun.base.clone(), begun.wanted as usize, seed(begun.run_seed, begun.ask));
+    if let Some(level) = begun.level {
+        brief = brief.at_level(&begun.levels, level);
+    }
+    brief.profile = begun.profile.clone();
+    brief.standing = begun.standing;
+    brief.fates = fates(conn, begun).await?;
+    let known = layouts::archive(conn, &begun.run, &begun.task, ARCHIVE).await?;
+    let archive = known.iter().map(|text| from_json("a design", text)).collect::<Result<_, _>>()?;
+    Ok((brief, archive))
+}
+
+/// What a designer's draws follow from: the run and the ask.
+#[must_use]
+pub fn seed(run_seed: u64, ask: i64) -> u64 {
+    let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 briefs");
+    hasher.update(&run_seed.to_le_bytes());
+    hasher.update(&ask.to_le_bytes());
+    let mut bits = [0; 8];
+    hasher.finalize_xof().fill(&mut bits);
+    u64::from_le_bytes(bits)
+}
+
+async fn fates(conn: &mut SqliteConnection, begun: &Begun) -> Result<Vec<Past>, StoreError> {
+    let passed = Wanted { task: Some(begun.task.clone()), ..Wanted::default() };
+    let refused = Wanted { state: Some("refused".to_owned()), refused: true, ..passed.clone() };
+    let mut rows = layouts::of_run(conn, &begun.run, &passed, i64::MAX, FATES.0).await?;
+    rows.extend(layouts::of_run(conn, &begun.run, &refused, i64::MAX, FATES.1).await?);
+    rows.sort_by_key(|row| std::cmp::Reverse(row.id));
+    let mut fates = Vec::with_capacity(rows.len());
+    for row in rows {
+        let Some(design) = &row.design else { continue };
+        let sky = match &row.scenario {
+            Some(id) => scenarios::seed(conn, id).await?.and_then(|seed| Seed::new(seed).ok()),
+            None => None,
+        };
+        fates.push(Past { design: from_json("a design", design)?, sky, fate: fate(&row) });
+    }
+    Ok(fates)
+}
+
+fn fate(row: &LayoutRow) -> Fate {
+    if row.state == "refused" {
+        let (check, reason) = (row.gate_check.clone(), row.reason.clone());
+        return Fate::Refused { check: check.unwrap_or_default(), reason: reason.unwrap_or_default() };
+    }
+    if row.episodes == 0 {
+        return Fate::Fresh;
+    }
+    let over = |sum: f64| sum / row.episodes as f64;
+    Fate::Flown {
+        episodes: small(row.episodes),
+        success: over(row.successes as f64),
+        regret: over(row.regret),
+        retired: row.state == "retired",
+    }
+}

@@ -1,0 +1,18 @@
+//! The designer's life: from what an agent fails at to layouts that it is given, and to their end.
+//!
+//! [`stock`] decides when to ask, [`ask`] begins and ends a round of asking, [`brief`] gathers what a designer is told,
+//! [`serve`] mixes layouts into leases, [`outcome`] takes how they were flown, [`life`] decides when they retire.
+
+pub mod ask;
+pub mod brief;
+pub mod designers;
+pub mod hand;
+pub mod life;
+pub mod outcome;
+pub mod profile;
+pub mod serve;
+pub mod settings;
+pub mod stock;
+
+pub use designers::{BuiltIn, Designers, Which};
+pub use settings::{DesignSettings, DesignWish, DesignerChoice};

@@ -1,0 +1,106 @@
+//! How a designed group went: what it says of its layout, and, where the run wants that, of the agent.
+
+use super::life::{Life, Standing};
+use super::serve::at_frontier;
+use crate::curriculum::{GroupOutcome, Move, Role};
+use crate::store::episodes::Fared;
+use crate::store::layouts::{self, Flown, LayoutRow, Turn};
+use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::sums::Sums;
+use crate::store::{design_counts, episodes, from_json, small, to_json};
+use crate::training::close::observe;
+use crate::training::writer::Work;
+use crate::training::{RunSettings, StoreError, TrainingError};
+
+/// Takes a designed group that is closed. What too few episodes came back of, or too old a policy flew, says nothing of its
+/// layout; it is not offered again.
+pub(in crate::training) async fn take(
+    work: &mut Work,
+    lease: &LeaseRow,
+    group: &GroupRow,
+    (enough, expired): (bool, i64),
+) -> Result<Vec<Move>, TrainingError> {
+    let now = work.now;
+    let (mind, conn) = work.mind(&lease.run).await?;
+    if expired > 0 {
+        let lost = Sums { expired, ..Sums::default() };
+        design_counts::add_sums(conn, &lease.run, &group.task, &lost).await?;
+    }
+    let first = group.number * lease.group_size;
+    let fared = episodes::of_group(conn, lease.id, first, first + lease.group_size).await?;
+    let stale = is_stale(&mind.settings, mind.policy_version, &fared);
+    if enough && !stale {
+        let row = match group.layout {
+            Some(id) => layouts::get(conn, id).await?,
+            None => None,
+        };
+        if let Some(row) = row {
+            enter(conn, row, &fared, now).await?;
+        }
+    }
+    if group.evidence == 0 || !at_frontier(mind, &group.task, group.level) {
+        return Ok(Vec::new());
+    }
+    let epoch = mind.curriculum.status().into_iter().find(|s| s.task == group.task).map_or(0, |s| s.epoch);
+    let outcome = GroupOutcome {
+        // It has no proposal: it is named by its own place.
+        proposal: mind.curriculum.next_seq(),
+        task: group.task.clone(),
+        level: group.level.map(small),
+        epoch,
+        role: Role::Frontier,
+        contested: group.contested != 0,
+        finished: if enough { small(group.finished) } else { 0 },
+        successes: if enough { small(group.successes) } else { 0 },
+        failed: small(group.failed),
+        expired: small(expired),
+        evidence: !stale,
+        mean_score: mean(fared.iter().map(|f| f.score)).unwrap_or(0.0),
+        mean_skill: mean(fared.iter().filter_map(|f| f.skill)),
+    };
+    observe(work, &lease.run, outcome).await
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, n) = values.fold((0.0, 0u32), |(sum, n), value| (sum + value, n + 1));
+    (n > 0).then(|| sum / f64::from(n))
+}
+
+fn is_stale(settings: &RunSettings, newest: i64, fared: &[Fared]) -> bool {
+    let oldest = fared.iter().map(|f| f.policy_version).min();
+    settings.max_staleness.zip(oldest).is_some_and(|(most, oldest)| newest - oldest > i64::from(most))
+}
+
+/// What an episode left on the table: (reference − score)/(reference − floor) within [0, 1], which is 1 − skill; where no
+/// skill is defined, as on a decoy, 1 unless it succeeded.
+fn regret(fared: &Fared) -> f64 {
+    let missed = fared.skill.map_or(if fared.success { 0.0 } else { 1.0 }, |skill| 1.0 - skill);
+    missed.clamp(0.0, 1.0)
+}
+
+async fn enter(
+    conn: &mut sqlx::SqliteConnection,
+    row: LayoutRow,
+    fared: &[Fared],
+    now: i64,
+) -> Result<(), StoreError> {
+    let Some(standing) = Standing::of(&row.state, row.why.as_deref()) else { return Ok(()) };
+    let recent = from_json("a layout's outcomes", &row.recent)?;
+    let mut life = Life { standing, recent, barren: small(row.barren) };
+    let successes = fared.iter().filter(|f| f.success).count();
+    let told = life.take(successes as f64 / fared.len().max(1) as f64);
+    let flown = Flown {
+        episodes: fared.len() as i64,
+        successes: successes as i64,
+        score: fared.iter().map(|f| f.score).sum(),
+        regret: fared.iter().map(regret).sum(),
+        recent: to_json(&life.recent)?,
+        barren: i64::from(life.barren),
+    };
+    layouts::flown(conn, row.id, &flown).await?;
+    if let Some(reason) = told {
+        let (state, why) = life.standing.words();
+        layouts::turn(conn, row.id, &Turn { state, why, reason }, now).await?;
+    }
+    Ok(())
+}
