@@ -34,6 +34,9 @@ pub(crate) const DIM: &str = "#8594a7";
 /// Rules and grids.
 pub(crate) const FAINT: &str = "#313c4c";
 
+/// From where to where.
+pub(crate) type Arrow = ((f64, f64), (f64, f64));
+
 /// An SVG document on its way out.
 #[derive(Debug)]
 pub(crate) struct Canvas(String);
@@ -238,18 +241,28 @@ impl Canvas {
 
     /// A line that ends in a head.
     pub(crate) fn arrow(&mut self, from: (f64, f64), to: (f64, f64), head: f64, stroke: Stroke) {
-        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-        let length = (dx * dx + dy * dy).sqrt();
-        if length < 1e-6 {
-            return;
+        self.arrows(&[(from, to)], head, stroke);
+    }
+
+    /// Many of them, in two elements.
+    pub(crate) fn arrows(&mut self, arrows: &[Arrow], head: f64, stroke: Stroke) {
+        let (mut shafts, mut heads) = (String::new(), String::new());
+        for (from, to) in arrows {
+            let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+            let length = (dx * dx + dy * dy).sqrt().max(1e-6);
+            let (ux, uy) = (dx / length, dy / length);
+            let neck = (to.0 - head * ux, to.1 - head * uy);
+            let wing = 0.5 * head;
+            shafts += &outline(&[*from, neck]);
+            let wings = [(neck.0 - wing * uy, neck.1 + wing * ux), (neck.0 + wing * uy, neck.1 - wing * ux)];
+            heads += &outline(&[*to, wings[0], wings[1]]);
+            heads.push('Z');
         }
-        let (ux, uy) = (dx / length, dy / length);
-        let neck = (to.0 - head * ux, to.1 - head * uy);
-        self.line(&[from, neck], stroke);
-        let wing = 0.5 * head;
-        let outline =
-            [to, (neck.0 - wing * uy, neck.1 + wing * ux), (neck.0 + wing * uy, neck.1 - wing * ux)];
-        self.area(&outline, stroke.colour, stroke.opacity, None);
+        if !arrows.is_empty() {
+            let opacity = number(stroke.opacity);
+            self.shape("path", &[("d", &shafts), ("fill", "none")], Some(stroke));
+            self.shape("path", &[("d", &heads), ("fill", stroke.colour), ("fill-opacity", &opacity)], None);
+        }
     }
 
     fn shape(&mut self, tag: &str, attributes: &[(&str, &str)], stroke: Option<Stroke>) {

@@ -47,5 +47,5 @@ pub(super) fn row(at: usize, encounter: &Encounter) -> Vec<String> {
 /// Its kind, and whether it is a rogue.
 pub(super) fn kind(encounter: &Encounter) -> String {
     let word = encounter.kind.word();
-    if encounter.rogue { format!("{word}, rogue") } else { word.to_owned() }
+    if encounter.rogue { format!("rogue {word}") } else { word.to_owned() }
 }

@@ -12,6 +12,8 @@ use crate::picture::{Canvas, DIM, FAINT, Pen, Stroke, TEXT, number};
 
 /// Steps before the encounter that are shown.
 const SHOWN: u32 = 6;
+/// How far from the middle the path may go, and the aim's sector goes, as shares of the side: words stand outside.
+const REACH: f64 = 0.32;
 /// Lengths of the scale bar, LU.
 const SCALES: [f64; 5] = [20.0, 10.0, 5.0, 2.0, 1.0];
 
@@ -32,24 +34,26 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene, index: usize, corner: (f6
         .filter(|(step, _)| *step >= from)
         .map(|(step, body)| (step, seen(scene.hold.at(satellite, step), body)))
         .collect();
-    let reach = |(x, y): (f64, f64)| x.abs().max(y.abs());
+    let reach = |(x, y): (f64, f64)| (x * x + y * y).sqrt();
     let before = path.iter().filter(|(step, _)| *step <= pass.encounter.step);
     let most = before.map(|(_, at)| reach(*at)).fold(4.0 * CONTACT, f64::max);
-    let scale = 0.45 * side / most;
+    let scale = REACH * side / most;
     let middle = (corner.0 + 0.5 * side, corner.1 + 0.5 * side);
     let map = |(x, y): (f64, f64)| (middle.0 + scale * x, middle.1 - scale * y);
 
     canvas.panel(corner, (side, side), "#0b0f15");
     canvas.window(&format!("inset{index}"), corner, (side, side));
     compass(canvas, corner, side);
-    aim(canvas, scene, pass, middle, 0.62 * side);
+    aim(canvas, scene, pass, middle, REACH * side);
     let colour = colour(pass.encounter.kind);
-    canvas.circle(middle, (scale * CONTACT).max(1.5), colour, None);
-    canvas.circle(middle, (scale * CONTACT).max(3.0), "none", Some(Stroke::new(TEXT, 0.8).opacity(0.7)));
+    canvas.circle(middle, scale * CONTACT, "#2a3442", Some(Stroke::new(TEXT, 0.8).opacity(0.7)));
     let line: Vec<_> = path.iter().map(|(_, at)| map(*at)).collect();
     let dashes = if pass.encounter.rogue { "5 3" } else { "" };
     canvas.line(&line, Stroke::new(colour, 1.8).dashes(dashes));
     canvas.dots(&line, Stroke::new(colour, 4.4));
+    if let Some((_, nearest)) = path.iter().find(|(step, _)| *step == pass.encounter.step) {
+        canvas.line(&[middle, map(*nearest)], Stroke::new(TEXT, 1.2));
+    }
     bearing(canvas, pass, &path, middle, &map);
     canvas.circle(middle, 2.6, SATELLITE_COLOURS[satellite % SATELLITE_COLOURS.len()], None);
     bar(canvas, corner, side, scale);
@@ -61,13 +65,17 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene, index: usize, corner: (f6
 fn compass(canvas: &mut Canvas, corner: (f64, f64), side: f64) {
     let middle = (corner.0 + 0.5 * side, corner.1 + 0.5 * side);
     let thin = Stroke::new(FAINT, 1.0);
-    canvas.line(&[(middle.0, corner.1 + 16.0), (middle.0, corner.1 + side - 16.0)], thin);
-    canvas.line(&[(corner.0, middle.1), (corner.0 + side, middle.1)], thin);
-    let pen = Pen::new(9.5).colour(DIM);
-    canvas.text((middle.0, corner.1 + 12.0), pen.anchor("middle"), "out 0°");
-    canvas.text((middle.0, corner.1 + side - 6.0), pen.anchor("middle"), "Earth 180°");
-    canvas.text((corner.0 + side - 5.0, middle.1 - 4.0), pen.anchor("end"), "ahead 90°");
-    canvas.text((corner.0 + 5.0, middle.1 - 4.0), pen, "behind 270°");
+    let reach = REACH * side;
+    canvas.line(&[(middle.0, middle.1 - reach), (middle.0, middle.1 + reach)], thin);
+    canvas.line(&[(middle.0 - reach, middle.1), (middle.0 + reach, middle.1)], thin);
+    canvas.circle(middle, reach, "none", Some(thin));
+    let pen = Pen::new(9.0).colour(DIM).anchor("middle");
+    canvas.text((middle.0, corner.1 + 20.0), pen, "out, 0°");
+    canvas.text((middle.0, corner.1 + side - 14.0), pen, "Earth, 180°");
+    for (x, words) in [(side - 18.0, ["ahead", "90°"]), (18.0, ["behind", "270°"])] {
+        canvas.text((corner.0 + x, middle.1 - 2.0), pen, words[0]);
+        canvas.text((corner.0 + x, middle.1 + 10.0), pen, words[1]);
+    }
 }
 
 /// A place so far from the middle, this many degrees clockwise from up.
@@ -114,13 +122,15 @@ fn bar(canvas: &mut Canvas, corner: (f64, f64), side: f64, scale: f64) {
 fn words(canvas: &mut Canvas, pass: &Pass, index: usize, (x, y): (f64, f64)) {
     let encounter = &pass.encounter;
     let kind = super::super::listing::kind(encounter);
-    let first = format!("{index}: satellite {}, step {}", encounter.satellite, encounter.step);
+    let first = format!(
+        "{index}: satellite {}, step {}, {}°",
+        encounter.satellite, encounter.step, encounter.bearing_deg
+    );
     canvas.text((x, y + 15.0), Pen::new(12.0).bold(), &first);
     let second = format!(
-        "{kind} from {}°, {:.1} LU/TU, miss {:.1}",
-        encounter.bearing_deg,
+        "{kind}, {:.1} LU/TU, miss {:.1} LU",
         SPEED.value(encounter.relative_speed),
         MISS.value(encounter.miss_distance)
     );
-    canvas.text((x, y + 30.0), Pen::new(10.5).colour(colour(encounter.kind)), &second);
+    canvas.text((x, y + 30.0), Pen::new(10.0).colour(colour(encounter.kind)), &second);
 }

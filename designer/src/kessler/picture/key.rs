@@ -1,5 +1,7 @@
 //! The words of a picture: title, legend, table of encounters.
 
+use env_core::kessler::constants::RADAR_NONE;
+
 use super::super::claim;
 use super::super::language::Kind;
 use super::super::listing;
@@ -26,7 +28,11 @@ pub(super) fn title(canvas: &mut Canvas, subject: Subject<'_>, scene: &Scene) {
     let recipe = subject.scenario.recipe();
     let params = recipe.task().params().iter().filter_map(|spec| {
         let value = recipe.param(spec.name)?;
-        let tells = ["debris", "fuel", "radar_range"].contains(&spec.name);
+        let tells = match spec.name {
+            "debris" | "fuel" => true,
+            "radar_range" => value < RADAR_NONE,
+            _ => false,
+        };
         tells.then(|| format!("{} {value}", spec.name.replace('_', " ")))
     });
     let params: Vec<_> = params.collect();
@@ -72,7 +78,12 @@ impl Legend<'_> {
                 canvas.circle((x + 8.0, y), 5.0, colour, None);
             });
         }
-        self.line("the witness: what the planner flies", Stroke::new(TEXT, 1.6).dashes("3 4"));
+        let witness = Stroke::new(TEXT, 1.6).dashes("3 4");
+        if scene.burns.is_empty() {
+            self.line("the witness: the planner holds too", witness);
+            return;
+        }
+        self.line("the witness: what the planner flies", witness);
         let burns = match scene.burns.len() {
             1 => "its burn".to_owned(),
             count => format!("its {count} burns"),
@@ -95,7 +106,7 @@ impl Legend<'_> {
                 });
             }
             if of_kind().any(|pass| pass.encounter.rogue) {
-                self.entry(&format!("{word}, rogue: from where it appears"), |canvas, x, y| {
+                self.entry(&format!("rogue {word}: from where it appears"), |canvas, x, y| {
                     super::sky::star(canvas, (x + 6.0, y), colour);
                     canvas.line(&[(x + 6.0, y), (x + 34.0, y)], Stroke::new(colour, 2.0).dashes("5 3"));
                 });
@@ -125,7 +136,7 @@ impl Legend<'_> {
             self.line(&words, Stroke::new(TEXT, 1.2).opacity(0.6).dashes("1 5"));
         }
         if !scene.background.is_empty() {
-            let words = format!("{} pieces that meet nobody who holds", scene.background.len());
+            let words = format!("background: {} pieces", scene.background.len());
             self.entry(&words, |canvas, x, y| {
                 canvas.dots(&[(x + 8.0, y), (x + 19.0, y - 3.0), (x + 30.0, y + 2.0)], Stroke::new(DIM, 2.4));
             });
@@ -144,7 +155,9 @@ pub(super) fn legend(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64)) -> 
 
 /// Where the columns of the encounters' table end, as shares of its width; the last column begins after the others.
 const COLUMNS: [(f64, &str); 6] =
-    [(0.07, "#"), (0.19, "sat"), (0.32, "step"), (0.48, "bearing"), (0.63, "LU/TU"), (0.75, "miss")];
+    [(0.05, "#"), (0.15, "sat"), (0.28, "step"), (0.42, "from"), (0.56, "LU/TU"), (0.68, "miss")];
+
+const KIND: f64 = 0.715;
 
 /// All encounters.
 pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), width: f64) {
@@ -153,7 +166,7 @@ pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), widt
     for (end, name) in COLUMNS {
         canvas.text((corner.0 + end * width, y), head.anchor("end"), name);
     }
-    canvas.text((corner.0 + 0.79 * width, y), head, "kind");
+    canvas.text((corner.0 + KIND * width, y), head, "kind");
     canvas.line(&[(corner.0, y + 5.0), (corner.0 + width, y + 5.0)], Stroke::new(FAINT, 1.0));
     for (index, pass) in scene.passes.iter().enumerate() {
         y += 18.0;
@@ -163,7 +176,7 @@ pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), widt
             canvas.text((corner.0 + end * width, y), pen.anchor("end"), words);
         }
         let kind = row.last().map_or("", String::as_str);
-        canvas.text((corner.0 + 0.79 * width, y), pen.colour(colour(pass.encounter.kind)), kind);
+        canvas.text((corner.0 + KIND * width, y), pen.colour(colour(pass.encounter.kind)), kind);
     }
     y += 20.0;
     let Some(design) = &scene.design else { return };

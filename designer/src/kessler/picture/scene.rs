@@ -75,7 +75,7 @@ impl Scene {
         let hold = Hold::of(&start.satellites, gravity, setup.radar_range);
         let design = subject.design.and_then(|design| Design::from_json(design).ok());
         let (met, background) = match &design {
-            Some(design) => designed(design, &start),
+            Some(design) => designed(design, scenario, &start),
             None => found(scenario, &start, &hold, gravity),
         };
         let passes: Vec<Pass> = met
@@ -104,12 +104,16 @@ impl Scene {
 type Met = (Encounter, u32, Body);
 
 /// Whose body is whose in a layout that the compiler has made: encounters come first, in order.
-fn designed(design: &Design, start: &Start) -> (Vec<Met>, Vec<Body>) {
-    let (mut debris, mut rogues) = (start.debris.iter(), start.rogues.iter());
+fn designed(design: &Design, scenario: &Scenario, start: &Start) -> (Vec<Met>, Vec<Body>) {
+    let mut debris = start.debris.iter();
+    // A start has them in order of arrival, the layout as they were thought of.
+    let rows = scenario.recipe().layout().and_then(|layout| layout.bodies.get("rogues"));
+    let mut rogues = rows.into_iter().flatten().filter_map(|row| <[f64; 5]>::try_from(row.as_slice()).ok());
     let met = design.encounters.iter().filter_map(|encounter| {
         if encounter.rogue {
-            // The step in which it appears; it is where it is given before that step's motion.
-            rogues.next().map(|(step, body)| (*encounter, step.saturating_sub(1), *body))
+            // The step in which it appears comes first; it is where it is given before that step's motion.
+            let [step, x, y, vx, vy] = rogues.next()?;
+            Some((*encounter, whole(step).saturating_sub(1), Body { x, y, vx, vy }))
         } else {
             debris.next().map(|body| (*encounter, 0, *body))
         }

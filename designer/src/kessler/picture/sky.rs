@@ -7,12 +7,14 @@ use env_core::kessler::kernel::Body;
 use super::super::claim::AIM_WIDTH;
 use super::super::language::{Design, Kind};
 use super::labels::Labels;
-use super::scene::{Pass, Scene};
+use super::scene::{Burn, Pass, Scene};
 use super::{AIM, BURN, DECOY, EARTH, EARTH_RIM, SATELLITE_COLOURS, SCREEN, THREAT};
 use crate::picture::{Canvas, DIM, FAINT, Pen, Stroke, TEXT, number};
 
 /// Steps before an encounter in which its debris' path is drawn boldly.
 const BOLD: u32 = 6;
+/// Burns that are drawn smaller where there are more.
+const MANY: usize = 40;
 /// Length of the aim's sector, LU.
 const SECTOR: f64 = 30.0;
 /// Lengths of the scale bar, LU.
@@ -81,6 +83,7 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), size:
     scene.passes.iter().for_each(|pass| approach(canvas, &map, pass));
     orbits(canvas, scene, &map);
     burns(canvas, scene, &map);
+    starts(canvas, scene, &map);
     encounters(canvas, scene, &map);
     scale_bar(canvas, &map);
     canvas.end_window();
@@ -170,6 +173,12 @@ fn orbits(canvas: &mut Canvas, scene: &Scene, map: &Map) {
         canvas.line(&path(0, end), Stroke::new(colour, 2.2));
         let flown: Vec<_> = scene.witness[satellite].iter().map(|body| map.of(body)).collect();
         canvas.line(&flown, Stroke::new(colour, 1.6).dashes("3 4"));
+    }
+}
+
+/// Where satellites start, with their numbers.
+fn starts(canvas: &mut Canvas, scene: &Scene, map: &Map) {
+    for (satellite, colour) in SATELLITE_COLOURS.iter().enumerate() {
         let start = map.of(scene.hold.at(satellite, 0));
         canvas.circle(start, 8.0, colour, None);
         let words = Pen::new(11.0).anchor("middle").bold().colour(crate::picture::BACK);
@@ -179,16 +188,17 @@ fn orbits(canvas: &mut Canvas, scene: &Scene, map: &Map) {
 
 /// The witness' burns, longer for more.
 fn burns(canvas: &mut Canvas, scene: &Scene, map: &Map) {
-    for burn in &scene.burns {
+    // Who burns in every step would be covered by arrows.
+    let (long, head, width) = if scene.burns.len() > MANY { (9.0, 4.0, 0.9) } else { (16.0, 6.0, 1.6) };
+    let arrow = |burn: &Burn| {
         let (dx, dy) = burn.by;
         let size = (dx * dx + dy * dy).sqrt();
-        if size > 0.0 {
-            let length = 12.0 + 24.0 * size.min(1.0);
-            let from = map.of(&burn.at);
-            let to = (from.0 + length * dx / size, from.1 - length * dy / size);
-            canvas.arrow(from, to, 6.0, Stroke::new(BURN, 1.6));
-        }
-    }
+        let length = long * (1.0 + 1.5 * size.min(1.0));
+        let from = map.of(&burn.at);
+        (size > 0.0).then(|| (from, (from.0 + length * dx / size, from.1 - length * dy / size)))
+    };
+    let arrows: Vec<_> = scene.burns.iter().filter_map(arrow).collect();
+    canvas.arrows(&arrows, head, Stroke::new(BURN, width));
 }
 
 /// A mark at each encounter, and its number and step where there is room.
