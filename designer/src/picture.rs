@@ -152,19 +152,8 @@ impl Canvas {
         self.0 += "/>\n";
     }
 
-    /// A stranger's words: escaped, and without what XML 1.0 does not have (section 2.2, production 2).
     fn words(&mut self, words: &str) {
-        for c in words.chars() {
-            match c {
-                '&' => self.0 += "&amp;",
-                '<' => self.0 += "&lt;",
-                '>' => self.0 += "&gt;",
-                '"' => self.0 += "&quot;",
-                '\'' => self.0 += "&#39;",
-                c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => self.0.push(' '),
-                c => self.0.push(c),
-            }
-        }
+        self.0 += &escaped(words);
     }
 
     /// What follows is drawn within this rectangle only; [`Canvas::end_window`] ends it. `id` is one of the document's own.
@@ -287,6 +276,25 @@ fn outline(points: &[(f64, f64)]) -> String {
         let _ = write!(path, "{}{} {}", if at == 0 { 'M' } else { 'L' }, number(*x), number(*y));
     }
     path
+}
+
+/// A stranger's words as text or the value of an attribute of XML or HTML: escaped, and without what XML 1.0 does not have
+/// (section 2.2, production 2).
+#[must_use]
+pub fn escaped(words: &str) -> String {
+    let mut out = String::with_capacity(words.len());
+    for c in words.chars() {
+        match c {
+            '&' => out += "&amp;",
+            '<' => out += "&lt;",
+            '>' => out += "&gt;",
+            '"' => out += "&quot;",
+            '\'' => out += "&#39;",
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
 }
 
 /// A number to a hundredth, as short as it can be written. What is no number is 0: a picture is no place to fail.
