@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow, ensure};
 use designer::brief::Standing;
+use designer::profile::ProfileError;
 use designer::{Brief, Profile, language};
 use env_core::{Recipe, TaskSpec};
 
@@ -118,7 +119,13 @@ fn of_profile(profile: Profile) -> anyhow::Result<OfRun> {
 fn profile(path: &Path, task: Option<&str>) -> anyhow::Result<Profile> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("--profile: {} cannot be read", path.display()))?;
-    Profile::read(&text, task).with_context(|| format!("--profile: {}", path.display()))
+    Profile::read(&text, task).map_err(|error| match error {
+        ProfileError::Form(_) => anyhow!(
+            "--profile: {} is no failure profile; what GET /v1/runs/{{run}}/failures answers is one, or one task of it",
+            path.display()
+        ),
+        other => anyhow!("--profile: {}: {other}", path.display()),
+    })
 }
 
 /// Task, params and physics.

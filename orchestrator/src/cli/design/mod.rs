@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 use anyhow::{anyhow, ensure};
 use designer::{Brief, Designed, Gate, Language, language};
 use indicatif::ProgressBar;
+use tokio::runtime::Runtime;
 
 use self::brief::Told;
 use self::row::{Outcome, Row};
@@ -120,35 +121,49 @@ Examples:
 /// A server, profile or file that cannot be read, a task nobody designs for, params that cannot be.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.check()?;
-    if args.layouts.is_some() {
-        let outcome = who::replay(args)?;
-        tell(args, &outcome)?;
-        let refused = outcome.rows.iter().any(|row| row.verdict.is_err());
-        return Ok(if refused { ExitCode::FAILURE } else { ExitCode::SUCCESS });
+    if args.dry_run {
+        let runtime = runtime()?;
+        let brief = asked(args, &runtime)?;
+        plan::show(args, &brief, speaks(&brief)?)?;
+        return Ok(ExitCode::SUCCESS);
     }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let outcome = designed(args)?;
+    tell(args, &outcome)?;
+    let admitted = outcome.admitted().count();
+    let well = if args.layouts.is_some() { admitted == outcome.rows.len() } else { admitted > 0 };
+    Ok(if well { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// What comes of these arguments.
+fn designed(args: &Args) -> anyhow::Result<Outcome> {
+    if args.layouts.is_some() {
+        return who::replay(args);
+    }
+    let runtime = runtime()?;
+    let mut designer = who::designer(args)?;
+    let brief = asked(args, &runtime)?;
+    let mut gate = Gate::new(speaks(&brief)?, Vec::new());
+    let busy = Busy::new(&format!("{} designs {} layouts", designer.name(), brief.count));
+    let started = Instant::now();
+    let designed = runtime.block_on(designer.design(&brief, &mut gate));
+    drop(busy);
+    let Designed { judged, usage, troubles } = designed?;
+    let (name, task) = (designer.name(), brief.base.task().id());
+    let rows = judged.into_iter().map(|judged| Row::of(name, task, judged)).collect();
+    Ok(Outcome { designer: name, rows, usage, troubles, took: started.elapsed() })
+}
+
+fn runtime() -> anyhow::Result<Runtime> {
+    Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
+}
+
+/// The brief that is asked for; what a service knows is asked of it.
+fn asked(args: &Args, runtime: &Runtime) -> anyhow::Result<Brief> {
     let told = match &args.run {
         Some(run) => runtime.block_on(service::ask(&args.url, run))?,
         None => Told::default(),
     };
-    let brief = brief::of(args, told)?;
-    let language = speaks(&brief)?;
-    if args.dry_run {
-        plan::show(args, &brief, language)?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    let mut designer = who::designer(args)?;
-    let mut gate = Gate::new(language, Vec::new());
-    let (designed, took) = {
-        let busy = Busy::new(&format!("{} designs {} layouts", designer.name(), brief.count));
-        let started = Instant::now();
-        let designed = runtime.block_on(designer.design(&brief, &mut gate));
-        drop(busy);
-        (designed?, started.elapsed())
-    };
-    let outcome = outcome(designer.name(), &brief, designed, took);
-    tell(args, &outcome)?;
-    Ok(if outcome.admitted().next().is_some() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    brief::of(args, told)
 }
 
 impl Args {
@@ -183,13 +198,6 @@ fn speaks(brief: &Brief) -> anyhow::Result<&'static dyn Language> {
             task.id()
         )
     })
-}
-
-fn outcome(designer: &'static str, brief: &Brief, designed: Designed, took: Duration) -> Outcome {
-    let Designed { judged, usage, troubles } = designed;
-    let task = brief.base.task().id();
-    let rows = judged.into_iter().map(|judged| Row::of(designer, task, judged)).collect();
-    Outcome { designer, rows, usage, troubles, took }
 }
 
 /// Files first: what is printed last is what people read.

@@ -52,9 +52,11 @@ pub(super) fn text(brief: &Brief, language: &dyn Language) -> String {
 fn heading(brief: &Brief) -> String {
     let recipe = &brief.base;
     let task = recipe.task();
+    let varied = |name: &str| task.levels().columns().iter().any(|column| column == name);
     let params = task.params().iter().filter_map(|spec| {
         let value = recipe.param(spec.name)?;
-        (value.to_bits() != spec.default.to_bits()).then(|| param_in_words(spec, &value.to_string()))
+        let tells = varied(spec.name) || value.to_bits() != spec.default.to_bits();
+        tells.then(|| param_in_words(spec, &value.to_string()))
     });
     let params = params.collect::<Vec<_>>().join(", ");
     let level = brief.level.map_or_else(String::new, |level| format!(", level {level}"));

@@ -90,9 +90,13 @@ fn summary(outcome: &Outcome) -> String {
     }
     let usage = &outcome.usage;
     let seconds = outcome.took.as_secs_f64();
-    let _ = write!(text, ". {}: {} round(s), {seconds:.1} s", outcome.designer, usage.rounds);
+    let _ = write!(text, ". The designer {} took {seconds:.1} s", outcome.designer);
+    if usage.rounds > 1 {
+        let _ = write!(text, " and {} rounds", usage.rounds);
+    }
     if let Some(model) = &usage.model {
-        let _ = write!(text, ", {} with {} + {} tokens", one_line(model), usage.tokens_in, usage.tokens_out);
+        let _ =
+            write!(text, ", {} {} tokens in and {} out", one_line(model), usage.tokens_in, usage.tokens_out);
     }
     text.push('.');
     let troubles = outcome.troubles.iter().map(|trouble| textwrap::fill(&one_line(trouble), WIDTH));

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use designer::procedural::Procedural;
 use designer::replay::{Draft, Replay};
@@ -44,7 +44,7 @@ pub(super) fn prompt(brief: &Brief, language: &dyn Language) -> (String, Value) 
 pub(super) fn replay(args: &Args) -> anyhow::Result<Outcome> {
     let Some(path) = &args.layouts else { bail!("--layouts: a file is wanted") };
     let mut replay = Replay::new(path.clone());
-    let drafts = replay.drafts(args.task.as_deref(), args.n as usize)?;
+    let drafts = replay.drafts(args.task.as_deref(), args.n as usize).context("--layouts")?;
     let started = std::time::Instant::now();
     let mut gates: BTreeMap<&'static str, Option<Gate>> = BTreeMap::new();
     let rows = drafts.into_iter().map(|Draft { name, scenario }| {
