@@ -3,6 +3,8 @@
 pub mod agents;
 pub mod claim;
 pub mod compile;
+#[cfg(test)]
+mod document;
 mod edit;
 mod hold;
 pub mod language;

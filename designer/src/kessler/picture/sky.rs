@@ -210,6 +210,13 @@ fn encounters(canvas: &mut Canvas, scene: &Scene, map: &Map) {
     let mut labels = Labels::within(map.corner, map.size);
     (0..SATELLITES).for_each(|satellite| labels.avoid(map.of(scene.hold.at(satellite, 0)), 10.0));
     scene.passes.iter().for_each(|pass| labels.avoid(met(pass), 5.0));
+    for (step, body, pass) in
+        scene.passes.iter().flat_map(|pass| pass.steps().map(move |(s, b)| (s, b, pass)))
+    {
+        if step + BOLD >= pass.encounter.step {
+            labels.avoid(map.of(body), 1.5);
+        }
+    }
     for (number, pass) in scene.passes.iter().enumerate() {
         let (at, colour) = (met(pass), colour(pass.encounter.kind));
         let words = format!("{number}: step {}", pass.encounter.step);
