@@ -38,7 +38,7 @@ pub(crate) const FAINT: &str = "#313c4c";
 pub(crate) type Arrow = ((f64, f64), (f64, f64));
 
 /// An SVG document on its way out.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Canvas(String);
 
 /// How words are written.
@@ -96,8 +96,14 @@ impl Stroke {
 }
 
 impl Canvas {
-    /// A picture of this size with a title for who cannot see it.
-    pub(crate) fn new(width: f64, height: f64, title: &str) -> Self {
+    /// Nothing yet.
+    pub(crate) const fn new() -> Self {
+        Self(String::new())
+    }
+
+    /// The document, of this size, with a title for who cannot see it.
+    pub(crate) fn finish(self, (width, height): (f64, f64), title: &str) -> String {
+        let drawn = self.0;
         let mut canvas = Self(String::new());
         let size = format!("0 0 {} {}", number(width), number(height));
         canvas.open(
@@ -118,13 +124,9 @@ impl Canvas {
         canvas.words(title);
         canvas.0 += "</title>\n";
         canvas.panel((0.0, 0.0), (width, height), BACK);
-        canvas
-    }
-
-    /// The document.
-    pub(crate) fn finish(mut self) -> String {
-        self.close("svg");
-        self.0
+        canvas.0 += &drawn;
+        canvas.close("svg");
+        canvas.0
     }
 
     fn open(&mut self, tag: &str, attributes: &[(&str, &str)]) {
@@ -328,11 +330,11 @@ mod tests {
     #[test]
     fn strangers_words_stay_words() {
         let words = "</title><script>alert('&\"')</script>\u{0}\u{b}\u{ffff}]]>é";
-        let mut canvas = Canvas::new(10.0, 10.0, words);
+        let mut canvas = Canvas::new();
         canvas.text((1.0, 2.0), Pen::new(3.0), words);
         canvas.window(words, (0.0, 0.0), (1.0, 1.0));
         canvas.end_window();
-        let text = canvas.finish();
+        let text = canvas.finish((10.0, 10.0), words);
         let document = roxmltree::Document::parse(&text).unwrap();
         let told = "</title><script>alert('&\"')</script>   ]]>é";
         assert!(document.descendants().all(|node| node.tag_name().name() != "script"));

@@ -35,7 +35,8 @@ fn the_pictures_of_the_designers_guide_are_what_is_drawn() {
     for entry in std::fs::read_dir(into.path()).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         if let Some(picture) = name.strip_suffix(".svg") {
-            let committed = std::fs::read_to_string(root.join("docs/designer").join(&name)).unwrap_or_default();
+            let committed =
+                std::fs::read_to_string(root.join("docs/designer").join(&name)).unwrap_or_default();
             let fresh = std::fs::read_to_string(into.path().join(&name)).unwrap();
             assert!(committed == fresh, "docs/designer/{name} is old: run scripts/designer-pictures");
             drawn += usize::from(guide.contains(&format!("(designer/{picture}.svg)")));

@@ -10,7 +10,7 @@ mod sky;
 mod tests;
 
 use self::scene::Scene;
-use crate::picture::{Canvas, DIM, Pen, Subject, fitted};
+use crate::picture::{Canvas, DIM, Pen, Subject};
 
 /// Colours of the satellites, by number.
 const SATELLITE_COLOURS: [&str; 3] = ["#6cb6ff", "#7ee0a1", "#d2a8ff"];
@@ -37,34 +37,36 @@ const ROW: f64 = INSET + 48.0;
 
 /// The picture of a layout; words alone where it cannot be flown.
 pub(super) fn picture(subject: Subject<'_>) -> String {
+    let mut canvas = Canvas::new();
     let Some(scene) = Scene::of(subject) else {
-        let mut canvas = Canvas::new(WIDTH, 60.0, subject.name);
         canvas.text((MARGIN, 36.0), Pen::new(16.0), "This layout cannot be flown: there is nothing to draw.");
-        return canvas.finish();
+        return canvas.finish((WIDTH, 60.0), subject.name);
     };
-    let mut shown: Vec<usize> = (0..scene.passes.len()).collect();
-    shown.sort_by_key(|index| scene.passes[*index].encounter.step);
-    shown.truncate(INSETS);
-    shown.sort_unstable();
-    let rows = shown.len().div_ceil(IN_A_ROW) as f64;
-    let below = TOP + SKY + MARGIN;
-    let mut canvas =
-        Canvas::new(WIDTH, below + rows * ROW + if rows > 0.0 { 28.0 } else { 0.0 }, subject.name);
     key::title(&mut canvas, subject, &scene);
     sky::draw(&mut canvas, &scene, (MARGIN, TOP), (SKY, SKY));
     let beside = 2.0 * MARGIN + SKY;
     let end = key::legend(&mut canvas, &scene, (beside, TOP));
-    key::table(&mut canvas, &scene, (beside, end + 14.0), WIDTH - beside - MARGIN);
-    if !shown.is_empty() {
-        let words =
-            "As the satellite sees it coming, over the last six steps (it stands still in the middle):";
-        canvas.text((MARGIN, below + 12.0), Pen::new(12.0).colour(DIM), &fitted(words, WIDTH, 12.0));
+    let end = key::table(&mut canvas, &scene, (beside, end + 14.0), WIDTH - beside - MARGIN);
+    let end = insets(&mut canvas, &scene, end.max(TOP + SKY) + MARGIN);
+    canvas.finish((WIDTH, end), subject.name)
+}
+
+/// The encounters that come first, each as its satellite sees it; answers with where they end.
+fn insets(canvas: &mut Canvas, scene: &Scene, top: f64) -> f64 {
+    let mut shown: Vec<usize> = (0..scene.passes.len()).collect();
+    if shown.is_empty() {
+        return top;
     }
-    for (place, index) in shown.into_iter().enumerate() {
-        let across = (WIDTH - 2.0 * MARGIN - INSET) / (IN_A_ROW - 1) as f64;
+    shown.sort_by_key(|index| scene.passes[*index].encounter.step);
+    shown.truncate(INSETS);
+    shown.sort_unstable();
+    let words = "As the satellite sees it coming, over the last six steps (it stands still in the middle):";
+    canvas.text((MARGIN, top + 12.0), Pen::new(12.0).colour(DIM), words);
+    let across = (WIDTH - 2.0 * MARGIN - INSET) / (IN_A_ROW - 1) as f64;
+    for (place, index) in shown.iter().enumerate() {
         let (column, row) = (place % IN_A_ROW, place / IN_A_ROW);
-        let corner = (MARGIN + across * column as f64, below + 24.0 + ROW * row as f64);
-        inset::draw(&mut canvas, &scene, index, corner, INSET);
+        let corner = (MARGIN + across * column as f64, top + 24.0 + ROW * row as f64);
+        inset::draw(canvas, scene, *index, corner, INSET);
     }
-    canvas.finish()
+    top + 28.0 + ROW * shown.len().div_ceil(IN_A_ROW) as f64
 }

@@ -159,8 +159,8 @@ const COLUMNS: [(f64, &str); 6] =
 
 const KIND: f64 = 0.715;
 
-/// All encounters.
-pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), width: f64) {
+/// All encounters; answers with where they end.
+pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), width: f64) -> f64 {
     let mut y = corner.1 + 10.0;
     let head = Pen::new(11.0).colour(DIM);
     for (end, name) in COLUMNS {
@@ -179,7 +179,7 @@ pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), widt
         canvas.text((corner.0 + KIND * width, y), pen.colour(colour(pass.encounter.kind)), kind);
     }
     y += 20.0;
-    let Some(design) = &scene.design else { return };
+    let Some(design) = &scene.design else { return y };
     let bearings = listing::frame_about(design);
     let note = Pen::new(10.5).colour(DIM);
     canvas.text((corner.0, y), note, &format!("Bearings: {}.", listing::frame(design)));
@@ -187,4 +187,5 @@ pub(super) fn table(canvas: &mut Canvas, scene: &Scene, corner: (f64, f64), widt
         y += 14.0;
         canvas.text((corner.0 + 10.0, y), note, part);
     }
+    y
 }

@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, value_name = "RUN", conflicts_with_all = ["profile", "layouts"])]
     run: Option<String>,
     /// Where the service listens that knows the run
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8700")]
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8700", requires = "run")]
     url: String,
     /// A failure profile to design for: a saved answer of GET /v1/runs/{run}/failures, or one task of it
     #[arg(long, value_name = "FILE", conflicts_with = "layouts")]

@@ -116,6 +116,7 @@ fn admitted_layouts_are_read_back() {
         ("kessler/survival", "2", "fuel_starvation"),
         ("kessler/eco_station", "3", "wasted_fuel"),
         ("kessler/rendezvous", "6", "rogue"),
+        ("kessler/rendezvous", "3", "rogue"), // rogues come from level 4 on: its own param says none
         ("kessler/formation", "5", "collision"),
     ] {
         let mode = json!({"mode": mode, "count": 9, "weight": 9.0, "cells": [met]});
