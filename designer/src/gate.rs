@@ -204,8 +204,8 @@ impl Gate {
             let bracket = threat(scenario)?;
             return Ok(Admitted { scenario: scenario.clone(), bracket, claim: Claim::Threat, novelty: None });
         };
-        let brief = Brief::new(std::sync::Arc::clone(scenario.recipe()), 1, 0);
-        let design = self.language.read(&design, &brief).map_err(Refusal::Schema)?;
+        // What its brief allowed is not known here (rogues of a level to come, say), and need not be: building reads the
+        // design, and whatever it says of params must come to this very scenario.
         let admitted = self.under(&design, scenario)?;
         if admitted.scenario.id() != scenario.id() {
             let words =

@@ -8,6 +8,7 @@ use serde_json::Value;
 use crate::Fault;
 use crate::brief::Brief;
 use crate::gate::Refusal;
+use crate::picture::Subject;
 
 /// What a layout claims to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +59,21 @@ pub trait Language: Sync {
     fn sample(&self, brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option<Value>;
     /// A design with one thing changed at random, as it can be under this sky; none where nothing suits.
     fn edit(&self, design: &Value, brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option<Value>;
+    /// A design for people: what it goes for, and its encounters as a table. None for what is no design.
+    fn listing(&self, design: &Value) -> Option<Listing>;
+    /// A layout drawn, as an SVG document ([`crate::picture::draw`]).
+    fn picture(&self, subject: Subject<'_>) -> String;
+}
+
+/// A design for people.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listing {
+    /// What it goes for, in a few words.
+    pub aim: String,
+    /// The columns of its encounters, with their units; what all but the last hold is a number.
+    pub header: Vec<&'static str>,
+    /// The encounters, in order.
+    pub rows: Vec<Vec<String>>,
 }
 
 /// The language of a task's world; none for a world that nobody designs for yet.

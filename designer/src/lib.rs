@@ -8,6 +8,7 @@ pub mod brief;
 pub mod gate;
 pub mod kessler;
 pub mod language;
+pub mod picture;
 pub mod procedural;
 pub mod profile;
 pub mod replay;
@@ -17,7 +18,7 @@ use std::pin::Pin;
 
 pub use self::brief::Brief;
 pub use self::gate::{Admitted, Gate, Judged, Refusal, Usage};
-pub use self::language::{Claim, Language, language};
+pub use self::language::{Claim, Language, Listing, language};
 pub use self::profile::Profile;
 
 /// What a designer came up with.

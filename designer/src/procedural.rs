@@ -22,6 +22,17 @@ const EDITED: f64 = 0.5;
 pub struct Procedural;
 
 impl Procedural {
+    /// The first designs it would try for a brief, as they are before the gate has seen any: what would be aimed at.
+    #[must_use]
+    pub fn ideas(brief: &Brief, language: &dyn Language, count: usize) -> Vec<Value> {
+        let parents = parents(brief, language);
+        let thought = (0..count as u64).filter_map(|number| {
+            let mut draws = Draws::new(Purpose::Design, brief.seed, number);
+            think(brief, language, &parents, number, &mut draws).1
+        });
+        thought.collect()
+    }
+
     /// Layouts for a brief: until as many passed as are wanted, or the tries are used up.
     #[must_use]
     pub fn layouts(brief: &Brief, gate: &mut Gate) -> Designed {

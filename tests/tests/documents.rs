@@ -21,6 +21,30 @@ fn the_example_layouts_pass_the_gate() {
     assert!(told["layouts"][0]["reference"].as_f64() > told["layouts"][0]["hold"].as_f64());
 }
 
+/// `scripts/designer-pictures` draws them.
+#[test]
+fn the_pictures_of_the_designers_guide_are_what_is_drawn() {
+    let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+    let into = tempfile::tempdir().unwrap();
+    let file = root.join("examples/layouts.json");
+    let line = ["design", "--layouts", file.to_str().unwrap(), "--svg", into.path().to_str().unwrap()];
+    let out = Command::new(binary()).args(line).output().unwrap();
+    assert!(out.status.success(), "{out:?}");
+    let guide = std::fs::read_to_string(root.join("docs/designer.md")).unwrap();
+    let mut drawn = 0;
+    for entry in std::fs::read_dir(into.path()).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if let Some(picture) = name.strip_suffix(".svg") {
+            let committed =
+                std::fs::read_to_string(root.join("docs/designer").join(&name)).unwrap_or_default();
+            let fresh = std::fs::read_to_string(into.path().join(&name)).unwrap();
+            assert!(committed == fresh, "docs/designer/{name} is old: run scripts/designer-pictures");
+            drawn += usize::from(guide.contains(&format!("(designer/{picture}.svg)")));
+        }
+    }
+    assert!(drawn >= 4, "the guide shows {drawn} of them");
+}
+
 #[tokio::test]
 async fn the_readmes_trainer_runs() {
     let readme = include_str!("../../README.md");

@@ -133,5 +133,6 @@ fn tempted(scenario: &Scenario) -> Result<f64, ScenarioError> {
     let (_, log) = fly(scenario, &mut *nervous).map_err(|e| refused(e.to_string()))?;
     let critique = scenario.task().critique(scenario, &log).map_err(|e| refused(e.to_string()))?;
     let vain = critique.actions.iter().filter(|action| action.verdict != Verdict::Needed);
-    Ok(vain.map(|action| action.cost).sum())
+    // The sum of nothing is −0.
+    Ok(vain.map(|action| action.cost).sum::<f64>() + 0.0)
 }

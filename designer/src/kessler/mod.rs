@@ -3,10 +3,14 @@
 pub mod agents;
 pub mod claim;
 pub mod compile;
+#[cfg(test)]
+mod document;
 mod edit;
 mod hold;
 pub mod language;
+mod listing;
 pub mod novelty;
+mod picture;
 mod place;
 mod sample;
 mod schema;

@@ -8,11 +8,12 @@ use serde_json::Value;
 use super::claim::{self, AIMS};
 use super::compile::compile;
 use super::language::Design;
-use super::{edit, novelty, sample, schema};
+use super::{edit, listing, novelty, picture, sample, schema};
 use crate::Fault;
 use crate::brief::Brief;
 use crate::gate::Refusal;
-use crate::language::{Claim, Language};
+use crate::language::{Claim, Language, Listing};
+use crate::picture::Subject;
 
 /// The language of kessler's layouts.
 #[derive(Debug, Clone, Copy)]
@@ -60,6 +61,14 @@ impl Language for Kessler {
     fn edit(&self, design: &Value, brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option<Value> {
         let design = read(design, brief).ok()?;
         edit::edit(&design, brief, sky, draws).map(|design| design.to_json())
+    }
+
+    fn listing(&self, design: &Value) -> Option<Listing> {
+        Design::from_json(design).ok().map(|design| listing::listing(&design))
+    }
+
+    fn picture(&self, subject: Subject<'_>) -> String {
+        picture::picture(subject)
     }
 }
 
