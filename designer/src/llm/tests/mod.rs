@@ -1,0 +1,1 @@
+//! The designer against endpoints that misbehave.
