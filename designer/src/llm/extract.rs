@@ -26,21 +26,30 @@ pub(super) fn designs(text: &str, most: usize) -> Result<Found, String> {
     if text.len() > MAX_TEXT {
         return Err(format!("it is {} bytes long; at most {MAX_TEXT} are read", text.len()));
     }
-    // Models that think aloud put what they mean after it.
-    let text = text.rsplit_once("</think>").map_or(text, |(_, answer)| answer).trim();
+    let text = text.trim();
     if text.is_empty() {
         return Err("it is empty".to_owned());
     }
-    match serde_json::from_str::<Value>(text) {
-        Ok(value) if value.is_object() || holds_objects(&value) => Ok(capped(listed(value), most, true)),
-        Ok(_) => Err("it is JSON, but neither an object nor a list of objects".to_owned()),
-        Err(error) => {
-            let found = scan(text);
-            if found.is_empty() {
-                return Err(format!("it is no JSON ({error})"));
-            }
-            Ok(capped(found, most, false))
+    let whole = |value: Value| {
+        if value.is_object() || holds_objects(&value) {
+            Ok(capped(listed(value), most, true))
+        } else {
+            Err("it is JSON, but neither an object nor a list of objects".to_owned())
         }
+    };
+    let error = match serde_json::from_str(text) {
+        Ok(value) => return whole(value),
+        Err(error) => error,
+    };
+    // Models that think aloud put what they mean after it.
+    let meant =
+        text.rsplit_once("</think>").filter(|_| text.starts_with("<think>")).map_or(text, |(_, meant)| meant);
+    if let Ok(value) = serde_json::from_str(meant) {
+        return whole(value);
+    }
+    match scan(meant) {
+        found if found.is_empty() => Err(format!("it is no JSON ({error})")),
+        found => Ok(capped(found, most, false)),
     }
 }
 
