@@ -10,11 +10,14 @@ use designer::profile::{Cell, ModeProfile, SectorWeight};
 use designer::{Brief, Designed, Designer, Gate, Profile, Refusal, language};
 use env_core::{Recipe, Scenario};
 
+/// Layouts asked for: as many as a small model can list in a minute.
+const LAYOUTS: usize = 3;
+
 fn brief(task: &str, level: u32, seed: u64) -> Brief {
     let task = env_core::task(task).unwrap();
     let levels = task.levels();
     let recipe = Recipe::with_params(task, levels.params(level as usize)).unwrap();
-    Brief::new(Arc::new(recipe), 4, seed).at_level(levels, level)
+    Brief::new(Arc::new(recipe), LAYOUTS, seed).at_level(levels, level)
 }
 
 /// An agent that does not see what overtakes it, and debris from +Y.
@@ -85,7 +88,7 @@ async fn a_real_model_designs_only_what_is_fair() {
     let mut config = LlmConfig::new(url, model, WallClock::new(|| 0));
     // One thread of a small machine: a call takes a minute or two.
     config.timeout = Duration::from_secs(900);
-    config.max_tokens = 3_000;
+    config.max_tokens = 1_500;
     config.tokens_per_run = Some(200_000);
     let llm = Llm::new(config).unwrap();
     let mut known = brief("kessler/survival", 3, 1);

@@ -17,6 +17,11 @@ use super::language::{
 use super::speak::{aims, rogues};
 use crate::brief::Brief;
 
+/// Encounters that a model is asked for, at most. A layout is as good as its worst encounter, every one of which must be
+/// buildable, and small models fill what they may.
+const ASKED: usize = 4;
+const _: () = assert!(ASKED <= MAX_ENCOUNTERS);
+
 fn whole(min: u32, max: u32) -> Value {
     json!({"type": "integer", "minimum": min, "maximum": max})
 }
@@ -50,7 +55,7 @@ pub(super) fn schema(brief: &Brief) -> Value {
     fields.push((
         "encounters",
         json!({
-            "type": "array", "minItems": 1, "maxItems": MAX_ENCOUNTERS, "items": {"anyOf": encounters},
+            "type": "array", "minItems": 1, "maxItems": ASKED, "items": {"anyOf": encounters},
         }),
     ));
     fields.push(("name", json!({"type": "string", "maxLength": MAX_NAME})));
@@ -101,7 +106,7 @@ pub(super) fn rules(brief: &Brief) -> String {
     if !brief.limits.is_empty() {
         text.push_str("- params: params of the task, among the values that the brief allows\n");
     }
-    text.push_str(&format!("- encounters: 1 to {MAX_ENCOUNTERS} of them, each with\n"));
+    text.push_str(&format!("- encounters: 1 to {ASKED} of them, each with\n"));
     text.push_str("  - kind: what it is for. One of:\n");
     for (_, word, min, max, about) in KINDS {
         text.push_str(&format!("    - {word}: {about}; {} {min} to {max}\n", MISS.name));

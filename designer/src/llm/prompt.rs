@@ -115,7 +115,11 @@ fn numbers(values: impl Iterator<Item = f64>) -> String {
 
 fn params(brief: &Brief) -> String {
     let told = |spec: &env_core::space::ParamSpec| {
-        let unit = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
+        let unit = if spec.unit.is_empty() || spec.unit == spec.name {
+            String::new()
+        } else {
+            format!(" {}", spec.unit)
+        };
         format!("{} {}{unit}", spec.name, brief.param(spec.name))
     };
     brief.base.task().params().iter().map(told).collect::<Vec<_>>().join(", ")
