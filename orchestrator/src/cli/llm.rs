@@ -103,7 +103,7 @@ mod tests {
         llm: LlmArgs,
     }
 
-    fn read(line: &str, key: Result<&str, VarError>) -> anyhow::Result<Option<LlmConfig>> {
+    fn read(line: &str, key: &Result<&str, VarError>) -> anyhow::Result<Option<LlmConfig>> {
         let args = Line::try_parse_from(line.split(' '))?.llm;
         args.config_with(&Clock::manual(5).0, |name| {
             assert_eq!(name, "MY_KEY");
@@ -114,20 +114,20 @@ mod tests {
     #[test]
     fn the_command_line_names_the_endpoint_and_the_environment_the_key() {
         let line = "x --llm-url http://h/v1 --llm-model m --llm-key-env MY_KEY";
-        let config = read(line, Ok(" sk-1 \n")).unwrap().unwrap();
+        let config = read(line, &Ok(" sk-1 \n")).unwrap().unwrap();
         assert_eq!((config.base_url.as_str(), config.model.as_str()), ("http://h/v1", "m"));
         assert!(config.key.is_some() && !format!("{config:?}").contains("sk-1"));
         assert_eq!((config.clock.now_ms(), config.timeout.as_secs(), config.retries), (5, 120, 3));
         designer::llm::Llm::new(config).unwrap();
         for none in [Ok(""), Err(VarError::NotPresent)] {
-            assert!(read(line, none).unwrap().unwrap().key.is_none());
+            assert!(read(line, &none).unwrap().unwrap().key.is_none());
         }
-        let odd = read(line, Err(VarError::NotUnicode("sk-2".into()))).unwrap_err();
+        let odd = read(line, &Err(VarError::NotUnicode("sk-2".into()))).unwrap_err();
         assert_eq!(format!("{odd:#}"), "the variable MY_KEY holds no text");
         let more = format!(
             "{line} --llm-cost-per-day 2.5 --llm-price-in 0.1 --llm-price-out 0.4 --llm-tokens-per-run 9"
         );
-        let config = read(&more, Ok("k")).unwrap().unwrap();
+        let config = read(&more, &Ok("k")).unwrap().unwrap();
         assert_eq!((config.cost_per_day, config.tokens_per_run), (Some(2.5), Some(9)));
         assert!((config.cost(1_000_000, 500_000) - 0.3).abs() < 1e-12);
     }
@@ -138,7 +138,7 @@ mod tests {
         {
             return; // they are settings
         }
-        assert!(read("x", Ok("k")).unwrap().is_none());
+        assert!(read("x", &Ok("k")).unwrap().is_none());
         for line in [
             "x --llm-url http://h/v1",
             "x --llm-cost-per-day 3",
