@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench bench-peers fmt lint deny sqlx check-cargo check-python
+.PHONY: help demo test test-llm bench bench-peers fmt lint deny sqlx check-cargo check-python
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -12,6 +12,9 @@ demo: check-cargo ## A built-in learner trains against the curriculum: about 45 
 
 test: check-cargo check-python lint ## Everything that is checked before a change lands
 	SQLX_OFFLINE=true cargo test --workspace --locked
+
+test-llm: check-cargo check-python ## A small real language model, served here, designs layouts: MODEL=any.gguf
+	scripts/test-llm $(MODEL)
 
 bench: check-cargo ## Benchmarks: measured, goal, ratio (on an idle machine)
 	cargo build --release --locked -p orchestrator -p bench

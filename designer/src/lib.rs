@@ -2,12 +2,13 @@
 //!
 //! A [`Designer`] is given a [`Brief`] (what the agent fails at, within which limits) and the [`Gate`]; it answers with the
 //! layouts it thought of and what the gate said of each. [`procedural`] samples from the failure profile and edits what
-//! worked; [`replay`] reads layouts from a file. What designs are said in is the world's: [`language`], [`kessler`].
+//! worked; [`llm`] asks a language model; [`replay`] reads layouts from a file. What designs are said in is the world's: [`language`], [`kessler`].
 
 pub mod brief;
 pub mod gate;
 pub mod kessler;
 pub mod language;
+pub mod llm;
 pub mod picture;
 pub mod procedural;
 pub mod profile;
@@ -61,6 +62,9 @@ pub enum DesignError {
         /// What is wrong with it.
         source: env_core::ScenarioError,
     },
+    /// The language model gave nothing.
+    #[error(transparent)]
+    Model(#[from] llm::LlmError),
 }
 
 /// What a designer's work comes to, in time.

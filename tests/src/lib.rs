@@ -84,6 +84,15 @@ impl Server {
     }
 }
 
+/// An HTTP client, without TLS.
+///
+/// # Panics
+/// Where there can be none.
+#[must_use]
+pub fn http_client() -> reqwest::Client {
+    designer::llm::http_client(false).expect("plain HTTP needs nothing").build().expect("a client")
+}
+
 /// A trainer's side of the API.
 #[derive(Debug, Clone)]
 pub struct Api {
@@ -121,7 +130,7 @@ impl Api {
     /// A client of the server at this URL.
     #[must_use]
     pub fn new(base: &str) -> Self {
-        Self { client: reqwest::Client::new(), base: base.to_owned() }
+        Self { client: http_client(), base: base.to_owned() }
     }
 
     /// Where the server is.

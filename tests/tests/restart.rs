@@ -106,7 +106,7 @@ async fn nothing_acknowledged_is_lost_and_nothing_counts_twice() {
             let (api, second) = (api.clone(), second.to_vec());
             async move {
                 let body = json!({ "results": second }).to_string();
-                let client = reqwest::Client::new();
+                let client = system_tests::http_client();
                 let _ = client
                     .post(format!("{}/v1/runs/run/results", api.base()))
                     .header("content-type", "application/json")

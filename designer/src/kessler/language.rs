@@ -77,7 +77,7 @@ pub const MISS: Bound = Bound {
 /// Encounters of one layout, at most.
 pub const MAX_ENCOUNTERS: usize = 12;
 /// Characters of a layout's name, at most.
-const MAX_NAME: usize = 60;
+pub const MAX_NAME: usize = 60;
 
 impl Bound {
     /// What a number stands for.

@@ -1,57 +1,128 @@
-//! The language as a language model is told it: the JSON schema of a design, and the rules in words.
+//! The language as a language model is told it: the JSON schema of a design, and the rules in words. Both are made of
+//! what `language` and `claim` say; nothing is said twice.
+//!
+//! `required` lists fields in the order a model is to say them: what it is after before how, the aim before the list.
 
+use env_core::kessler::constants::{
+    CONTACT_DISTANCE, EARTH_RADIUS, FUEL_PER_SPEED, HORIZON, SATELLITE_RADII, SATELLITES,
+};
+use env_core::kessler::plant::START_RADII;
 use serde_json::{Map, Value, json};
 
-use super::language::{BEARING, Bound, FRAMES, KINDS, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP};
+use super::claim::AIM_WIDTH;
+use super::language::{
+    BEARING, Bound, FRAMES, KINDS, MAX_ENCOUNTERS, MAX_NAME, MISS, SATELLITE, SPEED, STEP,
+};
+
 use super::speak::{aims, rogues};
 use crate::brief::Brief;
 
-fn whole(bound: Bound) -> Value {
-    json!({"type": "integer", "minimum": bound.min, "maximum": bound.max})
+/// Encounters that a model is asked for, at most. A layout is as good as its worst encounter, every one of which must be
+/// buildable, and small models fill what they may.
+const ASKED: usize = 4;
+const _: () = assert!(ASKED <= MAX_ENCOUNTERS);
+
+fn whole(min: u32, max: u32) -> Value {
+    json!({"type": "integer", "minimum": min, "maximum": max})
 }
 
-/// The schema of one design: the aim before the encounters, so that a model says what it is after before it lists them.
+fn one_of<'a>(words: impl IntoIterator<Item = &'a str>) -> Value {
+    json!({"type": "string", "enum": words.into_iter().collect::<Vec<_>>()})
+}
+
+/// An object of these fields, all wanted, in this order.
+fn object(fields: &[(&str, Value)]) -> Value {
+    let order: Vec<_> = fields.iter().map(|field| field.0).collect();
+    let properties: Map<_, _> =
+        fields.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+    json!({"type": "object", "additionalProperties": false, "required": order, "properties": properties})
+}
+
+/// The schema of one design. Every field is wanted, as strict endpoints have it; a field in which nothing can be chosen is
+/// not there.
 pub(super) fn schema(brief: &Brief) -> Value {
-    let modes: Vec<_> = aims(brief).map(|aim| aim.0).collect();
-    let params: Map<String, Value> =
-        brief.limits.iter().map(|limit| (limit.param.clone(), json!({"enum": limit.values}))).collect();
-    let rogue = if rogues(brief) { json!({"type": "boolean"}) } else { json!({"enum": [false]}) };
-    json!({
-        "type": "object",
-        "additionalProperties": false,
-        "required": ["name", "aim", "frame", "encounters"],
-        "properties": {
-            "name": {"type": "string", "maxLength": 60},
-            "aim": {
-                "type": "object",
-                "additionalProperties": false,
-                "required": ["mode", "bearing_deg"],
-                "properties": {"mode": {"enum": modes}, "bearing_deg": whole(BEARING)},
-            },
-            "frame": {"enum": FRAMES.map(|row| row.0)},
-            "params": {"type": "object", "additionalProperties": false, "properties": params},
-            "encounters": {
-                "type": "array", "minItems": 1, "maxItems": MAX_ENCOUNTERS,
-                "items": {
-                    "type": "object",
-                    "additionalProperties": false,
-                    "required": ["kind", "satellite", "step", "bearing_deg", "relative_speed", "miss_distance", "rogue"],
-                    "properties": {
-                        "kind": {"enum": KINDS.map(|row| row.1)},
-                        "satellite": whole(SATELLITE),
-                        "step": whole(STEP),
-                        "bearing_deg": whole(BEARING),
-                        "relative_speed": whole(SPEED),
-                        "miss_distance": whole(MISS),
-                        "rogue": rogue,
-                    },
-                },
-            },
-        },
-    })
+    let bearing = whole(BEARING.min, BEARING.max);
+    let aim = vec![("mode", one_of(aims(brief).map(|aim| aim.0))), ("bearing_deg", bearing)];
+    let mut fields = vec![("aim", object(&aim)), ("frame", one_of(FRAMES.map(|row| row.0)))];
+    let params = brief.limits.iter();
+    let params: Vec<_> =
+        params.map(|l| (l.param.as_str(), json!({"type": "number", "enum": l.values}))).collect();
+    if !params.is_empty() {
+        fields.push(("params", object(&params)));
+    }
+    // One form a kind, so that a grammar holds each to the miss distances it may have.
+    let encounters = KINDS.map(|(_, kind, min, max, _)| encounter(kind, whole(min, max), rogues(brief)));
+    fields.push((
+        "encounters",
+        json!({
+            "type": "array", "minItems": 1, "maxItems": ASKED, "items": {"anyOf": encounters},
+        }),
+    ));
+    fields.push(("name", json!({"type": "string", "maxLength": MAX_NAME})));
+    object(&fields)
+}
+
+fn encounter(kind: &str, miss: Value, rogues: bool) -> Value {
+    let bounded = |bound: Bound| (bound.name, whole(bound.min, bound.max));
+    let mut fields = vec![
+        ("kind", one_of([kind])),
+        bounded(SATELLITE),
+        bounded(STEP),
+        bounded(BEARING),
+        bounded(SPEED),
+        (MISS.name, miss),
+    ];
+    if rogues {
+        fields.push(("rogue", json!({"type": "boolean"})));
+    }
+    object(&fields)
 }
 
 /// The rules in words.
-pub(super) fn rules(_brief: &Brief) -> String {
-    String::new()
+pub(super) fn rules(brief: &Brief) -> String {
+    let (low, high) = SATELLITE_RADII;
+    let (nearest, farthest) = START_RADII;
+    let mut text = format!(
+        "The world: {SATELLITES} satellites (0 to {}) circle the Earth in one plane, prograde, between {low} and {high} LU \
+         from its centre; the Earth's radius is {EARTH_RADIUS} LU. An episode has {HORIZON} steps of 1 TU. Debris that comes \
+         closer than {CONTACT_DISTANCE} LU to a satellite destroys it. The agent may burn to evade; a burn costs \
+         {FUEL_PER_SPEED} fuel for each LU/TU of change, and an agent that does nothing stays on its orbits.\n\n\
+         A layout is a list of encounters of satellites with debris, said as who, when, from where, how fast and how close; \
+         a program works out the orbits. Its fields:\n",
+        SATELLITES - 1,
+    );
+    text.push_str("- aim.mode: what the layout is meant to hit. One of:\n");
+    for (mode, _, _, needs) in aims(brief) {
+        text.push_str(&format!("  - {mode}: it takes {needs}\n"));
+    }
+    text.push_str(&format!(
+        "- aim.{}: the bearing it is about; an encounter that counts for the aim must come from within {AIM_WIDTH} degrees \
+         of it\n- frame: what all bearings of the layout are measured in. One of:\n",
+        BEARING.name
+    ));
+    for (word, _, about) in FRAMES {
+        text.push_str(&format!("  - {word}: {about}\n"));
+    }
+    if !brief.limits.is_empty() {
+        text.push_str("- params: params of the task, among the values that the brief allows\n");
+    }
+    text.push_str(&format!("- encounters: 1 to {ASKED} of them, each with\n"));
+    text.push_str("  - kind: what it is for. One of:\n");
+    for (_, word, min, max, about) in KINDS {
+        text.push_str(&format!("    - {word}: {about}; {} {min} to {max}\n", MISS.name));
+    }
+    for bound in [SATELLITE, STEP, BEARING, SPEED, MISS] {
+        text.push_str(&format!("  - {}: {} to {}: {}\n", bound.name, bound.min, bound.max, bound.about));
+    }
+    if rogues(brief) {
+        text.push_str("  - rogue: true if it appears a few steps before, out of nothing; false if it is there from the start\n");
+    }
+    text.push_str(&format!("- name: a few words for people, at most {MAX_NAME} characters\n\n"));
+    text.push_str(&format!(
+        "What is refused: debris whose path back to the start leaves {nearest} to {farthest} LU or comes out of the Earth \
+         (ask for an earlier step or a slower pass), debris that touches a satellite before its step, encounters that do not \
+         keep the aim, threats that no agent could evade, a layout with a threat in which doing nothing loses nobody, \
+         a layout of decoys in which doing nothing loses somebody, and layouts too much like earlier ones."
+    ));
+    text
 }

@@ -9,6 +9,7 @@ pub mod critique;
 pub mod demo;
 pub mod design;
 pub mod eval;
+pub mod llm;
 mod logs;
 pub mod options;
 mod output;

@@ -77,7 +77,8 @@ struct Problem {
 impl HttpFeed {
     /// Creates a run.
     pub(super) async fn create(service: &str, wish: &RunWish<'_>) -> anyhow::Result<Self> {
-        let client = Client::builder().timeout(TIMEOUT).build()?;
+        let plain = designer::llm::http_client(false).map_err(anyhow::Error::msg)?;
+        let client = plain.timeout(TIMEOUT).build()?;
         let runs = format!("{}/v1/runs", service.trim_end_matches('/'));
         let created: Run =
             send(&client, Method::POST, &runs, Some(wish)).await.context("no run was created")?;

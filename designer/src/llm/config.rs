@@ -1,0 +1,163 @@
+//! Where the model is, and how much of it may be used.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use reqwest::Url;
+use secrecy::SecretString;
+
+use super::LlmError;
+
+/// Milliseconds since 1970 UTC, as the service's clock says. It decides which day a cost belongs to, and how long it is
+/// until a date; whatever is measured is measured by tokio's own clock.
+#[derive(Clone)]
+pub struct WallClock(Arc<dyn Fn() -> i64 + Send + Sync>);
+
+impl WallClock {
+    /// A clock that reads this.
+    pub fn new(read: impl Fn() -> i64 + Send + Sync + 'static) -> Self {
+        Self(Arc::new(read))
+    }
+
+    /// Now, milliseconds since 1970 UTC.
+    #[must_use]
+    pub fn now_ms(&self) -> i64 {
+        (self.0)()
+    }
+
+    /// Today, days since 1970 UTC.
+    #[must_use]
+    pub fn day(&self) -> i64 {
+        self.now_ms().div_euclid(86_400_000)
+    }
+}
+
+impl fmt::Debug for WallClock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("WallClock")
+    }
+}
+
+/// An endpoint, its model, and what may be spent on it.
+#[derive(Debug, Clone)]
+pub struct LlmConfig {
+    /// The API's base, as `https://api.example.com/v1`: `/chat/completions` is appended.
+    pub base_url: String,
+    /// The model's name there.
+    pub model: String,
+    /// The key, where one is needed. It is sent to the endpoint and shown nowhere.
+    pub key: Option<SecretString>,
+    /// How long connecting may take.
+    pub connect_timeout: Duration,
+    /// How long one call may take, to the last byte of its answer.
+    pub timeout: Duration,
+    /// Calls under way at once, at most.
+    pub concurrency: usize,
+    /// Further tries of a call that failed in passing: 429, 5xx, connections.
+    pub retries: u32,
+    /// The pause before the first further try; it doubles with every other.
+    pub backoff: Duration,
+    /// Tokens of an answer, at most.
+    pub max_tokens: u32,
+    /// Bytes of an answer, at most: the rest is not read.
+    pub max_body: usize,
+    /// Tokens that one run may use in all.
+    pub tokens_per_run: Option<u64>,
+    /// Tokens that all runs may use in a day (UTC).
+    pub tokens_per_day: Option<u64>,
+    /// What all runs may cost in a day (UTC), in the currency of the prices.
+    pub cost_per_day: Option<f64>,
+    /// Price of a million tokens in.
+    pub price_in: f64,
+    /// Price of a million tokens out.
+    pub price_out: f64,
+    /// The time of day.
+    pub clock: WallClock,
+}
+
+impl LlmConfig {
+    /// An endpoint with no key, no prices and no budget, and limits as they suit a large model far away.
+    #[must_use]
+    pub fn new(base_url: impl Into<String>, model: impl Into<String>, clock: WallClock) -> Self {
+        Self {
+            base_url: base_url.into(),
+            model: model.into(),
+            key: None,
+            connect_timeout: Duration::from_secs(10),
+            timeout: Duration::from_secs(120),
+            concurrency: 2,
+            retries: 3,
+            backoff: Duration::from_millis(500),
+            max_tokens: 4_096,
+            max_body: 1024 * 1024,
+            tokens_per_run: None,
+            tokens_per_day: None,
+            cost_per_day: None,
+            price_in: 0.0,
+            price_out: 0.0,
+            clock,
+        }
+    }
+
+    /// What these tokens cost.
+    #[must_use]
+    pub fn cost(&self, tokens_in: u64, tokens_out: u64) -> f64 {
+        (tokens_in as f64 * self.price_in + tokens_out as f64 * self.price_out) / 1e6
+    }
+
+    /// Where calls go.
+    ///
+    /// # Errors
+    /// An address that is none, or that carries a password: addresses are shown, keys are not.
+    pub(super) fn endpoint(&self) -> Result<Url, LlmError> {
+        let fault = |reason: &str| LlmError::Config { field: "base_url", reason: reason.to_owned() };
+        let mut url = Url::parse(&self.base_url).map_err(|error| fault(&error.to_string()))?;
+        if !matches!(url.scheme(), "http" | "https") || url.host_str().is_none() {
+            return Err(fault("an address that begins with http:// or https:// is wanted"));
+        }
+        if !url.username().is_empty() || url.password().is_some() {
+            return Err(fault("it carries a user or a password; give the key by its environment variable"));
+        }
+        let path = format!("{}/chat/completions", url.path().trim_end_matches('/'));
+        url.set_path(&path);
+        url.set_fragment(None);
+        Ok(url)
+    }
+
+    /// Refuses what cannot be.
+    ///
+    /// # Errors
+    /// The field at fault.
+    pub(super) fn check(&self) -> Result<(), LlmError> {
+        self.endpoint()?;
+        let fault = |field, reason: &str| Err(LlmError::Config { field, reason: reason.to_owned() });
+        if self.model.trim().is_empty() {
+            return fault("model", "the name of a model is wanted");
+        }
+        for (field, value) in [("price_in", self.price_in), ("price_out", self.price_out)] {
+            if !(value.is_finite() && value >= 0.0) {
+                return fault(field, "a number of at least 0 is wanted");
+            }
+        }
+        if self.cost_per_day.is_some_and(|cost| !(cost.is_finite() && cost >= 0.0)) {
+            return fault("cost_per_day", "a number of at least 0 is wanted");
+        }
+        if self.cost_per_day.is_some() && self.price_in + self.price_out <= 0.0 {
+            return fault(
+                "cost_per_day",
+                "without prices nothing costs anything; give price_in and price_out",
+            );
+        }
+        if self.concurrency == 0 {
+            return fault("concurrency", "at least 1 is wanted");
+        }
+        if self.max_tokens == 0 {
+            return fault("max_tokens", "at least 1 is wanted");
+        }
+        if self.timeout.is_zero() {
+            return fault("timeout", "more than nothing is wanted");
+        }
+        Ok(())
+    }
+}
