@@ -15,7 +15,7 @@ use tokio::task::{JoinHandle, JoinSet};
 use crate::clock::Clock;
 use crate::http;
 use crate::ids::RunId;
-use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, writer};
+use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, unsigned, writer};
 use crate::training::design::{BuiltIn, Designers};
 use crate::training::{Wakes, Writer};
 use crate::workers;
@@ -147,6 +147,9 @@ impl Service {
                 interrupted,
                 "Designers were being asked when the server went away; those asks failed."
             );
+        }
+        for row in asks::spent(&mut connection).await? {
+            config.designers.restore(&row.run, unsigned(row.tokens), row.cost, row.day);
         }
         let readers = reader(&config.db).await?;
         let listener = TcpListener::bind(config.bind)

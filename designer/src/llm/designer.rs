@@ -164,7 +164,9 @@ async fn judge(
         if designed.admitted() >= brief.count {
             break;
         }
-        let verdict = gate.judge(brief, &design, (0..SKIES).map(|number| brief.sky(number)));
+        // Each under skies of its own: layouts that all begin alike would teach less.
+        let first = designed.judged.len() as u64 * SKIES;
+        let verdict = gate.judge(brief, &design, (first..first + SKIES).map(|number| brief.sky(number)));
         let name = name(&design);
         let text = serde_json::to_string(&Ordered(&design)).unwrap_or_default();
         let small = text.len() <= KEPT;

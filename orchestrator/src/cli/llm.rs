@@ -1,12 +1,14 @@
 //! `--llm-…`: the language model that designs layouts, on the command line. Endpoints are named here and nowhere else: no
 //! request can make the service call an address.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use designer::llm::{LlmConfig, WallClock};
+use designer::llm::{Llm, LlmConfig, WallClock};
 
 use crate::clock::Clock;
+use crate::training::design::{BuiltIn, Designers, WithModel};
 
 /// A language model that designs layouts.
 #[derive(Debug, Clone, clap::Args)]
@@ -51,6 +53,17 @@ pub struct LlmArgs {
 }
 
 impl LlmArgs {
+    /// The designers of a service: with a language model, where one is asked for.
+    ///
+    /// # Errors
+    /// Settings that cannot be.
+    pub fn designers(&self, clock: &Clock) -> anyhow::Result<Arc<dyn Designers>> {
+        Ok(match self.config(clock)? {
+            Some(config) => Arc::new(WithModel(Llm::new(config).context("--llm")?)),
+            None => Arc::new(BuiltIn),
+        })
+    }
+
     /// The endpoint that is asked for; none where none is. The key is read from its environment variable.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use super::llm::LlmArgs;
 use crate::clock::Clock;
 use crate::service::{Config, Service};
 
@@ -16,6 +17,7 @@ command goes on where it stopped. http://127.0.0.1:8700/docs shows what it answe
 Examples:
   sparring serve
   sparring serve --db training.sqlite3 --bind 127.0.0.1:9000
+  SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
   curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
 pub struct Args {
     /// Where to listen. Only loopback addresses: there are no tokens yet to keep strangers out.
@@ -24,6 +26,8 @@ pub struct Args {
     /// The SQLite database; made where there is none.
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
+    #[command(flatten)]
+    llm: LlmArgs,
 }
 
 /// Serves.
@@ -33,7 +37,9 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let served = runtime.block_on(async {
-        let config = Config { bind: args.bind, clock: Clock::system(), ..Config::local(args.db.clone()) };
+        let clock = Clock::system();
+        let designers = args.llm.designers(&clock)?;
+        let config = Config { bind: args.bind, clock, designers, ..Config::local(args.db.clone()) };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;

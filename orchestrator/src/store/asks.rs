@@ -315,3 +315,31 @@ pub async fn bills(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String
     });
     Ok(bills.collect())
 }
+
+/// What language models took, by run and day.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpentRow {
+    /// The run.
+    pub run: String,
+    /// Days since 1970 UTC.
+    pub day: i64,
+    /// Tokens, in and out.
+    pub tokens: i64,
+    /// What they cost.
+    pub cost: f64,
+}
+
+/// What language models took so far, by run and day.
+///
+/// # Errors
+/// The database's.
+pub async fn spent(conn: &mut SqliteConnection) -> Result<Vec<SpentRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        SpentRow,
+        r#"SELECT run AS "run!", created_at / 86400000 AS "day!: i64", sum(tokens_in + tokens_out) AS "tokens!: i64",
+                  sum(cost) AS "cost!: f64"
+           FROM design_asks WHERE designer = 'llm' GROUP BY run, created_at / 86400000 ORDER BY run"#
+    )
+    .fetch_all(conn)
+    .await?)
+}

@@ -30,6 +30,7 @@ use self::show::Screen;
 use self::summary::Summary;
 use self::train::{MEMBERS, Plan, Progress, train};
 use self::trainee::Kind;
+use super::llm::LlmArgs;
 use super::options::{self, Chosen};
 use super::{output, worlds};
 use crate::service::{Config, Service};
@@ -72,6 +73,8 @@ pub struct Args {
     /// Print one JSON object last, and words to stderr
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    llm: LlmArgs,
 }
 
 /// Who designs, in the service's words.
@@ -180,7 +183,9 @@ async fn demo(args: &Args) -> anyhow::Result<(Progress, String)> {
     }
     let forgotten = tempfile::tempdir()?;
     let db = args.db.clone().unwrap_or_else(|| Path::new(forgotten.path()).join("demo.sqlite3"));
-    let service = Service::start(Config::local(db)).await?;
+    let config = Config::local(db);
+    let designers = args.llm.designers(&config.clock)?;
+    let service = Service::start(Config { designers, ..config }).await?;
     let trained = train_at(&service.url(), args).await;
     service.stop().await;
     trained

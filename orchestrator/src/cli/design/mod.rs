@@ -22,6 +22,7 @@ use tokio::runtime::Runtime;
 use self::brief::Told;
 use self::row::{Outcome, Row};
 use self::who::Who;
+use super::llm::LlmArgs;
 use super::options::{self, Chosen};
 use super::output::{Format, print, print_json};
 
@@ -86,6 +87,8 @@ pub struct Args {
     /// How the result is printed
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
+    #[command(flatten)]
+    llm: LlmArgs,
 }
 
 fn after_help() -> String {
@@ -113,6 +116,7 @@ Examples:
   sparring design --run my-run --svg pictures --out mine.json
   curl -s http://127.0.0.1:8700/v1/runs/my-run/failures > profile.json && sparring design --profile profile.json
   sparring design --profile profile.json --task kessler/eco_station --dry-run
+  sparring design --run my-run --designer llm --llm-url http://127.0.0.1:8080/v1 --llm-model name
   sparring design --layouts mine.json --format json";
 
 /// Designs and gates.

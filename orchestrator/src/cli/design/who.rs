@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
+use designer::llm::{Llm, prompt};
 use designer::procedural::Procedural;
 use designer::replay::{Draft, Replay};
 use designer::{Brief, Designer, Gate, Judged, Language, Usage, gate, language};
@@ -11,6 +12,7 @@ use serde_json::Value;
 
 use super::Args;
 use super::row::{Outcome, Passed, Row};
+use crate::clock::Clock;
 
 /// Who designs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -27,8 +29,11 @@ pub(super) enum Who {
 pub(super) fn designer(args: &Args) -> anyhow::Result<Box<dyn Designer>> {
     match args.designer.unwrap_or(Who::Procedural) {
         Who::Procedural => Ok(Box::new(Procedural)),
-        // The language model's own arguments (`LlmArgs`) are flattened into `Args` and make a designer here.
-        Who::Llm => bail!("no language model is configured: give --llm-url"),
+        Who::Llm => {
+            let config = args.llm.config(&Clock::system())?;
+            let config = config.context("no language model is configured: give --llm-url")?;
+            Ok(Box::new(Llm::new(config)?.designer(args.run.as_deref().unwrap_or_default())))
+        }
         Who::Replay => bail!("--designer replay: say which file with --layouts"),
     }
 }
@@ -36,7 +41,9 @@ pub(super) fn designer(args: &Args) -> anyhow::Result<Box<dyn Designer>> {
 /// What a language model would be sent: the words, and the schema its answer is held to. The one place where `--dry-run`
 /// learns the prompt.
 pub(super) fn prompt(brief: &Brief, language: &dyn Language) -> (String, Value) {
-    (language.rules(brief), language.schema(brief))
+    let words = prompt::opening(brief, language, brief.count);
+    let words: Vec<_> = words.into_iter().map(|message| message.content).collect();
+    (words.join("\n"), language.schema(brief))
 }
 
 /// The layouts of a file, each through the gate: those that say by which design they were made by that of their world's

@@ -1,6 +1,7 @@
 //! Where designers come from: the service is given them, and knows no endpoint or key.
 
 use designer::Designer;
+use designer::llm::Llm;
 use designer::procedural::Procedural;
 use serde_json::Value;
 
@@ -42,6 +43,10 @@ pub trait Designers: std::fmt::Debug + Send + Sync {
     fn health(&self) -> Option<Value> {
         None
     }
+
+    /// Counts what asking the language model took on a day (days since 1970 UTC) before this process began: budgets survive
+    /// restarts.
+    fn restore(&self, _run: &str, _tokens: u64, _cost: f64, _day: i64) {}
 }
 
 /// Those that need no configuration.
@@ -58,5 +63,30 @@ impl Designers for BuiltIn {
 
     fn has_llm(&self) -> bool {
         false
+    }
+}
+
+/// Those, and a language model.
+#[derive(Debug, Clone)]
+pub struct WithModel(pub Llm);
+
+impl Designers for WithModel {
+    fn designer(&self, which: Which, run: &str) -> Option<Box<dyn Designer>> {
+        match which {
+            Which::Llm => Some(Box::new(self.0.designer(run))),
+            Which::Procedural => BuiltIn.designer(which, run),
+        }
+    }
+
+    fn has_llm(&self) -> bool {
+        true
+    }
+
+    fn health(&self) -> Option<Value> {
+        serde_json::to_value(self.0.health()).ok()
+    }
+
+    fn restore(&self, run: &str, tokens: u64, cost: f64, day: i64) {
+        self.0.restore(run, tokens, cost, day);
     }
 }

@@ -14,5 +14,5 @@ pub mod serve;
 pub mod settings;
 pub mod stock;
 
-pub use designers::{BuiltIn, Designers, Which};
+pub use designers::{BuiltIn, Designers, Which, WithModel};
 pub use settings::{DesignSettings, DesignWish, DesignerChoice};
