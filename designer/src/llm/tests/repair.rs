@@ -55,8 +55,10 @@ async fn repairs_end() {
 #[tokio::test]
 async fn layouts_are_found_in_whatever_a_model_says() {
     let good = good(1).remove(0);
-    let prose =
-        format!("Sure! In [0, 90] I see:\n```json\n{}\n```\nGood luck {{pilot}}.", list(&[good.clone()]));
+    let prose = format!(
+        "Sure! In [0, 90] I see:\n```json\n{}\n```\nGood luck {{pilot}}.",
+        list(std::slice::from_ref(&good))
+    );
     let cut = format!("{{\"layouts\": [{good}, {{\"aim\": {{\"mode\": \"coll");
     let nan = format!("{{\"layouts\": [{good}, {{\"aim\": {{}}, \"encounters\": [{{\"step\": NaN}}]}}]}}");
     for text in [prose, cut, nan, good.to_string(), json!([good]).to_string()] {
@@ -73,6 +75,7 @@ async fn nonsense_is_said_to_be_nonsense_and_asked_again() {
         "{\"layouts\": [{\"aim\": {\"mode\": \"coll",
         "[1, 2, 3]",
         "{\"layouts\": NaN}",
+        "{\"layouts\": []}",
     ];
     for text in nonsense {
         let (designed, requests) = answered([text.to_owned(), list(&good(1))], 1).await;
