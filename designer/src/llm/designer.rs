@@ -194,7 +194,7 @@ fn told(refused: &[Refused]) -> (Message, Message) {
 /// A design's name, short and in one line: a model may have put anything there.
 fn name(design: &Value) -> String {
     let given = design.get("name").and_then(Value::as_str).unwrap_or_default();
-    super::error::one_line(given).chars().take(60).collect()
+    super::error::shortened(given, 60)
 }
 
 fn list_of(schema: &Value, count: usize) -> Value {

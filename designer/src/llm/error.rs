@@ -105,18 +105,30 @@ fn wait(retry_after: Option<Duration>) -> String {
 
 /// The beginning of what a stranger wrote, in one line, without anything that could steer a terminal or a page.
 pub(super) fn one_line(text: &str) -> String {
+    shortened(text, KEPT)
+}
+
+/// At most so many characters of it.
+pub(super) fn shortened(text: &str, most: usize) -> String {
     let mut line = String::new();
-    for word in text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()) {
+    let words = text.split(|c: char| c.is_whitespace() || c.is_control() || turns(c));
+    for word in words.filter(|word| !word.is_empty()) {
         if !line.is_empty() {
             line.push(' ');
         }
         line.push_str(word);
-        if line.len() > 4 * KEPT {
+        // A character has at most four bytes.
+        if line.len() > 4 * most {
             break;
         }
     }
-    if line.chars().count() > KEPT {
-        line = line.chars().take(KEPT - 3).chain("...".chars()).collect();
+    if line.chars().count() > most {
+        line = line.chars().take(most.saturating_sub(3)).chain("...".chars()).collect();
     }
     line
+}
+
+/// Characters that are not seen, or turn the direction of those around them.
+const fn turns(c: char) -> bool {
+    matches!(c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
 }

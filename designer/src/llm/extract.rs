@@ -31,10 +31,12 @@ pub(super) fn designs(text: &str, most: usize) -> Result<Found, String> {
         return Err("it is empty".to_owned());
     }
     let whole = |value: Value| {
-        if value.is_object() || holds_objects(&value) {
-            Ok(capped(listed(value), most, true))
-        } else {
-            Err("it is JSON, but neither an object nor a list of objects".to_owned())
+        if !value.is_object() && !holds_objects(&value) {
+            return Err("it is JSON, but neither an object nor a list of objects".to_owned());
+        }
+        match listed(value) {
+            none if none.is_empty() => Err("it is a list without layouts".to_owned()),
+            designs => Ok(capped(designs, most, true)),
         }
     };
     let error = match serde_json::from_str(text) {

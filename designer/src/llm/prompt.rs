@@ -5,6 +5,7 @@ use env_core::critique::{SECTORS, SpeedBands};
 use serde_json::Value;
 
 use super::chat::{Message, Role};
+use super::error::shortened;
 use crate::brief::{Brief, Fate, Past};
 use crate::gate::Refusal;
 use crate::language::Language;
@@ -72,7 +73,7 @@ pub fn repair(refused: &[(usize, String, Refusal)]) -> Message {
 /// What is said of an answer that could not be read.
 #[must_use]
 pub fn nonsense(reason: &str, count: usize) -> Message {
-    let reason = one_line(reason, REASON);
+    let reason = shortened(reason, REASON);
     Message::new(Role::User, fill(NONSENSE, &[("reason", reason), ("count", layouts(count))]))
 }
 
@@ -96,12 +97,7 @@ fn layouts(count: usize) -> String {
 
 /// What a stranger wrote, as data: short, in one line and in quotes that it cannot end.
 fn quoted(text: &str, most: usize) -> String {
-    Value::String(one_line(text, most)).to_string()
-}
-
-fn one_line(text: &str, most: usize) -> String {
-    let plain = text.chars().map(|c| if c.is_control() || c.is_whitespace() { ' ' } else { c });
-    plain.take(most).collect::<String>().trim().to_owned()
+    Value::String(shortened(text, most)).to_string()
 }
 
 /// A word of ours that came by way of a file: letters, digits and `_`.

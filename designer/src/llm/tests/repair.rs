@@ -75,6 +75,7 @@ async fn nonsense_is_said_to_be_nonsense_and_asked_again() {
         "{\"layouts\": [{\"aim\": {\"mode\": \"coll",
         "[1, 2, 3]",
         "{\"layouts\": NaN}",
+        "{\"layouts\": []}",
     ];
     for text in nonsense {
         let (designed, requests) = answered([text.to_owned(), list(&good(1))], 1).await;
