@@ -107,7 +107,7 @@ const POSTED: [(&str, &str); 13] = [
 ];
 
 /// Queries that are none, and what is not there.
-const ASKED: [&str; 16] = [
+const ASKED: [&str; 18] = [
     "/v1/runs/run/designs?state=lost",
     "/v1/runs/run/designs?task=kessler/rendezvous",
     "/v1/runs/run/designs?ask=7",
@@ -122,6 +122,8 @@ const ASKED: [&str; 16] = [
     "/v1/runs/run/designs/summary?task=x",
     "/v1/layouts?state=refused",
     "/v1/layouts?task=kessler/golf",
+    "/v1/layouts?task=kessler/survival&aim=boredom",
+    "/v1/runs/run/designs?mode=boredom",
     "/v1/layouts/layout-7",
     "/v1/layouts/layout-07",
 ];

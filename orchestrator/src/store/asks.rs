@@ -204,6 +204,17 @@ pub async fn waiting(conn: &mut SqliteConnection) -> Result<Vec<(i64, String)>, 
     Ok(rows.into_iter().map(|r| (r.id, r.run)).collect())
 }
 
+/// All that are running: (ask, run, task).
+///
+/// # Errors
+/// The database's.
+pub async fn all_running(conn: &mut SqliteConnection) -> Result<Vec<(i64, String, String)>, StoreError> {
+    let rows = query!("SELECT id, run, task FROM design_asks WHERE state = 'running' ORDER BY id")
+        .fetch_all(conn)
+        .await?;
+    Ok(rows.into_iter().map(|r| (r.id, r.run, r.task)).collect())
+}
+
 /// How many asks of a run are running: one, if any.
 ///
 /// # Errors

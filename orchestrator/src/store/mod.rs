@@ -16,6 +16,7 @@ pub mod progress;
 pub mod proposals;
 pub mod runs;
 pub mod scenarios;
+pub mod serving;
 pub mod sums;
 
 pub use open::{Claim, OpenError, claim, reader, writer};

@@ -11,7 +11,7 @@ use crate::curriculum::{Move, Proposal};
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::proposals::{self, Queued};
-use crate::store::{design_counts, from_json, layouts};
+use crate::store::{design_counts, from_json, serving};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -143,7 +143,7 @@ impl Change for TakeLease {
         for (number, layout) in (0i64..).zip(designed) {
             let group = match layout {
                 Some(layout) => {
-                    layouts::served(conn, layout.id, now).await?;
+                    serving::served(conn, layout.id, now).await?;
                     serve::group(mind, number, layout)
                 }
                 None => {

@@ -3,14 +3,14 @@
 
 mod thread;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use designer::Gate;
 use sqlx::SqlitePool;
 use tokio::sync::{Notify, Semaphore, watch};
-use tokio::task::JoinSet;
+use tokio::task::{Id, JoinSet};
 
 use self::thread::{Shift, Task};
 use crate::store::{asks, design_counts};
@@ -58,7 +58,9 @@ struct Room {
 /// What is under way.
 #[derive(Default)]
 struct Underway {
-    jobs: JoinSet<String>,
+    jobs: JoinSet<()>,
+    /// Whose each job is.
+    of: HashMap<Id, String>,
     runs: BTreeSet<String>,
     /// What each run's look at whether anything is due rested on, where nothing was.
     looked: BTreeMap<String, (i64, Instant)>,
@@ -89,7 +91,7 @@ impl Studio {
                 }
             }
             tokio::select! {
-                done = begun.jobs.join_next(), if !begun.jobs.is_empty() => begun.ended(done),
+                Some(done) = begun.jobs.join_next_with_id() => begun.ended(done),
                 () = room.studio.wake.notified() => {}
                 () = tokio::time::sleep(EVERY) => {}
             }
@@ -108,18 +110,17 @@ impl Underway {
         true
     }
 
-    fn ended(&mut self, done: Option<Result<String, tokio::task::JoinError>>) {
-        match done {
-            Some(Ok(run)) => {
-                self.runs.remove(&run);
-                self.looked.remove(&run);
-            }
-            // Which it was is gone with it. The store knows what runs.
-            Some(Err(error)) => {
+    fn ended(&mut self, done: Result<(Id, ()), tokio::task::JoinError>) {
+        let id = match done {
+            Ok((id, ())) => id,
+            Err(error) => {
                 tracing::error!(error = %error, "Asking a designer ended badly.");
-                self.runs.clear();
+                error.id()
             }
-            None => {}
+        };
+        if let Some(run) = self.of.remove(&id) {
+            self.runs.remove(&run);
+            self.looked.remove(&run);
         }
     }
 }
@@ -127,11 +128,17 @@ impl Underway {
 impl Room {
     /// Begins what waits, and what is due.
     async fn turn(&self, begun: &mut Underway) -> Result<(), TrainingError> {
-        let (waiting, criticised) = {
+        let (running, waiting, criticised) = {
             let mut conn = self.studio.readers.acquire().await?;
-            let waiting = asks::waiting(&mut conn).await?;
-            (waiting, design_counts::criticised(&mut conn, stock::EPISODES).await?)
+            let (running, waiting) = (asks::all_running(&mut conn).await?, asks::waiting(&mut conn).await?);
+            (running, waiting, design_counts::criticised(&mut conn, stock::EPISODES).await?)
         };
+        // What could not be ended when it was over must not keep its run waiting for ever.
+        for (ask, run, task) in running.into_iter().filter(|(_, run, _)| !begun.runs.contains(run)) {
+            let error = Some("what was designed was lost; the log says why".to_owned());
+            let lost = Finish { error, ..Finish::nothing(ask, run, task) };
+            self.studio.writer.change(lost).await?;
+        }
         for (ask, run) in waiting {
             self.begin(begun, run, Some(ask)).await?;
         }
@@ -164,14 +171,15 @@ impl Room {
             }
         };
         if let Some(started) = started {
+            let job = begun.jobs.spawn(self.clone().ask(started));
+            begun.of.insert(job.id(), run.clone());
             begun.runs.insert(run);
-            begun.jobs.spawn(self.clone().ask(started));
         }
         Ok(())
     }
 
-    /// One ask from its beginning to its end; its run.
-    async fn ask(self, begun: Begun) -> String {
+    /// One ask from its beginning to its end.
+    async fn ask(self, begun: Begun) {
         let began = Instant::now();
         let run = begun.run.clone();
         let mut finish = self.design(&begun).await;
@@ -192,21 +200,11 @@ impl Room {
                 }
             }
         }
-        run
     }
 
     async fn design(&self, begun: &Begun) -> Finish {
-        let mut finish = Finish {
-            ask: begun.ask,
-            run: begun.run.clone(),
-            task: begun.task.clone(),
-            level: begun.level,
-            made: Vec::new(),
-            usage: designer::Usage::default(),
-            troubles: Vec::new(),
-            error: None,
-            took: Duration::ZERO,
-        };
+        let nothing = Finish::nothing(begun.ask, begun.run.clone(), begun.task.clone());
+        let mut finish = Finish { level: begun.level, ..nothing };
         if let Err(error) = self.fill(begun, &mut finish).await {
             finish.error = Some(error);
         }
@@ -264,6 +262,21 @@ impl Room {
 }
 
 impl Finish {
+    /// An ask of which nothing came.
+    fn nothing(ask: i64, run: String, task: String) -> Self {
+        Self {
+            ask,
+            run,
+            task,
+            level: None,
+            made: Vec::new(),
+            usage: designer::Usage::default(),
+            troubles: Vec::new(),
+            error: None,
+            took: Duration::ZERO,
+        }
+    }
+
     /// Adds what a designer came up with.
     fn take(&mut self, shift: Shift) {
         let Shift { name, designed } = shift;

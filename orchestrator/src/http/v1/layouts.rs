@@ -1,13 +1,14 @@
 //! Layouts of all runs: what the gate let through, to be looked at and flown by hand.
 
 use axum::extract::State;
+use env_core::TaskSpec;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
-use super::designs::view::{DesignHead, Designs, before, design, one_of};
+use super::designs::view::{DesignHead, Designs, before, design, known_mode, one_of};
 use super::leases::BracketView;
 use super::{Page, id};
 use crate::ids::LayoutId;
@@ -68,10 +69,14 @@ pub(super) async fn list(
 ) -> Result<axum::Json<Designs>, Problem> {
     let Listed { task, state, aim, limit, cursor } = listed;
     one_of("state", state.as_ref(), &STATES)?;
-    if let Some(task) = task.as_ref().filter(|task| env_core::task(task).is_none()) {
-        let task: String = task.chars().take(60).collect();
-        return Err(Problem::invalid("task", format!("there is no task {task:?}; GET /v1/tasks lists them")));
-    }
+    let tasks: Vec<&'static dyn TaskSpec> = match &task {
+        None => env_core::tasks().collect(),
+        Some(id) => vec![env_core::task(id).ok_or_else(|| {
+            let id: String = id.chars().take(60).collect();
+            Problem::invalid("task", format!("there is no task {id:?}; GET /v1/tasks lists them"))
+        })?],
+    };
+    known_mode("aim", aim.as_ref(), &tasks)?;
     let page = Page { limit, cursor };
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;

@@ -6,8 +6,8 @@ use env_core::draws::Purpose;
 use sqlx::SqliteConnection;
 
 use super::DesignSettings;
-use crate::store::layouts::{self, Servable};
 use crate::store::leases::GroupRow;
+use crate::store::serving::{self, Servable};
 use crate::store::{StoreError, design_counts, unsigned};
 use crate::training::settings::EvidenceFrom;
 use crate::training::{Mind, RunSettings};
@@ -95,10 +95,10 @@ pub(in crate::training) async fn choose(
     let fits = |task: &str, level: Option<i64>| {
         placed.iter().any(|s| s.task == task && near(level.and_then(|l| u32::try_from(l).ok()), s.level))
     };
-    let mut active = layouts::active(conn, run).await?;
+    let mut active = serving::active(conn, run).await?;
     active.retain(|layout| fits(&layout.task, layout.level));
     let probes = drawn.iter().any(|drawn| drawn.designed && drawn.probes);
-    let mut retired = if probes { layouts::retired(conn, run).await? } else { Vec::new() };
+    let mut retired = if probes { serving::retired(conn, run).await? } else { Vec::new() };
     retired.retain(|(task, level, _)| fits(task, *level));
     let (train_groups, _) = design_counts::groups(conn, run).await?;
     let mut shelf = Shelf { settings, active, retired, train_groups };
@@ -144,7 +144,7 @@ impl Shelf {
         };
         for (task, level, n) in &self.retired {
             if nth < *n {
-                let found = layouts::nth_retired(conn, run, task, *level, nth).await?;
+                let found = serving::nth_retired(conn, run, task, *level, nth).await?;
                 let share = self.settings.layout_share;
                 return Ok(
                     found.filter(|l| within_share(l.groups, self.train_groups - l.train_groups_at, share))

@@ -8,7 +8,7 @@ use super::super::super::extract::{Path, Query};
 use super::super::super::problem::Problem;
 use super::super::failures::tasks_of;
 use super::super::{Page, id, run_id};
-use super::view::{Designs, before, one_of};
+use super::view::{Designs, before, known_mode, one_of};
 use crate::ids::AskId;
 use crate::service::App;
 use crate::store::layouts::{self, Wanted};
@@ -57,7 +57,8 @@ pub(in crate::http::v1) async fn list(
     let page = Page { limit, cursor };
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
-    tasks_of(&mut conn, &run, task.as_deref()).await?;
+    let tasks = tasks_of(&mut conn, &run, task.as_deref()).await?;
+    known_mode("mode", mode.as_ref(), &tasks)?;
     let wanted = Wanted { task, state, mode, ask: ask.map(|ask| ask.0), refused: true };
     let rows = layouts::of_run(&mut conn, run.as_str(), &wanted, before, limit).await?;
     Ok(axum::Json(Designs::of(&rows, limit)?))

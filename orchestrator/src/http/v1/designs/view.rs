@@ -1,5 +1,8 @@
 //! A design as it is answered.
 
+use std::collections::BTreeSet;
+
+use env_core::TaskSpec;
 use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -152,6 +155,17 @@ pub(in crate::http::v1) fn one_of(field: &str, word: Option<&String>, known: &[&
         }
         _ => Ok(()),
     }
+}
+
+/// A failure mode that one of these tasks must have.
+pub(in crate::http::v1) fn known_mode(
+    field: &str,
+    mode: Option<&String>,
+    tasks: &[&'static dyn TaskSpec],
+) -> Result<(), Problem> {
+    let modes: BTreeSet<&str> =
+        tasks.iter().flat_map(|task| task.failure_modes()).map(|mode| mode.name).collect();
+    one_of(field, mode, &modes.into_iter().collect::<Vec<_>>())
 }
 
 /// A design as its designer gave it, or as the gate read it.
