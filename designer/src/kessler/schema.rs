@@ -9,6 +9,7 @@ use env_core::kessler::constants::{
 use env_core::kessler::plant::START_RADII;
 use serde_json::{Map, Value, json};
 
+use super::Kind;
 use super::claim::AIM_WIDTH;
 use super::language::{
     BEARING, Bound, FRAMES, KINDS, MAX_ENCOUNTERS, MAX_NAME, MISS, SATELLITE, SPEED, STEP,
@@ -41,8 +42,25 @@ fn object(fields: &[(&str, Value)]) -> Value {
 /// The schema of one design. Every field is wanted, as strict endpoints have it; a field in which nothing can be chosen is
 /// not there.
 pub(super) fn schema(brief: &Brief) -> Value {
+    // A form for each kind that aims take, so that a grammar holds the encounters to what the aim needs.
+    let forms: Vec<_> = [Kind::Threat, Kind::Decoy]
+        .into_iter()
+        .filter_map(|kind| {
+            let modes: Vec<_> = aims(brief).filter(|aim| aim.1 == kind).map(|aim| aim.0).collect();
+            (!modes.is_empty()).then(|| form(brief, kind, modes))
+        })
+        .collect();
+    match <[Value; 1]>::try_from(forms) {
+        Ok([only]) => only,
+        Err(forms) => json!({"anyOf": forms}),
+    }
+}
+
+/// The schema of a design whose aim takes encounters of this kind; wide passes may stand beside them, and decoys beside
+/// threats.
+fn form(brief: &Brief, needed: Kind, modes: Vec<&'static str>) -> Value {
     let bearing = whole(BEARING.min, BEARING.max);
-    let aim = vec![("mode", one_of(aims(brief).map(|aim| aim.0))), ("bearing_deg", bearing)];
+    let aim = vec![("mode", one_of(modes)), ("bearing_deg", bearing)];
     let mut fields = vec![("aim", object(&aim)), ("frame", one_of(FRAMES.map(|row| row.0)))];
     let params = brief.limits.iter();
     let params: Vec<_> =
@@ -51,7 +69,12 @@ pub(super) fn schema(brief: &Brief) -> Value {
         fields.push(("params", object(&params)));
     }
     // One form a kind, so that a grammar holds each to the miss distances it may have.
-    let encounters = KINDS.map(|(_, kind, min, max, _)| encounter(kind, whole(min, max), rogues(brief)));
+    let fits = |kind: Kind| kind == needed || needed == Kind::Threat;
+    let encounters: Vec<_> = KINDS
+        .iter()
+        .filter(|row| fits(row.0))
+        .map(|(_, kind, min, max, _)| encounter(kind, whole(*min, *max), rogues(brief)))
+        .collect();
     fields.push((
         "encounters",
         json!({

@@ -192,6 +192,8 @@ pub struct Fared {
     pub skill: Option<f64>,
     /// Its score.
     pub score: f64,
+    /// What the reference earned.
+    pub reference: f64,
     /// The policy that flew it.
     pub policy_version: i64,
 }
@@ -207,7 +209,7 @@ pub async fn of_group(
     to: i64,
 ) -> Result<Vec<Fared>, StoreError> {
     let rows = query!(
-        "SELECT success, skill, score, policy_version FROM episodes
+        "SELECT success, skill, score, reference, policy_version FROM episodes
          WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
         lease,
         from,
@@ -219,6 +221,7 @@ pub async fn of_group(
         success: r.success == Some(1),
         skill: r.skill,
         score: r.score.unwrap_or(0.0),
+        reference: r.reference.unwrap_or(0.0),
         policy_version: r.policy_version,
     });
     Ok(fared.collect())

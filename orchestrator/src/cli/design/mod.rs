@@ -15,7 +15,8 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, ensure};
-use designer::{Brief, Designed, Gate, Language, language};
+use designer::procedural::Procedural;
+use designer::{Brief, Designed, Designer, Gate, Language, language};
 use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 
@@ -151,9 +152,22 @@ fn designed(args: &Args) -> anyhow::Result<Outcome> {
     let started = Instant::now();
     let designed = runtime.block_on(designer.design(&brief, &mut gate));
     drop(busy);
-    let Designed { judged, usage, troubles } = designed?;
     let (name, task) = (designer.name(), brief.base.task().id());
-    let rows = judged.into_iter().map(|judged| Row::of(name, task, judged)).collect();
+    let instead = name != Procedural.name();
+    let mut designed = match designed {
+        // As in the service: what a language model does not do the procedural designer does.
+        Err(error) if instead => Designed { troubles: vec![error.to_string()], ..Designed::default() },
+        designed => designed?,
+    };
+    let missing = brief.count - designed.admitted().min(brief.count);
+    let judged = std::mem::take(&mut designed.judged);
+    let mut rows: Vec<Row> = judged.into_iter().map(|judged| Row::of(name, task, judged)).collect();
+    if instead && missing > 0 {
+        let more = Procedural::layouts(&Brief { count: missing, ..brief }, &mut gate);
+        designed.troubles.push(format!("the procedural designer stands in for {missing} layouts of {name}"));
+        rows.extend(more.judged.into_iter().map(|judged| Row::of(Procedural.name(), task, judged)));
+    }
+    let Designed { usage, troubles, .. } = designed;
     Ok(Outcome { designer: name, rows, usage, troubles, took: started.elapsed() })
 }
 

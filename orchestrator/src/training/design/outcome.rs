@@ -1,5 +1,8 @@
 //! How a designed group went: what it says of its layout, and, where the run wants that, of the agent.
 
+use designer::Claim;
+use env_core::bracket::MIN_GAP;
+
 use super::life::{Life, Standing};
 use super::serve::at_frontier;
 use crate::curriculum::{GroupOutcome, Move, Role};
@@ -72,10 +75,16 @@ fn is_stale(settings: &RunSettings, newest: i64, fared: &[Fared]) -> bool {
 }
 
 /// What an episode left on the table: (reference − score)/(reference − floor) within [0, 1], which is 1 − skill; where no
-/// skill is defined, as on a decoy, 1 unless it succeeded.
+/// skill is defined, as on a decoy, of the gap that would define one.
 fn regret(fared: &Fared) -> f64 {
-    let missed = fared.skill.map_or(if fared.success { 0.0 } else { 1.0 }, |skill| 1.0 - skill);
+    let missed = fared.skill.map_or_else(|| (fared.reference - fared.score) / MIN_GAP, |skill| 1.0 - skill);
     missed.clamp(0.0, 1.0)
+}
+
+/// Whether an episode did what its layout asks for. On a decoy nobody is lost who does nothing: there it is asked that
+/// hardly anything was wasted, less than would make a skill defined.
+fn mastered(fared: &Fared, decoy: bool) -> bool {
+    fared.success && (!decoy || fared.reference - fared.score < MIN_GAP)
 }
 
 async fn enter(
@@ -87,7 +96,8 @@ async fn enter(
     let Some(standing) = Standing::of(&row.state, row.why.as_deref()) else { return Ok(()) };
     let recent = from_json("a layout's outcomes", &row.recent)?;
     let mut life = Life { standing, recent, barren: small(row.barren) };
-    let successes = fared.iter().filter(|f| f.success).count();
+    let decoy = row.claim.as_deref() == Some(Claim::Decoy.word());
+    let successes = fared.iter().filter(|f| mastered(f, decoy)).count();
     let told = life.take(successes as f64 / fared.len().max(1) as f64);
     let flown = Flown {
         episodes: fared.len() as i64,
@@ -103,4 +113,22 @@ async fn enter(
         layouts::turn(conn, row.id, &Turn { state, why, reason }, now).await?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fared(score: f64, skill: Option<f64>) -> Fared {
+        Fared { success: true, skill, score, reference: 0.9, policy_version: 0 }
+    }
+
+    #[test]
+    fn waste_on_a_decoy_is_no_success_though_nobody_is_lost() {
+        assert!(mastered(&fared(0.89, None), true) && !mastered(&fared(0.7, None), true));
+        assert!(mastered(&fared(0.7, Some(0.8)), false));
+        assert!(!mastered(&Fared { success: false, ..fared(0.9, None) }, true));
+        assert_eq!((regret(&fared(0.7, None)), regret(&fared(0.9, None))), (1.0, 0.0));
+        assert!((regret(&fared(0.7, Some(0.8))) - 0.2).abs() < 1e-12);
+    }
 }
