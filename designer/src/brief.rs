@@ -83,7 +83,7 @@ pub enum Fate {
         episodes: u32,
         /// The share of them that succeeded.
         success: f64,
-        /// The mean of (reference − score)/(reference − floor) within [0, 1].
+        /// The mean of (reference − score)/(reference − floor) within [0, 1]; on decoys of (reference − score)/reference.
         regret: f64,
         /// Whether it serves no longer.
         retired: bool,

@@ -64,7 +64,7 @@ impl Designer for Procedural {
     }
 }
 
-/// Earlier designs worth editing, with their weights: regret × novelty.
+/// Earlier designs worth editing, with their weights: one over the rank of regret × novelty.
 struct Parents<'a> {
     past: Vec<&'a Past>,
     weights: Vec<f64>,
@@ -77,12 +77,16 @@ fn parents<'a>(brief: &'a Brief, language: &dyn Language) -> Parents<'a> {
         let others = brief.fates.iter().enumerate().filter(|(other, _)| *other != at);
         let distances = others.map(|(_, other)| language.distance(&past.design, &other.design));
         let novelty = distances.fold(1.0, f64::min);
-        let weight = regret * novelty;
-        if weight > 0.0 {
+        let worth = regret * novelty;
+        if worth > 0.0 {
             parents.past.push(past);
-            parents.weights.push(weight);
+            parents.weights.push(worth);
         }
     }
+    // By rank, as regrets lie close together once a designer knows what to do (Jiang et al. 2021, section 3).
+    let worth = std::mem::take(&mut parents.weights);
+    let rank = |of: &f64| 1 + worth.iter().filter(|other| *other > of).count();
+    parents.weights = worth.iter().map(|of| 1.0 / rank(of) as f64).collect();
     parents
 }
 

@@ -128,11 +128,13 @@ fn judged(
     let succeeded = success(scenario, SuccessRule::Task, bracket, flown);
     let vain = critique.actions.iter().filter(|action| action.verdict == Verdict::Wasteful);
     let wasted: f64 = vain.map(|action| action.cost).sum();
-    let gap = (bracket.reference.score - bracket.floor).max(bracket::MIN_GAP);
+    // As the service has it.
+    let best = bracket.reference.score;
+    let gap = if weakness == Weakness::Nervous { best } else { (best - bracket.floor).max(bracket::MIN_GAP) };
     Tried {
         failed: if weakness == Weakness::Nervous { wasted >= WASTED } else { !succeeded },
         succeeded,
-        regret: ((bracket.reference.score - flown.score) / gap).clamp(0.0, 1.0),
+        regret: ((best - flown.score) / gap).clamp(0.0, 1.0),
         critique,
     }
 }

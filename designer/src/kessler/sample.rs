@@ -1,6 +1,6 @@
 //! New designs from a failure profile: debris comes from where, and as fast as, what took the agent came.
 
-use env_core::critique::SECTORS;
+use env_core::critique::{SECTORS, sector};
 use env_core::kessler::bearing::Frame;
 use env_core::{Draws, Scenario};
 
@@ -9,7 +9,7 @@ use super::claim::AIM_WIDTH;
 use super::language::{Aim, BEARING, Design, Encounter, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP};
 use super::sky::Sky;
 use super::speak::aims;
-use crate::brief::Brief;
+use crate::brief::{Brief, Fate};
 use crate::profile::{ModeProfile, Rose};
 
 /// The share of designs that look where nothing was found yet.
@@ -18,7 +18,7 @@ const EXPLORED: f64 = 0.05;
 const TRIES: u32 = 24;
 /// Threats of a design, and decoys of one that is all decoys.
 const THREATS: (u32, u32) = (4, 9);
-const DECOYS: (u32, u32) = (4, 10);
+const DECOYS: (u32, u32) = (8, 12);
 /// Steps at which encounters are put: early ones leave blind kicks no time, late ones wear down fuel.
 const STEPS: (u32, u32) = (4, 40);
 
@@ -63,13 +63,16 @@ fn target(brief: &Brief, draws: &mut Draws) -> Option<Target> {
     let known: Vec<_> = aims(brief).collect();
     let blank = ModeProfile::default();
     let weight = |name: &str| brief.profile.mode(name).map_or(0.0, |mode| mode.weight);
-    let mut weights: Vec<f64> = known.iter().map(|aim| weight(aim.0)).collect();
+    // Squared: what stands out gets most.
+    let mut weights: Vec<f64> = known.iter().map(|aim| weight(aim.0) * weight(aim.0)).collect();
     if weights.iter().all(|weight| *weight <= 0.0) {
         weights = known.iter().map(|aim| if aim.0 == "collision" { 1.0 } else { 0.0 }).collect();
     }
     let (mode, kind, rogue, _) = *known[draws.weighted(&weights)?];
     let profile = brief.profile.mode(mode).unwrap_or(&blank);
-    let (frame, rose) = sharper(profile);
+    let (frame, mut rose) = sharper(profile);
+    let mut speeds = profile.speeds(brief.base.task().speed_bands().edges.len() + 1);
+    learn(brief, mode, frame, &mut rose, &mut speeds);
     let met = rose.iter().sum::<f64>() > 0.0;
     let sharpened = sharpened(&rose);
     let explores = !met || draws.chance(EXPLORED);
@@ -83,9 +86,38 @@ fn target(brief: &Brief, draws: &mut Draws) -> Option<Target> {
         frame,
         kind,
         rogue: rogue == Some(true),
-        speeds: profile.speeds(brief.base.task().speed_bands().edges.len() + 1),
+        speeds,
         bearing,
     })
+}
+
+/// Layouts that what the profile says weighs as much as.
+const PRIOR: f64 = 4.0;
+
+/// Adds what earlier layouts for this mode have shown: where they came from and how fast, by how much the agent left on the
+/// table there.
+fn learn(brief: &Brief, mode: &str, frame: Frame, rose: &mut Rose, speeds: &mut [f64]) {
+    for weights in [&mut rose[..], &mut *speeds] {
+        let all: f64 = weights.iter().sum();
+        weights.iter_mut().filter(|_| all > 0.0).for_each(|weight| *weight *= PRIOR / all);
+    }
+    let bands = brief.base.task().speed_bands();
+    for past in &brief.fates {
+        let Fate::Flown { regret, .. } = past.fate else { continue };
+        let Ok(design) = Design::from_json(&past.design) else { continue };
+        if design.aim.mode != mode {
+            continue;
+        }
+        if let Some(aimed) = design.aim.bearing_deg.filter(|_| design.frame == frame) {
+            rose[sector(f64::from(aimed)) as usize] += regret;
+        }
+        let share = regret / design.encounters.len().max(1) as f64;
+        for encounter in &design.encounters {
+            if let Some(weight) = speeds.get_mut(bands.band(SPEED.value(encounter.relative_speed)) as usize) {
+                *weight += share;
+            }
+        }
+    }
 }
 
 /// The frame in which the failures stand closer together, and their rose there: an agent that is blind to one side of the
@@ -150,7 +182,7 @@ impl Target {
 fn speed(weights: &[f64], brief: &Brief, draws: &mut Draws) -> u32 {
     let edges = brief.base.task().speed_bands().edges;
     let number = |edge: f64| (edge / SPEED.scale) as u32;
-    let known = weights.iter().sum::<f64>() > 0.0;
+    let known = weights.iter().sum::<f64>() > 0.0 && !draws.chance(EXPLORED);
     let Some(band) = draws.weighted(weights).filter(|_| known) else {
         return draws.between(SPEED.min.max(20), SPEED.max);
     };

@@ -74,10 +74,11 @@ fn is_stale(settings: &RunSettings, newest: i64, fared: &[Fared]) -> bool {
     settings.max_staleness.zip(oldest).is_some_and(|(most, oldest)| newest - oldest > i64::from(most))
 }
 
-/// What an episode left on the table: (reference − score)/(reference − floor) within [0, 1], which is 1 − skill; where no
-/// skill is defined, as on a decoy, of the gap that would define one.
-fn regret(fared: &Fared) -> f64 {
-    let missed = fared.skill.map_or_else(|| (fared.reference - fared.score) / MIN_GAP, |skill| 1.0 - skill);
+/// What an episode left on the table: (reference − score)/(reference − floor) within [0, 1], which is 1 − skill; on a decoy,
+/// and where no skill is defined, (reference − score)/reference.
+fn regret(fared: &Fared, decoy: bool) -> f64 {
+    let share = || (fared.reference - fared.score) / fared.reference.abs().max(MIN_GAP);
+    let missed = fared.skill.filter(|_| !decoy).map_or_else(share, |skill| 1.0 - skill);
     missed.clamp(0.0, 1.0)
 }
 
@@ -103,7 +104,7 @@ async fn enter(
         episodes: fared.len() as i64,
         successes: successes as i64,
         score: fared.iter().map(|f| f.score).sum(),
-        regret: fared.iter().map(regret).sum(),
+        regret: fared.iter().map(|fared| regret(fared, decoy)).sum(),
         recent: to_json(&life.recent)?,
         barren: i64::from(life.barren),
     };
@@ -128,7 +129,8 @@ mod tests {
         assert!(mastered(&fared(0.89, None), true) && !mastered(&fared(0.7, None), true));
         assert!(mastered(&fared(0.7, Some(0.8)), false));
         assert!(!mastered(&Fared { success: false, ..fared(0.9, None) }, true));
-        assert_eq!((regret(&fared(0.7, None)), regret(&fared(0.9, None))), (1.0, 0.0));
-        assert!((regret(&fared(0.7, Some(0.8))) - 0.2).abs() < 1e-12);
+        assert_eq!((regret(&fared(0.45, None), true), regret(&fared(0.9, None), true)), (0.5, 0.0));
+        assert!((regret(&fared(0.7, Some(0.8)), false) - 0.2).abs() < 1e-12);
+        assert_eq!(regret(&fared(0.45, Some(-1.0)), true), 0.5);
     }
 }
