@@ -24,6 +24,7 @@ CREATE TABLE design_asks (
     state      TEXT    NOT NULL CHECK (state IN ('waiting', 'running', 'done', 'failed')),
     wanted     INTEGER NOT NULL,
     admitted   INTEGER NOT NULL DEFAULT 0,
+    own        INTEGER NOT NULL DEFAULT 0, -- of these, by the designer that was asked and not by one that stood in
     refused    INTEGER NOT NULL DEFAULT 0, -- all of them; at most 64 are kept as layouts
     model      TEXT,
     prompt     TEXT, -- the version of it
@@ -41,6 +42,7 @@ CREATE TABLE design_asks (
 ) STRICT;
 
 CREATE INDEX asks_of_run ON design_asks (run, id);
+CREATE INDEX asks_of_task ON design_asks (run, task, id);
 CREATE INDEX asks_waiting ON design_asks (run, id) WHERE state = 'waiting';
 CREATE INDEX asks_running ON design_asks (run, id) WHERE state = 'running';
 
@@ -83,6 +85,7 @@ CREATE INDEX layouts_of_run ON layouts (run, id);
 CREATE INDEX layouts_of_task ON layouts (run, task, id);
 CREATE INDEX layouts_active ON layouts (run, id) WHERE state = 'active';
 CREATE INDEX layouts_retired ON layouts (run, task, level, id) WHERE state = 'retired';
+CREATE INDEX layouts_probed ON layouts (run, task, level, id) WHERE state = 'retired' AND why IN ('mastered', 'hopeless');
 CREATE INDEX layouts_admitted ON layouts (id) WHERE state != 'refused';
 
 -- Every change of a layout's state, with its reason.

@@ -1,6 +1,7 @@
 //! What a designer is told: the task and its limits, what the agent fails at, and how earlier layouts fared.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use env_core::space::Levels;
 use env_core::{Recipe, Scenario, Seed, SeedSpace};
@@ -30,6 +31,8 @@ pub struct Brief {
     pub standing: Option<Standing>,
     /// How earlier layouts fared, the newest first.
     pub fates: Vec<Past>,
+    /// How long designing may take: whoever designs ends then with what there is. No limit if none.
+    pub patience: Option<Duration>,
 }
 
 /// A param that a design may choose.
@@ -104,6 +107,7 @@ impl Brief {
             profile,
             standing: None,
             fates: Vec::new(),
+            patience: None,
         }
     }
 

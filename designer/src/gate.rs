@@ -202,6 +202,9 @@ impl Gate {
         let thought = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
         let Some(design) = thought.filter(|design| design.get("encounters").is_some()) else {
             let bracket = threat(scenario)?;
+            if bracket.panel.first().is_none_or(|hold| hold.lost == 0) {
+                return Err(Refusal::Harmless);
+            }
             return Ok(Admitted { scenario: scenario.clone(), bracket, claim: Claim::Threat, novelty: None });
         };
         // What its brief allowed is not known here (rogues of a level to come, say), and need not be: building reads the

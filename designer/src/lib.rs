@@ -95,8 +95,14 @@ impl Fault {
     }
 }
 
-/// At most 60 characters of what a stranger wrote, for a message.
+/// Whether a character moves the cursor or turns the direction of text instead of standing for something.
+fn steers(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// At most 60 characters of what a stranger wrote, for a message, in one line and with nothing that steers a terminal.
 fn shorten(text: &str) -> String {
+    let text: String = text.chars().map(|c| if steers(c) { ' ' } else { c }).collect();
     if text.chars().count() <= 60 {
         text.to_owned()
     } else {

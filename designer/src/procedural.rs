@@ -1,11 +1,10 @@
 //! The designer without a model: samples designs from the failure profile and edits the best of the archive. Needs no
 //! network and never fails; what another designer cannot do, it does.
 
-use std::future::ready;
-
 use env_core::Draws;
 use env_core::draws::Purpose;
 use serde_json::Value;
+use tokio::time::Instant;
 
 use crate::brief::{Brief, Fate, Past};
 use crate::gate::{Gate, Judged, Usage};
@@ -36,21 +35,60 @@ impl Procedural {
     /// Layouts for a brief: until as many passed as are wanted, or the tries are used up.
     #[must_use]
     pub fn layouts(brief: &Brief, gate: &mut Gate) -> Designed {
-        let parents = parents(brief, gate.language());
-        let mut designed = Designed { usage: Usage { rounds: 1, ..Usage::default() }, ..Designed::default() };
-        for number in 0..(brief.count * TRIES) as u64 {
-            if designed.admitted() >= brief.count {
+        let mut work = Work::new(brief, gate);
+        while work.goes_on() {
+            work.once(brief, gate);
+        }
+        work.designed
+    }
+
+    /// The same, letting others go first between tries, for as long as the brief has patience.
+    async fn in_time(brief: &Brief, gate: &mut Gate) -> Designed {
+        let begun = Instant::now();
+        let mut work = Work::new(brief, gate);
+        while work.goes_on() {
+            if let Some(patience) = brief.patience.filter(|patience| begun.elapsed() >= *patience) {
+                let words = format!("its time was over after {} s", patience.as_secs());
+                work.designed.troubles.push(words);
                 break;
             }
-            let mut draws = Draws::new(Purpose::Design, brief.seed, number);
-            let (sky, design) = think(brief, gate.language(), &parents, number, &mut draws);
-            let Some(mut design) = design else { continue };
-            name(&mut design, number);
-            let verdict = gate.judge(brief, &design, [sky]);
-            let name = design.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
-            designed.judged.push(Judged { name, design: Some(design), round: 1, verdict });
+            work.once(brief, gate);
+            tokio::task::yield_now().await;
         }
-        designed
+        work.designed
+    }
+}
+
+/// Designing under way.
+struct Work<'a> {
+    parents: Parents<'a>,
+    designed: Designed,
+    wanted: usize,
+    tried: u64,
+}
+
+impl<'a> Work<'a> {
+    fn new(brief: &'a Brief, gate: &Gate) -> Self {
+        let usage = Usage { rounds: 1, ..Usage::default() };
+        let designed = Designed { usage, ..Designed::default() };
+        Self { parents: parents(brief, gate.language()), designed, wanted: brief.count, tried: 0 }
+    }
+
+    fn goes_on(&self) -> bool {
+        self.designed.admitted() < self.wanted && self.tried < (self.wanted * TRIES) as u64
+    }
+
+    /// One design more.
+    fn once(&mut self, brief: &Brief, gate: &mut Gate) {
+        let number = self.tried;
+        self.tried += 1;
+        let mut draws = Draws::new(Purpose::Design, brief.seed, number);
+        let (sky, design) = think(brief, gate.language(), &self.parents, number, &mut draws);
+        let Some(mut design) = design else { return };
+        name(&mut design, number);
+        let verdict = gate.judge(brief, &design, [sky]);
+        let name = design.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
+        self.designed.judged.push(Judged { name, design: Some(design), round: 1, verdict });
     }
 }
 
@@ -60,7 +98,7 @@ impl Designer for Procedural {
     }
 
     fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a> {
-        Box::pin(ready(Ok(Self::layouts(brief, gate))))
+        Box::pin(async move { Ok(Self::in_time(brief, gate).await) })
     }
 }
 

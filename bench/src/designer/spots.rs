@@ -1,6 +1,6 @@
-//! Four scripted agents with one known weakness each, and a designer that is told nothing but the failure profile that a
-//! real server has collected of their episodes: how often its layouts make them fail, against random contested scenarios of
-//! the same params.
+//! Four scripted agents with one known weakness each, and a designer that knows of them what a real server has collected: the
+//! failure profile of their episodes on random contested scenarios, and, round by round, how they fared on its layouts. How
+//! often these make them fail, against random contested scenarios of the same params; and how often with the profile alone.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -157,7 +157,8 @@ fn row(
     profile: &Profile,
     failed: usize,
 ) -> anyhow::Result<Vec<Row>> {
-    let found = designed(task, weakness, profile)?;
+    let found = designed(task, weakness, profile, true)?;
+    let blind = designed(task, weakness, profile, false)?;
     let baseline = failed as f64 / SCENARIOS as f64;
     let share = found.failed as f64 / found.admitted as f64;
     let wanted = (3.0 * baseline).min(0.9);
@@ -171,6 +172,12 @@ fn row(
             ratio: Some(share / wanted),
         },
         Row {
+            what: format!("{name}: the same with the profile alone, not told how its layouts fared"),
+            measured: format!("{:.1} %", 100.0 * blind.failed as f64 / blind.admitted as f64),
+            goal: String::new(),
+            ratio: None,
+        },
+        Row {
             what: format!("{name}: of these by the aimed mode; and from the aimed bearing"),
             measured: format!("{:.1} %, {:.1} %", 100.0 * of_mode, 100.0 * from_there),
             goal: "≥ 70 %".into(),
@@ -179,7 +186,12 @@ fn row(
     ])
 }
 
-fn designed(task: &'static dyn TaskSpec, weakness: Weakness, profile: &Profile) -> anyhow::Result<Found> {
+fn designed(
+    task: &'static dyn TaskSpec,
+    weakness: Weakness,
+    profile: &Profile,
+    told: bool,
+) -> anyhow::Result<Found> {
     let recipe = Arc::new(Recipe::with_params(task, task.levels().params(LEVEL as usize))?);
     let mut gate = Gate::new(language(task).context("a language")?, Vec::new());
     let mut fates: Vec<Past> = Vec::new();
@@ -189,7 +201,9 @@ fn designed(task: &'static dyn TaskSpec, weakness: Weakness, profile: &Profile) 
         let mut brief = Brief::new(Arc::clone(&recipe), A_ROUND, round);
         brief.level = Some(LEVEL);
         brief.profile = profile.clone();
-        brief.fates = fates.iter().rev().take(3 * A_ROUND).cloned().collect();
+        if told {
+            brief.fates = fates.iter().rev().take(3 * A_ROUND).cloned().collect();
+        }
         for judged in Procedural::layouts(&brief, &mut gate).judged {
             if let Ok(layout) = judged.verdict {
                 fates.push(faced(weakness, &layout, &mut found)?);

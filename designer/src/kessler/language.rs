@@ -361,6 +361,6 @@ fn word<'a>(field: &str, value: Option<&'a Value>, words: &[&str]) -> Result<&'a
 
 /// A stranger's words, short and in one line.
 fn clean(text: &str) -> String {
-    let plain = text.chars().map(|c| if c.is_control() { ' ' } else { c });
+    let plain = text.chars().map(|c| if crate::steers(c) { ' ' } else { c });
     plain.take(MAX_NAME).collect::<String>().trim().to_owned()
 }

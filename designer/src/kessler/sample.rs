@@ -41,13 +41,16 @@ pub(super) fn sample(brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option
     let bounds = if target.kind == Kind::Decoy { DECOYS } else { THREATS };
     let room = (brief.param("debris") as u32).min(MAX_ENCOUNTERS as u32).max(1);
     let wanted = draws.between(bounds.0, bounds.1).min(room);
-    // Starved of fuel is who must dodge again: all go for one satellite.
+    // Starved of fuel is who must dodge again and again: all go for one satellite.
     let one = (target.aim.mode == "fuel_starvation").then(|| draws.between(SATELLITE.min, SATELLITE.max));
     let mut encounters: Vec<Encounter> = Vec::new();
     for number in 0..wanted {
         let satellite = one.unwrap_or((number + draws.between(0, 1)) % (SATELLITE.max + 1));
         let found = (0..TRIES).find_map(|_| {
-            let encounter = target.encounter(satellite, brief, draws);
+            let mut encounter = target.encounter(satellite, brief, draws);
+            if one.is_some() {
+                wear_down(&mut encounter, number, wanted, draws);
+            }
             (!encounters.contains(&encounter) && sky.takes(&encounter, target.frame)).then_some(encounter)
         });
         encounters.extend(found);
@@ -56,6 +59,21 @@ pub(super) fn sample(brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option
     let design =
         Design { name: String::new(), aim, frame, params: std::collections::BTreeMap::new(), encounters };
     (!design.encounters.is_empty()).then_some(design)
+}
+
+/// The `number`-th of a row of threats that take fuel and, but for the last, little else: hits at the rim, which any dodge
+/// evades and which must be dodged, one after the other.
+fn wear_down(encounter: &mut Encounter, number: u32, of: u32, draws: &mut Draws) {
+    let (first, last) = STEPS;
+    let every = (last - first) / of.max(1);
+    encounter.step =
+        (first + number * every + draws.between(0, every.saturating_sub(1))).clamp(STEP.min, STEP.max);
+    let (_, _, centre, rim, _) = *encounter.kind.row();
+    encounter.miss_distance = if number + 1 == of {
+        draws.between(centre, centre + (rim - centre) / 4)
+    } else {
+        draws.between(rim - (rim - centre) / 3, rim)
+    };
 }
 
 /// What to go for: a mode by its weight, and where it hurts most.

@@ -95,7 +95,7 @@ impl Budget {
         tokens_in: u64,
     ) -> Result<Reservation, LlmError> {
         let most = u64::from(config.max_tokens);
-        let held = Spent { tokens: tokens_in + most, cost: config.cost(tokens_in, most) };
+        let held = Spent { tokens: tokens_in.saturating_add(most), cost: config.cost(tokens_in, most) };
         let certain = Spent { tokens: tokens_in, cost: config.cost(tokens_in, 0) };
         let day = config.clock.day();
         let mut books = self.books();
@@ -159,12 +159,6 @@ impl Reservation {
     /// The call is over, and came to this.
     pub(super) fn settle(mut self, spent: Spent) {
         self.book(spent);
-    }
-
-    /// The call is over; what it came to is not known, but it was sent.
-    pub(super) fn settle_as_sent(self) {
-        let certain = self.certain;
-        self.settle(certain);
     }
 
     fn book(&mut self, spent: Spent) {

@@ -53,7 +53,8 @@ impl Ask {
     /// guessed, for a budget's sake.
     #[must_use]
     pub fn guess_tokens(&self) -> u64 {
-        self.messages.iter().map(|message| guess_tokens(&message.content) + 8).sum()
+        let of = |message: &Message| guess_tokens(&message.content).saturating_add(8);
+        self.messages.iter().map(of).fold(0, u64::saturating_add)
     }
 }
 
@@ -81,8 +82,8 @@ pub type Calling<'a> = Pin<Box<dyn Future<Output = Result<Reply, LlmError>> + Se
 /// An API of a language model. Retries, budgets and breakers are not its business ([`super::Llm`]); how the endpoint is
 /// best held to a schema is.
 pub trait Chat: Send + Sync + 'static {
-    /// Asks once.
-    fn ask<'a>(&'a self, ask: &'a Ask) -> Calling<'a>;
+    /// Asks once. It makes no more than so many `requests` (at least one), and takes off those it made.
+    fn ask<'a>(&'a self, ask: &'a Ask, requests: &'a mut u32) -> Calling<'a>;
 
     /// How the endpoint is held to a schema, as far as it is known.
     fn mode(&self) -> &'static str;

@@ -28,13 +28,45 @@ struct Shared {
     tries: AtomicU64,
 }
 
-/// An answer, with what it took.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Answered {
-    pub(super) reply: Reply,
+/// The most tokens that are believed, whatever an endpoint says: no model reads or writes as many in one call.
+const BELIEVED: u64 = 10_000_000;
+
+/// One call.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Call<'a> {
+    /// For which run.
+    pub(super) run: &'a str,
+    /// What is asked.
+    pub(super) ask: &'a Ask,
+    /// When nobody waits for it any more.
+    pub(super) until: Option<Instant>,
+}
+
+impl Call<'_> {
+    /// Whether it is too late for it, after another such while.
+    fn over(&self, after: Duration) -> bool {
+        self.until.is_some_and(|until| until.saturating_duration_since(Instant::now()) <= after)
+    }
+}
+
+/// What calls came to.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Bill {
     pub(super) tokens_in: u64,
     pub(super) tokens_out: u64,
     pub(super) cost: f64,
+}
+
+impl Bill {
+    fn add(&mut self, other: Self) {
+        self.tokens_in = self.tokens_in.saturating_add(other.tokens_in);
+        self.tokens_out = self.tokens_out.saturating_add(other.tokens_out);
+        self.cost += other.cost;
+    }
+
+    const fn spent(&self) -> Spent {
+        Spent { tokens: self.tokens_in.saturating_add(self.tokens_out), cost: self.cost }
+    }
 }
 
 impl std::fmt::Debug for Llm {
@@ -121,12 +153,14 @@ impl Llm {
         }
     }
 
-    /// Asks, for a run: waits for its turn, tries again where that helps, and keeps the books.
-    pub(super) async fn ask(&self, run: &str, ask: &Ask) -> Result<Answered, LlmError> {
+    /// Asks: waits for its turn, tries again where that helps, and keeps the books. What it came to, tries that failed
+    /// included, is added to the bill.
+    pub(super) async fn ask(&self, call: &Call<'_>, bill: &mut Bill) -> Result<Reply, LlmError> {
         let shared = &*self.0;
+        let begun = Instant::now();
         // The semaphore is never closed; were it, waiting in line would be all that is lost.
-        let _turn = shared.turns.acquire().await.ok();
-        let reservation = shared.budget.reserve(&shared.config, run, ask.guess_tokens())?;
+        let _turn = in_time(call, begun, async { Ok(shared.turns.acquire().await.ok()) }).await?;
+        let reservation = self.reserve(call)?;
         let pass = match shared.breaker.pass() {
             Ok(pass) => pass,
             Err(open) => {
@@ -135,46 +169,64 @@ impl Llm {
             }
         };
         let begun = Instant::now();
-        let result = self.tried(ask, run, !pass.tries).await;
+        let result = self.tried(call, reservation, !pass.tries, bill).await;
         let now = shared.config.clock.now_ms();
-        match result {
-            Ok(reply) => {
+        match &result {
+            Ok(_) => {
                 pass.good();
                 shared.meter.ended(Ok(begun.elapsed()), now);
-                Ok(self.paid(reservation, ask, reply))
             }
             Err(error) => {
-                tracing::warn!(run, kind = error.word(), %error, "a call of the language model failed");
-                shared.meter.ended(Err(&error), now);
-                pass.bad(&error);
-                if error.may_cost() {
-                    reservation.settle_as_sent();
-                } else {
-                    reservation.settle(Spent::default());
+                tracing::warn!(run = call.run, kind = error.word(), %error, "a call of the language model failed");
+                shared.meter.ended(Err(error), now);
+                // That nobody had more time says nothing about the endpoint.
+                if !(matches!(error, LlmError::Timeout { .. }) && call.over(Duration::ZERO)) {
+                    pass.bad(error);
                 }
-                Err(error)
             }
         }
+        result
     }
 
-    async fn tried(&self, ask: &Ask, run: &str, again: bool) -> Result<Reply, LlmError> {
-        let shared = &*self.0;
+    fn reserve(&self, call: &Call<'_>) -> Result<Reservation, LlmError> {
+        self.0.budget.reserve(&self.0.config, call.run, call.ask.guess_tokens())
+    }
+
+    async fn tried(
+        &self,
+        call: &Call<'_>,
+        mut reservation: Reservation,
+        again: bool,
+        bill: &mut Bill,
+    ) -> Result<Reply, LlmError> {
+        let Shared { config, chat, meter, .. } = &*self.0;
+        let (run, begun) = (call.run, Instant::now());
+        // One more than there are tries, to see whether another form helps; the first call of all may need four to learn
+        // how the endpoint is asked.
+        let mut requests = config.retries.max(2).saturating_add(2);
         for number in 1.. {
-            let error = match shared.chat.ask(ask).await {
+            let answer = in_time(call, begun, chat.ask(call.ask, &mut requests)).await;
+            let came_to = self.bill(call.ask, &answer);
+            bill.add(came_to);
+            reservation.settle(came_to.spent());
+            let error = match answer {
                 Ok(reply) => return Ok(reply),
                 Err(error) => error,
             };
-            let pause = retry::pause(&shared.config, &error, number, self.chance(run));
-            match pause.filter(|_| again) {
-                None => return Err(error),
-                Some(pause) => {
-                    tracing::debug!(run, %error, pause_ms = pause.as_millis(), "the language model is asked again");
-                    shared.meter.retried();
-                    tokio::time::sleep(pause).await;
-                }
-            }
+            let pause = retry::pause(config, &error, number, self.chance(run));
+            let Some(pause) = pause.filter(|pause| again && requests > 0 && !call.over(*pause)) else {
+                return Err(error);
+            };
+            tracing::debug!(run, %error, pause_ms = pause.as_millis(), "the language model is asked again");
+            meter.retried();
+            tokio::time::sleep(pause).await;
+            // Each try is set aside for anew: one that broke off may have cost.
+            reservation = match self.reserve(call) {
+                Ok(reservation) => reservation,
+                Err(_) => return Err(error),
+            };
         }
-        Err(LlmError::Timeout { after: Duration::ZERO }) // retries are fewer than u32 holds
+        Err(LlmError::Timeout { after: begun.elapsed() }) // retries are fewer than u32 holds
     }
 
     /// What jitter is made of: a hash of when and who. Nothing that is stored follows from it.
@@ -188,11 +240,37 @@ impl Llm {
         f64::from(u32::from_le_bytes(bits)) / (f64::from(u32::MAX) + 1.0)
     }
 
-    fn paid(&self, reservation: Reservation, ask: &Ask, reply: Reply) -> Answered {
-        let tokens_in = reply.tokens_in.unwrap_or_else(|| ask.guess_tokens());
-        let tokens_out = reply.tokens_out.unwrap_or_else(|| guess_tokens(&reply.text));
-        let cost = self.0.config.cost(tokens_in, tokens_out);
-        reservation.settle(Spent { tokens: tokens_in.saturating_add(tokens_out), cost });
-        Answered { reply, tokens_in, tokens_out, cost }
+    /// What a try came to: what the endpoint says, as far as that can be, else what the lengths say.
+    fn bill(&self, ask: &Ask, answer: &Result<Reply, LlmError>) -> Bill {
+        let (said_in, said_out, text) = match answer {
+            Ok(reply) => (reply.tokens_in, reply.tokens_out, reply.text.as_str()),
+            Err(LlmError::Nonsense { tokens_in, tokens_out, .. }) => (*tokens_in, *tokens_out, ""),
+            Err(error) if error.may_cost() => (None, None, ""),
+            Err(_) => return Bill::default(),
+        };
+        let tokens_in = believed(said_in, ask.guess_tokens(), 0);
+        // Models that think write more than is seen, but no more than they may.
+        let tokens_out = believed(said_out, guess_tokens(text), ask.max_tokens.into());
+        Bill { tokens_in, tokens_out, cost: self.0.config.cost(tokens_in, tokens_out) }
     }
+}
+
+/// What comes of a call in the time there is for it.
+async fn in_time<T>(
+    call: &Call<'_>,
+    begun: Instant,
+    work: impl Future<Output = Result<T, LlmError>>,
+) -> Result<T, LlmError> {
+    match call.until {
+        None => work.await,
+        Some(until) => tokio::time::timeout_at(until, work)
+            .await
+            .unwrap_or_else(|_| Err(LlmError::Timeout { after: begun.elapsed() })),
+    }
+}
+
+/// Tokens as an endpoint reports them, if they are anywhere near what was guessed, or no more than were `allowed`.
+fn believed(said: Option<u64>, guess: u64, allowed: u64) -> u64 {
+    let most = guess.saturating_mul(10).saturating_add(1_000).max(allowed).min(BELIEVED);
+    said.unwrap_or(guess).min(most)
 }

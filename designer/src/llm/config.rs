@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use reqwest::Url;
-use secrecy::SecretString;
+use secrecy::{ExposeSecret, SecretString};
+use serde_json::Value;
 
 use super::LlmError;
 
@@ -109,7 +110,7 @@ impl LlmConfig {
     /// Where calls go.
     ///
     /// # Errors
-    /// An address that is none, or that carries a password: addresses are shown, keys are not.
+    /// An address that is none, or that carries what may be secret: addresses are shown, keys are not.
     pub(super) fn endpoint(&self) -> Result<Url, LlmError> {
         let fault = |reason: &str| LlmError::Config { field: "base_url", reason: reason.to_owned() };
         let mut url = Url::parse(&self.base_url).map_err(|error| fault(&error.to_string()))?;
@@ -119,10 +120,48 @@ impl LlmConfig {
         if !url.username().is_empty() || url.password().is_some() {
             return Err(fault("it carries a user or a password; give the key by its environment variable"));
         }
+        if url.query().is_some() || url.fragment().is_some() {
+            return Err(fault(
+                "it carries a query (?...) or a fragment (#...), where a key may hide; give the address without, and the \
+                 key by its environment variable",
+            ));
+        }
         let path = format!("{}/chat/completions", url.path().trim_end_matches('/'));
         url.set_path(&path);
-        url.set_fragment(None);
         Ok(url)
+    }
+
+    /// What a stranger wrote, without our key, be it plain or as JSON has it: some endpoints repeat it.
+    pub(super) fn scrub(&self, text: &str) -> String {
+        let mut text = text.to_owned();
+        let Some(key) = self.key.as_ref().map(SecretString::expose_secret).filter(|key| !key.is_empty())
+        else {
+            return text;
+        };
+        let quoted = Value::from(key).to_string();
+        let escaped = quoted.trim_matches('"');
+        for form in [key, escaped, &escaped.replace('/', "\\/")] {
+            if text.contains(form) {
+                text = text.replace(form, "[key]");
+            }
+        }
+        text
+    }
+
+    /// The same of all text in a value: decoding may have put together what was written in pieces.
+    pub(super) fn scrub_value(&self, value: &mut Value) {
+        match value {
+            Value::String(text) => *text = self.scrub(text),
+            Value::Array(items) => items.iter_mut().for_each(|item| self.scrub_value(item)),
+            Value::Object(fields) => {
+                let given = std::mem::take(fields).into_iter();
+                fields.extend(given.map(|(name, mut value)| {
+                    self.scrub_value(&mut value);
+                    (self.scrub(&name), value)
+                }));
+            }
+            _ => {}
+        }
     }
 
     /// Refuses what cannot be.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use tokio::time::Instant;
 
 use super::chat::{Ask, Message, Role};
-use super::client::Answered;
+use super::client::{Bill, Call};
 use super::extract::{self, Found};
 use super::ordered::Ordered;
 use super::{Llm, LlmError, prompt};
@@ -44,13 +44,14 @@ impl LlmDesigner {
     /// Conversations until there are enough layouts, or one brings none.
     async fn layouts(&self, brief: &Brief, gate: &mut Gate) -> Result<Designed, DesignError> {
         let begun = Instant::now();
+        let until = brief.patience.and_then(|patience| begun.checked_add(patience));
         let mut designed = Designed::default();
         designed.usage.model = Some(self.llm.config().model.clone());
         designed.usage.prompt = Some(prompt::version(brief));
         let mut ended = None;
         while designed.admitted() < brief.count && ended.is_none() {
             let before = designed.admitted();
-            ended = self.converse(brief, gate, &mut designed).await.err();
+            ended = self.converse(brief, gate, until, &mut designed).await.err();
             if designed.admitted() == before {
                 break;
             }
@@ -60,7 +61,12 @@ impl LlmDesigner {
             // What was judged before is worth keeping, the refused too: they tell how the model does.
             Some(error) if designed.usage.rounds == 0 => Err(DesignError::Model(error)),
             Some(error) => {
-                designed.troubles.push(error.to_string());
+                designed.troubles.push(match error {
+                    LlmError::Timeout { .. } if over(until) => {
+                        format!("its time was over after {:.0} s", begun.elapsed().as_secs_f64())
+                    }
+                    error => error.to_string(),
+                });
                 Ok(designed)
             }
             None => Ok(designed),
@@ -72,23 +78,32 @@ impl LlmDesigner {
         &self,
         brief: &Brief,
         gate: &mut Gate,
+        until: Option<Instant>,
         designed: &mut Designed,
     ) -> Result<(), LlmError> {
+        let begun = Instant::now();
         let count = brief.count.saturating_sub(designed.admitted()).min(PER_CALL);
         let opening = prompt::opening(brief, gate.language(), count);
         let schema = gate.language().schema(brief);
         let mut wanted = count;
         let mut messages = opening.clone();
         for round in 1..=1 + REPAIRS {
+            if over(until) {
+                return Err(LlmError::Timeout { after: begun.elapsed() });
+            }
             let ask = Ask {
                 messages: messages.clone(),
                 schema: Arc::new(list_of(&schema, wanted)),
                 max_tokens: self.llm.config().max_tokens,
             };
-            let answered = self.llm.ask(&self.run, &ask).await?;
-            spend(&mut designed.usage, &answered);
-            let (said, answer) = match extract::designs(&answered.reply.text, LOOKED_AT * wanted) {
-                Ok(found) => {
+            let mut bill = Bill::default();
+            let answer = self.llm.ask(&Call { run: &self.run, ask: &ask, until }, &mut bill).await;
+            spend(&mut designed.usage, bill);
+            let reply = answer?;
+            designed.usage.rounds += 1;
+            let (said, answer) = match extract::designs(&reply.text, LOOKED_AT * wanted) {
+                Ok(mut found) => {
+                    found.designs.iter_mut().for_each(|design| self.llm.config().scrub_value(design));
                     let refused = judge(brief, gate, found, round, designed).await;
                     if refused.is_empty() || designed.admitted() >= brief.count {
                         return Ok(());
@@ -97,14 +112,10 @@ impl LlmDesigner {
                     told(&refused[..wanted])
                 }
                 Err(reason) => {
-                    let cut = if answered.reply.cut {
-                        "; it was cut off at the most tokens it may have"
-                    } else {
-                        ""
-                    };
+                    let cut = if reply.cut { "; it was cut off at the most tokens it may have" } else { "" };
                     let reason = format!("{reason}{cut}");
                     designed.troubles.push(format!("round {round}: the answer holds no layouts: {reason}"));
-                    let said: String = answered.reply.text.chars().take(SENT_BACK).collect();
+                    let said: String = reply.text.chars().take(SENT_BACK).collect();
                     (Message::new(Role::Assistant, said), prompt::nonsense(&reason, wanted))
                 }
             };
@@ -133,11 +144,15 @@ struct Refused {
     why: Refusal,
 }
 
-fn spend(usage: &mut Usage, answered: &Answered) {
-    usage.rounds += 1;
-    usage.tokens_in = usage.tokens_in.saturating_add(answered.tokens_in);
-    usage.tokens_out = usage.tokens_out.saturating_add(answered.tokens_out);
-    usage.cost += answered.cost;
+/// Whether there is no time left for another call.
+fn over(until: Option<Instant>) -> bool {
+    until.is_some_and(|until| Instant::now() >= until)
+}
+
+fn spend(usage: &mut Usage, bill: Bill) {
+    usage.tokens_in = usage.tokens_in.saturating_add(bill.tokens_in);
+    usage.tokens_out = usage.tokens_out.saturating_add(bill.tokens_out);
+    usage.cost += bill.cost;
 }
 
 /// Judges the designs of one answer until there are enough; those refused are for the next round.

@@ -28,6 +28,12 @@ pub enum LlmError {
         /// Why.
         reason: String,
     },
+    /// A connection that broke while the answer came.
+    #[error("the connection to the model's endpoint broke within its answer: {reason}")]
+    Broken {
+        /// Why.
+        reason: String,
+    },
     /// The endpoint said no.
     #[error("the model's endpoint refused with status {status}: {body}")]
     Refused {
@@ -65,6 +71,10 @@ pub enum LlmError {
     Nonsense {
         /// What is wrong with it.
         what: String,
+        /// Tokens in that it is to be paid for all the same, where it says.
+        tokens_in: Option<u64>,
+        /// Tokens out likewise.
+        tokens_out: Option<u64>,
     },
 }
 
@@ -75,7 +85,7 @@ impl LlmError {
         match self {
             Self::Config { .. } => "config",
             Self::Timeout { .. } => "timeout",
-            Self::Connection { .. } => "connection",
+            Self::Connection { .. } | Self::Broken { .. } => "connection",
             Self::Refused { .. } => "refused",
             Self::RateLimited { .. } => "rate_limited",
             Self::Budget { .. } => "budget",
@@ -87,7 +97,7 @@ impl LlmError {
     /// Whether the same call may well succeed a little later.
     pub(super) const fn passes(&self) -> bool {
         match self {
-            Self::Connection { .. } | Self::RateLimited { .. } => true,
+            Self::Connection { .. } | Self::Broken { .. } | Self::RateLimited { .. } => true,
             Self::Refused { status, .. } => matches!(status, 408 | 409 | 500 | 502..=599),
             _ => false,
         }
@@ -95,7 +105,7 @@ impl LlmError {
 
     /// Whether the endpoint may have worked, and be paid, for a call that ended so.
     pub(super) const fn may_cost(&self) -> bool {
-        matches!(self, Self::Timeout { .. } | Self::Nonsense { .. })
+        matches!(self, Self::Timeout { .. } | Self::Broken { .. } | Self::Nonsense { .. })
     }
 }
 
@@ -128,7 +138,21 @@ pub(super) fn shortened(text: &str, most: usize) -> String {
     line
 }
 
-/// Characters that are not seen, or turn the direction of those around them.
+/// Characters that are not seen (Unicode's format characters), or turn the direction of those around them.
 const fn turns(c: char) -> bool {
-    matches!(c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
+    matches!(c, '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{feff}')
+        || matches!(c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}')
+        || matches!(c, '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strangers_words_steer_nothing() {
+        let odd = "a\u{1b}[31mb\u{9b}c\u{202e}d\u{2066}e\u{61c}f\u{2028}g\r\nh\u{e0041}i\u{0}";
+        assert_eq!(one_line(odd), "a [31mb c d e f g h i");
+        assert_eq!(shortened("long enough", 8), "long ...");
+    }
 }

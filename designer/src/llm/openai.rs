@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue, RETRY_AFTER};
 use reqwest::{Client, Response, StatusCode, Url};
-use secrecy::{ExposeSecret, SecretString};
-use serde::{Deserialize, Serialize};
+use secrecy::ExposeSecret;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::chat::{Ask, Calling, Chat, Message, Reply};
@@ -30,8 +30,10 @@ pub struct OpenAi {
     url: Url,
     client: Client,
     mode: AtomicU8,
-    /// The last call in this mode ended in a 500.
+    /// The last request in this mode ended in a 500.
     strained: AtomicBool,
+    /// A call ended in a 500 in this mode, and went well in a lower one.
+    doubted: AtomicBool,
     /// It wants `max_completion_tokens` instead of `max_tokens`.
     renamed: AtomicBool,
 }
@@ -83,25 +85,24 @@ impl OpenAi {
             client,
             mode: AtomicU8::new(SCHEMA),
             strained: AtomicBool::new(false),
+            doubted: AtomicBool::new(false),
             renamed: AtomicBool::new(false),
         })
     }
 
-    async fn asked(&self, ask: &Ask) -> Result<Reply, LlmError> {
+    async fn asked(&self, ask: &Ask, requests: &mut u32) -> Result<Reply, LlmError> {
+        let doubted = self.doubted.load(Ordering::Relaxed);
         let mut mode = self.mode.load(Ordering::Relaxed);
+        // As far down as the endpoint's own words lead; what is below is a guess.
+        let mut sure = mode;
+        let mut guessed = false;
         // Each turn drops a mode or learns the other name of max_tokens, so that there are at most four.
         loop {
             let renamed = self.renamed.load(Ordering::Relaxed);
+            *requests = requests.saturating_sub(1);
             let no = match self.once(ask, mode, renamed).await {
                 Ok(reply) => {
-                    self.strained.store(false, Ordering::Relaxed);
-                    // Another call may have learned more in the meantime; modes are only ever dropped.
-                    if self.mode.fetch_max(mode, Ordering::Relaxed) < mode {
-                        tracing::info!(
-                            mode = MODES[usize::from(mode)],
-                            "the endpoint's way of answering is learned"
-                        );
-                    }
+                    self.learn(mode, if doubted { mode } else { sure });
                     return Ok(reply);
                 }
                 Err(no) => no,
@@ -110,20 +111,36 @@ impl OpenAi {
             let said = no.said.to_lowercase();
             if status == 400 && !renamed && said.contains("max_completion_tokens") {
                 self.renamed.store(true, Ordering::Relaxed);
-            } else if mode < TEXT && self.about_form(status, &said) {
+            } else if mode < TEXT && about_form(status, &said) {
+                mode += 1;
+                sure = if guessed { sure } else { mode };
+            } else if status == 500 && guessed {
+                // A lower form did not help: it was not the form.
+                self.doubted.store(false, Ordering::Relaxed);
+                return Err(no.error);
+            } else if status == 500 && mode < TEXT && (self.strained.swap(true, Ordering::Relaxed) || doubted)
+            {
+                // The second in a row may be about the form, though it does not say so.
+                self.strained.store(false, Ordering::Relaxed);
+                guessed = true;
                 mode += 1;
             } else {
+                return Err(no.error);
+            }
+            if *requests == 0 {
                 return Err(no.error);
             }
         }
     }
 
-    /// Whether a refusal is, or may be, about the form of answers: it says so, or it is the second 500 in a row.
-    fn about_form(&self, status: u16, said: &str) -> bool {
-        match status {
-            400 | 404 | 415 | 422 | 501 => ABOUT_FORM.iter().any(|word| said.contains(word)),
-            500 => self.strained.swap(true, Ordering::Relaxed),
-            _ => false,
+    /// A request in this mode went well. What it was dropped to without a word is not yet `sure`: a passing outage must
+    /// not cost the better form for good, so that only the second call of that kind in a row does.
+    fn learn(&self, mode: u8, sure: u8) {
+        self.strained.store(false, Ordering::Relaxed);
+        self.doubted.store(sure < mode, Ordering::Relaxed);
+        // Another call may have learned more in the meantime; modes are only ever dropped.
+        if self.mode.fetch_max(sure, Ordering::Relaxed) < sure {
+            tracing::info!(mode = MODES[usize::from(sure)], "the endpoint's way of answering is learned");
         }
     }
 
@@ -131,7 +148,7 @@ impl OpenAi {
         let body = body(&self.config.model, ask, mode, renamed)?;
         let request =
             self.client.post(self.url.clone()).header("content-type", "application/json").body(body);
-        let mut response = request.send().await.map_err(|error| self.broken(&error))?;
+        let mut response = request.send().await.map_err(|error| self.broken(&error, false))?;
         let status = response.status();
         let retry_after = response.headers().get(RETRY_AFTER).and_then(|value| value.to_str().ok());
         let retry_after = retry_after.and_then(|v| retry::retry_after(v, self.config.clock.now_ms()));
@@ -140,21 +157,23 @@ impl OpenAi {
             return Err(LlmError::RateLimited { retry_after }.into());
         }
         if !status.is_success() {
-            let said = self.scrub(&read.unwrap_or_default());
+            let said = self.config.scrub(&read.unwrap_or_default());
             let body = if status.is_redirection() {
                 "it sends elsewhere, and redirects are not followed; give the address it means".to_owned()
             } else {
-                one_line(&message(&said))
+                self.told(&message(&said))
             };
             return Err(No { error: LlmError::Refused { status: status.as_u16(), body }, said });
         }
-        parse(&read?).map(|reply| Reply { text: self.scrub(&reply.text), ..reply }).map_err(|error| {
+        parse(&read?).map(|reply| Reply { text: self.config.scrub(&reply.text), ..reply }).map_err(|error| {
             match error {
-                LlmError::Nonsense { what } => LlmError::Nonsense { what: self.scrub(&what) }.into(),
-                LlmError::Refused { status, body } => {
-                    let said = self.scrub(&body);
-                    No { error: LlmError::Refused { status, body: one_line(&said) }, said }
+                LlmError::Nonsense { what, tokens_in, tokens_out } => {
+                    LlmError::Nonsense { what: self.told(&what), tokens_in, tokens_out }.into()
                 }
+                LlmError::Refused { status, body } => No {
+                    error: LlmError::Refused { status, body: self.told(&body) },
+                    said: self.config.scrub(&body),
+                },
                 other => other.into(),
             }
         })
@@ -163,35 +182,34 @@ impl OpenAi {
     /// The body, as far as it may be long.
     async fn read(&self, response: &mut Response) -> Result<String, LlmError> {
         let mut bytes = Vec::new();
-        while let Some(piece) = response.chunk().await.map_err(|error| self.broken(&error))? {
+        while let Some(piece) = response.chunk().await.map_err(|error| self.broken(&error, true))? {
             if bytes.len() + piece.len() > self.config.max_body {
                 let what = format!("it is longer than {} bytes", self.config.max_body);
-                return Err(LlmError::Nonsense { what });
+                return Err(LlmError::Nonsense { what, tokens_in: None, tokens_out: None });
             }
             bytes.extend_from_slice(&piece);
         }
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    fn broken(&self, error: &reqwest::Error) -> LlmError {
+    /// What broke, before or while an answer came.
+    fn broken(&self, error: &reqwest::Error, answering: bool) -> LlmError {
         if error.is_timeout() && !error.is_connect() {
             return LlmError::Timeout { after: self.config.timeout };
         }
-        LlmError::Connection { reason: one_line(&self.scrub(&chain(error))) }
+        let reason = self.told(&chain(error));
+        if answering { LlmError::Broken { reason } } else { LlmError::Connection { reason } }
     }
 
-    /// What a stranger wrote, without our key: some endpoints repeat it.
-    fn scrub(&self, text: &str) -> String {
-        match self.config.key.as_ref().map(SecretString::expose_secret).filter(|key| !key.is_empty()) {
-            Some(key) if text.contains(key) => text.replace(key, "[key]"),
-            _ => text.to_owned(),
-        }
+    /// What a stranger wrote, for a message: without our key, and only then cut.
+    fn told(&self, text: &str) -> String {
+        one_line(&self.config.scrub(text))
     }
 }
 
 impl Chat for OpenAi {
-    fn ask<'a>(&'a self, ask: &'a Ask) -> Calling<'a> {
-        Box::pin(self.asked(ask))
+    fn ask<'a>(&'a self, ask: &'a Ask, requests: &'a mut u32) -> Calling<'a> {
+        Box::pin(self.asked(ask, requests))
     }
 
     fn mode(&self) -> &'static str {
@@ -264,44 +282,14 @@ fn body(model: &str, ask: &Ask, mode: u8, renamed: bool) -> Result<Vec<u8>, LlmE
     serde_json::to_vec(&request).map_err(fault)
 }
 
-#[derive(Deserialize)]
-struct Answer {
-    #[serde(default)]
-    choices: Vec<Choice>,
-    #[serde(default)]
-    usage: Option<UsageForm>,
-    #[serde(default)]
-    error: Option<Value>,
-}
-
-#[derive(Deserialize)]
-struct Choice {
-    message: Said,
-    #[serde(default)]
-    finish_reason: Option<String>,
-}
-
-#[derive(Deserialize)]
-struct Said {
-    #[serde(default)]
-    content: Option<Value>,
-    #[serde(default)]
-    refusal: Option<String>,
-}
-
-#[derive(Deserialize)]
-struct UsageForm {
-    #[serde(default)]
-    prompt_tokens: Option<u64>,
-    #[serde(default)]
-    completion_tokens: Option<u64>,
-}
-
+/// A chat completion. Only what is needed must be as it should be: nothing else in it is a reason to lose an answer.
 fn parse(text: &str) -> Result<Reply, LlmError> {
-    let nonsense = |what: String| LlmError::Nonsense { what };
-    let answer: Answer =
-        serde_json::from_str(text).map_err(|error| nonsense(format!("it is no chat completion: {error}")))?;
-    if let Some(error) = answer.error.filter(|error| !error.is_null()) {
+    let answer: Value = serde_json::from_str(text).map_err(|error| LlmError::Nonsense {
+        what: format!("it is no chat completion: {error}"),
+        tokens_in: None,
+        tokens_out: None,
+    })?;
+    if let Some(error) = answer.get("error").filter(|error| !error.is_null()) {
         // Some gateways report what went wrong behind them with status 200.
         let status = error.get("code").and_then(Value::as_u64).and_then(|code| u16::try_from(code).ok());
         return Err(LlmError::Refused {
@@ -309,30 +297,42 @@ fn parse(text: &str) -> Result<Reply, LlmError> {
             body: message(&json!({"error": error}).to_string()),
         });
     }
-    let choice = answer.choices.into_iter().next().ok_or_else(|| nonsense("it has no choices".to_owned()))?;
-    if let Some(refusal) = choice.message.refusal.filter(|refusal| !refusal.is_empty()) {
-        return Err(nonsense(format!("the model refuses: {}", one_line(&refusal))));
+    let tokens_in = answer.pointer("/usage/prompt_tokens").and_then(count);
+    let tokens_out = answer.pointer("/usage/completion_tokens").and_then(count);
+    let nonsense = |what: String| Err(LlmError::Nonsense { what, tokens_in, tokens_out });
+    let Some(choice) = answer.pointer("/choices/0") else { return nonsense("it has no choices".to_owned()) };
+    let refusal = choice.pointer("/message/refusal").and_then(Value::as_str);
+    if let Some(refusal) = refusal.filter(|refusal| !refusal.is_empty()) {
+        return nonsense(format!("the model refuses: {refusal}"));
     }
-    let text = match choice.message.content {
-        Some(Value::String(text)) => text,
+    let text = match choice.pointer("/message/content") {
+        Some(Value::String(text)) => text.clone(),
         Some(Value::Array(parts)) => {
             parts.iter().filter_map(|part| part.get("text").and_then(Value::as_str)).collect()
         }
-        _ => return Err(nonsense("it has no content".to_owned())),
+        _ => return nonsense("it has no content".to_owned()),
     };
-    let usage = answer.usage;
-    Ok(Reply {
-        text,
-        tokens_in: usage.as_ref().and_then(|usage| usage.prompt_tokens),
-        tokens_out: usage.as_ref().and_then(|usage| usage.completion_tokens),
-        cut: choice.finish_reason.as_deref() == Some("length"),
-    })
+    let cut = choice.get("finish_reason").and_then(Value::as_str) == Some("length");
+    Ok(Reply { text, tokens_in, tokens_out, cut })
 }
 
-/// What an error's body says: its `error.message` where it has one, else all of it.
+/// A number of tokens: some endpoints say 12.0.
+fn count(value: &Value) -> Option<u64> {
+    let whole = |number: &f64| *number >= 0.0 && number.fract() == 0.0;
+    // Beyond what a u64 holds `as` stops at its end.
+    value.as_u64().or_else(|| value.as_f64().filter(whole).map(|number| number as u64))
+}
+
+/// Whether a refusal is about the form of answers: it says so.
+fn about_form(status: u16, said: &str) -> bool {
+    matches!(status, 400 | 404 | 415 | 422 | 500 | 501) && ABOUT_FORM.iter().any(|word| said.contains(word))
+}
+
+/// What an error's body says: its `error.message` where it has one, else all of it. JSON is written anew, so that it has
+/// no escapes but those that are needed.
 fn message(body: &str) -> String {
-    let value: Value = serde_json::from_str(body).unwrap_or_default();
+    let Ok(value) = serde_json::from_str::<Value>(body) else { return body.to_owned() };
     let said =
         ["/error/message", "/message", "/detail", "/error"].iter().find_map(|at| value.pointer(at)?.as_str());
-    said.map_or_else(|| body.to_owned(), str::to_owned)
+    said.map_or_else(|| value.to_string(), str::to_owned)
 }

@@ -20,8 +20,10 @@ const NONSENSE: &str = include_str!("../../prompts/1/nonsense.md");
 
 /// Rows of the failure profile that are told, at most.
 const ROWS: usize = 16;
-/// Earlier layouts that are told of, at most.
+/// Earlier layouts that are told of, at most: in all, of those flown, of those refused.
 const TOLD: usize = 12;
+const FLOWN: usize = 8;
+const REFUSED: usize = 4;
 /// Characters of a name or a reason.
 const NAME: usize = 60;
 const REASON: usize = 240;
@@ -219,7 +221,12 @@ fn fates(fates: &[Past]) -> String {
     if fates.is_empty() {
         return "There are none yet.".to_owned();
     }
-    fates.iter().take(TOLD).map(fate).collect::<Vec<_>>().join("\n")
+    // How the agent did tells the most, what is refused comes next, and what nobody has flown fills up.
+    let of = |is: fn(&Fate) -> bool| fates.iter().filter(move |past| is(&past.fate));
+    let flown = of(|fate| matches!(fate, Fate::Flown { .. })).take(FLOWN);
+    let refused = of(|fate| matches!(fate, Fate::Refused { .. })).take(REFUSED);
+    let fresh = of(|fate| matches!(fate, Fate::Fresh));
+    flown.chain(refused).chain(fresh).take(TOLD).map(fate).collect::<Vec<_>>().join("\n")
 }
 
 fn fate(past: &Past) -> String {

@@ -15,10 +15,16 @@ use crate::training::design::{BuiltIn, Designers, WithModel};
 #[command(next_help_heading = "Language model")]
 pub struct LlmArgs {
     /// The base of an OpenAI-compatible API, as http://127.0.0.1:8080/v1. Without it no model is asked.
-    #[arg(long, value_name = "URL", env = "SPARRING_LLM_URL", requires = "llm_model")]
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "SPARRING_LLM_URL",
+        hide_env_values = true,
+        requires = "llm_model"
+    )]
     llm_url: Option<String>,
     /// The model's name there.
-    #[arg(long, value_name = "NAME", env = "SPARRING_LLM_MODEL")]
+    #[arg(long, value_name = "NAME", env = "SPARRING_LLM_MODEL", hide_env_values = true)]
     llm_model: Option<String>,
     /// The environment variable that holds the key; a key itself is never an argument.
     #[arg(long, value_name = "VARIABLE", default_value = "SPARRING_LLM_KEY")]

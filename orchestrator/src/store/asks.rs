@@ -76,6 +76,8 @@ pub struct NewAsk {
 pub struct Ended {
     /// How many were let through.
     pub admitted: i64,
+    /// Of these, by the designer that was asked.
+    pub own: i64,
     /// How many were refused.
     pub refused: i64,
     /// The model, where one was asked.
@@ -153,11 +155,12 @@ pub async fn end(
 ) -> Result<bool, StoreError> {
     let state = if ended.error.is_some() { "failed" } else { "done" };
     let done = query!(
-        "UPDATE design_asks SET state = ?, admitted = ?, refused = ?, model = ?, prompt = ?, rounds = ?, tokens_in = ?,
+        "UPDATE design_asks SET state = ?, admitted = ?, own = ?, refused = ?, model = ?, prompt = ?, rounds = ?, tokens_in = ?,
              tokens_out = ?, cost = ?, latency_ms = ?, troubles = ?, error = ?, ended_at = ?
          WHERE id = ? AND state IN ('waiting', 'running')",
         state,
         ended.admitted,
+        ended.own,
         ended.refused,
         ended.model,
         ended.prompt,
@@ -353,4 +356,55 @@ pub async fn spent(conn: &mut SqliteConnection) -> Result<Vec<SpentRow>, StoreEr
     )
     .fetch_all(conn)
     .await?)
+}
+
+/// How an ask that is over went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Over {
+    /// When it ended.
+    pub at: Millis,
+    /// How many layouts of the designer that was asked were let through.
+    pub own: i64,
+}
+
+/// The last asks of a run's task that are over, the newest first.
+///
+/// # Errors
+/// The database's.
+pub async fn lately(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    limit: i64,
+) -> Result<Vec<Over>, StoreError> {
+    Ok(sqlx::query_as!(
+        Over,
+        r#"SELECT coalesce(ended_at, created_at) AS "at!: i64", own FROM design_asks
+           WHERE run = ? AND task = ? AND state IN ('done', 'failed') ORDER BY id DESC LIMIT ?"#,
+        run,
+        task,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// The failure profile that the last ask of a run's task rested on, and how many criticised episodes that rested on.
+///
+/// # Errors
+/// The database's.
+pub async fn last_profile(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+) -> Result<Option<(String, i64)>, StoreError> {
+    let row = query!(
+        r#"SELECT profile AS "profile!", criticised AS "criticised!" FROM design_asks
+           WHERE run = ? AND task = ? AND profile IS NOT NULL AND criticised IS NOT NULL ORDER BY id DESC LIMIT 1"#,
+        run,
+        task
+    )
+    .fetch_optional(conn)
+    .await?;
+    Ok(row.map(|r| (r.profile, r.criticised)))
 }

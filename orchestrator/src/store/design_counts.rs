@@ -182,7 +182,7 @@ pub struct Criticised {
     pub criticised: i64,
 }
 
-/// The tasks of active runs with at least so many criticised episodes.
+/// The tasks of active runs that want designs, with at least so many criticised episodes.
 ///
 /// # Errors
 /// The database's.
@@ -190,7 +190,8 @@ pub async fn criticised(conn: &mut SqliteConnection, least: i64) -> Result<Vec<C
     Ok(sqlx::query_as!(
         Criticised,
         "SELECT c.run, c.task, c.criticised FROM critique_sums c JOIN runs r ON r.id = c.run
-         WHERE r.status = 'active' AND c.criticised >= ? ORDER BY c.run, c.task",
+         WHERE r.status = 'active' AND c.criticised >= ? AND json_extract(r.settings, '$.design.share') > 0
+               AND json_extract(r.settings, '$.design.designer') <> 'off' ORDER BY c.run, c.task",
         least
     )
     .fetch_all(conn)

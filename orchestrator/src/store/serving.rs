@@ -49,7 +49,7 @@ pub async fn retired(
 ) -> Result<Vec<(String, Option<i64>, i64)>, StoreError> {
     let rows = query!(
         r#"SELECT task AS "task!", level AS "level: i64", count(*) AS "n!: i64" FROM layouts
-           WHERE run = ? AND state = 'retired' AND why IN ('mastered', 'hopeless') AND scenario IS NOT NULL
+           WHERE run = ? AND state = 'retired' AND why IN ('mastered', 'hopeless')
            GROUP BY task, level ORDER BY task, level"#,
         run
     )
@@ -72,8 +72,8 @@ pub async fn nth_retired(
     Ok(sqlx::query_as!(
         Servable,
         r#"SELECT id, task, level, claim AS "claim!", scenario AS "scenario!", train_groups_at, groups FROM layouts
-           WHERE run = ? AND state = 'retired' AND why IN ('mastered', 'hopeless') AND scenario IS NOT NULL
-                 AND claim IS NOT NULL AND task = ? AND level IS ? ORDER BY id LIMIT 1 OFFSET ?"#,
+           WHERE run = ? AND state = 'retired' AND why IN ('mastered', 'hopeless') AND task = ? AND level IS ?
+           ORDER BY id LIMIT 1 OFFSET ?"#,
         run,
         task,
         level,

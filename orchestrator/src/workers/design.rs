@@ -21,7 +21,7 @@ use crate::training::{TrainingError, Writer};
 /// How often it looks whether anything is due.
 const EVERY: Duration = Duration::from_secs(1);
 /// How long a run in which nothing happens is left alone.
-const AGAIN: Duration = Duration::from_secs(5);
+const AGAIN: Duration = Duration::from_secs(20);
 /// How long it waits after a failure.
 const PAUSE: Duration = Duration::from_secs(2);
 /// Language models asked at once.

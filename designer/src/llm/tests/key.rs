@@ -67,3 +67,48 @@ async fn the_key_is_nowhere() {
         assert!(!String::from_utf8_lossy(&request.body).contains(KEY) && !request.url.as_str().contains(KEY));
     }
 }
+
+/// JSON may write a key so that it is none until it is read.
+#[tokio::test]
+async fn a_key_that_comes_with_escapes_is_found_too() {
+    const KEY: &str = "sk/very-secret/1234567890";
+    let mut design = good(1).remove(0);
+    design["encounters"][0]["step"] = json!(KEY);
+    design["name"] = json!(KEY);
+    design[KEY] = json!(1);
+    let slashed = |text: &str| text.replace('/', "\\/");
+    let coded = |text: &str| text.replace("sk/", "\\u0073k\\/");
+    let error = json!({"error": {"message": format!("bad key {KEY}")}}).to_string();
+    let other = json!({"errors": [{"about": KEY}]}).to_string();
+    let refusal =
+        json!({"choices": [{"message": {"refusal": format!("{}{KEY}", "x".repeat(190))}}]}).to_string();
+    let body = |text: String| ResponseTemplate::new(401).set_body_string(text);
+    let answers = [
+        says(&slashed(&list(std::slice::from_ref(&design)))),
+        says(&coded(&list(std::slice::from_ref(&design)))),
+        body(slashed(&error)),
+        body(coded(&error)),
+        body(slashed(&other)),
+        body(coded(&other)),
+        body(format!("{{\"error\": \"{}", slashed(KEY))),
+        ResponseTemplate::new(200).set_body_string(coded(&refusal)),
+    ];
+    for answer in answers {
+        let server = endpoint([answer]).await;
+        let config = LlmConfig { key: Some(KEY.into()), ..config(&server.uri()) };
+        let llm = Llm::new(config).unwrap();
+        let told = match super::design(&llm, 1).await {
+            Ok(designed) => {
+                assert_eq!((designed.judged.len(), designed.admitted()), (4, 0));
+                format!("{designed:?}")
+            }
+            Err(error) => format!("{error:?}"),
+        };
+        let told = format!("{told}{:?}", llm.health());
+        // Nor a part of it, where what was said is cut.
+        assert!(!told.contains("secret") && !told.contains("sk/"), "{told}");
+        for request in server.received_requests().await.unwrap() {
+            assert!(!String::from_utf8_lossy(&request.body).contains(KEY));
+        }
+    }
+}

@@ -4,7 +4,9 @@ mod breaker;
 mod faults;
 mod key;
 mod modes;
+mod patience;
 mod repair;
+mod tokens;
 mod words;
 
 use std::collections::VecDeque;
@@ -17,6 +19,7 @@ use wiremock::matchers::{method, path};
 use wiremock::{Mock, MockServer, Request, Respond, ResponseTemplate};
 
 use super::chat::{Ask, Calling, Chat, Message, Reply, Role};
+use super::client::{Bill, Call};
 use super::{Llm, LlmConfig, LlmError, WallClock};
 use crate::brief::Brief;
 use crate::gate::Gate;
@@ -121,6 +124,17 @@ pub(super) fn question() -> Ask {
     }
 }
 
+/// Asks a question, for a run.
+pub(super) async fn asks(llm: &Llm, run: &str) -> Result<Reply, LlmError> {
+    billed(llm, run).await.0
+}
+
+/// The same with what it came to.
+pub(super) async fn billed(llm: &Llm, run: &str) -> (Result<Reply, LlmError>, Bill) {
+    let (ask, mut bill) = (question(), Bill::default());
+    (llm.ask(&Call { run, ask: &ask, until: None }, &mut bill).await, bill)
+}
+
 /// A model without a network, so that time can be paused: answers in turn, each after a while.
 pub(super) struct Puppet {
     pub(super) takes: Duration,
@@ -147,8 +161,9 @@ impl Puppet {
 }
 
 impl Chat for Puppet {
-    fn ask<'a>(&'a self, _: &'a Ask) -> Calling<'a> {
+    fn ask<'a>(&'a self, _: &'a Ask, requests: &'a mut u32) -> Calling<'a> {
         Box::pin(async move {
+            *requests = requests.saturating_sub(1);
             *self.asked.lock().unwrap() += 1;
             tokio::time::sleep(self.takes).await;
             let mut answers = self.answers.lock().unwrap();

@@ -24,8 +24,8 @@ async fn what_an_endpoint_takes_is_learned_from_its_refusals_and_remembered() {
     .await;
     let llm = Llm::new(config(&server.uri())).unwrap();
     assert_eq!(llm.health().mode, "json_schema");
-    assert_eq!(llm.ask("r", &question()).await.unwrap().reply.text, "a");
-    assert_eq!(llm.ask("r", &question()).await.unwrap().reply.text, "b");
+    assert_eq!(asks(&llm, "r").await.unwrap().text, "a");
+    assert_eq!(asks(&llm, "r").await.unwrap().text, "b");
     assert_eq!((llm.health().mode, llm.health().failed), ("text", 0));
     let requests = sent(&server).await;
     assert_eq!(formats(&requests), ["json_schema", "json_object", "text", "text"]);
@@ -36,28 +36,61 @@ async fn what_an_endpoint_takes_is_learned_from_its_refusals_and_remembered() {
     assert_eq!(said(1), said(3));
 }
 
+fn down() -> ResponseTemplate {
+    ResponseTemplate::new(500)
+}
+
 #[tokio::test]
-async fn a_second_500_may_be_about_the_schema() {
-    let down = || ResponseTemplate::new(500);
-    let server = endpoint([down(), down(), says("a"), says("b")]).await;
+async fn a_500_that_comes_back_with_the_next_call_is_about_the_schema() {
+    let answers = [down(), down(), says("a"), down(), says("b"), says("c")];
+    let server = endpoint(answers).await;
     let llm = Llm::new(config(&server.uri())).unwrap();
-    llm.ask("r", &question()).await.unwrap();
-    llm.ask("r", &question()).await.unwrap();
-    assert_eq!(formats(&sent(&server).await), ["json_schema", "json_schema", "json_object", "json_object"]);
+    let mut modes = Vec::new();
+    for _ in 0..3 {
+        asks(&llm, "r").await.unwrap();
+        modes.push(llm.health().mode);
+    }
+    assert_eq!(modes, ["json_schema", "json_object", "json_object"]);
+    let (schema, object) = ("json_schema", "json_object");
+    assert_eq!(formats(&sent(&server).await), [schema, schema, object, schema, object, object]);
+}
+
+#[tokio::test]
+async fn an_outage_that_passes_leaves_the_better_form() {
+    let (schema, object) = ("json_schema", "json_object");
+    // The lower form came when the outage was over; so did the better one with the next call.
+    let server = endpoint([down(), down(), says("a"), says("b"), down(), says("c")]).await;
+    let llm = Llm::new(config(&server.uri())).unwrap();
+    for _ in 0..3 {
+        asks(&llm, "r").await.unwrap();
+    }
+    assert_eq!(formats(&sent(&server).await), [schema, schema, object, schema, schema, schema]);
+    assert_eq!(llm.health().mode, schema);
     // Where no form helps it was not the form.
     let server = endpoint([down(), down(), down(), down(), says("a")]).await;
     let llm = Llm::new(config(&server.uri())).unwrap();
-    llm.ask("r", &question()).await.unwrap();
-    let formats = sent(&server).await;
-    assert_eq!(self::formats(&formats), ["json_schema", "json_schema", "json_object", "text", "json_schema"]);
-    assert_eq!(llm.health().mode, "json_schema");
+    asks(&llm, "r").await.unwrap();
+    assert_eq!(formats(&sent(&server).await), [schema, schema, object, schema, schema]);
+    assert_eq!(llm.health().mode, schema);
+}
+
+#[tokio::test]
+async fn who_is_down_is_not_asked_more_for_it() {
+    let spoken = || ResponseTemplate::new(500).set_body_string("failed to parse grammar");
+    for (answer, retries, most) in [(down(), 0, 1), (down(), 2, 4), (down(), 6, 8), (spoken(), 3, 5)] {
+        let server = endpoint([answer]).await;
+        let llm = Llm::new(LlmConfig { retries, ..config(&server.uri()) }).unwrap();
+        assert_eq!(asks(&llm, "r").await.unwrap_err().word(), "refused");
+        let requests = sent(&server).await.len();
+        assert!(requests > retries as usize && requests <= most, "{requests} for {retries} retries");
+    }
 }
 
 #[tokio::test]
 async fn other_refusals_are_not_about_the_form() {
     let server = endpoint([refuses("the context is too long")]).await;
     let llm = Llm::new(config(&server.uri())).unwrap();
-    assert_eq!(llm.ask("r", &question()).await.unwrap_err().word(), "refused");
+    assert_eq!(asks(&llm, "r").await.unwrap_err().word(), "refused");
     assert_eq!(sent(&server).await.len(), 1);
 }
 
@@ -66,8 +99,8 @@ async fn the_other_name_of_max_tokens_is_learned() {
     let words = "Unsupported parameter: 'max_tokens'. Use 'max_completion_tokens' instead.";
     let server = endpoint([refuses(words), says("a"), says("b")]).await;
     let llm = Llm::new(config(&server.uri())).unwrap();
-    llm.ask("r", &question()).await.unwrap();
-    llm.ask("r", &question()).await.unwrap();
+    asks(&llm, "r").await.unwrap();
+    asks(&llm, "r").await.unwrap();
     let named = |request: &Value| {
         (request.get("max_tokens").is_some(), request.get("max_completion_tokens").is_some())
     };

@@ -86,6 +86,29 @@ fn a_brief_of_an_agent_that_is_known() {
     insta::assert_json_snapshot!(language(brief.base.task()).unwrap().schema(&brief));
 }
 
+/// Whose fate is told when there are many: what was flown, then what was refused, then what is fresh.
+#[test]
+fn of_many_fates_those_that_teach_most_are_told() {
+    let mut brief = rich();
+    let of =
+        |name: String, fate: &Fate| Past { design: json!({ "name": name }), sky: None, fate: fate.clone() };
+    let flown = Fate::Flown { episodes: 8, success: 0.5, regret: 0.5, retired: false };
+    let refused = Fate::Refused { check: "aim".to_owned(), reason: "no".to_owned() };
+    let mut named = |flights: usize, refusals: usize| {
+        let fresh = (0..20).map(|n| of(format!("fresh {n}"), &Fate::Fresh));
+        let refused = (0..refusals).map(|n| of(format!("refused {n}"), &refused));
+        let flown = (0..flights).map(|n| of(format!("flown {n}"), &flown));
+        brief.fates = fresh.chain(refused).chain(flown).collect();
+        let text = told(&brief, 1);
+        let names = text.lines().filter_map(|line| line.strip_prefix("- \"")?.split_once('"'));
+        names.map(|(name, _)| name.to_owned()).collect::<Vec<_>>()
+    };
+    let list = |what: &str, count: usize| (0..count).map(|n| format!("{what} {n}")).collect::<Vec<_>>();
+    assert_eq!(named(9, 9), [list("flown", 8), list("refused", 4)].concat());
+    assert_eq!(named(3, 9), [list("flown", 3), list("refused", 4), list("fresh", 5)].concat());
+    assert_eq!(named(0, 0), list("fresh", 12));
+}
+
 /// What a model is held to is what the gate reads: the schema's bounds are the language's.
 #[test]
 fn every_example_the_sampler_draws_keeps_to_the_schema() {

@@ -34,7 +34,7 @@ use super::output::{Format, print, print_json};
 /// with neither, nothing is known of it and debris comes from everywhere. Every layout passes the gate: its numbers are
 /// within bounds, its bodies can be where it says, its aim is kept, nothing touches before anybody could act, the reference
 /// planner succeeds within fuel, and acting blindly does not (a threat), or holding succeeds and a nervous agent wastes fuel
-/// (a decoy); and it is not one that is known already. Refused layouts are told with a sentence each.
+/// (a decoy); and it is not like another of the same call. Refused layouts are told with a sentence each.
 ///
 /// With --layouts nothing is designed: the layouts of a file, of any world, pass through the gate.
 #[derive(Debug, clap::Args)]

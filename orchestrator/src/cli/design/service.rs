@@ -71,7 +71,8 @@ pub(super) async fn ask(url: &str, run: &str) -> anyhow::Result<Told> {
         !run.is_empty() && run.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.')),
         "--run: {run:?} is no run's id; GET /v1/runs lists them"
     );
-    let client = http_client(true).map_err(anyhow::Error::msg)?.timeout(TIMEOUT).build()?;
+    let client =
+        http_client(url.starts_with("https:")).map_err(anyhow::Error::msg)?.timeout(TIMEOUT).build()?;
     let base = format!("{}/v1/runs/{run}", url.trim_end_matches('/'));
     let known: Run = read(&get(&client, url, &base).await?, &base)?;
     let masteries: Masteries = read(&get(&client, url, &format!("{base}/mastery")).await?, &base)?;

@@ -1,5 +1,6 @@
 //! A round of asking a designer: begun where it is due, ended with what came of it. What takes time happens in between.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -203,7 +204,6 @@ async fn view(
     let task = course.plan.task.as_str();
     let active = design_counts::active(conn, &mind.run).await?;
     let held = active.iter().filter(|(of, level, _)| of == task && near(level.map(small), course.level));
-    let before = asks::page(conn, &mind.run, (Some(task), None), i64::MAX, LOOK_BACK).await?;
     let profile = collected.profile(task);
     Ok(View {
         which,
@@ -212,24 +212,29 @@ async fn view(
         failures: profile.failures(),
         held: small(held.map(|(_, _, n)| n).sum()),
         stock: mind.settings.design.stock,
-        last: last(&before, &profile)?,
+        last: last(conn, &mind.run, task, &profile).await?,
         now,
     })
 }
 
-/// How the last of these asks went, the newest first.
-fn last(before: &[AskRow], profile: &Profile) -> Result<Option<Last>, StoreError> {
-    let Some(newest) = before.first() else { return Ok(None) };
-    let barren = before.iter().take_while(|ask| ask.admitted == 0).count();
-    let begun = before.iter().find_map(|ask| ask.profile.as_deref().zip(ask.criticised));
-    let (distance, criticised) = match begun {
+/// How the last asks of a run's task went.
+async fn last(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    profile: &Profile,
+) -> Result<Option<Last>, StoreError> {
+    let over = asks::lately(conn, run, task, LOOK_BACK).await?;
+    let Some(newest) = over.first() else { return Ok(None) };
+    // What another designer stood in for brought nothing of the one that was asked.
+    let barren = over.iter().take_while(|ask| ask.own == 0).count();
+    let (distance, criticised) = match asks::last_profile(conn, run, task).await? {
         Some((text, criticised)) => {
-            (profile.distance(&from_json::<Profile>("a failure profile", text)?), criticised)
+            (profile.distance(&from_json::<Profile>("a failure profile", &text)?), criticised)
         }
         None => (1.0, 0),
     };
-    let at = newest.ended_at.unwrap_or(newest.created_at);
-    Ok(Some(Last { at, criticised, distance, barren: barren as u32 }))
+    Ok(Some(Last { at: newest.at, criticised, distance, barren: barren as u32 }))
 }
 
 /// Ends an ask with what came of it. One that is over already is left alone.
@@ -262,20 +267,27 @@ impl Change for Finish {
     async fn apply(self, work: &mut Work) -> Result<usize, TrainingError> {
         let (conn, now) = (&mut work.conn, work.now);
         let held = asks::get(conn, &self.run, self.ask).await?;
-        if held.is_none_or(|ask| ask.state != "running") {
+        if held.as_ref().is_none_or(|ask| ask.state != "running") {
             return Ok(0);
         }
         let (train_groups_at, _) = design_counts::groups(conn, &self.run).await?;
+        let asked = held.map(|ask| ask.designer).unwrap_or_default();
         let mut counts = [0usize; 2]; // refused, admitted
+        let mut own = 0;
+        let mut verdicts: BTreeMap<&str, i64> = BTreeMap::new();
         for (designer, judged) in &self.made {
             let passed = judged.verdict.is_ok();
             counts[usize::from(passed)] += 1;
+            own += i64::from(passed && *designer == asked);
             let verdict = judged.verdict.as_ref().map_or_else(designer::Refusal::check, |_| ADMITTED);
-            design_counts::add_verdict(conn, &self.run, &self.task, verdict, 1).await?;
+            *verdicts.entry(verdict).or_default() += 1;
             if counts[usize::from(passed)] <= KEPT {
                 let row = self.row(designer, judged, train_groups_at);
                 keep(conn, &row, judged, now).await?;
             }
+        }
+        for (verdict, count) in verdicts {
+            design_counts::add_verdict(conn, &self.run, &self.task, verdict, count).await?;
         }
         let Usage { model, prompt, rounds, tokens_in, tokens_out, cost, .. } = self.usage;
         let mut troubles: Vec<String> = self.troubles.iter().take(TROUBLES).map(|t| cut(t, 500)).collect();
@@ -284,6 +296,7 @@ impl Change for Finish {
         }
         let ended = Ended {
             admitted: counts[1] as i64,
+            own,
             refused: counts[0] as i64,
             model: model.map(|model| cut(&model, 200)),
             prompt: prompt.map(|prompt| cut(&prompt, 200)),

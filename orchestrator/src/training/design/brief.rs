@@ -1,5 +1,7 @@
 //! What a designer is told, gathered from the store.
 
+use std::time::Duration;
+
 use designer::brief::{Brief, Fate, Past};
 use env_core::Seed;
 use serde_json::Value;
@@ -12,6 +14,8 @@ use crate::store::{StoreError, from_json, scenarios, small};
 /// Earlier layouts that a designer hears of: those let through, and those refused. Counted apart, so that a bad round does
 /// not make it forget what worked.
 const FATES: (i64, i64) = (24, 8);
+/// How long a designer may take: then it ends with what it has.
+const PATIENCE: Duration = Duration::from_secs(540);
 /// Earlier designs that a new one is compared with.
 const ARCHIVE: i64 = 500;
 
@@ -27,6 +31,7 @@ pub async fn gather(conn: &mut SqliteConnection, begun: &Begun) -> Result<(Brief
     brief.profile = begun.profile.clone();
     brief.standing = begun.standing;
     brief.fates = fates(conn, begun).await?;
+    brief.patience = Some(PATIENCE);
     let known = layouts::archive(conn, &begun.run, &begun.task, ARCHIVE).await?;
     let archive = known.iter().map(|text| from_json("a design", text)).collect::<Result<_, _>>()?;
     Ok((brief, archive))

@@ -2,6 +2,7 @@
 
 use designer::Claim;
 use env_core::bracket::MIN_GAP;
+use serde_json::Value;
 
 use super::life::{Life, Standing};
 use super::serve::at_frontier;
@@ -32,16 +33,18 @@ pub(in crate::training) async fn take(
     let first = group.number * lease.group_size;
     let fared = episodes::of_group(conn, lease.id, first, first + lease.group_size).await?;
     let stale = is_stale(&mind.settings, mind.policy_version, &fared);
+    let mut fresh = false;
     if enough && !stale {
         let row = match group.layout {
             Some(id) => layouts::get(conn, id).await?,
             None => None,
         };
         if let Some(row) = row {
+            fresh = row.outcomes == 0 && at_its_level(&mind.settings, &row)?;
             enter(conn, row, &fared, now).await?;
         }
     }
-    if group.evidence == 0 || !at_frontier(mind, &group.task, group.level) {
+    if group.evidence == 0 || !fresh || !at_frontier(mind, &group.task, group.level) {
         return Ok(Vec::new());
     }
     let epoch = mind.curriculum.status().into_iter().find(|s| s.task == group.task).map_or(0, |s| s.epoch);
@@ -62,6 +65,18 @@ pub(in crate::training) async fn take(
         mean_skill: mean(fared.iter().filter_map(|f| f.skill)),
     };
     observe(work, &lease.run, outcome).await
+}
+
+/// Whether a layout has the params of the level it was designed at: a design may choose others near it.
+fn at_its_level(settings: &RunSettings, row: &LayoutRow) -> Result<bool, StoreError> {
+    let Some(plan) = settings.curriculum.task(&row.task) else { return Ok(false) };
+    let params = plan.params(row.level.map(small));
+    let Some(text) = &row.design else { return Ok(false) };
+    let design: Value = from_json("a design", text)?;
+    let same = |(name, value): (&String, &Value)| {
+        params.iter().any(|(known, held)| known == name && value.as_f64() == Some(*held))
+    };
+    Ok(design.get("params").and_then(Value::as_object).is_none_or(|chosen| chosen.iter().all(same)))
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -1,6 +1,8 @@
 //! Which groups of a lease are designed, and by which layout: a function of durable state alone, so that a restarted server
 //! serves what it would have served.
 
+use std::collections::BTreeMap;
+
 use env_core::Draws;
 use env_core::draws::Purpose;
 use sqlx::SqliteConnection;
@@ -71,6 +73,8 @@ struct Shelf {
     active: Vec<Servable>,
     /// Retired by themselves: (task, level, how many).
     retired: Vec<(String, Option<i64>, i64)>,
+    /// Groups that retired layouts have had, those of this lease included.
+    probed: BTreeMap<i64, i64>,
     train_groups: i64,
 }
 
@@ -101,7 +105,8 @@ pub(in crate::training) async fn choose(
     let mut retired = if probes { serving::retired(conn, run).await? } else { Vec::new() };
     retired.retain(|(task, level, _)| fits(task, *level));
     let (train_groups, _) = design_counts::groups(conn, run).await?;
-    let mut shelf = Shelf { settings, active, retired, train_groups };
+    let probed = BTreeMap::new();
+    let mut shelf = Shelf { settings, active, retired, probed, train_groups };
     let mut chosen = Vec::with_capacity(drawn.len());
     for drawn in drawn {
         chosen.push(if drawn.designed { shelf.take(conn, run, drawn).await? } else { None });
@@ -133,7 +138,7 @@ impl Shelf {
 
     /// A retired layout, if the one that is drawn may be served.
     async fn probe(
-        &self,
+        &mut self,
         conn: &mut SqliteConnection,
         run: &str,
         pick: f64,
@@ -144,11 +149,14 @@ impl Shelf {
         };
         for (task, level, n) in &self.retired {
             if nth < *n {
-                let found = serving::nth_retired(conn, run, task, *level, nth).await?;
-                let share = self.settings.layout_share;
-                return Ok(
-                    found.filter(|l| within_share(l.groups, self.train_groups - l.train_groups_at, share))
-                );
+                let Some(found) = serving::nth_retired(conn, run, task, *level, nth).await? else {
+                    return Ok(None);
+                };
+                let (share, since) = (self.settings.layout_share, self.train_groups - found.train_groups_at);
+                let held = self.probed.entry(found.id).or_insert(found.groups);
+                let may = within_share(*held, since, share);
+                *held += i64::from(may);
+                return Ok(may.then_some(found));
             }
             nth -= n;
         }
