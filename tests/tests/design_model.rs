@@ -1,8 +1,6 @@
 //! A language model over a real socket designs for a run on a real server: what it says is kept with what it took, what it
 //! cannot do is done by the procedural designer, and its key is nowhere.
 
-#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
-
 mod designs;
 #[path = "designs/fake.rs"]
 #[expect(dead_code, reason = "only asking is needed here")]
