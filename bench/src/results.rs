@@ -27,7 +27,10 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let server = Process::start(&folder.path().join("bench.sqlite3"));
     let api = server.api();
-    let wish = json!({"id": "bench", "seed": 1, "group_size": GROUP_SIZE, "placement": false});
+    // Nothing is designed beside: that would share the machine.
+    let design = json!({"designer": "off"});
+    let wish =
+        json!({"id": "bench", "seed": 1, "group_size": GROUP_SIZE, "placement": false, "design": design});
     let created = api.post("/v1/runs", wish).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
 
