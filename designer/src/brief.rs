@@ -88,9 +88,24 @@ pub enum Fate {
         success: f64,
         /// The mean of (reference − score)/(reference − floor) within [0, 1]; on decoys of (reference − score)/reference.
         regret: f64,
+        /// Of the criticised episodes in which something went wrong, the share in which the aimed failure mode did; none
+        /// where there is no such episode.
+        as_aimed: Option<f64>,
         /// Whether it serves no longer.
         retired: bool,
     },
+}
+
+impl Fate {
+    /// What a layout is worth to who looks for failures of the mode it aims at: its regret, as far as that mode is to blame.
+    /// None where nobody has flown it.
+    #[must_use]
+    pub fn worth(&self) -> Option<f64> {
+        match self {
+            Self::Flown { regret, as_aimed, .. } => Some(regret * as_aimed.unwrap_or(1.0)),
+            Self::Refused { .. } | Self::Fresh => None,
+        }
+    }
 }
 
 impl Brief {

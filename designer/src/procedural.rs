@@ -6,7 +6,7 @@ use env_core::draws::Purpose;
 use serde_json::Value;
 use tokio::time::Instant;
 
-use crate::brief::{Brief, Fate, Past};
+use crate::brief::{Brief, Past};
 use crate::gate::{Gate, Judged, Usage};
 use crate::language::Language;
 use crate::{Designed, Designer, Designing};
@@ -111,7 +111,7 @@ struct Parents<'a> {
 fn parents<'a>(brief: &'a Brief, language: &dyn Language) -> Parents<'a> {
     let mut parents = Parents { past: Vec::new(), weights: Vec::new() };
     for (at, past) in brief.fates.iter().enumerate() {
-        let Fate::Flown { regret, .. } = past.fate else { continue };
+        let Some(regret) = past.fate.worth() else { continue };
         let others = brief.fates.iter().enumerate().filter(|(other, _)| *other != at);
         let distances = others.map(|(_, other)| language.distance(&past.design, &other.design));
         let novelty = distances.fold(1.0, f64::min);

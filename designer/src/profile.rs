@@ -3,6 +3,7 @@
 
 use env_core::critique::SECTORS;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// Why a task's episodes lose score. Weights fade with time; fields that designers do not use are skipped.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -88,12 +89,10 @@ pub enum ProfileError {
     Value(String),
 }
 
-/// One profile, or the service's answer with one a task.
+/// The service's answer: a profile a task.
 #[derive(Deserialize)]
-#[serde(untagged)]
-enum Form {
-    Answer { tasks: Vec<Profile> },
-    One(Profile),
+struct Answer {
+    tasks: Vec<Profile>,
 }
 
 impl Profile {
@@ -109,9 +108,10 @@ impl Profile {
     /// # Errors
     /// What is wrong with it.
     pub fn read(json: &str, task: Option<&str>) -> Result<Self, ProfileError> {
-        let all = match serde_json::from_str(json)? {
-            Form::Answer { tasks } => tasks,
-            Form::One(profile) => vec![profile],
+        let form: Value = serde_json::from_str(json)?;
+        let all = match form.get("tasks") {
+            Some(_) => serde_json::from_value::<Answer>(form)?.tasks,
+            None => vec![serde_json::from_value(form)?],
         };
         let held = all.iter().map(|profile| profile.task.as_str()).collect::<Vec<_>>().join(", ");
         let found = match task {

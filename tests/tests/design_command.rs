@@ -62,10 +62,32 @@ async fn layouts_are_designed_for_a_run() {
         assert_eq!(layout["scenario"]["physics"]["contact"], "swept", "the run's physics holds");
     }
 
+    known_ones_are_left_out(&server.api(), ask).await;
     let out = design(words(&["--run", "nobody", "--url", &url])).await;
     let said = String::from_utf8(out.stderr).unwrap();
     assert!(out.status.code() == Some(2) && said.contains("404") && said.lines().count() == 1, "{said}");
     let out = design(ask(&["--task", "kessler/survival"])).await;
     let said = String::from_utf8(out.stderr).unwrap();
     assert!(out.status.code() == Some(2) && said.contains("its tasks are kessler/rendezvous"), "{said}");
+}
+
+/// What the run has already is known to the gate, and told to who designs.
+async fn known_ones_are_left_out(api: &Api, ask: impl Fn(&[&str]) -> Vec<String>) {
+    let asked = api.post("/v1/runs/run/designs", json!({"n": 3, "designer": "procedural"})).await.expect(202);
+    let path = format!("/v1/runs/run/designs/asks/{}", asked["id"].as_str().unwrap());
+    while api.get(&path).await.expect(200)["state"] != "done" {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    let out = design(ask(&["--n", "2"])).await;
+    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let layouts = told["layouts"].as_array().unwrap().iter().filter(|layout| layout["admitted"] == true);
+    let apart: Vec<f64> = layouts.map(|layout| layout["novelty"].as_f64().unwrap()).collect();
+    assert!(
+        apart.len() == 2 && apart.iter().all(|apart| *apart >= 0.05),
+        "compared with the run's: {apart:?}"
+    );
+    let prompt = design(ask(&["--dry-run", "--designer", "llm"])).await;
+    let prompt: Value = serde_json::from_slice(&prompt.stdout).unwrap();
+    let admitted = prompt["prompt"].as_str().unwrap().matches("admitted; nobody has flown it yet").count();
+    assert_eq!(admitted, 3, "{prompt}");
 }

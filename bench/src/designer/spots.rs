@@ -239,6 +239,10 @@ fn faced(weakness: Weakness, layout: &Admitted, found: &mut Found) -> anyhow::Re
     found.of_mode += usize::from(tried.failed && of_mode().next().is_some());
     found.from_there += usize::from(tried.failed && of_mode().any(met));
     let success = if tried.succeeded { 1.0 } else { 0.0 };
-    let fate = Fate::Flown { episodes: 1, success, regret: tried.regret, retired: false };
+    let as_aimed = match tried.critique.failures.is_empty() {
+        true => None,
+        false => Some(if of_mode().next().is_some() { 1.0 } else { 0.0 }),
+    };
+    let fate = Fate::Flown { episodes: 1, success, regret: tried.regret, as_aimed, retired: false };
     Ok(Past { design: thought, sky: Some(scenario.seed()), fate })
 }

@@ -9,7 +9,7 @@ use super::claim::AIM_WIDTH;
 use super::language::{Aim, BEARING, Design, Encounter, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP};
 use super::sky::Sky;
 use super::speak::aims;
-use crate::brief::{Brief, Fate};
+use crate::brief::Brief;
 use crate::profile::{ModeProfile, Rose};
 
 /// The share of designs that look where nothing was found yet.
@@ -113,7 +113,7 @@ fn target(brief: &Brief, draws: &mut Draws) -> Option<Target> {
 const PRIOR: f64 = 4.0;
 
 /// Adds what earlier layouts for this mode have shown: where they came from and how fast, by how much the agent left on the
-/// table there.
+/// table there in the way that was aimed at.
 fn learn(brief: &Brief, mode: &str, frame: Frame, rose: &mut Rose, speeds: &mut [f64]) {
     for weights in [&mut rose[..], &mut *speeds] {
         let all: f64 = weights.iter().sum();
@@ -121,15 +121,15 @@ fn learn(brief: &Brief, mode: &str, frame: Frame, rose: &mut Rose, speeds: &mut 
     }
     let bands = brief.base.task().speed_bands();
     for past in &brief.fates {
-        let Fate::Flown { regret, .. } = past.fate else { continue };
+        let Some(worth) = past.fate.worth() else { continue };
         let Ok(design) = Design::from_json(&past.design) else { continue };
         if design.aim.mode != mode {
             continue;
         }
         if let Some(aimed) = design.aim.bearing_deg.filter(|_| design.frame == frame) {
-            rose[sector(f64::from(aimed)) as usize] += regret;
+            rose[sector(f64::from(aimed)) as usize] += worth;
         }
-        let share = regret / design.encounters.len().max(1) as f64;
+        let share = worth / design.encounters.len().max(1) as f64;
         for encounter in &design.encounters {
             if let Some(weight) = speeds.get_mut(bands.band(SPEED.value(encounter.relative_speed)) as usize) {
                 *weight += share;

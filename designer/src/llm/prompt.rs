@@ -240,9 +240,14 @@ fn fate(past: &Past) -> String {
     let became = match &past.fate {
         Fate::Refused { check, reason } => format!("refused, {}: {}", word(check), quoted(reason, REASON)),
         Fate::Fresh => "admitted; nobody has flown it yet".to_owned(),
-        Fate::Flown { episodes, success, retired, .. } => {
+        Fate::Flown { episodes, success, as_aimed, retired, .. } => {
             let retired = if *retired { "; it serves no longer" } else { "" };
-            format!("admitted; the agent succeeded in {} of {episodes} episodes{retired}", percent(*success))
+            let aimed = as_aimed.map(|share| format!("; what went wrong was the aim in {}", percent(share)));
+            let aimed = aimed.unwrap_or_default();
+            format!(
+                "admitted; the agent succeeded in {} of {episodes} episodes{aimed}{retired}",
+                percent(*success)
+            )
         }
     };
     format!("- {name}, aimed at {mode}{from}: {became}")

@@ -6,7 +6,7 @@ use super::StoreError;
 use crate::clock::Millis;
 
 /// One round of asking a designer, as stored.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct AskRow {
     /// Its number.
     pub id: i64,
@@ -26,6 +26,8 @@ pub struct AskRow {
     pub wanted: i64,
     /// How many the gate let through.
     pub admitted: i64,
+    /// Of these, by the designer that was asked.
+    pub own: i64,
     /// How many it refused.
     pub refused: i64,
     /// The model, where one was asked.
@@ -56,55 +58,11 @@ pub struct AskRow {
     pub ended_at: Option<Millis>,
 }
 
-/// What a designer is asked.
-#[derive(Debug, Clone)]
-pub struct NewAsk {
-    /// The run.
-    pub run: String,
-    /// The task.
-    pub task: String,
-    /// `llm` or `procedural`.
-    pub designer: &'static str,
-    /// `worker` or `hand`.
-    pub asked_by: &'static str,
-    /// How many layouts are wanted.
-    pub wanted: i64,
-}
-
-/// How an ask ended.
-#[derive(Debug, Clone, Default)]
-pub struct Ended {
-    /// How many were let through.
-    pub admitted: i64,
-    /// Of these, by the designer that was asked.
-    pub own: i64,
-    /// How many were refused.
-    pub refused: i64,
-    /// The model, where one was asked.
-    pub model: Option<String>,
-    /// The version of its prompt.
-    pub prompt: Option<String>,
-    /// Rounds.
-    pub rounds: i64,
-    /// Tokens in.
-    pub tokens_in: i64,
-    /// Tokens out.
-    pub tokens_out: i64,
-    /// What they cost.
-    pub cost: f64,
-    /// How long it took.
-    pub latency_ms: i64,
-    /// JSON: what went wrong without ending it.
-    pub troubles: String,
-    /// Why it failed, if it did.
-    pub error: Option<String>,
-}
-
-/// Stores what is asked, to wait; its number.
+/// Stores what is asked, to wait: its number. What can only have happened since is not looked at.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, ask: &NewAsk, now: Millis) -> Result<i64, StoreError> {
+pub async fn insert(conn: &mut SqliteConnection, ask: &AskRow, now: Millis) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"INSERT INTO design_asks (run, task, designer, asked_by, state, wanted, created_at)
            VALUES (?, ?, ?, ?, 'waiting', ?, ?) RETURNING id AS "id!""#,
@@ -143,16 +101,11 @@ pub async fn begin(
     Ok(done.rows_affected() == 1)
 }
 
-/// Ends one that is not over yet; false if it is.
+/// Ends one that is not over yet, with what came of it; false if it is. It failed if it says why.
 ///
 /// # Errors
 /// The database's.
-pub async fn end(
-    conn: &mut SqliteConnection,
-    id: i64,
-    ended: &Ended,
-    now: Millis,
-) -> Result<bool, StoreError> {
+pub async fn end(conn: &mut SqliteConnection, ended: &AskRow, now: Millis) -> Result<bool, StoreError> {
     let state = if ended.error.is_some() { "failed" } else { "done" };
     let done = query!(
         "UPDATE design_asks SET state = ?, admitted = ?, own = ?, refused = ?, model = ?, prompt = ?, rounds = ?, tokens_in = ?,
@@ -172,7 +125,7 @@ pub async fn end(
         ended.troubles,
         ended.error,
         now,
-        id
+        ended.id
     )
     .execute(conn)
     .await?;
@@ -251,8 +204,8 @@ pub async fn open(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreEr
 pub async fn get(conn: &mut SqliteConnection, run: &str, id: i64) -> Result<Option<AskRow>, StoreError> {
     Ok(sqlx::query_as!(
         AskRow,
-        "SELECT id, run, task, level, designer, asked_by, state, wanted, admitted, refused, model, prompt, rounds,
-                tokens_in, tokens_out, cost, latency_ms, profile, criticised, troubles, error, created_at, ended_at
+        "SELECT id, run, task, level, designer, asked_by, state, wanted, admitted, own, refused, model, prompt,
+                rounds, tokens_in, tokens_out, cost, latency_ms, profile, criticised, troubles, error, created_at, ended_at
          FROM design_asks WHERE run = ? AND id = ?",
         run,
         id
@@ -274,8 +227,8 @@ pub async fn page(
 ) -> Result<Vec<AskRow>, StoreError> {
     Ok(sqlx::query_as!(
         AskRow,
-        "SELECT id, run, task, level, designer, asked_by, state, wanted, admitted, refused, model, prompt, rounds,
-                tokens_in, tokens_out, cost, latency_ms, profile, criticised, troubles, error, created_at, ended_at
+        "SELECT id, run, task, level, designer, asked_by, state, wanted, admitted, own, refused, model, prompt,
+                rounds, tokens_in, tokens_out, cost, latency_ms, profile, criticised, troubles, error, created_at, ended_at
          FROM design_asks
          WHERE run = ?1 AND id < ?2 AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
          ORDER BY id DESC LIMIT ?5",

@@ -3,7 +3,6 @@
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
-use super::sums::Sums;
 
 /// Adds to what the gate said.
 ///
@@ -110,65 +109,6 @@ pub async fn add_groups(
     .execute(conn)
     .await?;
     Ok(())
-}
-
-/// Adds to the plain sums of a task's designed episodes.
-///
-/// # Errors
-/// The database's.
-pub async fn add_sums(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    sums: &Sums,
-) -> Result<(), StoreError> {
-    query!(
-        "INSERT INTO design_sums (run, task, episodes, successes, failed, expired, score, skilled, skill)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
-         ON CONFLICT (run, task) DO UPDATE SET
-             episodes = episodes + excluded.episodes, successes = successes + excluded.successes,
-             failed = failed + excluded.failed, expired = expired + excluded.expired,
-             score = score + excluded.score, skilled = skilled + excluded.skilled, skill = skill + excluded.skill",
-        run,
-        task,
-        sums.episodes,
-        sums.successes,
-        sums.failed,
-        sums.expired,
-        sums.score,
-        sums.skilled,
-        sums.skill
-    )
-    .execute(conn)
-    .await?;
-    Ok(())
-}
-
-/// The plain sums of a run's designed episodes, by task.
-///
-/// # Errors
-/// The database's.
-pub async fn sums(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, Sums)>, StoreError> {
-    let rows = query!(
-        "SELECT task, episodes, successes, failed, expired, score, skilled, skill FROM design_sums
-         WHERE run = ? ORDER BY task",
-        run
-    )
-    .fetch_all(conn)
-    .await?;
-    let of_task = rows.into_iter().map(|r| {
-        let sums = Sums {
-            episodes: r.episodes,
-            successes: r.successes,
-            failed: r.failed,
-            expired: r.expired,
-            score: r.score,
-            skilled: r.skilled,
-            skill: r.skill,
-        };
-        (r.task, sums)
-    });
-    Ok(of_task.collect())
 }
 
 /// A task that a run has been criticised on.

@@ -1,12 +1,14 @@
 //! What designers thought of: layouts, their outcomes, and every change of their state.
 
+use std::collections::BTreeSet;
+
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 use crate::clock::Millis;
 
 /// A layout as stored; those that the gate refused have no scenario.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct LayoutRow {
     /// Its number.
     pub id: i64,
@@ -60,6 +62,10 @@ pub struct LayoutRow {
     pub score: f64,
     /// Sum of their regrets.
     pub regret: f64,
+    /// Criticised episodes in which something went wrong.
+    pub faults: i64,
+    /// Of these, by the failure mode it aims at.
+    pub as_aimed: i64,
     /// JSON: the last outcomes.
     pub recent: String,
     /// Outcomes in a row without any success.
@@ -72,52 +78,11 @@ pub struct LayoutRow {
     pub retired_at: Option<Millis>,
 }
 
-/// What is stored of a layout when it is made.
-#[derive(Debug, Clone, Default)]
-pub struct NewLayout {
-    /// The ask it came of.
-    pub ask: i64,
-    /// The run.
-    pub run: String,
-    /// The task.
-    pub task: String,
-    /// The level it was designed at.
-    pub level: Option<i64>,
-    /// Who thought of it.
-    pub designer: String,
-    /// Its name, for people.
-    pub name: String,
-    /// JSON, in the language of its world.
-    pub design: Option<String>,
-    /// The failure mode it aims at.
-    pub mode: Option<String>,
-    /// From where, in the frame.
-    pub bearing_deg: Option<i64>,
-    /// What bearings are measured in.
-    pub frame: Option<String>,
-    /// In which round it was given.
-    pub round: i64,
-    /// `active` or `refused`.
-    pub state: &'static str,
-    /// Where refused: which check.
-    pub gate_check: Option<&'static str>,
-    /// Where refused: the sentence.
-    pub reason: Option<String>,
-    /// `threat` or `decoy`.
-    pub claim: Option<&'static str>,
-    /// How far the nearest design that is known is.
-    pub novelty: Option<f64>,
-    /// Its scenario.
-    pub scenario: Option<Vec<u8>>,
-    /// Training groups that the run has leased.
-    pub train_groups_at: i64,
-}
-
-/// Stores a layout; its number.
+/// Stores a layout that has just been made: its number. What can only have happened since is not looked at.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -> Result<i64, StoreError> {
+pub async fn insert(conn: &mut SqliteConnection, new: &LayoutRow, now: Millis) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"INSERT INTO layouts (ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state,
                                 gate_check, reason, claim, novelty, scenario, train_groups_at, created_at)
@@ -155,7 +120,7 @@ pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LayoutRo
         LayoutRow,
         "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
                 gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                score, regret, recent, barren, served_at, created_at, retired_at
+                score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
          FROM layouts WHERE id = ?",
         id
     )
@@ -193,7 +158,7 @@ pub async fn of_run(
         LayoutRow,
         "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
                 gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                score, regret, recent, barren, served_at, created_at, retired_at
+                score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
          FROM layouts
          WHERE run = ?1 AND id < ?2 AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
                AND (?5 IS NULL OR mode = ?5) AND (?6 IS NULL OR ask = ?6) AND (?7 OR state != 'refused')
@@ -225,7 +190,7 @@ pub async fn of_all(
         LayoutRow,
         "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
                 gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                score, regret, recent, barren, served_at, created_at, retired_at
+                score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
          FROM layouts
          WHERE state != 'refused' AND id < ?1 AND (?2 IS NULL OR task = ?2) AND (?3 IS NULL OR state = ?3)
                AND (?4 IS NULL OR mode = ?4)
@@ -292,6 +257,30 @@ pub async fn flown(conn: &mut SqliteConnection, id: i64, flown: &Flown) -> Resul
         flown.regret,
         flown.recent,
         flown.barren,
+        id
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Adds criticised episodes in which something went wrong to a layout: one for each, with the failure modes that it shows.
+///
+/// # Errors
+/// The database's.
+pub async fn blame(
+    conn: &mut SqliteConnection,
+    id: i64,
+    episodes: &[BTreeSet<&str>],
+) -> Result<(), StoreError> {
+    let aim =
+        sqlx::query_scalar!("SELECT mode FROM layouts WHERE id = ?", id).fetch_optional(&mut *conn).await?;
+    let aimed = |modes: &&BTreeSet<&str>| aim.iter().flatten().any(|aim| modes.contains(aim.as_str()));
+    let (faults, as_aimed) = (episodes.len() as i64, episodes.iter().filter(aimed).count() as i64);
+    query!(
+        "UPDATE layouts SET faults = faults + ?, as_aimed = as_aimed + ? WHERE id = ?",
+        faults,
+        as_aimed,
         id
     )
     .execute(conn)

@@ -1,8 +1,9 @@
-//! Plain sums over all episodes, per run, task and level.
+//! Plain sums over all episodes, per run, task and level; those of designed groups apart.
 
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
+use super::leases::GroupRow;
 
 /// Sums as stored. Level −1 is for strategies without levels.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -36,28 +37,42 @@ impl Sums {
     }
 }
 
-/// Adds to the sums of a task and level.
+/// Which sums: of a task, at a level, of designed groups or of all others.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Key {
+    /// The task.
+    pub task: String,
+    /// The level; none where the strategy has none.
+    pub level: Option<i64>,
+    /// Whether the groups were designed.
+    pub designed: bool,
+}
+
+impl Key {
+    /// Where a group's episodes count.
+    #[must_use]
+    pub fn of(group: &GroupRow) -> Self {
+        Self { task: group.task.clone(), level: group.level, designed: group.layout.is_some() }
+    }
+}
+
+/// Adds to sums.
 ///
 /// # Errors
 /// The database's.
-pub async fn add(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    level: Option<i64>,
-    sums: &Sums,
-) -> Result<(), StoreError> {
-    let level = level.unwrap_or(-1);
+pub async fn add(conn: &mut SqliteConnection, run: &str, key: &Key, sums: &Sums) -> Result<(), StoreError> {
+    let level = key.level.unwrap_or(-1);
     query!(
-        "INSERT INTO task_sums (run, task, level, episodes, successes, failed, expired, score, skilled, skill)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
-         ON CONFLICT (run, task, level) DO UPDATE SET
+        "INSERT INTO task_sums (run, task, level, designed, episodes, successes, failed, expired, score, skilled, skill)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+         ON CONFLICT (run, task, level, designed) DO UPDATE SET
              episodes = episodes + excluded.episodes, successes = successes + excluded.successes,
              failed = failed + excluded.failed, expired = expired + excluded.expired,
              score = score + excluded.score, skilled = skilled + excluded.skilled, skill = skill + excluded.skill",
         run,
-        task,
+        key.task,
         level,
+        key.designed,
         sums.episodes,
         sums.successes,
         sums.failed,
@@ -71,15 +86,20 @@ pub async fn add(
     Ok(())
 }
 
-/// All sums of a run, by task.
+/// All sums of a run, by task: those of designed groups, or of all others.
 ///
 /// # Errors
 /// The database's.
-pub async fn of_run(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, Sums)>, StoreError> {
+pub async fn of_run(
+    conn: &mut SqliteConnection,
+    run: &str,
+    designed: bool,
+) -> Result<Vec<(String, Sums)>, StoreError> {
     let rows = query!(
         "SELECT task, episodes, successes, failed, expired, score, skilled, skill FROM task_sums
-         WHERE run = ? ORDER BY task, level",
-        run
+         WHERE run = ? AND designed = ? ORDER BY task, level",
+        run,
+        designed
     )
     .fetch_all(conn)
     .await?;

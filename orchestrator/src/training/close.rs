@@ -28,16 +28,16 @@ pub(super) async fn close_group(
     }
     .to_owned();
     leases::update_group(conn, lease.id, &group, Some(now)).await?;
+    if expired > 0 && group.counts() {
+        let lost = Sums { expired, ..Sums::default() };
+        sums::add(conn, &lease.run, &sums::Key::of(&group), &lost).await?;
+    }
     let Some(seq) = group.proposal else {
         return match group.layout {
             Some(_) => design::outcome::take(work, lease, &group, (enough, expired)).await,
             None => Ok(Vec::new()), // an evaluation
         };
     };
-    if expired > 0 {
-        let lost = Sums { expired, ..Sums::default() };
-        sums::add(conn, &lease.run, &group.task, group.level, &lost).await?;
-    }
     let body = proposals::body(conn, &lease.run, seq).await?;
     let Some(body) = body else { return Ok(Vec::new()) };
     let proposal: Proposal = from_json("a proposal", &body)?;

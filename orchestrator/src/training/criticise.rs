@@ -17,20 +17,26 @@ use crate::store::critiques::{self, Job};
 use crate::store::failures::{self, CellKey, CellSums, Example, RING};
 use crate::store::inertial::{self, SectorRow};
 use crate::store::scenarios::Loader;
-use crate::store::{StoreError, episodes, leases};
+use crate::store::{StoreError, episodes, layouts, leases};
 
 /// Episodes of a job at most.
 pub const JOB: usize = 64;
 
-/// Scenario and log of an episode, or why they cannot be had.
-type Stage = Result<(Scenario, ActionLog), String>;
+/// What an episode is criticised on.
+#[derive(Debug)]
+struct Stage {
+    scenario: Scenario,
+    /// The layout of a designed group.
+    layout: Option<i64>,
+    log: ActionLog,
+}
 
 /// A job with what is needed to do it.
 #[derive(Debug)]
 pub struct Material {
     job: Job,
     /// What is criticised, by index in the lease.
-    chosen: Vec<(i64, Stage)>,
+    chosen: Vec<(i64, Result<Stage, String>)>,
     skipped: i64,
 }
 
@@ -60,13 +66,13 @@ impl Material {
         };
         let of_all = numbers.len();
         let mut chosen = Vec::with_capacity(of_all);
-        let mut scenario: Option<(i64, Scenario)> = None; // siblings follow each other
+        let mut held: Option<(i64, Set)> = None; // siblings follow each other
         for number in numbers.into_iter().filter(|number| sample::kept(job.lease, *number, halvings)) {
             let group = number / job.group_size.max(1);
-            let known = scenario.take().filter(|(of, _)| *of == group).map(|(_, scenario)| scenario);
+            let known = held.take().filter(|(of, _)| *of == group).map(|(_, set)| set);
             let stage = match stage(conn, loader, known, (job.lease, number, group)).await {
                 Ok(stage) => {
-                    scenario = Some((group, stage.0.clone()));
+                    held = Some((group, (stage.scenario.clone(), stage.layout)));
                     Ok(stage)
                 }
                 Err(StoreError::Unreadable { what, reason }) => Err(format!("{what}: {reason}")),
@@ -79,23 +85,26 @@ impl Material {
     }
 }
 
+/// What siblings share: scenario and layout.
+type Set = (Scenario, Option<i64>);
+
 async fn stage(
     conn: &mut SqliteConnection,
     loader: &mut Loader,
-    known: Option<Scenario>,
+    known: Option<Set>,
     (lease, number, group): (i64, i64, i64),
-) -> Result<(Scenario, ActionLog), StoreError> {
-    let scenario = match known {
-        Some(scenario) => scenario,
+) -> Result<Stage, StoreError> {
+    let (scenario, layout) = match known {
+        Some(set) => set,
         None => {
             let row = leases::group(conn, lease, group).await?;
             let row = row.ok_or_else(|| StoreError::unreadable("a group", "it is gone"))?;
-            loader.get(conn, &row.scenario).await?
+            (loader.get(conn, &row.scenario).await?, row.layout)
         }
     };
     let log = episodes::log(conn, lease, number).await?;
     let log = log.ok_or_else(|| StoreError::unreadable("an action log", "it is gone"))?;
-    Ok((scenario, ActionLog::decode(&log)?))
+    Ok(Stage { scenario, layout, log: ActionLog::decode(&log)? })
 }
 
 /// A job that was done.
@@ -128,13 +137,13 @@ pub fn criticise(material: Material) -> Done {
     Done { job, notes, skipped, failed: reasons.len() as i64, reason: reasons.into_iter().next() }
 }
 
-fn note(number: i64, stage: Stage) -> Result<Note, String> {
-    let told = stage.and_then(|(scenario, log)| {
+fn note(number: i64, stage: Result<Stage, String>) -> Result<Note, String> {
+    let told = stage.and_then(|Stage { scenario, layout, log }| {
         let task = scenario.task();
         let critique = std::panic::catch_unwind(AssertUnwindSafe(|| task.critique(&scenario, &log)))
             .map_err(|_| "the critique panicked".to_owned())?
             .map_err(|error| error.to_string())?;
-        Note::of(number, &critique, task.speed_bands())
+        Ok(Note { layout, ..Note::of(number, &critique, task.speed_bands())? })
     });
     told.map_err(|reason| format!("episode {number}: {reason}"))
 }
@@ -197,6 +206,7 @@ async fn enter(
             }
         }
     }
+    blame(conn, all).await?;
     critiques::put_sums(conn, run, task, &sums).await?;
     sectors.write(conn, run, task).await?;
     for (key, Touched { sums, examples }) in &cells {
@@ -205,6 +215,20 @@ async fn enter(
         for example in &examples[newest..] {
             failures::put_example(conn, cell, example).await?;
         }
+    }
+    Ok(())
+}
+
+/// Tells layouts what went wrong on them.
+async fn blame(conn: &mut SqliteConnection, all: &[Done]) -> Result<(), StoreError> {
+    let mut by_layout: BTreeMap<i64, Vec<BTreeSet<&str>>> = BTreeMap::new();
+    for note in all.iter().flat_map(|done| &done.notes).filter(|note| !note.failures.is_empty()) {
+        let Some(layout) = note.layout else { continue };
+        let modes = note.failures.iter().map(|failing| failing.key.mode.as_str()).collect();
+        by_layout.entry(layout).or_default().push(modes);
+    }
+    for (layout, episodes) in by_layout {
+        layouts::blame(conn, layout, &episodes).await?;
     }
     Ok(())
 }

@@ -35,6 +35,8 @@ pub fn weight_of(criticised: i64) -> f64 {
 pub struct Note {
     /// The episode's index in its lease.
     pub number: i64,
+    /// The layout it was flown on, where its group was designed.
+    pub layout: Option<i64>,
     /// The judge's value.
     pub judged: f64,
     /// Actions by verdict.
@@ -93,7 +95,13 @@ impl Note {
             let inertial = failure.encounter.as_ref().and_then(|e| e.bearing_inertial_deg).map(sector);
             Failing { key, agent: failure.agent, step: failure.step, met, inertial }
         });
-        Ok(Self { number, judged: critique.judged.value, verdicts, failures: failures.collect() })
+        Ok(Self {
+            number,
+            layout: None,
+            judged: critique.judged.value,
+            verdicts,
+            failures: failures.collect(),
+        })
     }
 }
 
@@ -178,7 +186,10 @@ mod tests {
     fn what_happens_in_every_episode_weighs_as_much_as_all_episodes() {
         let (mut sums, mut cell) = (CritiqueSums::default(), CellSums::default());
         for _ in 0..5000 {
-            enter(&mut sums, &Note { number: 0, judged: 1.0, verdicts: [1, 0, 2, 0], failures: Vec::new() });
+            enter(
+                &mut sums,
+                &Note { number: 0, layout: None, judged: 1.0, verdicts: [1, 0, 2, 0], failures: Vec::new() },
+            );
             enter_failure(&mut cell, sums.criticised, 5, &failing("collision"));
         }
         let all = weight_of(5000);

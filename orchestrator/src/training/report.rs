@@ -14,7 +14,7 @@ use crate::store::brackets::StoredFlown;
 use crate::store::episodes::{self, EpisodeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{critiques, design_counts, runs, to_json};
+use crate::store::{critiques, runs, to_json};
 
 /// What became of one reported episode.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
@@ -87,9 +87,7 @@ impl Change for Report {
 struct Books {
     leases: BTreeMap<i64, LeaseRow>,
     groups: BTreeMap<(i64, i64), GroupRow>,
-    sums: BTreeMap<(String, Option<i64>), Sums>,
-    /// The same of designed groups, which are kept apart.
-    designed: BTreeMap<String, Sums>,
+    sums: BTreeMap<sums::Key, Sums>,
     /// Indices of episodes that the critique has to look at, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
@@ -185,10 +183,7 @@ impl Books {
         }
         // An evaluation moves nothing, plain sums included.
         if group.counts() {
-            match group.layout {
-                Some(_) => self.designed.entry(group.task.clone()).or_default().add(&sums),
-                None => self.sums.entry((group.task.clone(), group.level)).or_default().add(&sums),
-            }
+            self.sums.entry(sums::Key::of(group)).or_default().add(&sums);
             if row.state == "finished" {
                 self.to_criticise.entry((lease.id, group.task.clone())).or_default().push(row.number);
             }
@@ -203,11 +198,8 @@ impl Books {
     /// Writes groups and sums, closes groups that are whole and leases that are done.
     async fn close(self, work: &mut Work, run: &str) -> Result<Vec<Move>, TrainingError> {
         let mut moves = Vec::new();
-        for ((task, level), sums) in &self.sums {
-            sums::add(&mut work.conn, run, task, *level, sums).await?;
-        }
-        for (task, sums) in &self.designed {
-            design_counts::add_sums(&mut work.conn, run, task, sums).await?;
+        for (key, sums) in &self.sums {
+            sums::add(&mut work.conn, run, key, sums).await?;
         }
         for ((lease, task), numbers) in &self.to_criticise {
             for job in numbers.chunks(JOB) {

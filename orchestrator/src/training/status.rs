@@ -3,7 +3,6 @@
 use super::{Change, RunSettings, TrainingError, Work};
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
-use crate::store::design_counts;
 use crate::store::sums::{self, Sums};
 
 /// Asks where a run stands.
@@ -42,8 +41,8 @@ impl Change for Look {
             status: mind.curriculum.status(),
             mastery: mind.curriculum.mastery(),
             explanation: mind.curriculum.explain(),
-            sums: sums::of_run(conn, self.run.as_str()).await?,
-            designed: design_counts::sums(conn, self.run.as_str()).await?,
+            sums: sums::of_run(conn, self.run.as_str(), false).await?,
+            designed: sums::of_run(conn, self.run.as_str(), true).await?,
             next_seq: mind.curriculum.next_seq(),
         })
     }

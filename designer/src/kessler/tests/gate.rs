@@ -123,7 +123,7 @@ fn what_worked_is_edited() {
     let first = Procedural::layouts(&brief, &mut gate());
     let parent = first.judged.iter().find_map(|j| j.verdict.as_ref().ok()).unwrap();
     let design = parent.scenario().recipe().layout().unwrap().provenance.clone().unwrap();
-    let fate = Fate::Flown { episodes: 8, success: 0.0, regret: 1.0, retired: false };
+    let fate = Fate::Flown { episodes: 8, success: 0.0, regret: 1.0, as_aimed: None, retired: false };
     brief.fates = vec![Past { design: design.clone(), sky: Some(parent.scenario().seed()), fate }];
     brief.count = 12;
     let mut known = Gate::new(gate().language(), vec![design.clone()]);

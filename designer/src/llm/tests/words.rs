@@ -58,7 +58,8 @@ pub(super) fn rich() -> Brief {
     ];
     brief.standing = Some(Standing { n: 64, mean: 0.42, q10: 0.34, q90: 0.5 });
     let design = |name: &str| json!({"name": name, "aim": {"mode": "collision", "bearing_deg": 270}, "frame": "radial_in_track"});
-    let flown = |success, retired| Fate::Flown { episodes: 16, success, regret: 0.3, retired };
+    let flown =
+        |success, retired| Fate::Flown { episodes: 16, success, regret: 0.3, as_aimed: Some(0.75), retired };
     let refused = |reason: &str| Fate::Refused { check: "compiles".to_owned(), reason: reason.to_owned() };
     let fates = [
         ("overtaken", Fate::Fresh),
@@ -92,7 +93,7 @@ fn of_many_fates_those_that_teach_most_are_told() {
     let mut brief = rich();
     let of =
         |name: String, fate: &Fate| Past { design: json!({ "name": name }), sky: None, fate: fate.clone() };
-    let flown = Fate::Flown { episodes: 8, success: 0.5, regret: 0.5, retired: false };
+    let flown = Fate::Flown { episodes: 8, success: 0.5, regret: 0.5, as_aimed: None, retired: false };
     let refused = Fate::Refused { check: "aim".to_owned(), reason: "no".to_owned() };
     let mut named = |flights: usize, refusals: usize| {
         let fresh = (0..20).map(|n| of(format!("fresh {n}"), &Fate::Fresh));

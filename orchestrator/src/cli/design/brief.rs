@@ -120,8 +120,8 @@ fn profile(path: &Path, task: Option<&str>) -> anyhow::Result<Profile> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("--profile: {} cannot be read", path.display()))?;
     Profile::read(&text, task).map_err(|error| match error {
-        ProfileError::Form(_) => anyhow!(
-            "--profile: {} is no failure profile; what GET /v1/runs/{{run}}/failures answers is one, or one task of it",
+        ProfileError::Form(fault) => anyhow!(
+            "--profile: {} is no failure profile ({fault}); what GET /v1/runs/{{run}}/failures answers is one, or one task of it",
             path.display()
         ),
         other => anyhow!("--profile: {}: {other}", path.display()),

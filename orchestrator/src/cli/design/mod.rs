@@ -34,7 +34,7 @@ use super::output::{Format, print, print_json};
 /// with neither, nothing is known of it and debris comes from everywhere. Every layout passes the gate: its numbers are
 /// within bounds, its bodies can be where it says, its aim is kept, nothing touches before anybody could act, the reference
 /// planner succeeds within fuel, and acting blindly does not (a threat), or holding succeeds and a nervous agent wastes fuel
-/// (a decoy); and it is not like another of the same call. Refused layouts are told with a sentence each.
+/// (a decoy); and it is not like another of the same call, or like the newest of the run. Refused layouts are told with a sentence each.
 ///
 /// With --layouts nothing is designed: the layouts of a file, of any world, pass through the gate.
 #[derive(Debug, clap::Args)]
@@ -147,7 +147,8 @@ fn designed(args: &Args) -> anyhow::Result<Outcome> {
     let runtime = runtime()?;
     let mut designer = who::designer(args)?;
     let brief = asked(args, &runtime)?;
-    let mut gate = Gate::new(speaks(&brief)?, Vec::new());
+    let known = brief.fates.iter().map(|past| past.design.clone()).collect();
+    let mut gate = Gate::new(speaks(&brief)?, known);
     let busy = Busy::new(&format!("{} designs {} layouts", designer.name(), brief.count));
     let started = Instant::now();
     let designed = runtime.block_on(designer.design(&brief, &mut gate));
@@ -177,11 +178,11 @@ fn runtime() -> anyhow::Result<Runtime> {
 
 /// The brief that is asked for; what a service knows is asked of it.
 fn asked(args: &Args, runtime: &Runtime) -> anyhow::Result<Brief> {
-    let told = match &args.run {
-        Some(run) => runtime.block_on(service::ask(&args.url, run))?,
-        None => Told::default(),
-    };
-    brief::of(args, told)
+    let Some(run) = &args.run else { return brief::of(args, Told::default()) };
+    let mut brief = brief::of(args, runtime.block_on(service::ask(&args.url, run))?)?;
+    let task = brief.base.task().id();
+    brief.fates = runtime.block_on(service::past(&args.url, run, task))?;
+    Ok(brief)
 }
 
 impl Args {

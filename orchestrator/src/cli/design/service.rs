@@ -4,17 +4,23 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use designer::Profile;
-use designer::brief::Standing;
+use designer::brief::{Fate, Past, Standing};
 use designer::llm::http_client;
+use env_core::Seed;
 use reqwest::Client;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 use super::brief::{OfRun, Told};
 use crate::curriculum::TaskPlan;
 
 /// Longest time one request may take.
 const TIMEOUT: Duration = Duration::from_secs(30);
+/// Designs of a run that are listed; those that the gate refused are among them.
+const HEADS: usize = 500;
+/// Earlier layouts that a designer hears of.
+const FATES: usize = 24;
 
 /// GET /v1/runs/{run}, what of it is needed.
 #[derive(Deserialize)]
@@ -54,12 +60,74 @@ struct Posterior {
     q90: f64,
 }
 
+/// GET /v1/runs/{run}/designs, what of it is needed.
+#[derive(Deserialize)]
+struct Designs {
+    designs: Vec<Head>,
+}
+
+#[derive(Deserialize)]
+struct Head {
+    id: String,
+    state: String,
+    flown: Flown,
+}
+
+#[derive(Deserialize)]
+struct Flown {
+    episodes: u32,
+    success: Option<f64>,
+    regret: Option<f64>,
+    as_aimed: Option<f64>,
+}
+
+/// GET /v1/layouts/{layout}, what of it is needed.
+#[derive(Deserialize)]
+struct Layout {
+    design: Option<Value>,
+    scenario: Value,
+}
+
 /// RFC 9457, what of it people need.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Problem {
     title: Option<String>,
     detail: Option<String>,
+}
+
+fn client(url: &str) -> anyhow::Result<Client> {
+    Ok(http_client(url.starts_with("https:")).map_err(anyhow::Error::msg)?.timeout(TIMEOUT).build()?)
+}
+
+/// How a run's newest layouts of a task fared, the newest first: what is designed now learns from them and is not like them.
+///
+/// # Errors
+/// As of [`ask`].
+pub(super) async fn past(url: &str, run: &str, task: &str) -> anyhow::Result<Vec<Past>> {
+    let client = client(url)?;
+    let base = url.trim_end_matches('/');
+    let list = format!("{base}/v1/runs/{run}/designs?task={task}&limit={HEADS}");
+    let heads: Designs = read(&get(&client, url, &list).await?, &list)?;
+    let mut past = Vec::new();
+    for head in heads.designs.into_iter().filter(|head| head.state != "refused").take(FATES) {
+        let one = format!("{base}/v1/layouts/{}", head.id);
+        let layout: Layout = read(&get(&client, url, &one).await?, &one)?;
+        let Some(design) = layout.design else { continue };
+        let sky = layout.scenario.get("seed").and_then(Value::as_u64).and_then(|seed| Seed::new(seed).ok());
+        let fate = match (head.flown.success, head.flown.regret) {
+            (Some(success), Some(regret)) => Fate::Flown {
+                episodes: head.flown.episodes,
+                success,
+                regret,
+                as_aimed: head.flown.as_aimed,
+                retired: head.state == "retired",
+            },
+            _ => Fate::Fresh,
+        };
+        past.push(Past { design, sky, fate });
+    }
+    Ok(past)
 }
 
 /// Asks for all of it.
@@ -71,8 +139,7 @@ pub(super) async fn ask(url: &str, run: &str) -> anyhow::Result<Told> {
         !run.is_empty() && run.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.')),
         "--run: {run:?} is no run's id; GET /v1/runs lists them"
     );
-    let client =
-        http_client(url.starts_with("https:")).map_err(anyhow::Error::msg)?.timeout(TIMEOUT).build()?;
+    let client = client(url)?;
     let base = format!("{}/v1/runs/{run}", url.trim_end_matches('/'));
     let known: Run = read(&get(&client, url, &base).await?, &base)?;
     let masteries: Masteries = read(&get(&client, url, &format!("{base}/mastery")).await?, &base)?;

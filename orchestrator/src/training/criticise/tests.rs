@@ -214,14 +214,16 @@ fn an_episode_that_cannot_be_criticised_is_counted_and_holds_up_no_other() {
         numbers: "[0,1,2,3]".to_owned(),
         episodes: 4,
     };
+    let stage = |log: &ActionLog| Stage { scenario: scenario.clone(), layout: Some(7), log: log.clone() };
     let chosen = vec![
-        (0, Ok((scenario.clone(), log.clone()))),
+        (0, Ok(stage(&log))),
         (1, Err("its log is gone".to_owned())),
-        (2, Ok((scenario.clone(), too_short))),
-        (3, Ok((scenario, log))),
+        (2, Ok(stage(&too_short))),
+        (3, Ok(stage(&log))),
     ];
     let done = criticise(Material { job, chosen, skipped: 0 });
     assert_eq!(done.notes.iter().map(|n| n.number).collect::<Vec<_>>(), [0, 3]);
+    assert!(done.notes.iter().all(|note| note.layout == Some(7)));
     assert_eq!((done.failed, done.reason.as_deref()), (2, Some("episode 1: its log is gone")));
 }
 
@@ -240,7 +242,7 @@ fn notes() -> impl Strategy<Value = Vec<Note>> {
     let failures = proptest::collection::vec(failing, 0..4);
     // Judged in eighths: their sums are exact in any order.
     let note = (-8i32..9, [0i64..4, 0..4, 0..4, 0..4], failures).prop_map(|(eighths, verdicts, failures)| {
-        Note { number: 0, judged: f64::from(eighths) / 8.0, verdicts, failures }
+        Note { number: 0, layout: None, judged: f64::from(eighths) / 8.0, verdicts, failures }
     });
     proptest::collection::vec(note, 1..60)
 }

@@ -18,8 +18,8 @@ use super::serve::near;
 use super::stock::{self, Last, View};
 use crate::clock::Millis;
 use crate::curriculum::TaskPlan;
-use crate::store::asks::{self, AskRow, Ended, NewAsk};
-use crate::store::layouts::{self, NewLayout, Turn};
+use crate::store::asks::{self, AskRow};
+use crate::store::layouts::{self, LayoutRow, Turn};
 use crate::store::{StoreError, design_counts, from_json, signed, small, to_json};
 use crate::store::{brackets, scenarios};
 use crate::training::{Change, Mind, TrainingError, Work};
@@ -92,12 +92,13 @@ impl Change for Begin {
             let collected = Collected::read(conn, &self.run, &plan.task).await?;
             let view = view(conn, mind, &course, which, &collected, now).await?;
             if let Some(wanted) = stock::wanted(&view) {
-                let ask = NewAsk {
+                let ask = AskRow {
                     run: self.run.clone(),
                     task: plan.task.clone(),
-                    designer: which.word(),
-                    asked_by: "worker",
+                    designer: which.word().to_owned(),
+                    asked_by: "worker".to_owned(),
                     wanted: i64::from(wanted),
+                    ..AskRow::default()
                 };
                 let id = asks::insert(conn, &ask, now).await?;
                 return course.begin(conn, mind, (id, which, wanted), &collected).await.map(Some);
@@ -113,21 +114,18 @@ async fn begin_waiting(
     id: i64,
     now: Millis,
 ) -> Result<Option<Begun>, TrainingError> {
-    let Some(AskRow { task, designer, wanted, state, .. }) = asks::get(conn, &mind.run, id).await? else {
+    let Some(ask) = asks::get(conn, &mind.run, id).await?.filter(|ask| ask.state == "waiting") else {
         return Ok(None);
     };
-    if state != "waiting" {
-        return Ok(None);
-    }
-    let course = mind.settings.curriculum.tasks.iter().find(|plan| plan.task == task);
-    let Some((course, which)) = course.and_then(|plan| Course::of(mind, plan)).zip(Which::of(&designer))
+    let course = mind.settings.curriculum.tasks.iter().find(|plan| plan.task == ask.task);
+    let Some((course, which)) = course.and_then(|plan| Course::of(mind, plan)).zip(Which::of(&ask.designer))
     else {
         let error = Some("the run has no such task any more that could be designed for".to_owned());
-        asks::end(conn, id, &Ended { error, troubles: "[]".to_owned(), ..Ended::default() }, now).await?;
+        asks::end(conn, &AskRow { error, ..ask }, now).await?;
         return Ok(None);
     };
-    let collected = Collected::read(conn, &mind.run, &task).await?;
-    course.begin(conn, mind, (id, which, small(wanted)), &collected).await.map(Some)
+    let collected = Collected::read(conn, &mind.run, &ask.task).await?;
+    course.begin(conn, mind, (id, which, small(ask.wanted)), &collected).await.map(Some)
 }
 
 /// A task that can be designed for, and where it stands.
@@ -266,19 +264,16 @@ impl Change for Finish {
 
     async fn apply(self, work: &mut Work) -> Result<usize, TrainingError> {
         let (conn, now) = (&mut work.conn, work.now);
-        let held = asks::get(conn, &self.run, self.ask).await?;
-        if held.as_ref().is_none_or(|ask| ask.state != "running") {
-            return Ok(0);
-        }
+        let held = asks::get(conn, &self.run, self.ask).await?.filter(|ask| ask.state == "running");
+        let Some(ask) = held else { return Ok(0) };
         let (train_groups_at, _) = design_counts::groups(conn, &self.run).await?;
-        let asked = held.map(|ask| ask.designer).unwrap_or_default();
         let mut counts = [0usize; 2]; // refused, admitted
         let mut own = 0;
         let mut verdicts: BTreeMap<&str, i64> = BTreeMap::new();
         for (designer, judged) in &self.made {
             let passed = judged.verdict.is_ok();
             counts[usize::from(passed)] += 1;
-            own += i64::from(passed && *designer == asked);
+            own += i64::from(passed && *designer == ask.designer);
             let verdict = judged.verdict.as_ref().map_or_else(designer::Refusal::check, |_| ADMITTED);
             *verdicts.entry(verdict).or_default() += 1;
             if counts[usize::from(passed)] <= KEPT {
@@ -294,7 +289,7 @@ impl Change for Finish {
         if counts[1] > KEPT {
             troubles.push(format!("{} layouts were let through; the first {KEPT} are kept", counts[1]));
         }
-        let ended = Ended {
+        let ended = AskRow {
             admitted: counts[1] as i64,
             own,
             refused: counts[0] as i64,
@@ -308,8 +303,9 @@ impl Change for Finish {
             latency_ms: i64::try_from(self.took.as_millis()).unwrap_or(i64::MAX),
             troubles: to_json(&troubles)?,
             error: self.error.map(|error| cut(&error, 1000)),
+            ..ask
         };
-        asks::end(conn, self.ask, &ended, now).await?;
+        asks::end(conn, &ended, now).await?;
         Ok(counts[1])
     }
 }
@@ -318,7 +314,7 @@ impl Change for Finish {
 pub const ADMITTED: &str = "admitted";
 
 impl Finish {
-    fn row(&self, designer: &str, judged: &Judged, train_groups_at: i64) -> NewLayout {
+    fn row(&self, designer: &str, judged: &Judged, train_groups_at: i64) -> LayoutRow {
         let given = judged.design.as_ref();
         let admitted = judged.verdict.as_ref().ok();
         // The bodies' provenance is the design as the gate read it.
@@ -329,7 +325,7 @@ impl Finish {
         let at = |path: &str| design.and_then(|design| design.pointer(path));
         let word = |path: &str| at(path).and_then(Value::as_str).map(|word| cut(word, 60));
         let refusal = judged.verdict.as_ref().err();
-        NewLayout {
+        LayoutRow {
             ask: self.ask,
             run: self.run.clone(),
             task: self.task.clone(),
@@ -341,20 +337,26 @@ impl Finish {
             bearing_deg: at("/aim/bearing_deg").and_then(Value::as_i64).filter(|b| (0..360).contains(b)),
             frame: word("/frame"),
             round: i64::from(judged.round),
-            state: if admitted.is_some() { "active" } else { "refused" },
-            gate_check: refusal.map(designer::Refusal::check),
+            state: state_of(judged).to_owned(),
+            gate_check: refusal.map(|refusal| refusal.check().to_owned()),
             reason: refusal.map(|refusal| cut(&refusal.to_string(), 1000)),
-            claim: admitted.map(|a| a.claim().word()),
+            claim: admitted.map(|a| a.claim().word().to_owned()),
             novelty: admitted.and_then(designer::Admitted::novelty).filter(|novelty| novelty.is_finite()),
             scenario: admitted.map(|a| a.scenario().id().0.to_vec()),
             train_groups_at,
+            ..LayoutRow::default()
         }
     }
 }
 
+/// What a layout is once the gate has spoken.
+const fn state_of(judged: &Judged) -> &'static str {
+    if judged.verdict.is_ok() { "active" } else { "refused" }
+}
+
 async fn keep(
     conn: &mut SqliteConnection,
-    row: &NewLayout,
+    row: &LayoutRow,
     judged: &Judged,
     now: Millis,
 ) -> Result<(), StoreError> {
@@ -364,7 +366,7 @@ async fn keep(
     }
     let id = layouts::insert(conn, row, now).await?;
     let reason = row.reason.clone().unwrap_or_else(|| "the gate let it through".to_owned());
-    layouts::turn(conn, id, &Turn { state: row.state, why: None, reason }, now).await
+    layouts::turn(conn, id, &Turn { state: state_of(judged), why: None, reason }, now).await
 }
 
 /// At most so many characters of what a designer wrote.

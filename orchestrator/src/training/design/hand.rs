@@ -8,7 +8,7 @@ use super::profile::Collected;
 use super::stock::MOST;
 use super::{DesignerChoice, Which};
 use crate::ids::{AskId, LayoutId, RunId};
-use crate::store::asks::{self, AskRow, NewAsk};
+use crate::store::asks::{self, AskRow};
 use crate::store::layouts::{self, LayoutRow, Turn};
 use crate::store::to_json;
 use crate::training::settings::within;
@@ -46,12 +46,13 @@ impl Change for AskByHand {
         if open >= WAITING {
             return Err(TrainingError::TooManyAsks(open));
         }
-        let ask = NewAsk {
+        let ask = AskRow {
             run: self.run.to_string(),
             task,
-            designer: which.word(),
-            asked_by: "hand",
+            designer: which.word().to_owned(),
+            asked_by: "hand".to_owned(),
             wanted: i64::from(wanted),
+            ..AskRow::default()
         };
         let id = asks::insert(conn, &ask, now).await?;
         let row = asks::get(conn, self.run.as_str(), id).await?;

@@ -10,8 +10,7 @@ use crate::curriculum::{GroupOutcome, Move, Role};
 use crate::store::episodes::Fared;
 use crate::store::layouts::{self, Flown, LayoutRow, Turn};
 use crate::store::leases::{GroupRow, LeaseRow};
-use crate::store::sums::Sums;
-use crate::store::{design_counts, episodes, from_json, small, to_json};
+use crate::store::{episodes, from_json, small, to_json};
 use crate::training::close::observe;
 use crate::training::writer::Work;
 use crate::training::{RunSettings, StoreError, TrainingError};
@@ -26,10 +25,6 @@ pub(in crate::training) async fn take(
 ) -> Result<Vec<Move>, TrainingError> {
     let now = work.now;
     let (mind, conn) = work.mind(&lease.run).await?;
-    if expired > 0 {
-        let lost = Sums { expired, ..Sums::default() };
-        design_counts::add_sums(conn, &lease.run, &group.task, &lost).await?;
-    }
     let first = group.number * lease.group_size;
     let fared = episodes::of_group(conn, lease.id, first, first + lease.group_size).await?;
     let stale = is_stale(&mind.settings, mind.policy_version, &fared);

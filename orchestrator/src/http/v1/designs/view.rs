@@ -82,6 +82,8 @@ pub(in crate::http::v1) struct FlownView {
     score: Option<f64>,
     /// Mean of what was left on the table: (reference − score)/(reference − floor) within 0 to 1.
     regret: Option<f64>,
+    /// Of the criticised episodes in which something went wrong, the share in which the aimed failure mode did.
+    as_aimed: Option<f64>,
     /// The last outcomes since it began or came back, the oldest first: shares of success, at most 16.
     recent: Vec<f64>,
 }
@@ -117,6 +119,7 @@ impl DesignHead {
                 success: over(row.successes as f64),
                 score: over(row.score),
                 regret: over(row.regret),
+                as_aimed: (row.faults > 0).then(|| row.as_aimed as f64 / row.faults as f64),
                 recent: from_json("a layout's outcomes", &row.recent)?,
             },
             created_at: rfc3339(row.created_at),
