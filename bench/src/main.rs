@@ -18,7 +18,7 @@ use clap::Parser;
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level; `learner`
-    /// trains the demo's learner with and without the designer, for ten minutes.
+    /// trains the demo's learner with and without the designer, for twenty minutes.
     #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "designer", "learner", "levels"])]
     what: Vec<String>,
     /// Flies the layouts of a file again, and says how many are not what they claim: the process that `designer` starts.
