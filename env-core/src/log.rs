@@ -153,6 +153,14 @@ impl ActionLog {
         self.end_step();
     }
 
+    /// Forgets all but the first `steps` steps.
+    pub fn truncate(&mut self, steps: usize) {
+        self.ends.truncate(steps);
+        let entries = self.ends.last().map_or(0, |end| *end as usize);
+        self.agents.truncate(entries);
+        self.values.truncate(entries * self.dim);
+    }
+
     /// The actions of step `index`, counted from 0; nobody acts in a step the log does not have.
     #[must_use]
     pub fn step(&self, index: usize) -> JointAction<'_> {

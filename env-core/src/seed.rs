@@ -19,7 +19,8 @@ pub struct Seed(u64);
 
 /// Bits of a seed that are free within its space.
 const FREE_BITS: u32 = 51;
-const FREE_MASK: u64 = (1 << FREE_BITS) - 1;
+/// The largest seed of each space, its tag left out: 2^51 − 1.
+pub const FREE_MASK: u64 = (1 << FREE_BITS) - 1;
 /// Largest valid seed: the last evaluation seed.
 const MAX: u64 = (0b11 << FREE_BITS) - 1;
 

@@ -178,6 +178,11 @@ pub trait Episode: Send {
     fn observation(&self) -> &dyn Any;
     /// What the agents see now, in the wire form.
     fn telemetry(&self) -> Value;
+    /// Closest approaches to come of what the agents see, as far as the world foresees them, whether or not an option puts
+    /// them into the observation; none in a world without such a forecast.
+    fn conjunctions(&self) -> Option<Value> {
+        None
+    }
     /// The whole truth now, hidden bodies included, in the wire form: for people looking at a replay.
     fn truth(&self) -> Value;
     /// How it went so far.

@@ -7,6 +7,7 @@ pub mod http;
 pub mod ids;
 mod reading;
 pub mod service;
+pub mod sessions;
 pub mod store;
 pub mod training;
 pub mod workers;

@@ -1,6 +1,5 @@
 //! The service as a whole: database, writer, workers, HTTP; started and stopped together.
 
-use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,10 +13,10 @@ use tokio::task::{JoinHandle, JoinSet};
 
 use crate::clock::Clock;
 use crate::http;
-use crate::ids::RunId;
 use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, unsigned, writer};
 use crate::training::design::{BuiltIn, Designers};
-use crate::training::{Wakes, Writer};
+use crate::sessions::{Limits, Sessions};
+use crate::training::{Desk, Wakes, Writer};
 use crate::workers;
 
 /// Batches of results that are parsed and replayed at once.
@@ -36,6 +35,8 @@ pub struct Config {
     pub clock: Clock,
     /// Who designs layouts.
     pub designers: Arc<dyn Designers>,
+    /// How many may fly on the server, and for how long without a word.
+    pub sessions: Limits,
 }
 
 impl Config {
@@ -47,6 +48,7 @@ impl Config {
             db,
             clock: Clock::system(),
             designers: Arc::new(BuiltIn),
+            sessions: Limits::default(),
         }
     }
 }
@@ -87,33 +89,20 @@ pub struct App {
     pub readers: SqlitePool,
     /// Where the time is read.
     pub clock: Clock,
-    /// Moves whenever scenarios were prepared.
-    pub ready: watch::Receiver<u64>,
+    /// Hands out leases and takes results.
+    pub desk: Desk,
+    /// Who flies on the server.
+    pub sessions: Arc<Sessions>,
+    /// What web sessions show to whoever looks.
+    pub boards: Arc<http::Boards>,
     /// Batches of results that are parsed and replayed at once.
     pub large_bodies: Arc<Semaphore>,
     /// Scenarios by hand that are planned on at once.
     pub planning: http::Planning,
     /// Who designs layouts.
     pub designers: Arc<dyn Designers>,
-    /// Who waits for a lease, run by run: one after the other, so that a large lease gets its turn.
-    pub gates: Arc<Gates>,
     /// The service is going down.
     pub stopping: Arc<AtomicBool>,
-}
-
-/// One gate per run; who waits at it is let through in order.
-#[derive(Debug, Default)]
-pub struct Gates(std::sync::Mutex<HashMap<RunId, Arc<tokio::sync::Mutex<()>>>>);
-
-impl Gates {
-    /// The gate of a run.
-    #[must_use]
-    pub fn of(&self, run: &RunId) -> Arc<tokio::sync::Mutex<()>> {
-        // Nothing that holds it can panic; if something did, the map is still a map.
-        let mut gates = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        gates.retain(|_, gate| Arc::strong_count(gate) > 1); // nobody waits there
-        Arc::clone(gates.entry(run.clone()).or_default())
-    }
 }
 
 /// A running service.
@@ -122,6 +111,7 @@ pub struct Service {
     address: SocketAddr,
     stopping: Arc<AtomicBool>,
     stop: watch::Sender<bool>,
+    sessions: Arc<Sessions>,
     server: JoinHandle<()>,
     workers: JoinSet<()>,
     writer: JoinHandle<()>,
@@ -164,20 +154,24 @@ impl Service {
         let jobs = employ(&config, &readers, &writer, (wakes, ready_tx))?;
 
         let stopping = Arc::new(AtomicBool::new(false));
+        let desk =
+            Desk { writer: writer.clone(), readers: readers.clone(), ready, gates: Arc::default() };
+        let sessions = Arc::new(Sessions::new(config.sessions, desk.clone()));
         let app = App {
             writer,
             readers: readers.clone(),
             clock: config.clock,
-            ready,
+            desk,
+            sessions: Arc::clone(&sessions),
+            boards: Arc::default(),
             large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
             planning: http::Planning::default(),
             designers: config.designers,
-            gates: Arc::default(),
             stopping: Arc::clone(&stopping),
         };
         let (stop, stopped) = watch::channel(false);
         let server = tokio::spawn(serve(listener, app, stopped));
-        Ok(Self { address, stopping, stop, server, workers: jobs, writer: writer_task, readers, claim })
+        Ok(Self { address, stopping, stop, sessions, server, workers: jobs, writer: writer_task, readers, claim })
     }
 
     /// Where it listens.
@@ -196,6 +190,7 @@ impl Service {
     pub async fn stop(mut self) {
         self.stopping.store(true, Ordering::SeqCst);
         self.stop.send_replace(true);
+        self.sessions.close().await;
         if tokio::time::timeout(GRACE, &mut self.server).await.is_err() {
             tracing::warn!("Some requests did not end in time and were cut off.");
             self.server.abort();

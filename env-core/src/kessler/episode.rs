@@ -76,6 +76,10 @@ impl Episode for KesslerEpisode {
         serde_json::to_value(self.seen()).unwrap_or(Value::Null)
     }
 
+    fn conjunctions(&self) -> Option<Value> {
+        serde_json::to_value(self.flight.foreseen(false)).ok()
+    }
+
     fn truth(&self) -> Value {
         serde_json::to_value(self.flight.telemetry(self.reward, true)).unwrap_or(Value::Null)
     }

@@ -55,11 +55,14 @@ impl<C: Chance> Flight<C> {
     /// satellite, then time, then debris. Of one pair only the deepest approach within the look-ahead is told.
     #[must_use]
     pub fn conjunctions(&self, all: bool) -> Option<Vec<Conjunction>> {
-        let noisy = match self.setup().warnings {
-            Warnings::None => return None,
-            Warnings::Exact => false,
-            Warnings::Noisy => true,
-        };
+        let asked = self.setup().warnings != Warnings::None;
+        asked.then(|| self.foreseen(all))
+    }
+
+    /// The same whether or not they are asked for; with the option's errors, exact where there is none.
+    #[must_use]
+    pub fn foreseen(&self, all: bool) -> Vec<Conjunction> {
+        let noisy = self.setup().warnings == Warnings::Noisy;
         let physics = self.setup().physics;
         let paths = self.satellites().each_ref().map(|s| Path::under_hold(s, physics));
         let debris = self.debris();
@@ -76,7 +79,7 @@ impl<C: Chance> Flight<C> {
             let times = a.time_to_closest_approach.total_cmp(&b.time_to_closest_approach);
             a.satellite_id.cmp(&b.satellite_id).then(times).then(a.debris_id.cmp(&b.debris_id))
         });
-        Some(found)
+        found
     }
 
     fn warn(&self, satellite: u32, debris: u32, mut approach: Approach, noisy: bool) -> Conjunction {

@@ -3,10 +3,12 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use super::llm::LlmArgs;
 use crate::clock::Clock;
 use crate::service::{Config, Service};
+use crate::sessions::Limits;
 
 /// Serve the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
 #[derive(Debug, clap::Args)]
@@ -26,6 +28,12 @@ pub struct Args {
     /// The SQLite database; made where there is none.
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
+    /// Sessions that may fly on the server at once (OpenEnv's, over WebSockets and by requests)
+    #[arg(long, default_value_t = 256, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    sessions: u32,
+    /// Seconds after which a silent session is closed; 0: never
+    #[arg(long, default_value_t = 900, value_name = "SECONDS")]
+    session_idle: u32,
     #[command(flatten)]
     llm: LlmArgs,
 }
@@ -39,7 +47,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let served = runtime.block_on(async {
         let clock = Clock::system();
         let designers = args.llm.designers(&clock)?;
-        let config = Config { bind: args.bind, clock, designers, ..Config::local(args.db.clone()) };
+        let idle = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
+        let sessions = Limits { most: args.sessions as usize, idle };
+        let config = Config { bind: args.bind, clock, designers, sessions, ..Config::local(args.db.clone()) };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;

@@ -2,6 +2,7 @@
 
 mod extract;
 mod health;
+mod openenv;
 mod planning;
 mod problem;
 mod v1;
@@ -20,6 +21,7 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_swagger_ui::SwaggerUi;
 
+pub use self::openenv::Boards;
 pub use self::planning::Planning;
 pub use self::problem::Problem;
 use crate::service::App;
@@ -47,6 +49,7 @@ const TIMEOUT: Duration = Duration::from_secs(60);
         (name = "failures", description = "Why episodes lose score: the critique, and the failure profile of a run."),
         (name = "designs", description = "Layouts designed for what the agent fails at, and asking for more."),
         (name = "scenarios", description = "Scenarios by hand: validate, bracket, replay."),
+        (name = "openenv", description = "OpenEnv: what openenv-core's clients ask, at the root; sessions over WebSockets at /ws and /mcp."),
         (name = "health", description = "Whether the server lives and is ready."),
     )
 )]
@@ -56,6 +59,7 @@ fn parts() -> (Router<App>, utoipa::openapi::OpenApi) {
     OpenApiRouter::with_openapi(Document::openapi())
         .merge(health::routes())
         .nest("/v1", v1::routes())
+        .merge(openenv::routes())
         .split_for_parts()
 }
 

@@ -46,6 +46,21 @@ impl Problem {
         self
     }
 
+    /// The HTTP status.
+    pub(super) fn status(&self) -> StatusCode {
+        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
+    }
+
+    /// One sentence, with the field at fault.
+    pub(super) fn words(&self) -> String {
+        self.field.as_ref().map_or_else(|| self.detail.clone(), |field| format!("{field}: {}", self.detail))
+    }
+
+    /// When to come again, seconds.
+    pub(super) const fn retry_after_s(&self) -> Option<u32> {
+        self.retry_after_s
+    }
+
     /// The same, asking to come again.
     const fn again_in(mut self, seconds: u32) -> Self {
         self.retry_after_s = Some(seconds);
@@ -87,7 +102,7 @@ impl Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let status = self.status();
         let body = serde_json::to_vec(&self).unwrap_or_default();
         let mut response =
             (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();

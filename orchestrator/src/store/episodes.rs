@@ -107,6 +107,16 @@ pub async fn get(
     .await?)
 }
 
+/// Indices of a lease's episodes that were reported.
+///
+/// # Errors
+/// The database's.
+pub async fn reported(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<i64>, StoreError> {
+    Ok(sqlx::query_scalar!("SELECT number FROM episodes WHERE lease = ? ORDER BY number", lease)
+        .fetch_all(conn)
+        .await?)
+}
+
 /// One action log.
 ///
 /// # Errors

@@ -6,6 +6,7 @@ mod close;
 pub mod create_run;
 pub mod criticise;
 pub mod design;
+pub mod desk;
 pub mod eval_lease;
 pub mod lease;
 mod mind;
@@ -18,6 +19,7 @@ pub mod settings;
 pub mod status;
 pub mod writer;
 
+pub use desk::Desk;
 pub use mind::Mind;
 pub use settings::RunSettings;
 pub use writer::{Change, Wakes, Work, Writer};

@@ -1,7 +1,5 @@
 //! Leases: take, list, show, renew, release.
 
-use std::time::Duration;
-
 use axum::extract::State;
 use axum::http::StatusCode;
 use env_core::bracket::panel_success;
@@ -19,12 +17,7 @@ use crate::service::App;
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
 use crate::store::{StoreError, brackets, leases};
-use crate::training::TrainingError;
-use crate::training::eval_lease::take_eval;
-use crate::training::lease::{Purpose, Release, Renew, TakeLease, Taken, find};
-
-/// How long a lease waits for scenarios to be prepared before it asks the trainer to come again.
-const PATIENCE: Duration = Duration::from_secs(10);
+use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -199,29 +192,10 @@ pub(super) async fn take(
     let LeaseWish { groups, group_size, policy_version, ttl_s, purpose } = wish;
     let run = run_id(&run)?;
     let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose };
-    let lease = granted(&app, wish).await?;
+    let lease = app.desk.lease(wish).await?;
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
     Ok((StatusCode::CREATED, axum::Json(describe(&mut conn, row).await?)))
-}
-
-async fn granted(app: &App, wish: TakeLease) -> Result<LeaseId, TrainingError> {
-    if wish.purpose == Purpose::Eval {
-        return take_eval(&app.writer, wish).await;
-    }
-    let gate = app.gates.of(&wish.run);
-    let mut ready = app.ready.clone();
-    let waiting = async {
-        let _turn = gate.lock().await;
-        loop {
-            ready.mark_unchanged();
-            if let Taken::Granted(lease) = app.writer.change(wish.clone()).await? {
-                return Ok(lease);
-            }
-            ready.changed().await.map_err(|_| TrainingError::Stopping)?;
-        }
-    };
-    tokio::time::timeout(PATIENCE, waiting).await.unwrap_or(Err(TrainingError::NotReady))
 }
 
 /// List the leases of a run, oldest first.

@@ -13,10 +13,10 @@ use super::run_id;
 use crate::curriculum::Move;
 use crate::reading;
 use crate::service::App;
-use crate::store::{from_json, runs, to_json};
-use crate::training::audit::{Claim, Claimed, audit};
-use crate::training::report::{Receipt, Report};
-use crate::training::{RunSettings, TrainingError};
+use crate::store::to_json;
+use crate::training::TrainingError;
+use crate::training::audit::{Claim, Claimed};
+use crate::training::report::Receipt;
 
 /// Most results of a batch.
 const MAX_RESULTS: usize = 5000;
@@ -172,15 +172,7 @@ pub(super) async fn report(
         return Err(Problem::invalid("results", detail));
     }
     let claims = body.results.into_iter().enumerate().map(claim).collect::<Result<_, _>>()?;
-    let results = {
-        let mut conn = app.readers.acquire().await?;
-        let row = runs::get(&mut conn, run.as_str()).await?;
-        let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
-        let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-        audit(&mut conn, &run, settings, claims).await?
-    };
-    let change = Report { run, policy_version: body.policy_version, results };
-    let (results, moves) = app.writer.change(change).await?;
+    let (results, moves) = app.desk.report(run, body.policy_version, claims).await?;
     Ok(axum::Json(Receipts { results, moves }))
 }
 

@@ -1,0 +1,41 @@
+//! What a session shows, as openenv-core writes it.
+
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+use crate::sessions::{Report, Standing, Stepped};
+
+/// `{"observation": …, "reward": …, "done": …}`, written without a detour: this is most of what a server does.
+pub(super) fn observation(shown: &Stepped<'_>, out: &mut Vec<u8>) {
+    out.extend_from_slice(b"{\"observation\":");
+    shown.episode.write_observation(out);
+    out.extend_from_slice(b",\"reward\":");
+    out.extend_from_slice(Value::from(shown.reward).to_string().as_bytes());
+    out.extend_from_slice(if shown.done { b",\"done\":true}" } else { b",\"done\":false}" });
+}
+
+/// The same as an answer over HTTP.
+pub(super) fn observed(shown: &Stepped<'_>) -> Response {
+    let mut body = Vec::with_capacity(8 * 1024);
+    observation(shown, &mut body);
+    ([(header::CONTENT_TYPE, "application/json")], body).into_response()
+}
+
+/// The state of a session: what openenv-core has, and beside it what is flown, for whom, and what became of it.
+pub(super) fn state(standing: &Standing<'_>) -> Value {
+    let mut state = json!({"episode_id": standing.episode_id, "step_count": standing.steps});
+    if let Some(scenario) = standing.scenario {
+        state["task"] = json!(scenario.task().id());
+        state["scenario_id"] = json!(scenario.id().to_string());
+    }
+    if let Some(run) = standing.run {
+        state["run"] = json!(run);
+        state["reported"] = match standing.reported {
+            Some(Report::Told(receipt)) => json!(receipt),
+            Some(Report::Lost(words)) => json!({"status": "lost", "detail": words}),
+            None => Value::Null,
+        };
+    }
+    state
+}

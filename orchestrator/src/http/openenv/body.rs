@@ -1,0 +1,61 @@
+//! Request bodies as FastAPI reads them: JSON where the type says so or nothing is said, else a text that fits no model.
+
+use axum::body::Bytes;
+use axum::extract::{FromRequest, Request};
+use axum::http::{StatusCode, header};
+use env_core::wire::{Place, WireFault};
+use serde_json::{Map, Value, json};
+
+use super::refusal::Refusal;
+
+/// A body: nothing, or an object.
+pub(super) struct Body(pub(super) Option<Map<String, Value>>);
+
+/// Where faults of a body are.
+pub(super) fn place() -> Vec<Place> {
+    vec![Place::Field("body".to_owned())]
+}
+
+impl<S: Send + Sync> FromRequest<S> for Body {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Refusal> {
+        let kind = request.headers().get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or("");
+        let essence = kind.split(';').next().unwrap_or("").trim().to_ascii_lowercase();
+        let is_json = essence.is_empty() || essence == "application/json" || essence.ends_with("+json");
+        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
+            let status = axum::response::IntoResponse::into_response(rejection).status();
+            let words = if status == StatusCode::PAYLOAD_TOO_LARGE {
+                "The body is larger than is taken; send less."
+            } else {
+                "The body could not be read to its end."
+            };
+            Refusal::new(status, words)
+        })?;
+        if bytes.is_empty() {
+            return Ok(Self(None));
+        }
+        let value = if is_json {
+            serde_json::from_slice(&bytes).map_err(|error| not_json(&error))?
+        } else {
+            Value::String(String::from_utf8_lossy(&bytes).into_owned())
+        };
+        match value {
+            Value::Object(fields) => Ok(Self(Some(fields))),
+            other => Err(Refusal::fault(
+                "model_attributes_type",
+                place(),
+                "Input should be a valid dictionary or object to extract fields from",
+                env_core::wire::echo(&other),
+            )),
+        }
+    }
+}
+
+fn not_json(error: &serde_json::Error) -> Refusal {
+    let mut loc = place();
+    loc.push(Place::Index(error.column().saturating_sub(1)));
+    let msg = "JSON decode error".to_owned();
+    let ctx = Some(json!({"error": error.to_string()}));
+    Refusal::faults(&[WireFault { kind: "json_invalid", loc, msg, input: json!({}), ctx }])
+}

@@ -1,0 +1,148 @@
+//! The Model Context Protocol as openenv-core 0.3.0 speaks it, JSON-RPC over HTTP and WebSocket, with tools that fly.
+//! Whoever plays through it can act and look, and neither begin an episode nor see what the planner knows.
+
+mod routes;
+mod rpc;
+mod tools;
+
+use serde_json::{Map, Value, json};
+
+pub(super) use self::routes::{connect, post};
+use self::rpc::{Failure, Request};
+use super::read::WALK;
+use crate::service::App;
+use crate::sessions::Session;
+
+/// Answers one request. `own` is the session of the connection it came over, if it has one.
+pub(super) async fn answer(app: &App, request: &Value, own: Option<&mut Session>) -> Value {
+    let request = match Request::read(request) {
+        Ok(request) => request,
+        Err(failure) => return rpc::failed(&Value::Null, &failure),
+    };
+    match called(app, &request, own).await {
+        Ok(result) => rpc::succeeded(&request.id, result),
+        Err(failure) => rpc::failed(&request.id, &failure),
+    }
+}
+
+async fn called(app: &App, request: &Request, own: Option<&mut Session>) -> Result<Value, Failure> {
+    match request.method.as_str() {
+        "initialize" => Ok(initialized()),
+        "notifications/initialized" | "ping" => Ok(json!({})),
+        "openenv/session/create" => create(app, &request.params, own).await,
+        "openenv/session/close" => close(app, &request.params),
+        "tools/list" => tools_list(app, &request.params, own).await,
+        "tools/call" => tools_call(app, &request.params, own).await,
+        other => Err(Failure::no_method(other)),
+    }
+}
+
+/// What clients of the protocol ask first.
+fn initialized() -> Value {
+    json!({
+        "protocolVersion": "2025-06-18",
+        "capabilities": {"tools": {}},
+        "serverInfo": {"name": "sparring", "version": env!("CARGO_PKG_VERSION")},
+    })
+}
+
+/// Opens a session in which an episode flies: what `reset` takes may stand in `params`. A connection that has a session is told
+/// its name.
+async fn create(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
+    if let Some(own) = own {
+        return Ok(json!({"session_id": own.standing().episode_id}));
+    }
+    let name = uuid::Uuid::new_v4().to_string();
+    let session = app.sessions.named(&name).map_err(Failure::capacity)?;
+    let began = begin(&mut *session.lock().await, params).await;
+    if let Err(failure) = began {
+        app.sessions.end(&name);
+        return Err(failure);
+    }
+    Ok(json!({"session_id": name}))
+}
+
+/// Lets an episode begin where nothing flies.
+async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(), Failure> {
+    if session.standing().scenario.is_some() {
+        return Ok(());
+    }
+    let mut fields = super::read::Fields::new(params, Vec::new());
+    let wish = super::read::wish(&mut fields);
+    if let Some(fault) = fields.faults.first() {
+        return Err(Failure::params(&fault.to_string()));
+    }
+    let name = wish.episode_id.clone();
+    let wished = wish.sort(super::usual(WALK[0])).map_err(|error| Failure::params(&error.to_string()))?;
+    session.reset(wished, name).await.map(|_| ()).map_err(|error| Failure::internal(&super::refused_in_words(&error)))
+}
+
+fn close(app: &App, params: &Map<String, Value>) -> Result<Value, Failure> {
+    let name = params.get("session_id").and_then(Value::as_str);
+    let name = name.ok_or_else(|| Failure::params("'session_id' is required"))?;
+    if app.sessions.end(name) {
+        Ok(json!({"session_id": name, "closed": true}))
+    } else {
+        Err(Failure::no_session(name))
+    }
+}
+
+async fn tools_list(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
+    let tools = match (own, named(app, params)?) {
+        (Some(own), _) => tools::list(own),
+        (None, Some(session)) => tools::list(&*session.lock().await),
+        (None, None) => tools::of(super::usual(WALK[0])),
+    };
+    Ok(json!({"tools": tools}))
+}
+
+async fn tools_call(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
+    let name = params.get("name").and_then(Value::as_str);
+    let name = name.ok_or_else(|| Failure::params("'name' is required"))?;
+    let arguments = match params.get("arguments") {
+        None | Some(Value::Null) => Map::new(),
+        Some(Value::Object(arguments)) => arguments.clone(),
+        Some(_) => return Err(Failure::params("'arguments' must be an object")),
+    };
+    match (own, named(app, params)?) {
+        (Some(own), _) => played(own, name, arguments).await,
+        (None, Some(session)) => played(&mut *session.lock().await, name, arguments).await,
+        // Without a session every call would be a world of its own.
+        (None, None) => Err(Failure::params("'session_id' is required: openenv/session/create gives one")),
+    }
+}
+
+async fn played(session: &mut Session, name: &str, arguments: Map<String, Value>) -> Result<Value, Failure> {
+    begin(session, &Map::new()).await?;
+    tools::call(session, name, arguments).await.map(|told| tools::result(&told))
+}
+
+fn named(
+    app: &App,
+    params: &Map<String, Value>,
+) -> Result<Option<std::sync::Arc<tokio::sync::Mutex<Session>>>, Failure> {
+    match params.get("session_id") {
+        None | Some(Value::Null) => Ok(None),
+        Some(Value::String(name)) => app.sessions.known(name).map(Some).ok_or_else(|| Failure::no_session(name)),
+        Some(other) => Err(Failure::no_session(&other.to_string())),
+    }
+}
+
+/// A tool asked for by way of a step, as openenv-core's `MCPToolClient` does over `/ws`; none if it is an action.
+pub(super) async fn as_step(session: &mut Session, action: &Map<String, Value>) -> Option<Value> {
+    let observation = match action.get("type").and_then(Value::as_str)? {
+        "list_tools" => json!({"tools": tools::list(session)}),
+        "call_tool" => {
+            let name = action.get("tool_name").and_then(Value::as_str).unwrap_or_default();
+            let arguments = action.get("arguments").and_then(Value::as_object).cloned().unwrap_or_default();
+            match tools::call(session, name, arguments).await {
+                Ok(told) => json!({"tool_name": name, "result": tools::result(&told), "error": null}),
+                Err(failure) => json!({"tool_name": name, "result": null, "error": failure.as_tool_error()}),
+            }
+        }
+        _ => return None,
+    };
+    let shown = session.shown().ok();
+    let (reward, done) = shown.map_or((0.0, false), |shown| (shown.reward, shown.done));
+    Some(json!({"type": "observation", "data": {"observation": observation, "reward": reward, "done": done}}))
+}

@@ -1,0 +1,58 @@
+//! `/mcp`: JSON-RPC by request, and over a WebSocket with a session of its own.
+
+use axum::body::Bytes;
+use axum::extract::State;
+use axum::extract::ws::{WebSocket, WebSocketUpgrade};
+use axum::response::Response;
+use serde_json::Value;
+
+use super::super::socket::{self, MAX_FRAME, Received};
+use super::rpc::{self, Failure};
+use crate::service::App;
+
+/// JSON-RPC of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
+#[utoipa::path(
+    post, path = "/mcp", tag = "openenv", request_body(content = Object, content_type = "application/json"),
+    responses((status = 200, body = Object, description = "JSON-RPC: an error is in the body."))
+)]
+pub(in super::super) async fn post(State(app): State<App>, body: Bytes) -> axum::Json<Value> {
+    axum::Json(match serde_json::from_slice::<Value>(&body) {
+        Ok(request) => super::answer(&app, &request, None).await,
+        Err(_) => rpc::failed(&Value::Null, &Failure::unread(None)),
+    })
+}
+
+/// The same over a WebSocket.
+pub(in super::super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
+    upgrade.max_message_size(MAX_FRAME).max_frame_size(MAX_FRAME).on_upgrade(move |socket| serve(socket, app))
+}
+
+async fn serve(mut socket: WebSocket, app: App) {
+    let mut session = match app.sessions.open() {
+        Ok(session) => session,
+        Err(full) => {
+            let told = rpc::failed(&Value::Null, &Failure::capacity(full));
+            let _ = socket::send(&mut socket, told.to_string().into_bytes()).await;
+            return socket::close(socket).await;
+        }
+    };
+    let mut closing = app.sessions.closing();
+    loop {
+        let received = tokio::select! {
+            received = socket::next(&mut socket, app.sessions.limits().idle) => received,
+            _ = closing.wait_for(|closing| *closing) => Received::Stop,
+        };
+        let told = match received {
+            Received::Text(text) => match serde_json::from_str::<Value>(&text) {
+                Ok(request) => super::answer(&app, &request, Some(&mut session)).await,
+                Err(error) => rpc::failed(&Value::Null, &Failure::unread(Some(&error.to_string()))),
+            },
+            Received::Binary => rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here"))),
+            Received::Idle | Received::Stop => return socket::close(socket).await,
+            Received::Gone => return,
+        };
+        if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {
+            return;
+        }
+    }
+}

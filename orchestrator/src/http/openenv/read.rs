@@ -1,0 +1,201 @@
+//! What stands around an action, read as openenv-core's pydantic models read it: leniently, with every fault told by place.
+
+use std::str::FromStr;
+
+use env_core::wire::{Place, WireFault, lax};
+use env_core::{Scenario, TaskSpec};
+use serde_json::{Map, Value, json};
+
+use crate::ids::BadId;
+use crate::sessions::{MOST_GROUP, Wish};
+
+/// The public kessler-env's tasks, in the order in which its resets walk through them.
+pub(super) const WALK: [&str; 3] = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
+
+/// Reads fields of an object, collecting faults.
+pub(super) struct Fields<'a> {
+    of: &'a Map<String, Value>,
+    at: Vec<Place>,
+    pub(super) faults: Vec<WireFault>,
+}
+
+impl<'a> Fields<'a> {
+    /// Of the object at a place.
+    pub(super) const fn new(of: &'a Map<String, Value>, at: Vec<Place>) -> Self {
+        Self { of, at, faults: Vec::new() }
+    }
+
+    pub(super) fn place(&self, field: &str) -> Vec<Place> {
+        let mut place = self.at.clone();
+        place.extend(field.split('.').map(|part| Place::Field(part.to_owned())));
+        place
+    }
+
+    /// What is there and not null.
+    pub(super) fn get(&self, field: &str) -> Option<&'a Value> {
+        self.of.get(field).filter(|value| !value.is_null())
+    }
+
+    pub(super) fn fault(&mut self, field: &str, kind: &'static str, words: impl Into<String>, input: &Value) {
+        let fault = WireFault {
+            kind,
+            loc: self.place(field),
+            msg: words.into(),
+            input: input.clone(),
+            ctx: None,
+        };
+        self.faults.push(fault);
+    }
+
+    /// A field that nobody asked for.
+    pub(super) fn extra(&mut self, field: &str, input: &Value) {
+        let mut loc = self.at.clone();
+        loc.push(Place::Field(field.chars().take(MOST_GROUP).collect()));
+        let msg = "Extra inputs are not permitted".to_owned();
+        let input = env_core::wire::echo(input);
+        self.faults.push(WireFault { kind: "extra_forbidden", loc, msg, input, ctx: None });
+    }
+
+    fn bounded(&mut self, field: &str, kind: &'static str, words: String, ctx: Value) {
+        let input = self.of.get(field).cloned().unwrap_or(Value::Null);
+        self.faults.push(WireFault { kind, loc: self.place(field), msg: words, input, ctx: Some(ctx) });
+    }
+
+    /// A whole number from 0 to a bound.
+    pub(super) fn whole(&mut self, field: &str, most: u64) -> Option<u64> {
+        let value = self.get(field)?;
+        let number = match lax::integer(value) {
+            Ok(number) => number,
+            Err((kind, words)) => {
+                self.fault(field, kind, words, value);
+                return None;
+            }
+        };
+        match u64::try_from(number) {
+            Err(_) => {
+                let words = "Input should be greater than or equal to 0".to_owned();
+                self.bounded(field, "greater_than_equal", words, json!({"ge": 0}));
+                None
+            }
+            Ok(number) if number > most => {
+                let words = format!("Input should be less than or equal to {most}");
+                self.bounded(field, "less_than_equal", words, json!({"le": most}));
+                None
+            }
+            Ok(number) => Some(number),
+        }
+    }
+
+    /// A text of at most 255 characters.
+    pub(super) fn text(&mut self, field: &str) -> Option<String> {
+        let value = self.get(field)?;
+        let Some(text) = value.as_str() else {
+            self.fault(field, "string_type", "Input should be a valid string", value);
+            return None;
+        };
+        if text.chars().count() > MOST_GROUP {
+            let words = format!("String should have at most {MOST_GROUP} characters");
+            self.bounded(field, "string_too_long", words, json!({"max_length": MOST_GROUP}));
+            return None;
+        }
+        Some(text.to_owned())
+    }
+
+    /// A number above 0.
+    pub(super) fn above_zero(&mut self, field: &str) -> Option<f64> {
+        let value = self.get(field)?;
+        match lax::number(value) {
+            Ok(number) if number > 0.0 => Some(number),
+            Ok(_) => {
+                let words = "Input should be greater than 0".to_owned();
+                self.bounded(field, "greater_than", words, json!({"gt": 0.0}));
+                None
+            }
+            Err((kind, words)) => {
+                self.fault(field, kind, words, value);
+                None
+            }
+        }
+    }
+
+    fn id<T: FromStr<Err = BadId>>(&mut self, field: &str) -> Option<T> {
+        let text = self.text(field)?;
+        match text.parse() {
+            Ok(id) => Some(id),
+            Err(error) => {
+                self.fault(field, "value_error", format!("Value error, {error}"), &Value::String(text));
+                None
+            }
+        }
+    }
+
+    fn table<T>(&mut self, field: &str, read: impl Fn(&Value) -> Result<T, (&'static str, String)>) -> Vec<(String, T)> {
+        let Some(value) = self.get(field) else { return Vec::new() };
+        let Some(table) = value.as_object() else {
+            self.fault(field, "dict_type", "Input should be a valid dictionary", value);
+            return Vec::new();
+        };
+        let mut rows = Vec::new();
+        for (name, value) in table {
+            match read(value) {
+                Ok(read) => rows.push((name.clone(), read)),
+                Err((kind, words)) => self.fault(&format!("{field}.{name}"), kind, words, value),
+            }
+        }
+        rows
+    }
+}
+
+/// The data of a reset as a wish.
+pub(super) fn wish(fields: &mut Fields<'_>) -> Wish {
+    let seed = fields.whole("seed", env_core::seed::FREE_MASK);
+    let task = task(fields);
+    let policy_version = fields.whole("policy_version", u64::from(u32::MAX));
+    let group_size = fields.whole("group_size", u64::from(u32::MAX));
+    let narrow = |number: Option<u64>| number.and_then(|number| u32::try_from(number).ok());
+    let scenario = fields.get("scenario").and_then(|value| match Scenario::from_json(value) {
+        Ok(scenario) => Some(scenario),
+        Err(error) => {
+            let field = error.field();
+            let field = if field == "scenario" { field.to_owned() } else { format!("scenario.{field}") };
+            fields.fault(&field, "value_error", format!("Value error, {error}"), value);
+            None
+        }
+    });
+    let text = |value: &Value| {
+        let word = value.as_str().map(str::to_owned);
+        word.ok_or_else(|| ("string_type", "Input should be a valid string".to_owned()))
+    };
+    Wish {
+        seed,
+        episode_id: fields.text("episode_id"),
+        task,
+        params: fields.table("params", lax::number),
+        physics: fields.table("physics", text),
+        scenario,
+        run: fields.id("run"),
+        lease: fields.id("lease_id"),
+        group: fields.text("group_id"),
+        group_size: narrow(group_size),
+        policy_version: narrow(policy_version),
+    }
+}
+
+/// A task by its id, by its name in the first world, or by its number in the original's walk, from 1.
+fn task(fields: &mut Fields<'_>) -> Option<&'static dyn TaskSpec> {
+    let value = fields.get("task")?;
+    let by_number = value.as_u64().and_then(|n| n.checked_sub(1)).and_then(|n| usize::try_from(n).ok());
+    let id = match value {
+        Value::Number(_) => by_number.and_then(|n| WALK.get(n)).map(|id| (*id).to_owned()),
+        Value::String(name) if name.contains('/') => Some(name.clone()),
+        Value::String(name) => env_core::usual_tasks().map(TaskSpec::id).find(|id| id.ends_with(&format!("/{name}"))).map(str::to_owned),
+        _ => None,
+    };
+    let task = id.as_deref().and_then(env_core::task);
+    if task.is_none() {
+        let known = env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ");
+        let words = format!("Value error, there is no such task; known are {known}");
+        fields.fault("task", "value_error", words, value);
+    }
+    task
+}

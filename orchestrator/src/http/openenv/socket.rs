@@ -1,0 +1,261 @@
+//! `/ws`: a session over one WebSocket, in openenv-core's frames. Nothing that a client sends ends the session but `close`.
+
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::response::Response;
+use env_core::wire::WireFault;
+use serde_json::{Map, Value, json};
+
+use super::answer;
+use super::mcp;
+use super::read::{Fields, WALK, wish};
+use super::refusal::{told, wish_fault};
+use crate::service::App;
+use crate::sessions::{Full, Session, SessionError};
+
+/// Largest frame that is read, bytes.
+pub(super) const MAX_FRAME: usize = 4 * 1024 * 1024;
+
+/// A session over a WebSocket.
+pub(super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
+    upgrade.max_message_size(MAX_FRAME).max_frame_size(MAX_FRAME).on_upgrade(move |socket| serve(socket, app))
+}
+
+async fn serve(mut socket: WebSocket, app: App) {
+    let mut session = match app.sessions.open() {
+        Ok(session) => session,
+        Err(full) => {
+            let _ = send(&mut socket, capacity(full).to_string().into_bytes()).await;
+            return close(socket).await;
+        }
+    };
+    let mut closing = app.sessions.closing();
+    let mut frame = Vec::with_capacity(16 * 1024);
+    loop {
+        let received = tokio::select! {
+            received = next(&mut socket, app.sessions.limits().idle) => received,
+            _ = closing.wait_for(|closing| *closing) => Received::Stop,
+        };
+        frame.clear();
+        match received {
+            Received::Text(text) => {
+                if answered(&app, &mut session, &text, &mut frame).await.is_break() {
+                    return close(socket).await;
+                }
+            }
+            Received::Binary => frame.extend(
+                error("SESSION_ERROR", "binary frames are not read here; send text").to_string().bytes(),
+            ),
+            Received::Idle => {
+                let words = "the session was silent for too long";
+                let _ = send(&mut socket, error("SESSION_TIMEOUT", words).to_string().into_bytes()).await;
+                return close(socket).await;
+            }
+            Received::Stop => {
+                let words = "the server is stopping";
+                let _ = send(&mut socket, error("SESSION_ERROR", words).to_string().into_bytes()).await;
+                return close(socket).await;
+            }
+            Received::Gone => return,
+        }
+        if send(&mut socket, std::mem::take(&mut frame)).await.is_err() {
+            return;
+        }
+    }
+}
+
+/// What came.
+pub(super) enum Received {
+    /// A text frame.
+    Text(axum::extract::ws::Utf8Bytes),
+    /// A binary frame.
+    Binary,
+    /// Nothing for too long.
+    Idle,
+    /// The service stops.
+    Stop,
+    /// The client is gone.
+    Gone,
+}
+
+/// The next frame that is not about the connection.
+pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Received {
+    let frame = async {
+        loop {
+            match socket.recv().await {
+                Some(Ok(Message::Text(text))) => return Received::Text(text),
+                Some(Ok(Message::Binary(_))) => return Received::Binary,
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // answered by the library
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return Received::Gone,
+            }
+        }
+    };
+    match idle {
+        Some(idle) => tokio::time::timeout(idle, frame).await.unwrap_or(Received::Idle),
+        None => frame.await,
+    }
+}
+
+/// Sends a frame of text.
+pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), axum::Error> {
+    // Everything written here is JSON.
+    let text = String::from_utf8(frame).unwrap_or_default();
+    socket.send(Message::Text(text.into())).await
+}
+
+/// Says goodbye as the original does: code 1000, no reason.
+pub(super) async fn close(mut socket: WebSocket) {
+    let frame = axum::extract::ws::CloseFrame { code: axum::extract::ws::close_code::NORMAL, reason: "".into() };
+    let _ = socket.send(Message::Close(Some(frame))).await;
+    // Until the client has answered, so that what was sent before is read.
+    let farewell = async { while let Some(Ok(_)) = socket.recv().await {} };
+    let _ = tokio::time::timeout(Duration::from_secs(1), farewell).await;
+}
+
+/// Answers one frame of text into `out`; breaks where the client wants to go.
+async fn answered(app: &App, session: &mut Session, text: &str, out: &mut Vec<u8>) -> std::ops::ControlFlow<()> {
+    let message = match serde_json::from_str::<Value>(text) {
+        Ok(Value::Object(message)) => message,
+        Ok(other) => {
+            let words = "Input should be a valid dictionary";
+            let fault = WireFault {
+                kind: "dict_type",
+                loc: Vec::new(),
+                msg: words.to_owned(),
+                input: env_core::wire::echo(&other),
+                ctx: None,
+            };
+            out.extend(faults(&[fault]).to_string().bytes());
+            return std::ops::ControlFlow::Continue(());
+        }
+        Err(unread) => {
+            out.extend(error("INVALID_JSON", &format!("Invalid JSON: {unread}")).to_string().bytes());
+            return std::ops::ControlFlow::Continue(());
+        }
+    };
+    let told = match message.get("type").and_then(Value::as_str) {
+        Some("reset") => reset(session, &message, out).await,
+        Some("step") => step(session, &message, out).await,
+        Some("state") => bare(&message).map(|()| {
+            let state = json!({"type": "state", "data": answer::state(&session.standing())});
+            out.extend(state.to_string().bytes());
+        }),
+        Some("close") => match bare(&message) {
+            Ok(()) => return std::ops::ControlFlow::Break(()),
+            Err(told) => Err(told),
+        },
+        Some("mcp") => mcp(app, session, &message, out).await,
+        _ => {
+            let kind = message.get("type");
+            let kind = kind.map_or_else(String::new, |kind| kind.as_str().map_or_else(|| kind.to_string(), str::to_owned));
+            let kind: String = kind.chars().take(60).collect();
+            Err(error("UNKNOWN_TYPE", &format!("Unknown message type: {kind}")))
+        }
+    };
+    if let Err(told) = told {
+        out.clear();
+        out.extend(told.to_string().bytes());
+    }
+    std::ops::ControlFlow::Continue(())
+}
+
+async fn reset(session: &mut Session, message: &Map<String, Value>, out: &mut Vec<u8>) -> Result<(), Value> {
+    let data = data(message, Some(Map::new()))?;
+    let mut fields = Fields::new(&data, Vec::new());
+    let wish = wish(&mut fields);
+    if !fields.faults.is_empty() {
+        return Err(faults(&fields.faults));
+    }
+    // The original walks through its tasks; a group is of one, however often it was reset before.
+    let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
+    let usual = super::usual(if wish.group.is_some() { WALK[0] } else { walked });
+    let name = wish.episode_id.clone();
+    let wished = wish.sort(usual).map_err(|error| faults(&[wish_fault(&error, &[])]))?;
+    let shown = session.reset(wished, name).await.map_err(|error| refused(&error))?;
+    observation(&shown, out);
+    Ok(())
+}
+
+async fn step(session: &mut Session, message: &Map<String, Value>, out: &mut Vec<u8>) -> Result<(), Value> {
+    let action = data(message, None)?;
+    if let Some(answer) = mcp::as_step(session, &action).await {
+        out.extend(answer.to_string().bytes());
+        return Ok(());
+    }
+    let shown = session.step(&Value::Object(action)).await.map_err(|error| refused(&error))?;
+    observation(&shown, out);
+    Ok(())
+}
+
+async fn mcp(app: &App, session: &mut Session, message: &Map<String, Value>, out: &mut Vec<u8>) -> Result<(), Value> {
+    let request = data(message, None)?;
+    let answer = mcp::answer(app, &Value::Object(request), Some(session)).await;
+    out.extend(json!({"type": "mcp", "data": answer}).to_string().bytes());
+    Ok(())
+}
+
+fn observation(shown: &crate::sessions::Stepped<'_>, out: &mut Vec<u8>) {
+    out.extend_from_slice(b"{\"type\":\"observation\",\"data\":");
+    answer::observation(shown, out);
+    out.push(b'}');
+}
+
+/// The data of a message that may have nothing else.
+fn data(message: &Map<String, Value>, otherwise: Option<Map<String, Value>>) -> Result<Map<String, Value>, Value> {
+    let mut fields = Fields::new(message, Vec::new());
+    let data = match (message.get("data"), otherwise) {
+        (Some(Value::Object(data)), _) => data.clone(),
+        (Some(other), _) => {
+            fields.fault("data", "dict_type", "Input should be a valid dictionary", other);
+            Map::new()
+        }
+        (None, Some(otherwise)) => otherwise,
+        (None, None) => {
+            let input = Value::Object(message.clone());
+            fields.fault("data", "missing", "Field required", &env_core::wire::echo(&input));
+            Map::new()
+        }
+    };
+    extra(&mut fields, message, &["type", "data"]);
+    if fields.faults.is_empty() { Ok(data) } else { Err(faults(&fields.faults)) }
+}
+
+/// A message that has nothing but its type.
+fn bare(message: &Map<String, Value>) -> Result<(), Value> {
+    let mut fields = Fields::new(message, Vec::new());
+    extra(&mut fields, message, &["type"]);
+    if fields.faults.is_empty() { Ok(()) } else { Err(faults(&fields.faults)) }
+}
+
+fn extra(fields: &mut Fields<'_>, message: &Map<String, Value>, known: &[&str]) {
+    for (key, value) in message.iter().filter(|(key, _)| !known.contains(&key.as_str())).take(16) {
+        fields.extra(key, value);
+    }
+}
+
+/// An error frame.
+fn error(code: &str, words: &str) -> Value {
+    json!({"type": "error", "data": {"message": words, "code": code}})
+}
+
+fn faults(faults: &[WireFault]) -> Value {
+    let errors: Vec<Value> = faults.iter().map(told).collect();
+    json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": errors}})
+}
+
+fn refused(refusal: &SessionError) -> Value {
+    match refusal {
+        SessionError::Action(found) => faults(found),
+        SessionError::Training(failure) => error("EXECUTION_ERROR", &super::in_words(failure)),
+        other => error("EXECUTION_ERROR", &other.to_string()),
+    }
+}
+
+fn capacity(full: Full) -> Value {
+    let mut told = error("CAPACITY_REACHED", &full.to_string());
+    told["data"]["active_sessions"] = json!(full.active);
+    told["data"]["max_sessions"] = json!(full.most);
+    told
+}

@@ -1,0 +1,80 @@
+//! Web mode: a page with a form that resets and steps, and what it asks.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{Html, IntoResponse, Response};
+use serde_json::{Map, Value};
+
+use super::answer;
+use super::body::Body;
+use super::read::WALK;
+use super::refusal::Refusal;
+use super::simulation::{self, COOKIE_NAME, HEADER};
+use crate::service::App;
+use crate::sessions::SessionError;
+
+/// The page. It asks nothing of any other address.
+const PAGE: &str = include_str!("page.html");
+
+/// Which web session a request is for: that of its cookie or header, or the one all others share.
+pub(super) fn name(headers: &HeaderMap) -> Result<String, Refusal> {
+    let named = headers.contains_key(HEADER) || simulation::cookie(headers).is_some();
+    if named { simulation::session_name(headers) } else { Ok("web".to_owned()) }
+}
+
+/// The way to the page.
+pub(super) async fn home() -> Response {
+    (StatusCode::TEMPORARY_REDIRECT, [(header::LOCATION, "/web/")]).into_response()
+}
+
+/// The page, with a session of its own.
+pub(super) async fn page(headers: HeaderMap) -> Response {
+    let policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
+    let mut response = ([(header::CONTENT_SECURITY_POLICY, policy)], Html(PAGE)).into_response();
+    if simulation::cookie(&headers).is_none() {
+        let id = uuid::Uuid::new_v4();
+        let cookie = format!("{COOKIE_NAME}={id}; Path=/; SameSite=Strict; HttpOnly");
+        if let Ok(cookie) = cookie.parse() {
+            response.headers_mut().insert(header::SET_COOKIE, cookie);
+        }
+    }
+    response
+}
+
+/// Where the web session stands.
+pub(super) async fn state(State(app): State<App>, headers: HeaderMap) -> Result<axum::Json<Value>, Refusal> {
+    let session = app.sessions.named(&name(&headers)?)?;
+    let session = session.lock().await;
+    Ok(axum::Json(answer::state(&session.standing())))
+}
+
+/// Begins an episode: the next task of the original's walk, unless one is named.
+pub(super) async fn reset(
+    State(app): State<App>,
+    headers: HeaderMap,
+    Body(fields): Body,
+) -> Result<Response, Refusal> {
+    let name = name(&headers)?;
+    let session = app.sessions.named(&name)?;
+    let mut session = session.lock().await;
+    let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
+    let answer = simulation::restart(&mut session, fields.unwrap_or_default(), walked).await?;
+    app.boards.began(&name, &session);
+    Ok(answer)
+}
+
+/// One step; without an action nobody does anything.
+pub(super) async fn step(
+    State(app): State<App>,
+    headers: HeaderMap,
+    Body(fields): Body,
+) -> Result<Response, Refusal> {
+    let name = name(&headers)?;
+    let fields = fields.filter(|fields| !fields.is_empty());
+    let action = fields.map_or_else(|| Ok(Value::Object(Map::new())), simulation::action)?;
+    let session = app.sessions.known(&name).ok_or(SessionError::NotStarted)?;
+    let mut session = session.lock().await;
+    let answer = answer::observed(&session.step(&action).await?);
+    app.boards.stepped(&name, &session, &action, app.clock.now());
+    Ok(answer)
+}

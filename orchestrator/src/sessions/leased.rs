@@ -1,0 +1,225 @@
+//! Sessions that fly for a run: an implicit lease each, and the outcome reported like any other.
+
+use std::collections::{BTreeSet, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use env_core::log::Precision;
+use env_core::{ActionLog, Scenario};
+use tokio::sync::OnceCell;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+
+use super::pool::{Group, Pool};
+use super::wish::Wished;
+use crate::frames::wire_step;
+use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::store::scenarios::Loader;
+use crate::store::{episodes, leases, runs, small};
+use crate::training::audit::{Claim, Claimed};
+use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
+use crate::training::report::Receipt;
+use crate::training::{Desk, TrainingError};
+
+/// How long an implicit lease holds without a step, seconds.
+pub const TTL_S: u32 = 600;
+/// Tries at reporting an outcome while the server is busy, and the pause between them.
+const TRIES: u32 = 40;
+const PAUSE: Duration = Duration::from_millis(250);
+
+/// What several sessions fly together: the group that they named, or a lease that was taken for them.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Together {
+    Group(RunId, String),
+    Lease(RunId, LeaseId),
+}
+
+type Held = Arc<Mutex<Pool>>;
+
+/// Leases of sessions.
+#[derive(Debug)]
+pub(super) struct Leased {
+    desk: Desk,
+    together: Mutex<HashMap<Together, Arc<OnceCell<Held>>>>,
+    /// What is being given back.
+    returning: Mutex<JoinSet<()>>,
+}
+
+/// An episode of a lease that a session flies. Dropped before its outcome is reported, it is given back.
+#[derive(Debug)]
+pub(super) struct Ticket {
+    leased: Arc<Leased>,
+    pool: Held,
+    pub(super) run: RunId,
+    pub(super) episode: EpisodeId,
+    /// The lease was taken for this session alone.
+    alone: bool,
+    reported: bool,
+}
+
+impl Leased {
+    pub(super) fn new(desk: Desk) -> Self {
+        Self { desk, together: Mutex::default(), returning: Mutex::default() }
+    }
+
+    /// An episode to fly, as it is wished for.
+    pub(super) async fn take(self: &Arc<Self>, wished: Wished) -> Result<(Ticket, Scenario), TrainingError> {
+        let (pool, group, episode, alone) = match wished {
+            Wished::Free(_) => return Err(TrainingError::invalid("run", "it is missing")),
+            Wished::Run { run, group: None, group_size, policy_version } => {
+                let pool = self.granted(run, Some(group_size.unwrap_or(1)), policy_version).await?;
+                (Arc::new(Mutex::new(pool)), None, None, group_size.is_none())
+            }
+            Wished::Run { run, group: Some(group), group_size, policy_version } => {
+                let cell = self.cell(Together::Group(run.clone(), group.clone()));
+                let granted = || async {
+                    let pool = self.granted(run, group_size, policy_version).await?;
+                    Ok::<_, TrainingError>(Arc::new(Mutex::new(pool)))
+                };
+                (Arc::clone(cell.get_or_try_init(granted).await?), Some(group), None, false)
+            }
+            Wished::Lease { run, lease, group, episode } => {
+                let cell = self.cell(Together::Lease(run.clone(), lease.clone()));
+                let read = || async { Ok::<_, TrainingError>(Arc::new(Mutex::new(self.read(run, lease).await?))) };
+                (Arc::clone(cell.get_or_try_init(read).await?), group, episode, false)
+            }
+        };
+        let (run, episode, scenario) = {
+            let mut held = lock(&pool);
+            let field = if episode.is_some() { "episode_id" } else if group.is_some() { "group_id" } else { "lease_id" };
+            let taken = held.take(group.as_deref(), episode.as_ref());
+            let (index, scenario) = taken.map_err(|error| TrainingError::invalid(field, error.to_string()))?;
+            (held.run.clone(), EpisodeId { lease: held.lease.clone(), index }, scenario)
+        };
+        Ok((Ticket { leased: Arc::clone(self), pool, run, episode, alone, reported: false }, scenario))
+    }
+
+    /// Where sessions that fly together meet.
+    fn cell(&self, together: Together) -> Arc<OnceCell<Held>> {
+        let mut all = self.together.lock().unwrap_or_else(PoisonError::into_inner);
+        // What is over is forgotten, so that this stays as small as what is leased.
+        all.retain(|_, cell| Arc::strong_count(cell) > 1 || cell.get().is_some_and(|held| !lock(held).is_over()));
+        Arc::clone(all.entry(together).or_default())
+    }
+
+    /// A lease of one group, just taken.
+    async fn granted(
+        &self,
+        run: RunId,
+        group_size: Option<u32>,
+        policy_version: Option<u32>,
+    ) -> Result<Pool, TrainingError> {
+        let policy_version = match policy_version {
+            Some(version) => version,
+            None => self.newest_policy(&run).await?,
+        };
+        let purpose = Purpose::Train;
+        let wish = TakeLease { run: run.clone(), groups: 1, group_size, policy_version, ttl_s: TTL_S, purpose };
+        let lease = self.desk.lease(wish).await?;
+        self.read(run, lease).await
+    }
+
+    async fn newest_policy(&self, run: &RunId) -> Result<u32, TrainingError> {
+        let mut conn = self.desk.readers.acquire().await.map_err(crate::store::StoreError::from)?;
+        let row = runs::get(&mut conn, run.as_str()).await?;
+        let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+        Ok(small(row.policy_version))
+    }
+
+    /// A lease as it is stored: what was reported already is not flown again.
+    async fn read(&self, run: RunId, lease: LeaseId) -> Result<Pool, TrainingError> {
+        let mut conn = self.desk.readers.acquire().await.map_err(crate::store::StoreError::from)?;
+        let row = find(&mut conn, &run, &lease).await?;
+        if row.status != "active" {
+            return Err(TrainingError::LeaseOver { lease: lease.to_string(), status: row.status });
+        }
+        let reported: BTreeSet<i64> = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
+        let mut loader = Loader::default();
+        let mut groups = Vec::new();
+        for group in leases::groups(&mut conn, row.id).await? {
+            let scenario = loader.get(&mut conn, &group.scenario).await?;
+            let first = group.number * row.group_size;
+            let free = (first..first + row.group_size).filter(|index| !reported.contains(index)).collect();
+            groups.push(Group { number: group.number, scenario, name: None, free });
+        }
+        let ttl = Duration::from_millis(u64::try_from(row.ttl_ms).unwrap_or_default());
+        Ok(Pool::new(run, lease, row.group_size, (ttl, Instant::now()), groups))
+    }
+
+    /// Waits until all that was given back is.
+    pub(super) async fn settle(&self) {
+        let mut returning = std::mem::take(&mut *self.returning.lock().unwrap_or_else(PoisonError::into_inner));
+        let all = async { while returning.join_next().await.is_some() {} };
+        if tokio::time::timeout(Duration::from_secs(2), all).await.is_err() {
+            tracing::warn!("Some leases of sessions could not be given back in time; they end by themselves.");
+        }
+    }
+}
+
+fn lock(pool: &Mutex<Pool>) -> MutexGuard<'_, Pool> {
+    // Nothing that holds it can panic; if something did, the pool is still a pool.
+    pool.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Ticket {
+    /// Renews the lease where a third of its time is over.
+    pub(super) async fn renew(&self) {
+        let (run, lease) = {
+            let mut pool = lock(&self.pool);
+            if pool.held_since.elapsed() < pool.ttl / 3 {
+                return;
+            }
+            pool.held_since = Instant::now();
+            (pool.run.clone(), pool.lease.clone())
+        };
+        if let Err(error) = self.leased.desk.writer.change(Renew { run, lease }).await {
+            tracing::warn!(episode = %self.episode, error = %error, "The lease of a session could not be renewed.");
+        }
+    }
+
+    /// Reports the episode as flown. While the server is busy it tries again for a while.
+    pub(super) async fn report(&mut self, log: &ActionLog) -> Result<Receipt, TrainingError> {
+        let steps = log.steps().map(|step| wire_step(log, step)).collect();
+        let claim = Claim {
+            episode: self.episode.to_string(),
+            what: Claimed::Finished { steps, precision: Precision::F64, stopped: None },
+            policy_version: None,
+            metrics: None,
+        };
+        let mut tries = 0;
+        let (receipts, _) = loop {
+            match self.leased.desk.report(self.run.clone(), None, vec![claim.clone()]).await {
+                Err(TrainingError::Busy | TrainingError::NotCommitted(_)) if tries < TRIES => {
+                    tries += 1;
+                    tokio::time::sleep(PAUSE).await;
+                }
+                told => break told?,
+            }
+        };
+        self.reported = true;
+        receipts.into_iter().next().ok_or_else(|| TrainingError::invalid("episode", "it was not answered"))
+    }
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        if self.reported {
+            return;
+        }
+        lock(&self.pool).give_back(self.episode.index);
+        let Ok(runtime) = tokio::runtime::Handle::try_current() else { return };
+        if !self.alone {
+            return; // a sibling may fly it, or the lease ends by itself
+        }
+        let change = Release { run: self.run.clone(), lease: self.episode.lease.clone() };
+        let (writer, episode) = (self.leased.desk.writer.clone(), self.episode.clone());
+        let release = async move {
+            if let Err(error) = writer.change(change).await {
+                tracing::warn!(%episode, %error, "The lease of a session could not be given back; it ends by itself.");
+            }
+        };
+        let mut returning = self.leased.returning.lock().unwrap_or_else(PoisonError::into_inner);
+        while returning.try_join_next().is_some() {} // what is done is forgotten
+        returning.spawn_on(release, &runtime);
+    }
+}

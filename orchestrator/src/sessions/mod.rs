@@ -1,0 +1,162 @@
+//! Environments that fly on the server, one a session: whoever has no `env-core` of its own steps here. There is one manager
+//! for all ways in; a session that flies for a run is an implicit lease.
+
+mod leased;
+mod pool;
+mod session;
+#[cfg(test)]
+mod tests;
+mod wish;
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::{Semaphore, watch};
+use tokio::time::Instant;
+
+pub use self::leased::TTL_S;
+pub use self::session::{Report, Session, SessionError, Standing, Stepped};
+pub use self::wish::{MOST_GROUP, Wish, WishError, Wished};
+use crate::sessions::leased::Leased;
+use crate::training::Desk;
+
+/// What the manager allows.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// Sessions at once.
+    pub most: usize,
+    /// How long a session may be silent; for ever if none.
+    pub idle: Option<Duration>,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { most: 256, idle: Some(Duration::from_secs(900)) }
+    }
+}
+
+/// As many sessions as may be are open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("Server at capacity: {active}/{most} sessions active. Cannot accept new connections.")]
+pub struct Full {
+    /// How many are open.
+    pub active: usize,
+    /// How many may be.
+    pub most: usize,
+}
+
+/// A session that several requests reach by its name.
+type Shared = Arc<tokio::sync::Mutex<Session>>;
+
+/// All sessions.
+#[derive(Debug)]
+pub struct Sessions {
+    limits: Limits,
+    seats: Arc<Semaphore>,
+    leased: Arc<Leased>,
+    /// By name, with when each was used last.
+    named: Mutex<HashMap<String, (Shared, Instant)>>,
+    closing: watch::Sender<bool>,
+}
+
+impl Sessions {
+    /// None yet.
+    #[must_use]
+    pub fn new(limits: Limits, desk: Desk) -> Self {
+        Self {
+            limits,
+            seats: Arc::new(Semaphore::new(limits.most.min(Semaphore::MAX_PERMITS))),
+            leased: Arc::new(Leased::new(desk)),
+            named: Mutex::default(),
+            closing: watch::Sender::new(false),
+        }
+    }
+
+    /// What is allowed.
+    #[must_use]
+    pub const fn limits(&self) -> Limits {
+        self.limits
+    }
+
+    /// How many are open.
+    #[must_use]
+    pub fn active(&self) -> usize {
+        self.limits.most.saturating_sub(self.seats.available_permits())
+    }
+
+    /// Opens one. It is closed, and its place free, when it is dropped.
+    ///
+    /// # Errors
+    /// As many as may be are open.
+    pub fn open(&self) -> Result<Session, Full> {
+        let seat = || Arc::clone(&self.seats).try_acquire_owned();
+        let seat = seat().or_else(|_| {
+            self.sweep();
+            seat()
+        });
+        let full = |_| Full { active: self.active(), most: self.limits.most };
+        Ok(Session::new(seat.map_err(full)?, Arc::clone(&self.leased)))
+    }
+
+    /// The session of a name; opened where there is none.
+    ///
+    /// # Errors
+    /// As many as may be are open.
+    pub fn named(&self, name: &str) -> Result<Shared, Full> {
+        if let Some(session) = self.known(name) {
+            return Ok(session);
+        }
+        let session = Arc::new(tokio::sync::Mutex::new(self.open()?));
+        let mut named = self.hold();
+        // Two may have opened it at once: the first stays.
+        let entry = named.entry(name.to_owned()).or_insert_with(|| (session, Instant::now()));
+        Ok(Arc::clone(&entry.0))
+    }
+
+    /// The session of a name, if there is one.
+    #[must_use]
+    pub fn known(&self, name: &str) -> Option<Shared> {
+        self.sweep();
+        let mut named = self.hold();
+        let (session, used) = named.get_mut(name)?;
+        *used = Instant::now();
+        Some(Arc::clone(session))
+    }
+
+    /// Closes the session of a name; false if there is none.
+    pub fn end(&self, name: &str) -> bool {
+        self.hold().remove(name).is_some()
+    }
+
+    /// Closes named sessions that nobody has used for too long.
+    fn sweep(&self) {
+        let Some(idle) = self.limits.idle else { return };
+        // One that is being used is held by whoever uses it.
+        self.hold().retain(|_, (session, used)| used.elapsed() < idle || Arc::strong_count(session) > 1);
+    }
+
+    fn hold(&self) -> MutexGuard<'_, HashMap<String, (Shared, Instant)>> {
+        // Nothing that holds it can panic; if something did, the map is still a map.
+        self.named.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Turns true when the service stops: whoever serves a session ends it then.
+    #[must_use]
+    pub fn closing(&self) -> watch::Receiver<bool> {
+        self.closing.subscribe()
+    }
+
+    /// Ends all sessions. What they fly for runs is given back.
+    pub async fn close(&self) {
+        self.closing.send_replace(true);
+        self.hold().clear();
+        // Those over a socket end by themselves, which takes a moment.
+        let all = u32::try_from(self.limits.most.min(Semaphore::MAX_PERMITS)).unwrap_or(u32::MAX);
+        let ended = tokio::time::timeout(Duration::from_secs(2), self.seats.acquire_many(all)).await;
+        if ended.is_err() {
+            tracing::warn!(active = self.active(), "Some sessions did not end in time.");
+        }
+        self.leased.settle().await;
+    }
+}

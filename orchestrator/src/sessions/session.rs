@@ -1,0 +1,190 @@
+//! One environment, reset and stepped from elsewhere.
+
+use std::sync::Arc;
+
+use env_core::log::Precision;
+use env_core::task::{Episode, StepReport};
+use env_core::wire::WireFault;
+use env_core::{ActionLog, Scenario, ScenarioError, StepError};
+use serde_json::Value;
+use tokio::sync::OwnedSemaphorePermit;
+use uuid::Uuid;
+
+use super::leased::{Leased, Ticket};
+use super::wish::Wished;
+use crate::training::TrainingError;
+use crate::training::report::Receipt;
+
+/// Why a session does not do what is asked.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The action is none of this task.
+    #[error("the action cannot be read")]
+    Action(Vec<WireFault>),
+    /// The environment does not take it.
+    #[error(transparent)]
+    Refused(#[from] StepError),
+    /// Nothing flies yet.
+    #[error("nothing flies yet: reset first")]
+    NotStarted,
+    /// The episode is over.
+    #[error("the episode is over: reset to begin another")]
+    Over,
+    /// It cannot start.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The run, its lease, or the store.
+    #[error(transparent)]
+    Training(#[from] TrainingError),
+}
+
+/// A session: at most one episode at a time.
+#[derive(Debug)]
+pub struct Session {
+    leased: Arc<Leased>,
+    episode_id: String,
+    resets: u64,
+    flying: Option<Flying>,
+    _seat: OwnedSemaphorePermit,
+}
+
+struct Flying {
+    scenario: Scenario,
+    episode: Box<dyn Episode>,
+    log: ActionLog,
+    report: StepReport,
+    ticket: Option<Ticket>,
+    reported: Option<Report>,
+}
+
+/// What became of an outcome that was reported to a run.
+#[derive(Debug, Clone)]
+pub enum Report {
+    /// It was answered.
+    Told(Receipt),
+    /// It could not be told.
+    Lost(String),
+}
+
+/// What a session shows after a reset or a step.
+pub struct Stepped<'a> {
+    /// The environment.
+    pub episode: &'a dyn Episode,
+    /// The team's reward of the last step; 0 after a reset.
+    pub reward: f64,
+    /// The episode is over.
+    pub done: bool,
+}
+
+/// Where a session stands.
+#[derive(Debug, Clone)]
+pub struct Standing<'a> {
+    /// What the episode is called.
+    pub episode_id: &'a str,
+    /// Steps taken.
+    pub steps: u32,
+    /// What it flies; none before the first reset.
+    pub scenario: Option<&'a Scenario>,
+    /// The run that it flies for.
+    pub run: Option<&'a str>,
+    /// What became of its outcome.
+    pub reported: Option<&'a Report>,
+}
+
+impl std::fmt::Debug for Flying {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Flying").field("scenario", &self.scenario.id()).field("ticket", &self.ticket).finish()
+    }
+}
+
+impl Session {
+    pub(super) fn new(seat: OwnedSemaphorePermit, leased: Arc<Leased>) -> Self {
+        Self { leased, episode_id: Uuid::new_v4().to_string(), resets: 0, flying: None, _seat: seat }
+    }
+
+    /// How often it was reset.
+    #[must_use]
+    pub const fn resets(&self) -> u64 {
+        self.resets
+    }
+
+    /// Begins an episode. What flew before is given up; where that was for a run, its episode is given back.
+    ///
+    /// # Errors
+    /// A scenario that cannot start, a run or lease that has no episode to fly. What flew before is gone then.
+    pub async fn reset(&mut self, wished: Wished, name: Option<String>) -> Result<Stepped<'_>, SessionError> {
+        self.flying = None;
+        let (ticket, scenario) = match wished {
+            Wished::Free(scenario) => (None, scenario),
+            wished => {
+                let (ticket, scenario) = self.leased.take(wished).await?;
+                (Some(ticket), scenario)
+            }
+        };
+        let episode = scenario.task().start(&scenario)?;
+        let ours = ticket.as_ref().map(|ticket| ticket.episode.to_string());
+        self.episode_id = name.or(ours).unwrap_or_else(|| Uuid::new_v4().to_string());
+        self.resets += 1;
+        let log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
+        let report = StepReport::default();
+        let flying = Flying { scenario, episode, log, report, ticket, reported: None };
+        Ok(self.flying.insert(flying).shown())
+    }
+
+    /// One step with an action in the task's wire form. Where the episode is flown for a run, the last step is answered once
+    /// its outcome is on disk.
+    ///
+    /// # Errors
+    /// An action that cannot be taken (nothing has moved then), or no episode that goes on.
+    pub async fn step(&mut self, action: &Value) -> Result<Stepped<'_>, SessionError> {
+        let flying = self.flying.as_mut().ok_or(SessionError::NotStarted)?;
+        if flying.episode.done() {
+            return Err(SessionError::Over);
+        }
+        let wire = flying.scenario.task().wire();
+        wire.read_action(action, &mut flying.log).map_err(SessionError::Action)?;
+        let at = flying.episode.steps() as usize;
+        if let Err(refused) = flying.episode.step(flying.log.step(at), &mut flying.report) {
+            flying.log.truncate(at);
+            return Err(refused.into());
+        }
+        if let Some(ticket) = &mut flying.ticket {
+            if flying.episode.done() {
+                flying.reported = Some(match ticket.report(&flying.log).await {
+                    Ok(receipt) => Report::Told(receipt),
+                    Err(error) => Report::Lost(error.to_string()),
+                });
+            } else {
+                ticket.renew().await;
+            }
+        }
+        Ok(flying.shown())
+    }
+
+    /// What the agents see now.
+    ///
+    /// # Errors
+    /// Nothing flies yet.
+    pub fn shown(&self) -> Result<Stepped<'_>, SessionError> {
+        self.flying.as_ref().map(Flying::shown).ok_or(SessionError::NotStarted)
+    }
+
+    /// Where it stands.
+    #[must_use]
+    pub fn standing(&self) -> Standing<'_> {
+        let flying = self.flying.as_ref();
+        Standing {
+            episode_id: &self.episode_id,
+            steps: flying.map_or(0, |flying| flying.episode.steps()),
+            scenario: flying.map(|flying| &flying.scenario),
+            run: flying.and_then(|flying| flying.ticket.as_ref()).map(|ticket| ticket.run.as_str()),
+            reported: flying.and_then(|flying| flying.reported.as_ref()),
+        }
+    }
+}
+
+impl Flying {
+    fn shown(&self) -> Stepped<'_> {
+        Stepped { episode: &*self.episode, reward: self.report.reward, done: self.episode.done() }
+    }
+}

@@ -1,0 +1,92 @@
+//! Where everybody who flies for a run comes to: leases are handed out, and what was flown is handed in. Trainers come over
+//! `/v1`, sessions from beside it.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::SqlitePool;
+use tokio::sync::watch;
+
+use super::audit::{Claim, audit};
+use super::eval_lease::take_eval;
+use super::lease::{Purpose, TakeLease, Taken};
+use super::report::{Receipt, Report};
+use super::{RunSettings, TrainingError, Writer};
+use crate::curriculum::Move;
+use crate::ids::{LeaseId, RunId};
+use crate::store::{from_json, runs};
+
+/// How long a lease waits for scenarios to be prepared before whoever asks is told to come again.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Hands out leases and takes results.
+#[derive(Debug, Clone)]
+pub struct Desk {
+    /// The one writer.
+    pub writer: Writer,
+    /// Connections that read.
+    pub readers: SqlitePool,
+    /// Moves whenever scenarios were prepared.
+    pub ready: watch::Receiver<u64>,
+    /// Who waits for a lease, run by run.
+    pub gates: Arc<Gates>,
+}
+
+/// One gate per run; who waits at it is let through in order, so that a large lease gets its turn.
+#[derive(Debug, Default)]
+pub struct Gates(std::sync::Mutex<HashMap<RunId, Arc<tokio::sync::Mutex<()>>>>);
+
+impl Gates {
+    fn of(&self, run: &RunId) -> Arc<tokio::sync::Mutex<()>> {
+        // Nothing that holds it can panic; if something did, the map is still a map.
+        let mut gates = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        gates.retain(|_, gate| Arc::strong_count(gate) > 1); // nobody waits there
+        Arc::clone(gates.entry(run.clone()).or_default())
+    }
+}
+
+impl Desk {
+    /// Grants a lease; where scenarios are still being prepared it waits a while.
+    ///
+    /// # Errors
+    /// A wish that cannot be granted, and [`TrainingError::NotReady`] where preparing takes too long.
+    pub async fn lease(&self, wish: TakeLease) -> Result<LeaseId, TrainingError> {
+        if wish.purpose == Purpose::Eval {
+            return take_eval(&self.writer, wish).await;
+        }
+        let gate = self.gates.of(&wish.run);
+        let mut ready = self.ready.clone();
+        let waiting = async {
+            let _turn = gate.lock().await;
+            loop {
+                ready.mark_unchanged();
+                if let Taken::Granted(lease) = self.writer.change(wish.clone()).await? {
+                    return Ok(lease);
+                }
+                ready.changed().await.map_err(|_| TrainingError::Stopping)?;
+            }
+        };
+        tokio::time::timeout(PATIENCE, waiting).await.unwrap_or(Err(TrainingError::NotReady))
+    }
+
+    /// Replays what is claimed and stores it; what it says is on disk.
+    ///
+    /// # Errors
+    /// No such run, or the store's. A claim that is wrong is refused by itself.
+    pub async fn report(
+        &self,
+        run: RunId,
+        policy_version: Option<u32>,
+        claims: Vec<Claim>,
+    ) -> Result<(Vec<Receipt>, Vec<Move>), TrainingError> {
+        let results = {
+            let mut conn = self.readers.acquire().await?;
+            let row = runs::get(&mut conn, run.as_str()).await?;
+            let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+            let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+            audit(&mut conn, &run, settings, claims).await?
+        };
+        self.writer.change(Report { run, policy_version, results }).await
+    }
+}
