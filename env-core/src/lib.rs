@@ -28,6 +28,7 @@ pub mod task;
 #[cfg(test)]
 mod testing;
 mod told;
+pub mod wire;
 pub mod world;
 
 pub use bracket::{Admission, Bracket, Flown, SuccessRule};
@@ -40,4 +41,5 @@ pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
 pub use seed::{SEED_WANTED, Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};
 pub use told::{significant, told};
+pub use wire::{Place, Wire, WireFault};
 pub use world::World;

@@ -144,6 +144,25 @@ impl ActionLog {
         self.ends.push(u32::try_from(self.agents.len()).unwrap_or(u32::MAX));
     }
 
+    /// Drops from the last step what agents from this number on did, where they are to be ignored and not an error.
+    pub fn keep_agents(&mut self, agents: u32) {
+        let Some((&end, before)) = self.ends.split_last() else { return };
+        let start = before.last().map_or(0, |&end| end as usize);
+        let mut kept = start;
+        for i in start..end as usize {
+            if self.agents[i] < agents {
+                self.agents[kept] = self.agents[i];
+                self.values.copy_within(i * self.dim..(i + 1) * self.dim, kept * self.dim);
+                kept += 1;
+            }
+        }
+        self.agents.truncate(kept);
+        self.values.truncate(kept * self.dim);
+        if let Some(end) = self.ends.last_mut() {
+            *end = kept as u32;
+        }
+    }
+
     /// Appends a whole step.
     pub fn push(&mut self, action: JointAction<'_>) {
         for (i, &agent) in action.agents.iter().enumerate() {

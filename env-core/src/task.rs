@@ -15,6 +15,7 @@ use crate::reflex::Reflex;
 use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
 use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
+use crate::wire::Wire;
 
 /// What a task is, as data.
 #[derive(Debug)]
@@ -109,6 +110,8 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// Something that is not an action of this task.
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError>;
+    /// How it speaks OpenEnv.
+    fn wire(&self) -> &'static dyn Wire;
     /// Many environments of this task, stepped together; `feed` says which scenarios they fly.
     ///
     /// # Errors
@@ -183,6 +186,10 @@ pub trait Episode: Send {
     fn conjunctions(&self) -> Option<Value> {
         None
     }
+    /// Appends what the agents see now as JSON, without `reward` and `done`: what [`Episode::telemetry`] says, sooner.
+    fn write_observation(&self, out: &mut Vec<u8>);
+    /// The team's reward of the last step; 0 before the first.
+    fn last_reward(&self) -> f64;
     /// The whole truth now, hidden bodies included, in the wire form: for people looking at a replay.
     fn truth(&self) -> Value;
     /// How it went so far.

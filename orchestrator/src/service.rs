@@ -13,9 +13,9 @@ use tokio::task::{JoinHandle, JoinSet};
 
 use crate::clock::Clock;
 use crate::http;
+use crate::sessions::{Limits, Sessions};
 use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, unsigned, writer};
 use crate::training::design::{BuiltIn, Designers};
-use crate::sessions::{Limits, Sessions};
 use crate::training::{Desk, Wakes, Writer};
 use crate::workers;
 
@@ -154,8 +154,7 @@ impl Service {
         let jobs = employ(&config, &readers, &writer, (wakes, ready_tx))?;
 
         let stopping = Arc::new(AtomicBool::new(false));
-        let desk =
-            Desk { writer: writer.clone(), readers: readers.clone(), ready, gates: Arc::default() };
+        let desk = Desk { writer: writer.clone(), readers: readers.clone(), ready, gates: Arc::default() };
         let sessions = Arc::new(Sessions::new(config.sessions, desk.clone()));
         let app = App {
             writer,
@@ -171,7 +170,17 @@ impl Service {
         };
         let (stop, stopped) = watch::channel(false);
         let server = tokio::spawn(serve(listener, app, stopped));
-        Ok(Self { address, stopping, stop, sessions, server, workers: jobs, writer: writer_task, readers, claim })
+        Ok(Self {
+            address,
+            stopping,
+            stop,
+            sessions,
+            server,
+            workers: jobs,
+            writer: writer_task,
+            readers,
+            claim,
+        })
     }
 
     /// Where it listens.

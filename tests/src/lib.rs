@@ -9,6 +9,7 @@ use env_core::rollout::fly;
 use env_core::{ActionLog, Flown, Recipe, Scenario, Seed};
 use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
+use orchestrator::sessions::Limits;
 use orchestrator::training::design::{BuiltIn, Designers};
 use serde_json::{Value, json};
 
@@ -19,6 +20,7 @@ pub struct Server {
     folder: tempfile::TempDir,
     clock: Clock,
     designers: Arc<dyn Designers>,
+    limits: Limits,
 }
 
 impl Server {
@@ -44,14 +46,27 @@ impl Server {
     /// Where it cannot start.
     pub async fn with(clock: Clock, designers: Arc<dyn Designers>) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut server = Self { service: None, folder, clock, designers };
+        let limits = Limits::default();
+        let mut server = Self { service: None, folder, clock, designers, limits };
+        server.open().await;
+        server
+    }
+
+    /// Starts one with these limits of sessions.
+    ///
+    /// # Panics
+    /// Where it cannot start.
+    pub async fn with_limits(limits: Limits) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (clock, designers) = (Clock::system(), Arc::new(BuiltIn));
+        let mut server = Self { service: None, folder, clock, designers, limits };
         server.open().await;
         server
     }
 
     async fn open(&mut self) {
         let (clock, designers) = (self.clock.clone(), Arc::clone(&self.designers));
-        let config = Config { clock, designers, ..Config::local(self.db()) };
+        let config = Config { clock, designers, sessions: self.limits, ..Config::local(self.db()) };
         self.service = Some(Service::start(config).await.expect("the server starts"));
     }
 

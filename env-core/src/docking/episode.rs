@@ -10,12 +10,14 @@ use super::flight::Flight;
 use super::reward::Reward;
 use super::setup::Setup;
 use super::telemetry::Telemetry;
+use super::wire::Observation;
 use crate::bracket::Flown;
 use crate::chance::Seeded;
 use crate::error::{ScenarioError, StepError};
 use crate::log::JointAction;
 use crate::scenario::Scenario;
 use crate::task::{AgentReport, Episode, StepReport};
+use crate::wire;
 
 pub(super) struct DockingEpisode {
     flight: Flight,
@@ -82,6 +84,14 @@ impl Episode for DockingEpisode {
 
     fn telemetry(&self) -> Value {
         serde_json::to_value(self.seen()).unwrap_or(Value::Null)
+    }
+
+    fn write_observation(&self, out: &mut Vec<u8>) {
+        wire::write(out, &Observation(&self.flight, &self.rewards));
+    }
+
+    fn last_reward(&self) -> f64 {
+        self.reward
     }
 
     /// Nothing is hidden in this world.

@@ -21,6 +21,7 @@ pub mod spaces;
 pub mod telemetry;
 #[cfg(test)]
 mod tests;
+mod wire;
 mod world;
 
 use std::sync::LazyLock;
@@ -43,6 +44,7 @@ use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
 use crate::space::{ActionSpace, Levels, ParamSpec, ScoreRange};
 use crate::task::{Episode, TaskCard, TaskSpec};
+use crate::wire::Wire;
 
 /// The world and its version.
 pub const WORLD: &str = "docking@1";
@@ -139,6 +141,10 @@ impl TaskSpec for Docking {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn wire(&self) -> &'static dyn Wire {
+        &wire::DockingWire
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {

@@ -1,6 +1,6 @@
 //! What the agents see, in the wire form.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::constants::{DOCKING_RADIUS_M, OBSERVATION, STEP_S};
 use super::event::Event;
@@ -60,6 +60,7 @@ pub struct DeputyTelemetry {
     /// The speed limit here, m/s.
     pub speed_limit: f64,
     /// The eight numbers of the original's observation.
+    #[serde(serialize_with = "as_double")]
     pub observation: [f32; OBSERVATION],
     /// The nearest other deputy that flies.
     pub nearest: Option<Nearest>,
@@ -82,6 +83,11 @@ pub struct Nearest {
     pub relative_speed: f64,
 }
 
+/// As JSON values hold them, so that text and value say the same to the digit.
+fn as_double<S: Serializer>(values: &[f32; OBSERVATION], serializer: S) -> Result<S::Ok, S::Error> {
+    values.map(f64::from).serialize(serializer)
+}
+
 impl DeputyTelemetry {
     /// Whether it flies.
     #[must_use]
@@ -96,35 +102,50 @@ impl DeputyTelemetry {
     }
 }
 
-const MISSION: &str = "DOCKING: Bring every deputy within 0.5 m of the chief at no more than 0.2 m/s, below the speed \
+pub(super) const MISSION: &str = "DOCKING: Bring every deputy within 0.5 m of the chief at no more than 0.2 m/s, below the speed \
                        limit on the way, before time runs out.";
 
 impl Flight {
     /// What the agents see. `rewards` are those of the last step, by deputy, `reward` the team's.
     #[must_use]
     pub fn telemetry(&self, rewards: &[Reward], reward: f64) -> Telemetry {
-        let deputies: Vec<DeputyTelemetry> = (0..self.deputies().len())
-            .map(|i| self.deputy_telemetry(i, rewards.get(i).copied().unwrap_or_default()))
-            .collect();
-        let mut critical_alerts: Vec<String> = self.events().iter().map(Event::alert).collect();
-        for d in deputies.iter().filter(|d| d.active() && d.speed > d.speed_limit) {
-            critical_alerts.push(format!(
-                "WARNING: Deputy {} flies at {:.3} m/s, above the limit of {:.3} m/s.",
-                d.id, d.speed, d.speed_limit
-            ));
-        }
         Telemetry {
             mission_objective: MISSION,
-            time_s: f64::from(self.steps()) * STEP_S,
-            time_limit_s: f64::from(self.setup().time_limit) * STEP_S,
+            time_s: self.time_s(),
+            time_limit_s: self.time_limit_s(),
             thrust_bound: self.setup().thrust_bound,
             docking_radius: DOCKING_RADIUS_M,
-            deputies,
-            critical_alerts,
+            deputies: self.deputies_seen(rewards).collect(),
+            critical_alerts: self.alerts().collect(),
             total_score: self.total(),
             reward,
             done: self.done(),
         }
+    }
+
+    pub(super) fn time_s(&self) -> f64 {
+        f64::from(self.steps()) * STEP_S
+    }
+
+    pub(super) fn time_limit_s(&self) -> f64 {
+        f64::from(self.setup().time_limit) * STEP_S
+    }
+
+    /// The deputies as seen; `rewards` are those of the last step.
+    pub(super) fn deputies_seen(&self, rewards: &[Reward]) -> impl Iterator<Item = DeputyTelemetry> {
+        (0..self.deputies().len())
+            .map(|i| self.deputy_telemetry(i, rewards.get(i).copied().unwrap_or_default()))
+    }
+
+    /// What happened in the last step, and who is too fast now, in words.
+    pub(super) fn alerts(&self) -> impl Iterator<Item = String> {
+        let too_fast = self.deputies().iter().enumerate().filter_map(|(i, deputy)| {
+            let (speed, limit) = (speed(&deputy.state), speed_limit(distance(&deputy.state)));
+            (self.status(i) == Status::Active && speed > limit).then(|| {
+                format!("WARNING: Deputy {i} flies at {speed:.3} m/s, above the limit of {limit:.3} m/s.")
+            })
+        });
+        self.events().iter().map(Event::alert).chain(too_fast)
     }
 
     fn deputy_telemetry(&self, i: usize, reward: Reward) -> DeputyTelemetry {

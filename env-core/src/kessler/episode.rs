@@ -9,12 +9,14 @@ use super::flight::Flight;
 use super::reward::Objective;
 use super::setup::Setup;
 use super::telemetry::Telemetry;
+use super::wire::Observation;
 use crate::bracket::Flown;
 use crate::chance::Seeded;
 use crate::error::{ScenarioError, StepError};
 use crate::log::JointAction;
 use crate::scenario::Scenario;
 use crate::task::{AgentReport, Episode, StepReport};
+use crate::wire;
 
 pub(super) struct KesslerEpisode {
     flight: Flight<Seeded>,
@@ -78,6 +80,14 @@ impl Episode for KesslerEpisode {
 
     fn conjunctions(&self) -> Option<Value> {
         serde_json::to_value(self.flight.foreseen(false)).ok()
+    }
+
+    fn write_observation(&self, out: &mut Vec<u8>) {
+        wire::write(out, &Observation(&self.flight));
+    }
+
+    fn last_reward(&self) -> f64 {
+        self.reward
     }
 
     fn truth(&self) -> Value {

@@ -29,6 +29,7 @@ pub mod telemetry;
 mod tests;
 pub mod tracks;
 pub mod warnings;
+mod wire;
 mod world;
 
 use std::sync::LazyLock;
@@ -53,6 +54,7 @@ use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
 use crate::space::{ActionSpace, Levels, ParamSpec, ScoreRange};
 use crate::task::{Episode, TaskCard, TaskSpec};
+use crate::wire::Wire;
 
 /// The world and its version.
 pub const WORLD: &str = "kessler@1";
@@ -188,6 +190,10 @@ impl TaskSpec for Kessler {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn wire(&self) -> &'static dyn Wire {
+        &wire::KesslerWire
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {

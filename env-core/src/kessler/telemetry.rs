@@ -105,6 +105,16 @@ impl DebrisTelemetry {
 }
 
 impl Objective {
+    /// The radius satellite 0 should reach, LU; 0 if none.
+    pub(super) const fn target_radius(self) -> f64 {
+        if matches!(self, Self::Rendezvous) { TARGET_RADIUS } else { 0.0 }
+    }
+
+    /// The distance from each other the satellites should keep, LU; 0 if none.
+    pub(super) const fn target_separation(self) -> f64 {
+        if matches!(self, Self::Formation) { FORMATION_SIDE } else { 0.0 }
+    }
+
     /// The goal in the public kessler-env's words.
     #[must_use]
     pub const fn mission(self) -> &'static str {
@@ -127,36 +137,47 @@ impl<C: Chance> Flight<C> {
     /// What the agents see; with `all`, hidden debris too.
     #[must_use]
     pub fn telemetry(&self, reward: f64, all: bool) -> Telemetry {
-        let debris = self.debris();
-        let at_risk = matches!(self.setup().physics.contact, Contact::Chance(_));
         Telemetry {
             mission_objective: self.objective().mission().to_owned(),
-            target_radius: if self.objective() == Objective::Rendezvous { TARGET_RADIUS } else { 0.0 },
-            target_separation: if self.objective() == Objective::Formation { FORMATION_SIDE } else { 0.0 },
-            satellites: (0u32..)
-                .zip(self.satellites())
-                .map(|(id, s)| SatelliteTelemetry {
-                    id,
-                    x: s.body.x,
-                    y: s.body.y,
-                    vx: s.body.vx,
-                    vy: s.body.vy,
-                    fuel: s.fuel,
-                    status: if s.status == Status::Active { "active" } else { "destroyed" }.to_owned(),
-                    survival_probability: at_risk.then_some(s.survival),
-                })
-                .collect(),
-            radar_debris: (0..debris.len())
-                .map(|i| (debris.id(i), debris.body(i)))
-                .filter(|(_, body)| all || self.sees(body.x, body.y))
-                .map(|(id, Body { x, y, vx, vy })| DebrisTelemetry { id, x, y, vx, vy })
-                .collect(),
+            target_radius: self.objective().target_radius(),
+            target_separation: self.objective().target_separation(),
+            satellites: self.satellites_seen().collect(),
+            radar_debris: self.debris_seen(all).collect(),
             conjunctions: self.conjunctions(all),
-            radar_range: self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0),
+            radar_range: self.range_told(),
             critical_alerts: self.events().iter().filter_map(Event::alert).collect(),
             total_score: self.total(),
             reward,
             done: self.done(),
         }
+    }
+
+    /// The satellites as seen.
+    pub(super) fn satellites_seen(&self) -> impl Iterator<Item = SatelliteTelemetry> {
+        let at_risk = matches!(self.setup().physics.contact, Contact::Chance(_));
+        (0u32..).zip(self.satellites()).map(move |(id, s)| SatelliteTelemetry {
+            id,
+            x: s.body.x,
+            y: s.body.y,
+            vx: s.body.vx,
+            vy: s.body.vy,
+            fuel: s.fuel,
+            status: if s.status == Status::Active { "active" } else { "destroyed" }.to_owned(),
+            survival_probability: at_risk.then_some(s.survival),
+        })
+    }
+
+    /// The debris that is seen; with `all`, hidden debris too.
+    pub(super) fn debris_seen(&self, all: bool) -> impl Iterator<Item = DebrisTelemetry> {
+        let debris = self.debris();
+        (0..debris.len())
+            .map(|i| (debris.id(i), debris.body(i)))
+            .filter(move |(_, body)| all || self.sees(body.x, body.y))
+            .map(|(id, Body { x, y, vx, vy })| DebrisTelemetry { id, x, y, vx, vy })
+    }
+
+    /// Radar range, LU; 0 sees everything.
+    pub(super) fn range_told(&self) -> f64 {
+        self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0)
     }
 }

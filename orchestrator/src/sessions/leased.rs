@@ -80,15 +80,23 @@ impl Leased {
             }
             Wished::Lease { run, lease, group, episode } => {
                 let cell = self.cell(Together::Lease(run.clone(), lease.clone()));
-                let read = || async { Ok::<_, TrainingError>(Arc::new(Mutex::new(self.read(run, lease).await?))) };
+                let read =
+                    || async { Ok::<_, TrainingError>(Arc::new(Mutex::new(self.read(run, lease).await?))) };
                 (Arc::clone(cell.get_or_try_init(read).await?), group, episode, false)
             }
         };
         let (run, episode, scenario) = {
             let mut held = lock(&pool);
-            let field = if episode.is_some() { "episode_id" } else if group.is_some() { "group_id" } else { "lease_id" };
+            let field = if episode.is_some() {
+                "episode_id"
+            } else if group.is_some() {
+                "group_id"
+            } else {
+                "lease_id"
+            };
             let taken = held.take(group.as_deref(), episode.as_ref());
-            let (index, scenario) = taken.map_err(|error| TrainingError::invalid(field, error.to_string()))?;
+            let (index, scenario) =
+                taken.map_err(|error| TrainingError::invalid(field, error.to_string()))?;
             (held.run.clone(), EpisodeId { lease: held.lease.clone(), index }, scenario)
         };
         Ok((Ticket { leased: Arc::clone(self), pool, run, episode, alone, reported: false }, scenario))
@@ -98,7 +106,9 @@ impl Leased {
     fn cell(&self, together: Together) -> Arc<OnceCell<Held>> {
         let mut all = self.together.lock().unwrap_or_else(PoisonError::into_inner);
         // What is over is forgotten, so that this stays as small as what is leased.
-        all.retain(|_, cell| Arc::strong_count(cell) > 1 || cell.get().is_some_and(|held| !lock(held).is_over()));
+        all.retain(|_, cell| {
+            Arc::strong_count(cell) > 1 || cell.get().is_some_and(|held| !lock(held).is_over())
+        });
         Arc::clone(all.entry(together).or_default())
     }
 
@@ -114,7 +124,8 @@ impl Leased {
             None => self.newest_policy(&run).await?,
         };
         let purpose = Purpose::Train;
-        let wish = TakeLease { run: run.clone(), groups: 1, group_size, policy_version, ttl_s: TTL_S, purpose };
+        let wish =
+            TakeLease { run: run.clone(), groups: 1, group_size, policy_version, ttl_s: TTL_S, purpose };
         let lease = self.desk.lease(wish).await?;
         self.read(run, lease).await
     }
@@ -148,10 +159,13 @@ impl Leased {
 
     /// Waits until all that was given back is.
     pub(super) async fn settle(&self) {
-        let mut returning = std::mem::take(&mut *self.returning.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut returning =
+            std::mem::take(&mut *self.returning.lock().unwrap_or_else(PoisonError::into_inner));
         let all = async { while returning.join_next().await.is_some() {} };
         if tokio::time::timeout(Duration::from_secs(2), all).await.is_err() {
-            tracing::warn!("Some leases of sessions could not be given back in time; they end by themselves.");
+            tracing::warn!(
+                "Some leases of sessions could not be given back in time; they end by themselves."
+            );
         }
     }
 }

@@ -4,8 +4,6 @@
 mod leased;
 mod pool;
 mod session;
-#[cfg(test)]
-mod tests;
 mod wish;
 
 use std::collections::HashMap;
@@ -58,6 +56,18 @@ pub struct Sessions {
     /// By name, with when each was used last.
     named: Mutex<HashMap<String, (Shared, Instant)>>,
     closing: watch::Sender<bool>,
+}
+
+/// Tells whoever serves a session that the service stops.
+#[derive(Debug)]
+pub struct Closing(watch::Receiver<bool>);
+
+impl Closing {
+    /// Waits until it does.
+    pub async fn closed(&mut self) {
+        // The sender going away means the same.
+        drop(self.0.wait_for(|closing| *closing).await);
+    }
 }
 
 impl Sessions {
@@ -141,10 +151,10 @@ impl Sessions {
         self.named.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Turns true when the service stops: whoever serves a session ends it then.
+    /// Tells when the service stops: whoever serves a session ends it then.
     #[must_use]
-    pub fn closing(&self) -> watch::Receiver<bool> {
-        self.closing.subscribe()
+    pub fn closing(&self) -> Closing {
+        Closing(self.closing.subscribe())
     }
 
     /// Ends all sessions. What they fly for runs is given back.

@@ -143,6 +143,7 @@ impl Session {
         }
         let wire = flying.scenario.task().wire();
         wire.read_action(action, &mut flying.log).map_err(SessionError::Action)?;
+        flying.log.keep_agents(flying.scenario.task().agents(flying.scenario.recipe()));
         let at = flying.episode.steps() as usize;
         if let Err(refused) = flying.episode.step(flying.log.step(at), &mut flying.report) {
             flying.log.truncate(at);

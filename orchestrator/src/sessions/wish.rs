@@ -12,7 +12,7 @@ use crate::ids::{EpisodeId, LeaseId, RunId};
 pub const MOST_GROUP: usize = 255;
 
 /// What is asked for at a reset. What contradicts itself is refused by [`Wish::sort`].
-#[derive(Debug, Clone, Default)]
+#[derive(Clone, Default)]
 pub struct Wish {
     /// A seed from 0 to 2^51 − 1; any if none.
     pub seed: Option<u64>,
@@ -137,17 +137,20 @@ impl Wish {
             if let Some((field, _)) = own.iter().find(|(_, given)| *given) {
                 return Err(WishError::new(field, "the scenario has it already; leave one of the two out"));
             }
-            Seed::user(scenario.seed().get()).map_err(|error| WishError::new("scenario.seed", error.to_string()))?;
+            Seed::user(scenario.seed().get())
+                .map_err(|error| WishError::new("scenario.seed", error.to_string()))?;
             return Ok(scenario);
         }
         let under = |section: &str, error: &ScenarioError| {
             let field = error.field();
-            let field = if field.starts_with(section) { field.to_owned() } else { format!("{section}.{field}") };
+            let field =
+                if field.starts_with(section) { field.to_owned() } else { format!("{section}.{field}") };
             WishError { field, reason: error.to_string() }
         };
         let params = self.params.iter().map(|(name, value)| (name.as_str(), *value));
         let physics = self.physics.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
-        let recipe = Recipe::with_params(self.task.unwrap_or(usual), params).map_err(|e| under("params", &e))?;
+        let recipe =
+            Recipe::with_params(self.task.unwrap_or(usual), params).map_err(|e| under("params", &e))?;
         let recipe = recipe.with_options(physics).map_err(|error| under("physics", &error))?;
         let seed = match (self.seed, &self.group) {
             (Some(seed), _) => Seed::user(seed).map_err(|error| WishError::new("seed", error.to_string()))?,

@@ -36,7 +36,7 @@ impl<S: Send + Sync> FromRequest<S> for Body {
             return Ok(Self(None));
         }
         let value = if is_json {
-            serde_json::from_slice(&bytes).map_err(|error| not_json(&error))?
+            env_core::wire::read_json(&String::from_utf8_lossy(&bytes)).map_err(|error| not_json(&error))?
         } else {
             Value::String(String::from_utf8_lossy(&bytes).into_owned())
         };

@@ -39,7 +39,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(simulation::reset))
         .routes(routes!(simulation::step))
         .routes(routes!(simulation::state))
-        .routes(routes!(mcp::post))
+        .routes(routes!(mcp::routes::post))
         .route("/mcp", get(mcp_socket))
         .route("/ws", get(socket))
         .route("/ws/ui", get(ui_socket))

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use env_core::wire::{Place, WireFault, lax};
+use env_core::wire::{Place, WireFault, Wrong, echo, integer, number};
 use env_core::{Scenario, TaskSpec};
 use serde_json::{Map, Value, json};
 
@@ -37,13 +37,8 @@ impl<'a> Fields<'a> {
     }
 
     pub(super) fn fault(&mut self, field: &str, kind: &'static str, words: impl Into<String>, input: &Value) {
-        let fault = WireFault {
-            kind,
-            loc: self.place(field),
-            msg: words.into(),
-            input: input.clone(),
-            ctx: None,
-        };
+        let fault =
+            WireFault { kind, loc: self.place(field), msg: words.into(), input: echo(input), ctx: None };
         self.faults.push(fault);
     }
 
@@ -52,22 +47,22 @@ impl<'a> Fields<'a> {
         let mut loc = self.at.clone();
         loc.push(Place::Field(field.chars().take(MOST_GROUP).collect()));
         let msg = "Extra inputs are not permitted".to_owned();
-        let input = env_core::wire::echo(input);
+        let input = echo(input);
         self.faults.push(WireFault { kind: "extra_forbidden", loc, msg, input, ctx: None });
     }
 
     fn bounded(&mut self, field: &str, kind: &'static str, words: String, ctx: Value) {
-        let input = self.of.get(field).cloned().unwrap_or(Value::Null);
+        let input = self.of.get(field).map_or(Value::Null, echo);
         self.faults.push(WireFault { kind, loc: self.place(field), msg: words, input, ctx: Some(ctx) });
     }
 
     /// A whole number from 0 to a bound.
     pub(super) fn whole(&mut self, field: &str, most: u64) -> Option<u64> {
         let value = self.get(field)?;
-        let number = match lax::integer(value) {
+        let number = match integer(value) {
             Ok(number) => number,
-            Err((kind, words)) => {
-                self.fault(field, kind, words, value);
+            Err(Wrong { kind, msg }) => {
+                self.fault(field, kind, msg, value);
                 return None;
             }
         };
@@ -104,15 +99,15 @@ impl<'a> Fields<'a> {
     /// A number above 0.
     pub(super) fn above_zero(&mut self, field: &str) -> Option<f64> {
         let value = self.get(field)?;
-        match lax::number(value) {
+        match number(value) {
             Ok(number) if number > 0.0 => Some(number),
             Ok(_) => {
                 let words = "Input should be greater than 0".to_owned();
                 self.bounded(field, "greater_than", words, json!({"gt": 0.0}));
                 None
             }
-            Err((kind, words)) => {
-                self.fault(field, kind, words, value);
+            Err(Wrong { kind, msg }) => {
+                self.fault(field, kind, msg, value);
                 None
             }
         }
@@ -129,7 +124,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn table<T>(&mut self, field: &str, read: impl Fn(&Value) -> Result<T, (&'static str, String)>) -> Vec<(String, T)> {
+    fn table<T>(&mut self, field: &str, read: impl Fn(&Value) -> Result<T, Wrong>) -> Vec<(String, T)> {
         let Some(value) = self.get(field) else { return Vec::new() };
         let Some(table) = value.as_object() else {
             self.fault(field, "dict_type", "Input should be a valid dictionary", value);
@@ -139,7 +134,7 @@ impl<'a> Fields<'a> {
         for (name, value) in table {
             match read(value) {
                 Ok(read) => rows.push((name.clone(), read)),
-                Err((kind, words)) => self.fault(&format!("{field}.{name}"), kind, words, value),
+                Err(Wrong { kind, msg }) => self.fault(&format!("{field}.{name}"), kind, msg, value),
             }
         }
         rows
@@ -164,13 +159,13 @@ pub(super) fn wish(fields: &mut Fields<'_>) -> Wish {
     });
     let text = |value: &Value| {
         let word = value.as_str().map(str::to_owned);
-        word.ok_or_else(|| ("string_type", "Input should be a valid string".to_owned()))
+        word.ok_or(Wrong { kind: "string_type", msg: "Input should be a valid string" })
     };
     Wish {
         seed,
         episode_id: fields.text("episode_id"),
         task,
-        params: fields.table("params", lax::number),
+        params: fields.table("params", number),
         physics: fields.table("physics", text),
         scenario,
         run: fields.id("run"),
@@ -188,7 +183,11 @@ fn task(fields: &mut Fields<'_>) -> Option<&'static dyn TaskSpec> {
     let id = match value {
         Value::Number(_) => by_number.and_then(|n| WALK.get(n)).map(|id| (*id).to_owned()),
         Value::String(name) if name.contains('/') => Some(name.clone()),
-        Value::String(name) => env_core::usual_tasks().map(TaskSpec::id).find(|id| id.ends_with(&format!("/{name}"))).map(str::to_owned),
+        Value::String(name) => env_core::usual_tasks()
+            .into_iter()
+            .map(TaskSpec::id)
+            .find(|id| id.ends_with(&format!("/{name}")))
+            .map(str::to_owned),
         _ => None,
     };
     let task = id.as_deref().and_then(env_core::task);

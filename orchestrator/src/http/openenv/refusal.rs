@@ -24,7 +24,7 @@ impl Refusal {
 
     /// Faults of a body: 422.
     pub(super) fn faults(faults: &[WireFault]) -> Self {
-        let detail = Value::Array(faults.iter().map(told).collect());
+        let detail = json!(faults);
         Self { status: StatusCode::UNPROCESSABLE_ENTITY, detail, retry_after_s: None }
     }
 
@@ -32,20 +32,6 @@ impl Refusal {
     pub(super) fn fault(kind: &'static str, loc: Vec<Place>, msg: &str, input: Value) -> Self {
         Self::faults(&[WireFault { kind, loc, msg: msg.to_owned(), input, ctx: None }])
     }
-}
-
-/// A fault as pydantic tells it.
-pub(super) fn told(fault: &WireFault) -> Value {
-    let loc = |place: &Place| match place {
-        Place::Field(name) => json!(name),
-        Place::Index(index) => json!(index),
-    };
-    let loc: Vec<Value> = fault.loc.iter().map(loc).collect();
-    let mut told = json!({"type": fault.kind, "loc": loc, "msg": fault.msg, "input": fault.input});
-    if let Some(ctx) = &fault.ctx {
-        told["ctx"] = ctx.clone();
-    }
-    told
 }
 
 /// A wish that cannot be, as a fault of the place under `at`.
@@ -68,7 +54,9 @@ impl From<SessionError> for Refusal {
     fn from(error: SessionError) -> Self {
         match error {
             SessionError::Action(faults) => Self::faults(&faults),
-            SessionError::NotStarted | SessionError::Over => Self::new(StatusCode::CONFLICT, error.to_string()),
+            SessionError::NotStarted | SessionError::Over => {
+                Self::new(StatusCode::CONFLICT, error.to_string())
+            }
             SessionError::Refused(_) | SessionError::Scenario(_) => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string())
             }

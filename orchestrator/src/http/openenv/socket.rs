@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use super::answer;
 use super::mcp;
 use super::read::{Fields, WALK, wish};
-use super::refusal::{told, wish_fault};
+use super::refusal::wish_fault;
 use crate::service::App;
 use crate::sessions::{Full, Session, SessionError};
 
@@ -36,7 +36,7 @@ async fn serve(mut socket: WebSocket, app: App) {
     loop {
         let received = tokio::select! {
             received = next(&mut socket, app.sessions.limits().idle) => received,
-            _ = closing.wait_for(|closing| *closing) => Received::Stop,
+            () = closing.closed() => Received::Stop,
         };
         frame.clear();
         match received {
@@ -107,7 +107,8 @@ pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), a
 
 /// Says goodbye as the original does: code 1000, no reason.
 pub(super) async fn close(mut socket: WebSocket) {
-    let frame = axum::extract::ws::CloseFrame { code: axum::extract::ws::close_code::NORMAL, reason: "".into() };
+    let frame =
+        axum::extract::ws::CloseFrame { code: axum::extract::ws::close_code::NORMAL, reason: "".into() };
     let _ = socket.send(Message::Close(Some(frame))).await;
     // Until the client has answered, so that what was sent before is read.
     let farewell = async { while let Some(Ok(_)) = socket.recv().await {} };
@@ -115,8 +116,13 @@ pub(super) async fn close(mut socket: WebSocket) {
 }
 
 /// Answers one frame of text into `out`; breaks where the client wants to go.
-async fn answered(app: &App, session: &mut Session, text: &str, out: &mut Vec<u8>) -> std::ops::ControlFlow<()> {
-    let message = match serde_json::from_str::<Value>(text) {
+async fn answered(
+    app: &App,
+    session: &mut Session,
+    text: &str,
+    out: &mut Vec<u8>,
+) -> std::ops::ControlFlow<()> {
+    let message = match env_core::wire::read_json(text) {
         Ok(Value::Object(message)) => message,
         Ok(other) => {
             let words = "Input should be a valid dictionary";
@@ -149,7 +155,9 @@ async fn answered(app: &App, session: &mut Session, text: &str, out: &mut Vec<u8
         Some("mcp") => mcp(app, session, &message, out).await,
         _ => {
             let kind = message.get("type");
-            let kind = kind.map_or_else(String::new, |kind| kind.as_str().map_or_else(|| kind.to_string(), str::to_owned));
+            let kind = kind.map_or_else(String::new, |kind| {
+                kind.as_str().map_or_else(|| kind.to_string(), str::to_owned)
+            });
             let kind: String = kind.chars().take(60).collect();
             Err(error("UNKNOWN_TYPE", &format!("Unknown message type: {kind}")))
         }
@@ -189,7 +197,12 @@ async fn step(session: &mut Session, message: &Map<String, Value>, out: &mut Vec
     Ok(())
 }
 
-async fn mcp(app: &App, session: &mut Session, message: &Map<String, Value>, out: &mut Vec<u8>) -> Result<(), Value> {
+async fn mcp(
+    app: &App,
+    session: &mut Session,
+    message: &Map<String, Value>,
+    out: &mut Vec<u8>,
+) -> Result<(), Value> {
     let request = data(message, None)?;
     let answer = mcp::answer(app, &Value::Object(request), Some(session)).await;
     out.extend(json!({"type": "mcp", "data": answer}).to_string().bytes());
@@ -203,7 +216,10 @@ fn observation(shown: &crate::sessions::Stepped<'_>, out: &mut Vec<u8>) {
 }
 
 /// The data of a message that may have nothing else.
-fn data(message: &Map<String, Value>, otherwise: Option<Map<String, Value>>) -> Result<Map<String, Value>, Value> {
+fn data(
+    message: &Map<String, Value>,
+    otherwise: Option<Map<String, Value>>,
+) -> Result<Map<String, Value>, Value> {
     let mut fields = Fields::new(message, Vec::new());
     let data = match (message.get("data"), otherwise) {
         (Some(Value::Object(data)), _) => data.clone(),
@@ -241,8 +257,7 @@ fn error(code: &str, words: &str) -> Value {
 }
 
 fn faults(faults: &[WireFault]) -> Value {
-    let errors: Vec<Value> = faults.iter().map(told).collect();
-    json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": errors}})
+    json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": faults}})
 }
 
 fn refused(refusal: &SessionError) -> Value {

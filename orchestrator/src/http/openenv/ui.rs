@@ -83,7 +83,11 @@ fn blank() -> Value {
 }
 
 /// Looks at a web session.
-pub(super) async fn connect(State(app): State<App>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
+pub(super) async fn connect(
+    State(app): State<App>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     match web::name(&headers) {
         Ok(name) => upgrade.on_upgrade(move |socket| serve(socket, app, name)),
         Err(refusal) => refusal.into_response(),
@@ -104,7 +108,7 @@ async fn serve(mut socket: WebSocket, app: App, name: String) {
                 Some(Ok(axum::extract::ws::Message::Close(_)) | Err(_)) | None => return,
                 Some(Ok(_)) => {} // nothing is asked for here; the board is told again
             },
-            _ = closing.wait_for(|closing| *closing) => return socket::close(socket).await,
+            () = closing.closed() => return socket::close(socket).await,
         }
     }
 }

@@ -29,7 +29,8 @@ pub(super) async fn home() -> Response {
 
 /// The page, with a session of its own.
 pub(super) async fn page(headers: HeaderMap) -> Response {
-    let policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
+    let policy =
+        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
     let mut response = ([(header::CONTENT_SECURITY_POLICY, policy)], Html(PAGE)).into_response();
     if simulation::cookie(&headers).is_none() {
         let id = uuid::Uuid::new_v4();

@@ -1,13 +1,13 @@
 //! The Model Context Protocol as openenv-core 0.3.0 speaks it, JSON-RPC over HTTP and WebSocket, with tools that fly.
 //! Whoever plays through it can act and look, and neither begin an episode nor see what the planner knows.
 
-mod routes;
+pub(super) mod routes;
 mod rpc;
 mod tools;
 
 use serde_json::{Map, Value, json};
 
-pub(super) use self::routes::{connect, post};
+pub(super) use self::routes::connect;
 use self::rpc::{Failure, Request};
 use super::read::WALK;
 use crate::service::App;
@@ -20,7 +20,7 @@ pub(super) async fn answer(app: &App, request: &Value, own: Option<&mut Session>
         Err(failure) => return rpc::failed(&Value::Null, &failure),
     };
     match called(app, &request, own).await {
-        Ok(result) => rpc::succeeded(&request.id, result),
+        Ok(result) => rpc::succeeded(&request.id, &result),
         Err(failure) => rpc::failed(&request.id, &failure),
     }
 }
@@ -74,7 +74,11 @@ async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(),
     }
     let name = wish.episode_id.clone();
     let wished = wish.sort(super::usual(WALK[0])).map_err(|error| Failure::params(&error.to_string()))?;
-    session.reset(wished, name).await.map(|_| ()).map_err(|error| Failure::internal(&super::refused_in_words(&error)))
+    session
+        .reset(wished, name)
+        .await
+        .map(|_| ())
+        .map_err(|error| Failure::internal(&super::refused_in_words(&error)))
 }
 
 fn close(app: &App, params: &Map<String, Value>) -> Result<Value, Failure> {
@@ -87,7 +91,11 @@ fn close(app: &App, params: &Map<String, Value>) -> Result<Value, Failure> {
     }
 }
 
-async fn tools_list(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
+async fn tools_list(
+    app: &App,
+    params: &Map<String, Value>,
+    own: Option<&mut Session>,
+) -> Result<Value, Failure> {
     let tools = match (own, named(app, params)?) {
         (Some(own), _) => tools::list(own),
         (None, Some(session)) => tools::list(&*session.lock().await),
@@ -96,7 +104,11 @@ async fn tools_list(app: &App, params: &Map<String, Value>, own: Option<&mut Ses
     Ok(json!({"tools": tools}))
 }
 
-async fn tools_call(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
+async fn tools_call(
+    app: &App,
+    params: &Map<String, Value>,
+    own: Option<&mut Session>,
+) -> Result<Value, Failure> {
     let name = params.get("name").and_then(Value::as_str);
     let name = name.ok_or_else(|| Failure::params("'name' is required"))?;
     let arguments = match params.get("arguments") {
@@ -123,7 +135,9 @@ fn named(
 ) -> Result<Option<std::sync::Arc<tokio::sync::Mutex<Session>>>, Failure> {
     match params.get("session_id") {
         None | Some(Value::Null) => Ok(None),
-        Some(Value::String(name)) => app.sessions.known(name).map(Some).ok_or_else(|| Failure::no_session(name)),
+        Some(Value::String(name)) => {
+            app.sessions.known(name).map(Some).ok_or_else(|| Failure::no_session(name))
+        }
         Some(other) => Err(Failure::no_session(&other.to_string())),
     }
 }

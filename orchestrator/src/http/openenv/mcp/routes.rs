@@ -16,7 +16,7 @@ use crate::service::App;
     responses((status = 200, body = Object, description = "JSON-RPC: an error is in the body."))
 )]
 pub(in super::super) async fn post(State(app): State<App>, body: Bytes) -> axum::Json<Value> {
-    axum::Json(match serde_json::from_slice::<Value>(&body) {
+    axum::Json(match env_core::wire::read_json(&String::from_utf8_lossy(&body)) {
         Ok(request) => super::answer(&app, &request, None).await,
         Err(_) => rpc::failed(&Value::Null, &Failure::unread(None)),
     })
@@ -40,14 +40,16 @@ async fn serve(mut socket: WebSocket, app: App) {
     loop {
         let received = tokio::select! {
             received = socket::next(&mut socket, app.sessions.limits().idle) => received,
-            _ = closing.wait_for(|closing| *closing) => Received::Stop,
+            () = closing.closed() => Received::Stop,
         };
         let told = match received {
-            Received::Text(text) => match serde_json::from_str::<Value>(&text) {
+            Received::Text(text) => match env_core::wire::read_json(&text) {
                 Ok(request) => super::answer(&app, &request, Some(&mut session)).await,
                 Err(error) => rpc::failed(&Value::Null, &Failure::unread(Some(&error.to_string()))),
             },
-            Received::Binary => rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here"))),
+            Received::Binary => {
+                rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here")))
+            }
             Received::Idle | Received::Stop => return socket::close(socket).await,
             Received::Gone => return,
         };

@@ -92,7 +92,7 @@ impl Failure {
     }
 }
 
-pub(super) fn succeeded(id: &Value, result: Value) -> Value {
+pub(super) fn succeeded(id: &Value, result: &Value) -> Value {
     json!({"jsonrpc": "2.0", "id": id, "result": result})
 }
 

@@ -30,9 +30,7 @@ pub(super) fn of(task: &'static dyn TaskSpec) -> Value {
         },
         "additionalProperties": false
     });
-    let tool = |name: &str, about: &str, schema: &Value| {
-        json!({"name": name, "description": about, "inputSchema": schema, "input_schema": schema})
-    };
+    let tool = |name: &str, about: &str, schema: &Value| json!({"name": name, "description": about, "inputSchema": schema, "input_schema": schema});
     let mut tools = vec![
         tool("fire_thrusters", "Act, and let one step pass. Answers with the telemetry after it.", &action),
         tool("hold", "Do nothing new for some steps. Answers with the telemetry after them.", &steps),
@@ -90,7 +88,9 @@ async fn hold(session: &mut Session, arguments: &Map<String, Value>) -> Result<V
         None | Some(Value::Null) => 1,
         Some(steps) => {
             let steps = steps.as_u64().filter(|steps| (1..=MOST_STEPS).contains(steps));
-            steps.ok_or_else(|| Failure::params(&format!("steps: a whole number from 1 to {MOST_STEPS} is wanted")))?
+            steps.ok_or_else(|| {
+                Failure::params(&format!("steps: a whole number from 1 to {MOST_STEPS} is wanted"))
+            })?
         }
     };
     for _ in 0..steps {
@@ -111,7 +111,8 @@ fn told(session: &Session) -> Result<Value, Failure> {
     let shown = session.shown().map_err(|error| failed(&error))?;
     let mut bytes = Vec::new();
     super::super::answer::observation(&shown, &mut bytes);
-    let mut told: Value = serde_json::from_slice(&bytes).map_err(|error| Failure::internal(&error.to_string()))?;
+    let mut told: Value =
+        serde_json::from_slice(&bytes).map_err(|error| Failure::internal(&error.to_string()))?;
     told["step"] = json!(session.standing().steps);
     Ok(told)
 }
