@@ -144,7 +144,8 @@ impl ActionLog {
         self.ends.push(u32::try_from(self.agents.len()).unwrap_or(u32::MAX));
     }
 
-    /// Drops from the last step what agents from this number on did, where they are to be ignored and not an error.
+    /// Drops from the last step, which is closed, what agents from this number on did: where they are to be ignored and
+    /// are no error.
     pub fn keep_agents(&mut self, agents: u32) {
         let Some((&end, before)) = self.ends.split_last() else { return };
         let start = before.last().map_or(0, |&end| end as usize);

@@ -10,7 +10,7 @@ mod number;
 mod reader;
 pub(crate) mod schema;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod text;
 mod write;
 

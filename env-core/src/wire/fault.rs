@@ -128,7 +128,7 @@ struct Beginning(Vec<u8>);
 
 impl Write for Beginning {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // One more than is echoed, and whole pieces where they are short, so that the cut falls between characters.
+        // A little more than is echoed, so that a character cut in half lies behind the cut.
         let room = (MAX_ECHO_BYTES + 4).saturating_sub(self.0.len());
         self.0.extend_from_slice(&bytes[..bytes.len().min(room)]);
         if self.0.len() > MAX_ECHO_BYTES { Err(io::ErrorKind::FileTooLarge.into()) } else { Ok(bytes.len()) }
