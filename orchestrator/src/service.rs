@@ -207,6 +207,8 @@ impl Service {
         }
         // Workers hold nothing that is not in the store: they are cut off, and what they did twice is done once.
         self.workers.shutdown().await;
+        // The writer ends when nobody is left who could ask it for something.
+        drop(self.sessions);
         if let Err(error) = self.writer.await {
             tracing::error!(error = %error, "The writer did not end well.");
         }

