@@ -11,7 +11,10 @@ demo: check-cargo ## A built-in learner trains against the curriculum: about 45 
 	cargo run --release --locked -p orchestrator --bin sparring -- demo
 
 test: check-cargo check-python lint ## Everything that is checked before a change lands
-	SQLX_OFFLINE=true cargo test --workspace --locked
+	scripts/openenv-venv
+	# The binary with the tests: built by itself it would be all of it once more, with other features of its dependencies.
+	SQLX_OFFLINE=true cargo build --workspace --locked --tests --bin sparring
+	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
 
 test-llm: check-cargo check-python ## A small real language model, served here, designs layouts: MODEL=any.gguf
 	scripts/test-llm $(MODEL)
@@ -42,4 +45,4 @@ check-cargo:
 	@command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs, version 1.95 or newer." >&2; exit 2; }
 
 check-python:
-	@command -v python3 >/dev/null || { echo "Python 3 is missing: the README's trainer is run as a test; install python3 (3.9 or newer)." >&2; exit 2; }
+	@command -v python3 >/dev/null || { echo "Python 3 is missing: the README's trainer is run as a test; install python3 (3.10 or newer)." >&2; exit 2; }

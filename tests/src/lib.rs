@@ -279,7 +279,7 @@ pub fn result(episode: &str, scenario: &Scenario, policy: &str) -> Value {
     json!({ "episode": episode, "actions": wire(&flown(scenario, policy).1) })
 }
 
-/// The `sparring` binary, built if need be.
+/// The `sparring` binary: the one that `SPARRING_BINARY` names, else built if need be.
 ///
 /// # Panics
 /// Where it cannot be built.
@@ -287,6 +287,9 @@ pub fn result(episode: &str, scenario: &Scenario, policy: &str) -> Value {
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
+        if let Some(built) = std::env::var_os("SPARRING_BINARY") {
+            return built.into();
+        }
         // Tests live in target/<profile>/deps, programs and the binary one folder up.
         let here = std::env::current_exe().expect("a path");
         let folder = here.parent().expect("a folder");
