@@ -1,9 +1,10 @@
 //! The gate: what a layout must pass before an agent sees it. A refusal is a sentence that goes back to the designer.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use env_core::bracket::{Bracket, MIN_GAP, admit, panel_success};
-use env_core::{Scenario, ScenarioError};
+use env_core::{Scenario, ScenarioError, ScenarioId};
 use serde_json::Value;
 
 use crate::Fault;
@@ -41,6 +42,9 @@ pub enum Refusal {
     /// Something is lost before anybody could act.
     #[error("{0}")]
     Unfair(ScenarioError),
+    /// Somebody is hit by what could not be dodged by who sees only what the agents see.
+    #[error("{0}")]
+    Unseen(Fault),
     /// The reference planner does not succeed.
     #[error(
         "the planner finds no way to succeed: its best scores {reference:.3} and loses {lost}; ask for fewer threats, \
@@ -94,7 +98,7 @@ impl Refusal {
             Self::Schema(_) => 0,
             Self::Compiles(_) => 1,
             Self::Aim(_) => 2,
-            Self::Unfair(_) => 3,
+            Self::Unfair(_) | Self::Unseen(_) => 3,
             Self::Unsolvable { .. } => 4,
             Self::Harmless | Self::Uncontested { .. } => 5,
             Self::Decoy(_) => 6,
@@ -148,13 +152,15 @@ impl Admitted {
 pub struct Gate {
     language: &'static dyn Language,
     archive: Vec<Value>,
+    /// Scenarios without a design that passed.
+    by_hand: BTreeSet<ScenarioId>,
 }
 
 impl Gate {
     /// A gate that knows these designs.
     #[must_use]
     pub const fn new(language: &'static dyn Language, archive: Vec<Value>) -> Self {
-        Self { language, archive }
+        Self { language, archive, by_hand: BTreeSet::new() }
     }
 
     /// The language it reads.
@@ -201,10 +207,11 @@ impl Gate {
     pub fn judge_scenario(&mut self, scenario: &Scenario) -> Result<Admitted, Refusal> {
         let thought = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
         let Some(design) = thought.filter(|design| design.get("encounters").is_some()) else {
-            let bracket = threat(scenario)?;
-            if bracket.panel.first().is_none_or(|hold| hold.lost == 0) {
-                return Err(Refusal::Harmless);
+            let bracket = self.hits(scenario)?;
+            if self.by_hand.contains(&scenario.id()) {
+                return Err(Refusal::Known { like: String::new(), distance: 0.0 });
             }
+            self.by_hand.insert(scenario.id());
             return Ok(Admitted { scenario: scenario.clone(), bracket, claim: Claim::Threat, novelty: None });
         };
         // What its brief allowed is not known here (rogues of a level to come, say), and need not be: building reads the
@@ -222,13 +229,7 @@ impl Gate {
     fn under(&self, design: &Value, sky: &Scenario) -> Result<Admitted, Refusal> {
         let (scenario, claim) = self.language.build(design, sky)?;
         let bracket = match claim {
-            Claim::Threat => {
-                let bracket = threat(&scenario)?;
-                if bracket.panel.first().is_none_or(|hold| hold.lost == 0) {
-                    return Err(Refusal::Harmless);
-                }
-                bracket
-            }
+            Claim::Threat => self.hits(&scenario)?,
             Claim::Decoy => {
                 let bracket = solved(&scenario)?.bracket;
                 self.language.decoy(&scenario, &bracket).map_err(Refusal::Decoy)?;
@@ -236,6 +237,17 @@ impl Gate {
             }
         };
         Ok(Admitted { scenario, bracket, claim, novelty: self.new_enough(design)? })
+    }
+
+    /// Passes a threat of this world: what [`threat`] asks, that it hits, and that what hits can be seen.
+    fn hits(&self, scenario: &Scenario) -> Result<Bracket, Refusal> {
+        let bracket = threat(scenario)?;
+        if bracket.panel.first().is_none_or(|hold| hold.lost == 0) {
+            return Err(Refusal::Harmless);
+        }
+        // Last, as too little fuel for any dodge is said better by who looks for a plan.
+        self.language.seen(scenario).map_err(Refusal::Unseen)?;
+        Ok(bracket)
     }
 
     fn new_enough(&self, design: &Value) -> Result<Option<f64>, Refusal> {

@@ -48,6 +48,12 @@ pub trait Language: Sync {
     /// # Errors
     /// The encounter that cannot be, and what would do; or what of the aim is not kept.
     fn build(&self, design: &Value, sky: &Scenario) -> Result<(Scenario, Claim), Refusal>;
+    /// That what hits who does nothing is seen early enough to be dodged, and hits nobody before anybody could act: the
+    /// planner knows all, and finds ways that nobody could who sees what the agents see.
+    ///
+    /// # Errors
+    /// Who is hit when, in a sentence.
+    fn seen(&self, scenario: &Scenario) -> Result<(), Fault>;
     /// Whether a decoy is honest: who holds succeeds, and a naive agent wastes.
     ///
     /// # Errors

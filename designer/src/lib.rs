@@ -53,14 +53,14 @@ pub enum DesignError {
         reason: String,
     },
     /// A layout that is none.
-    #[error("layout {number} ({name:?}): {source}")]
+    #[error("layout {number} ({name:?}): {fault}")]
     Layout {
         /// Its place, counted from 1.
         number: usize,
         /// Its name.
         name: String,
         /// What is wrong with it.
-        source: env_core::ScenarioError,
+        fault: env_core::ScenarioError,
     },
     /// The language model gave nothing.
     #[error(transparent)]

@@ -69,6 +69,12 @@ impl Replay {
         Ok(drafts)
     }
 
+    /// How many layouts of the file have not been given, of whatever task.
+    #[must_use]
+    pub fn left(&self) -> usize {
+        self.read.as_ref().map_or(0, |all| all.len() - self.next.min(all.len()))
+    }
+
     fn layouts(&mut self, brief: &Brief, gate: &mut Gate) -> Result<Designed, DesignError> {
         let drafts = self.drafts(Some(brief.base.task().id()), brief.count)?;
         let judged = drafts.into_iter().map(|Draft { name, scenario }| {
@@ -104,7 +110,7 @@ fn read(path: &std::path::Path) -> Result<Vec<Draft>, DesignError> {
         let scenario = Scenario::from_json(&entry.scenario).and_then(user_seed);
         match scenario {
             Ok(scenario) => Ok(Draft { name: entry.name, scenario }),
-            Err(source) => Err(DesignError::Layout { number: at + 1, name: entry.name, source }),
+            Err(fault) => Err(DesignError::Layout { number: at + 1, name: entry.name, fault }),
         }
     };
     file.layouts.into_iter().enumerate().map(draft).collect()

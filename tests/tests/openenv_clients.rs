@@ -1,7 +1,5 @@
 //! openenv-core's own clients, from the package index, against a real server.
 
-#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
-
 use std::path::Path;
 use std::process::Command;
 

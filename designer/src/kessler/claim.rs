@@ -2,8 +2,9 @@
 
 use env_core::bracket::{Bracket, SuccessRule, success};
 use env_core::critique::Verdict;
+use env_core::log::Precision;
 use env_core::rollout::fly;
-use env_core::{Scenario, ScenarioError};
+use env_core::{ActionLog, Scenario, ScenarioError, Stopped};
 
 use super::agents::{Weakness, agent};
 use super::language::{Design, Encounter, Kind};
@@ -111,6 +112,39 @@ pub fn aim(design: &Design, placed: &[Placed]) -> Result<(), Broken> {
         Some(nearest) if off(nearest) > AIM_WIDTH => Err(Broken::Bearing { aimed, nearest }),
         _ => Ok(()),
     }
+}
+
+/// The first step at whose end something may hit who holds.
+const FIRST_CONTACT: u32 = 3;
+
+/// That what hits who holds hits nobody before step 3, and is seen while there is still a burn that dodges it. Fragments
+/// are what an earlier loss left.
+pub fn seen(scenario: &Scenario) -> Result<(), Fault> {
+    let mut hold = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
+    hold.stopped = Some(Stopped::TooLate);
+    // A start that is not fair is refused in its own words by who brackets it.
+    let Ok(critique) = scenario.task().critique(scenario, &hold) else { return Ok(()) };
+    let hits = critique.failures.iter().filter(|failure| matches!(failure.mode, "collision" | "rogue"));
+    for failure in hits {
+        let Some(met) = &failure.encounter else { continue };
+        let (who, step) = (failure.agent, failure.step);
+        let words = match (met.first_visible_step, met.avoidable) {
+            _ if step < FIRST_CONTACT => {
+                format!("satellite {who} is hit at step {step}, before anybody could act")
+            }
+            (None, _) => format!(
+                "satellite {who} is hit at step {step} by what no radar shows before: a slower pass is wanted, or a rogue \
+                 that is seen coming"
+            ),
+            (Some(first), Some(false)) => format!(
+                "satellite {who} is hit at step {step} by what the radar shows from step {first} on, when no burn dodges it \
+                 any more: a slower pass is wanted"
+            ),
+            _ => continue,
+        };
+        return Err(Fault::new("encounters", words));
+    }
+    Ok(())
 }
 
 /// Whether a layout of decoys is honest: who holds loses nobody and succeeds, and who burns for what comes near wastes.

@@ -40,6 +40,10 @@ impl Language for Kessler {
         Ok((compiled.scenario, claim))
     }
 
+    fn seen(&self, scenario: &Scenario) -> Result<(), Fault> {
+        claim::seen(scenario)
+    }
+
     fn decoy(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), Fault> {
         match claim::decoy(scenario, bracket) {
             Ok(honest) => Ok(honest?),

@@ -13,8 +13,8 @@ use crate::sessions::Limits;
 /// Serve the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Ctrl-C (or SIGTERM) stops it: requests that run are finished, nothing that was acknowledged is lost, and the same \
-command goes on where it stopped. http://127.0.0.1:8700/docs shows what it answers.
+Ctrl-C (or SIGTERM) stops it: requests that run are finished, no result that was acknowledged is lost, and the same \
+command goes on where it stopped; a designer that is being asked is cut off. http://127.0.0.1:8700/docs shows what it answers.
 
 Examples:
   sparring serve

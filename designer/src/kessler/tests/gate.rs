@@ -193,3 +193,36 @@ fn a_layout_that_is_not_what_its_provenance_says_is_refused() {
     assert_eq!(refused.check(), "compiles");
     assert!(refused.to_string().starts_with("layout.provenance: "), "{refused}");
 }
+
+/// Bodies that meet all three satellites at step 3 at 12 LU/TU: a radar of 6 LU never shows them in time, one without a limit does.
+#[test]
+fn what_nobody_can_see_in_time_is_not_fair() {
+    let task = env_core::task("kessler/survival").unwrap();
+    let design = json!({
+        "name": "unseen", "aim": {"mode": "collision", "bearing_deg": 250}, "frame": "radial_in_track", "params": {},
+        "encounters": (0..3).map(|satellite| json!({
+            "satellite": satellite, "step": 6 + satellite, "bearing_deg": 250, "relative_speed": 100, "miss_distance": 5,
+            "kind": "threat", "rogue": false
+        })).collect::<Vec<_>>()
+    });
+    let verdict = |radar: f64| {
+        let params = [("debris", 10.0), ("fuel", 50.0), ("radar_range", radar)];
+        let brief = Brief::new(Arc::new(Recipe::with_params(task, params.into_iter()).unwrap()), 1, 5);
+        let mut gate = Gate::new(language(task).unwrap(), Vec::new());
+        gate.judge(&brief, &design, (0..40).map(|number| brief.sky(number)))
+    };
+    assert!(verdict(300.0).is_ok(), "{:?}", verdict(300.0));
+    let refused = verdict(6.0).unwrap_err();
+    assert!(matches!(refused, Refusal::Unseen(_)) && refused.check() == "fair", "{refused:?}");
+    assert!(refused.to_string().contains("radar"), "{refused}");
+}
+
+#[test]
+fn the_same_scenario_by_hand_is_known_the_second_time() {
+    let task = env_core::task("kessler/survival").unwrap();
+    let recipe = Arc::new(Recipe::with_params(task, [("debris", 40.0)].into_iter()).unwrap());
+    let mut gate = Gate::new(language(task).unwrap(), Vec::new());
+    let skies = (0..200).map(|seed| Scenario::new(Arc::clone(&recipe), Seed::user(seed).unwrap()));
+    let passed = skies.into_iter().find(|sky| gate.judge_scenario(sky).is_ok()).unwrap();
+    assert_eq!(gate.judge_scenario(&passed).unwrap_err().check(), "new");
+}

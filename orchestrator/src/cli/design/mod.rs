@@ -195,6 +195,19 @@ impl Args {
             }
             _ => Ok(()),
         }?;
+        // Before anything is designed, which may cost something.
+        if let Some(out) = &self.out {
+            let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
+            let fine = folder.is_none_or(std::path::Path::is_dir) && !out.is_dir();
+            ensure!(
+                fine,
+                "--out: {} cannot be written; name a file in a folder that is there",
+                out.display()
+            );
+        }
+        if let Some(folder) = self.svg.as_ref().filter(|folder| folder.exists() && !folder.is_dir()) {
+            return Err(anyhow!("--svg: {} is no folder", folder.display()));
+        }
         if let (Some(read), Some(out)) = (&self.layouts, &self.out) {
             let written = out.canonicalize().ok();
             ensure!(
@@ -221,20 +234,24 @@ fn speaks(brief: &Brief) -> anyhow::Result<&'static dyn Language> {
 
 /// Files first: what is printed last is what people read.
 fn tell(args: &Args, outcome: &Outcome) -> anyhow::Result<()> {
-    let mut written = Vec::new();
-    if let Some(folder) = &args.svg {
-        written.push(files::pictures(folder, outcome)?);
-    }
-    if let Some(path) = &args.out {
-        written.push(files::layouts(path, outcome)?);
-    }
-    match args.format {
-        Format::Json => print_json(&outcome.json()),
-        Format::Table => {
-            let parts = std::iter::once(table::text(outcome)).chain(written);
-            print(&parts.collect::<Vec<_>>().join("\n"))
+    let pictures = args.svg.as_ref().map(|folder| files::pictures(folder, outcome));
+    let layouts = args.out.as_ref().map(|path| files::layouts(path, outcome));
+    let (mut written, mut failed) = (Vec::new(), None);
+    for done in [pictures, layouts].into_iter().flatten() {
+        match done {
+            Ok(told) => written.push(told),
+            Err(error) => failed = failed.or(Some(error)),
         }
     }
+    // What was designed is shown though it could not be written.
+    match args.format {
+        Format::Json => print_json(&outcome.json())?,
+        Format::Table => {
+            let parts = std::iter::once(table::text(outcome)).chain(written);
+            print(&parts.collect::<Vec<_>>().join("\n"))?;
+        }
+    }
+    failed.map_or(Ok(()), Err)
 }
 
 /// A sign of life on stderr while it takes long; nothing where stderr is no terminal.

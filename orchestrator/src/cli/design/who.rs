@@ -75,5 +75,15 @@ pub(super) fn replay(args: &Args) -> anyhow::Result<Outcome> {
     });
     let rows = rows.collect();
     let usage = Usage { rounds: 1, ..Usage::default() };
-    Ok(Outcome { designer: "replay", rows, usage, troubles: Vec::new(), took: started.elapsed() })
+    let left = match replay.left() {
+        0 => None,
+        left => Some(format!("{left} more layouts of the file were not looked at; --n takes more of them")),
+    };
+    Ok(Outcome {
+        designer: "replay",
+        rows,
+        usage,
+        troubles: left.into_iter().collect(),
+        took: started.elapsed(),
+    })
 }
