@@ -2,6 +2,7 @@
 
 use env_core::critique::{SECTORS, sector};
 use env_core::kessler::bearing::Frame;
+use env_core::kessler::constants::{CONTACT_DISTANCE, FUEL_PER_SPEED};
 use env_core::{Draws, Scenario};
 
 use super::Kind;
@@ -186,12 +187,48 @@ impl Target {
             satellite,
             step: draws.between(STEPS.0.max(STEP.min), STEPS.1.min(STEP.max)),
             bearing_deg,
-            relative_speed: speed(&self.speeds, brief, draws),
+            relative_speed: self.dodgeable(speed(&self.speeds, brief, draws), brief),
             // The nearer, the more it takes to dodge, and the more it tempts.
-            miss_distance: draws.between(min, max.min(MISS.max)).min(draws.between(min, max)),
+            miss_distance: {
+                let min = self.rim(brief).clamp(min, max);
+                draws.between(min, max.min(MISS.max)).min(draws.between(min, max))
+            },
             kind: self.kind,
             rogue: self.rogue,
         }
+    }
+}
+
+/// Steps that whoever dodges has from when the radar shows it.
+const NOTICE: f64 = 3.0;
+
+impl Target {
+    /// The speed, or the fastest at which a short radar shows a threat in time.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a radar sees some hundred LU"
+    )]
+    fn dodgeable(&self, speed: u32, brief: &Brief) -> u32 {
+        if self.kind != Kind::Threat {
+            return speed;
+        }
+        let fastest = brief.param("radar_range") / NOTICE / SPEED.scale;
+        speed.min((fastest as u32).max(SPEED.min))
+    }
+
+    /// The nearest miss that the fuel of one satellite still dodges, in the language's whole numbers.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "within the size of a contact"
+    )]
+    fn rim(&self, brief: &Brief) -> u32 {
+        if self.kind != Kind::Threat {
+            return 0;
+        }
+        let reach = brief.param("fuel") / FUEL_PER_SPEED * NOTICE;
+        ((CONTACT_DISTANCE - reach).max(0.0) / MISS.scale) as u32
     }
 }
 
