@@ -88,6 +88,9 @@ pub enum Refusal {
         /// How far it is.
         distance: f64,
     },
+    /// The very scenario is known.
+    #[error("this very scenario is known already; change a body or the seed")]
+    Again,
 }
 
 impl Refusal {
@@ -102,7 +105,7 @@ impl Refusal {
             Self::Unsolvable { .. } => 4,
             Self::Harmless | Self::Uncontested { .. } => 5,
             Self::Decoy(_) => 6,
-            Self::Known { .. } => 7,
+            Self::Known { .. } | Self::Again => 7,
         }
     }
 
@@ -209,7 +212,7 @@ impl Gate {
         let Some(design) = thought.filter(|design| design.get("encounters").is_some()) else {
             let bracket = self.hits(scenario)?;
             if self.by_hand.contains(&scenario.id()) {
-                return Err(Refusal::Known { like: String::new(), distance: 0.0 });
+                return Err(Refusal::Again);
             }
             self.by_hand.insert(scenario.id());
             return Ok(Admitted { scenario: scenario.clone(), bracket, claim: Claim::Threat, novelty: None });

@@ -2,6 +2,7 @@
 
 use env_core::bracket::{Bracket, SuccessRule, success};
 use env_core::critique::Verdict;
+use env_core::kessler::constants::FAIR_STEPS;
 use env_core::log::Precision;
 use env_core::rollout::fly;
 use env_core::{ActionLog, Scenario, ScenarioError, Stopped};
@@ -114,9 +115,6 @@ pub fn aim(design: &Design, placed: &[Placed]) -> Result<(), Broken> {
     }
 }
 
-/// The first step at whose end something may hit who holds.
-const FIRST_CONTACT: u32 = 3;
-
 /// That what hits who holds hits nobody before step 3, and is seen while there is still a burn that dodges it. Fragments
 /// are what an earlier loss left.
 pub fn seen(scenario: &Scenario) -> Result<(), Fault> {
@@ -129,7 +127,7 @@ pub fn seen(scenario: &Scenario) -> Result<(), Fault> {
         let Some(met) = &failure.encounter else { continue };
         let (who, step) = (failure.agent, failure.step);
         let words = match (met.first_visible_step, met.avoidable) {
-            _ if step < FIRST_CONTACT => {
+            _ if step <= FAIR_STEPS => {
                 format!("satellite {who} is hit at step {step}, before anybody could act")
             }
             (None, _) => format!(

@@ -194,7 +194,7 @@ fn a_layout_that_is_not_what_its_provenance_says_is_refused() {
     assert!(refused.to_string().starts_with("layout.provenance: "), "{refused}");
 }
 
-/// Bodies that meet all three satellites at step 3 at 12 LU/TU: a radar of 6 LU never shows them in time, one without a limit does.
+/// Passes at 10 LU/TU: a radar of 6 LU shows none of them in time, one without a limit does.
 #[test]
 fn what_nobody_can_see_in_time_is_not_fair() {
     let task = env_core::task("kessler/survival").unwrap();
