@@ -78,6 +78,14 @@ pub struct LayoutRow {
     pub retired_at: Option<Millis>,
 }
 
+impl LayoutRow {
+    /// Of the criticised episodes in which something went wrong, the share in which the aimed failure mode did.
+    #[must_use]
+    pub fn as_aimed_share(&self) -> Option<f64> {
+        (self.faults > 0).then(|| self.as_aimed as f64 / self.faults as f64)
+    }
+}
+
 /// Stores a layout that has just been made: its number. What can only have happened since is not looked at.
 ///
 /// # Errors

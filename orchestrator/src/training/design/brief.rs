@@ -79,7 +79,7 @@ fn fate(row: &LayoutRow) -> Fate {
         episodes: small(row.episodes),
         success: over(row.successes as f64),
         regret: over(row.regret),
-        as_aimed: (row.faults > 0).then(|| row.as_aimed as f64 / row.faults as f64),
+        as_aimed: row.as_aimed_share(),
         retired: row.state == "retired",
     }
 }

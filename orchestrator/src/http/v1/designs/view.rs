@@ -119,7 +119,7 @@ impl DesignHead {
                 success: over(row.successes as f64),
                 score: over(row.score),
                 regret: over(row.regret),
-                as_aimed: (row.faults > 0).then(|| row.as_aimed as f64 / row.faults as f64),
+                as_aimed: row.as_aimed_share(),
                 recent: from_json("a layout's outcomes", &row.recent)?,
             },
             created_at: rfc3339(row.created_at),
