@@ -41,6 +41,7 @@ pub enum SessionError {
 /// A session: at most one episode at a time.
 #[derive(Debug)]
 pub struct Session {
+    id: String,
     leased: Arc<Leased>,
     episode_id: String,
     resets: u64,
@@ -99,7 +100,14 @@ impl std::fmt::Debug for Flying {
 
 impl Session {
     pub(super) fn new(seat: OwnedSemaphorePermit, leased: Arc<Leased>) -> Self {
-        Self { leased, episode_id: Uuid::new_v4().to_string(), resets: 0, flying: None, _seat: seat }
+        let id = Uuid::new_v4().to_string();
+        Self { id, leased, episode_id: Uuid::new_v4().to_string(), resets: 0, flying: None, _seat: seat }
+    }
+
+    /// What it is called, from its beginning to its end.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        &self.id
     }
 
     /// How often it was reset.

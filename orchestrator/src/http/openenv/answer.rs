@@ -15,6 +15,16 @@ pub(super) fn observation(shown: &Stepped<'_>, out: &mut Vec<u8>) {
     out.extend_from_slice(if shown.done { b",\"done\":true}" } else { b",\"done\":false}" });
 }
 
+/// The same to take apart.
+pub(super) fn value(shown: &Stepped<'_>) -> Value {
+    let mut observation = shown.episode.telemetry();
+    if let Some(fields) = observation.as_object_mut() {
+        fields.remove("reward");
+        fields.remove("done");
+    }
+    json!({"observation": observation, "reward": shown.reward, "done": shown.done})
+}
+
 /// The same as an answer over HTTP.
 pub(super) fn observed(shown: &Stepped<'_>) -> Response {
     let mut body = Vec::with_capacity(8 * 1024);

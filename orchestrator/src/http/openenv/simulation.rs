@@ -97,7 +97,9 @@ pub(super) async fn step(
 /// request.
 pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
     let mut fields = Fields::new(&body, body::place());
-    let about = [fields.above_zero("timeout_s").is_some(), fields.text("request_id").is_some()];
+    // Of what is about the request only faults are told: a step takes microseconds.
+    fields.above_zero("timeout_s");
+    fields.text("request_id");
     let bare = body.keys().any(|key| !["timeout_s", "request_id", "action"].contains(&key.as_str()));
     match fields.get("action") {
         Some(action) if !action.is_object() => {
@@ -112,7 +114,6 @@ pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
     if !fields.faults.is_empty() {
         return Err(Refusal::faults(&fields.faults));
     }
-    let _ = about; // read for their faults alone
     if let Some(action) = body.remove("action").filter(|action| !action.is_null()) {
         return Ok(action);
     }
@@ -123,7 +124,12 @@ pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
 /// Where the session stands.
 #[utoipa::path(get, path = "/state", tag = "openenv", responses((status = 200, body = Object), (status = 503, body = Object)))]
 pub(super) async fn state(State(app): State<App>, headers: HeaderMap) -> Result<axum::Json<Value>, Refusal> {
-    let session = app.sessions.named(&session_name(&headers)?)?;
+    standing(&app, &session_name(&headers)?).await
+}
+
+/// Where a session of this name stands.
+pub(super) async fn standing(app: &App, name: &str) -> Result<axum::Json<Value>, Refusal> {
+    let session = app.sessions.named(name)?;
     let session = session.lock().await;
     Ok(axum::Json(answer::state(&session.standing())))
 }

@@ -50,9 +50,7 @@ impl Boards {
 
     fn show(&self, name: &str, session: &Session, stepped: Option<(&Value, i64)>) {
         let Ok(shown) = session.shown() else { return };
-        let mut bytes = Vec::new();
-        answer::observation(&shown, &mut bytes);
-        let told: Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        let told = answer::value(&shown);
         let standing = session.standing();
         let _ = self.look(name);
         let boards = self.hold();

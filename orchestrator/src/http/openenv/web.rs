@@ -44,9 +44,7 @@ pub(super) async fn page(headers: HeaderMap) -> Response {
 
 /// Where the web session stands.
 pub(super) async fn state(State(app): State<App>, headers: HeaderMap) -> Result<axum::Json<Value>, Refusal> {
-    let session = app.sessions.named(&name(&headers)?)?;
-    let session = session.lock().await;
-    Ok(axum::Json(answer::state(&session.standing())))
+    simulation::standing(&app, &name(&headers)?).await
 }
 
 /// Begins an episode: the next task of the original's walk, unless one is named.

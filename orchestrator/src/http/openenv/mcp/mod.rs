@@ -50,7 +50,7 @@ fn initialized() -> Value {
 /// its name.
 async fn create(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
     if let Some(own) = own {
-        return Ok(json!({"session_id": own.standing().episode_id}));
+        return Ok(json!({"session_id": own.id()}));
     }
     let name = uuid::Uuid::new_v4().to_string();
     let session = app.sessions.named(&name).map_err(Failure::capacity)?;

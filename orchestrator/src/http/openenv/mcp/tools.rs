@@ -109,10 +109,7 @@ fn looked(session: &Session, arguments: &Map<String, Value>) -> Result<Value, Fa
 
 fn told(session: &Session) -> Result<Value, Failure> {
     let shown = session.shown().map_err(|error| failed(&error))?;
-    let mut bytes = Vec::new();
-    super::super::answer::observation(&shown, &mut bytes);
-    let mut told: Value =
-        serde_json::from_slice(&bytes).map_err(|error| Failure::internal(&error.to_string()))?;
+    let mut told = super::super::answer::value(&shown);
     told["step"] = json!(session.standing().steps);
     Ok(told)
 }
