@@ -109,6 +109,12 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// Something that is not an action of this task.
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError>;
+    /// What the policies of this world observe ([`Episode::observation`]), out of its wire form ([`Episode::telemetry`]):
+    /// a built-in policy then flies an episode that another process holds.
+    ///
+    /// # Errors
+    /// Something that is no observation of this world.
+    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>>;
     /// Many environments of this task, stepped together; `feed` says which scenarios they fly.
     ///
     /// # Errors

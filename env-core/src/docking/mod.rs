@@ -23,8 +23,10 @@ pub mod telemetry;
 mod tests;
 mod world;
 
+use std::any::Any;
 use std::sync::LazyLock;
 
+use serde::Deserialize;
 use serde_json::Value;
 
 pub use self::world::DOCKING;
@@ -139,6 +141,10 @@ impl TaskSpec for Docking {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
+        Ok(Box::new(telemetry::Telemetry::deserialize(wire)?))
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {

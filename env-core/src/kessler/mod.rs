@@ -31,8 +31,10 @@ pub mod tracks;
 pub mod warnings;
 mod world;
 
+use std::any::Any;
 use std::sync::LazyLock;
 
+use serde::Deserialize;
 use serde_json::Value;
 
 pub use self::cloud::least_distances;
@@ -188,6 +190,10 @@ impl TaskSpec for Kessler {
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         codec::read_step(step, log)
+    }
+
+    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
+        Ok(Box::new(telemetry::Telemetry::deserialize(wire)?))
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
