@@ -5,6 +5,7 @@ pub mod curriculum;
 pub mod frames;
 pub mod http;
 pub mod ids;
+pub mod policy;
 mod reading;
 pub mod service;
 pub mod store;

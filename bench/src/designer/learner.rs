@@ -17,7 +17,8 @@ use crate::Row;
 const SEEDS: u64 = 10;
 const EPISODES: usize = 60_000;
 /// Who designs, and for how many episodes. A run's share of designed groups is 0.3.
-const ARMS: [(&str, usize); 3] = [("off", EPISODES), ("procedural", EPISODES), ("procedural", EPISODES * 10 / 7)];
+const ARMS: [(&str, usize); 3] =
+    [("off", EPISODES), ("procedural", EPISODES), ("procedural", EPISODES * 10 / 7)];
 const SUITE: &str = "kessler-heldout-v2";
 /// The share of scenarios that the worst are.
 const WORST: f64 = 0.1;

@@ -29,7 +29,7 @@ pub use self::chat::{Ask, Chat, Message, Reply, Role};
 pub use self::client::{Bill, Call, Llm};
 pub use self::config::{LlmConfig, WallClock};
 pub use self::designer::LlmDesigner;
-pub use self::error::LlmError;
+pub use self::error::{LlmError, one_line};
 pub use self::health::{Health, Latency};
 pub use self::openai::OpenAi;
 pub use self::tls::{http_client, tls_config};

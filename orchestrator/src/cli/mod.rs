@@ -13,6 +13,7 @@ pub mod llm;
 mod logs;
 pub mod options;
 mod output;
+pub mod play;
 pub mod replay;
 pub mod serve;
 pub mod suite;
@@ -44,7 +45,8 @@ pub struct Cli {
 }
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 all is well; 1 a check failed (a replay beyond its tolerance, a suite that differs); 2 bad input, or \
+Exit codes: 0 all is well; 1 a check failed (a replay beyond its tolerance, a suite that differs, an episode \
+that could not be flown to its end); 2 bad input, or \
 anything else that went wrong, in one sentence on stderr.";
 
 /// What to do. Of a variant without a doc comment `--help` shows that of its `Args`.
@@ -54,6 +56,7 @@ enum Command {
     Demo(demo::Args),
     Design(design::Args),
     Eval(eval::Args),
+    Play(play::Args),
     Suite(suite::Args),
     Replay(replay::Args),
     Critique(critique::Args),
@@ -61,9 +64,9 @@ enum Command {
 }
 
 impl Command {
-    /// What is logged unless something else is asked for: the demo has a screen of its own.
+    /// What is logged unless something else is asked for: the demo has a screen of its own, play says how episodes go.
     const fn usual_logs(&self) -> &'static str {
-        if matches!(self, Self::Demo(_)) { "warn" } else { "info" }
+        if matches!(self, Self::Demo(_) | Self::Play(_)) { "warn" } else { "info" }
     }
 
     fn run(&self) -> anyhow::Result<ExitCode> {
@@ -72,6 +75,7 @@ impl Command {
             Self::Demo(args) => demo::run(args),
             Self::Design(args) => design::run(args),
             Self::Eval(args) => eval::run(args),
+            Self::Play(args) => play::run(args),
             Self::Suite(args) => suite::run(args),
             Self::Replay(args) => replay::run(args),
             Self::Critique(args) => critique::run(args),

@@ -52,12 +52,12 @@ impl Actions {
         if !schema.get("properties").is_some_and(Value::is_object) {
             return Err(fault("is none of an object with properties"));
         }
-        // Nothing of what an agent does.
-        if let Some(Value::Object(properties)) = schema.get_mut("properties") {
-            properties.remove("metadata");
+        if let Some(fields) = schema.as_object_mut() {
+            fields.remove("$defs");
         }
-        if let Some(Value::Object(schema)) = Some(&mut schema) {
-            schema.remove("$defs");
+        // Openenv-core's own, and nothing that an agent does.
+        if let Some(properties) = schema["properties"].as_object_mut() {
+            properties.remove("metadata");
         }
         Ok(Self::of(schema))
     }
