@@ -64,9 +64,13 @@ enum Command {
 }
 
 impl Command {
-    /// What is logged unless something else is asked for: the demo has a screen of its own, play says how episodes go.
+    /// What is logged unless something else is asked for: the demo has a screen of its own, play says itself how episodes go.
     const fn usual_logs(&self) -> &'static str {
-        if matches!(self, Self::Demo(_) | Self::Play(_)) { "warn" } else { "info" }
+        match self {
+            Self::Demo(_) => "warn",
+            Self::Play(_) => "error",
+            _ => "info",
+        }
     }
 
     fn run(&self) -> anyhow::Result<ExitCode> {

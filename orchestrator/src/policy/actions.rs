@@ -121,6 +121,12 @@ impl Actions {
         properties.is_some_and(|properties| properties.keys().any(|name| value.get(name).is_some()))
     }
 
+    /// The names of what an action has.
+    pub(super) fn names(&self) -> String {
+        let properties = self.schema["properties"].as_object().into_iter().flatten();
+        properties.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
     /// Whether it is an action.
     ///
     /// # Errors

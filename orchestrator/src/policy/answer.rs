@@ -26,11 +26,16 @@ pub(super) fn read(text: &str, actions: &Actions, config: &LlmConfig) -> Result<
         // Some endpoints repeat our key; decoding may have put it together.
         config.scrub_value(&mut value);
         let value = actions.tidied(value);
+        let resembles = actions.resembles(&value);
         match actions.check(&value) {
-            Ok(()) => return Ok(value),
-            Err(why) if actions.resembles(&value) => return Err(why),
+            Ok(()) if resembles => return Ok(value),
+            Ok(()) => reason = reason.or_else(|| Some(format!("it has none of {}", actions.names()))),
+            Err(why) if resembles => return Err(why),
             Err(why) => reason = reason.or(Some(why)),
         }
     }
-    Err(reason.unwrap_or_else(|| "it holds no JSON object".to_owned()))
+    Err(reason.unwrap_or_else(|| match serde_json::from_str::<Value>(meant) {
+        Err(error) if meant.contains('{') => format!("it is no JSON ({error})"),
+        _ => "it holds no JSON object".to_owned(),
+    }))
 }

@@ -71,6 +71,17 @@ pub(super) fn compact(seen: &Value) -> Option<String> {
     Some(text)
 }
 
+/// A number with so many decimals; zero has no sign.
+fn n(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    if text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.')) { text.replace('-', "") } else { text }
+}
+
+/// A vector.
+fn v((x, y): (f64, f64)) -> String {
+    format!("({} {})", n(x, 2), n(y, 2))
+}
+
 // Writing to a string cannot fail.
 fn row(satellite: &SatelliteTelemetry, text: &mut String) {
     let SatelliteTelemetry { id, x, y, vx, vy, fuel, .. } = satellite;
@@ -79,12 +90,11 @@ fn row(satellite: &SatelliteTelemetry, text: &mut String) {
         return;
     }
     let body = satellite.body();
-    let ((ox, oy), (ax, ay)) = body.frame();
-    let _ = write!(
-        text,
-        "{id}, {x:.1}, {y:.1}, {vx:.2}, {vy:.2}, {:.1}, ({ox:.2} {oy:.2}), ({ax:.2} {ay:.2}), {fuel:.1}",
-        body.radius()
-    );
+    let (out, ahead) = body.frame();
+    let [x, y] = [*x, *y].map(|value| n(value, 1));
+    let [vx, vy] = [*vx, *vy].map(|value| n(value, 2));
+    let _ =
+        write!(text, "{id}, {x}, {y}, {vx}, {vy}, {:.1}, {}, {}, {fuel:.1}", body.radius(), v(out), v(ahead));
     let survives = satellite.survival_probability.map(|p| format!(", survives with probability {p:.3}"));
     let _ = writeln!(text, "{}", survives.unwrap_or_default());
 }
@@ -97,9 +107,11 @@ fn goal(seen: &Telemetry, text: &mut String) {
         let (out, ahead) = (body.vx * ox + body.vy * oy, body.vx * ax + body.vy * ay);
         let _ = writeln!(
             text,
-            "Target radius of satellite 0: {:.0}; it is at {:.1}, its speed {out:.2} out and {ahead:.2} ahead.",
+            "Target radius of satellite 0: {:.0}; it is at {:.1}, its speed {} out and {} ahead.",
             seen.target_radius,
-            body.radius()
+            body.radius(),
+            n(out, 2),
+            n(ahead, 2)
         );
     }
     if seen.target_separation > 0.0 {
@@ -156,11 +168,12 @@ fn threats(seen: &Telemetry, text: &mut String) {
          satellite, debris, distance now, nearest, in steps, side, relative speed"
     );
     for threat in told {
-        let Threat { satellite, debris, now, nearest, step, side: (x, y), speed } = threat;
+        let Threat { satellite, debris, now, nearest, step, side, speed } = threat;
         let hit = if nearest < CONTACT_DISTANCE { " HIT" } else { "" };
         let _ = writeln!(
             text,
-            "{satellite}, {debris}, {now:.1}, {nearest:.1}{hit}, {step}, ({x:.2} {y:.2}), {speed:.1}"
+            "{satellite}, {debris}, {now:.1}, {nearest:.1}{hit}, {step}, {}, {speed:.1}",
+            v(side)
         );
     }
 }

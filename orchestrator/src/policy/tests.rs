@@ -13,7 +13,7 @@ use super::*;
 const TASKS: [&str; 3] = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
 
 /// What a task looks like after so many steps of holding.
-fn seen(task: &dyn TaskSpec, seed: u64, steps: u32) -> Seen {
+fn seen(task: &'static dyn TaskSpec, seed: u64, steps: u32) -> Seen {
     let scenario = Scenario::new(Recipe::new(task).unwrap(), Seed::user(seed).unwrap());
     let mut episode = task.start(&scenario).unwrap();
     let mut report = StepReport::default();
@@ -164,6 +164,7 @@ fn what_is_no_action_says_why() {
             of(r#"{"burns": [{"satellite_id": 0, "delta_vx": 0.1, "delta_vy"#),
             of(&"x".repeat(300_000)),
             read(r#"{"thrusts": [{"deputy_id": "a"}]}"#, &docking()).unwrap_err(),
+            read(r#"{"thrust": [1, 0, 0]}"#, &docking()).unwrap_err(),
         ]
         .join("\n")
     );

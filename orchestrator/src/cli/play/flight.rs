@@ -35,8 +35,9 @@ pub(super) async fn fly(
             let pilot = wish.pilot(planned.job.task, planned.actions, planned.job.number)?;
             let mut tape = output.tape();
             let flown = episode::fly(&planned.job, pilot, &mut tape).await;
-            watch.see(&flown);
-            say(&planned.job, &flown);
+            if watch.see(&flown) {
+                say(&planned.job, &flown);
+            }
             Ok((place, Some(flown)))
         }
     });
@@ -57,7 +58,9 @@ struct Watch {
 }
 
 impl Watch {
-    fn see(&self, flown: &Flown) {
+    /// Takes note of an episode; whether anything was flown until now. Where nothing ever is, the command ends with what
+    /// went wrong first, and that is all there is to say.
+    fn see(&self, flown: &Flown) -> bool {
         let steps = flown.rewards.len() as u64;
         let before = self.steps.fetch_add(steps, Ordering::Relaxed);
         let closed = matches!(&flown.fault, Some(Fault::Pilot(PilotError::Model(LlmError::Open { .. }))));
@@ -66,6 +69,7 @@ impl Watch {
         if flown.fault.is_some() && (before + steps == 0 || closed || output) {
             self.hopeless.store(true, Ordering::Relaxed);
         }
+        before + steps > 0
     }
 }
 

@@ -173,7 +173,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 async fn play(args: &Args) -> anyhow::Result<ExitCode> {
     let address = Address::parse(&args.env_url).context("--env-url")?;
-    let tasks = if args.tasks.is_empty() { Task::usual() } else { args.tasks.clone() };
+    let mut tasks: Vec<Task> = Vec::new();
+    for task in if args.tasks.is_empty() { Task::usual() } else { args.tasks.clone() } {
+        if !tasks.iter().any(|known| known.spec.id() == task.spec.id()) {
+            tasks.push(task);
+        }
+    }
     let wish = wish(args)?;
     for task in &tasks {
         wish.check(task)?;

@@ -58,7 +58,7 @@ impl Record<'_> {
         match self {
             Self::Start { task, env, model, .. } => format!("[START] task={task} env={env} model={model}"),
             Self::Step { step, action, reward, done, error, .. } => {
-                let error = error.unwrap_or("null");
+                let error = error.map_or_else(|| "null".to_owned(), designer::llm::one_line);
                 format!("[STEP] step={step} action={action} reward={reward:.2} done={done} error={error}")
             }
             Self::End { success, steps, score, rewards, .. } => {

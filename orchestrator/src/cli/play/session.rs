@@ -1,5 +1,6 @@
 //! One session on an OpenEnv server: a WebSocket on which an episode is reset and stepped.
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -22,11 +23,17 @@ const PAUSE: Duration = Duration::from_millis(500);
 const FULL: &str = "CAPACITY_REACHED";
 
 /// Where a server is.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(super) struct Address {
     base: Url,
     socket: Url,
     tls: Connector,
+}
+
+impl fmt::Debug for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.socket.as_str())
+    }
 }
 
 /// What keeps an episode from going on.
@@ -92,7 +99,7 @@ impl Address {
             bail!("it is too long");
         }
         let mut schemas: Value = response.json().await.map_err(reqwest::Error::without_url)?;
-        Ok(schemas["action"].take())
+        schemas.get_mut("action").map(Value::take).context("it has no action")
     }
 }
 
@@ -198,13 +205,13 @@ impl Session {
 fn read(text: &str) -> Result<Seen, SessionError> {
     let nonsense = |reason: &str| SessionError::Nonsense { reason: one_line(reason) };
     let mut answer: Value = serde_json::from_str(text).map_err(|error| nonsense(&error.to_string()))?;
-    let mut data = answer["data"].take();
+    let mut data = answer.get_mut("data").map_or(Value::Null, Value::take);
     match answer["type"].as_str() {
         Some("observation") if data["observation"].is_object() => Ok(Seen {
-            observation: data["observation"].take(),
             // Nothing is earned before the first step.
             reward: data["reward"].as_f64().unwrap_or(0.0),
             done: data["done"].as_bool().unwrap_or(false),
+            observation: data.get_mut("observation").map_or(Value::Null, Value::take),
         }),
         Some("error") => {
             let word = |name: &str| one_line(data[name].as_str().unwrap_or("?"));
