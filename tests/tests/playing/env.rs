@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 /// Which tasks a server flies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Takes {
+pub(crate) enum Takes {
     /// The one that is asked for, as Sparring does.
     TaskAndSeed,
     /// Three in turn on every connection, whatever is asked for, as the public kessler-env does.
@@ -23,41 +23,41 @@ pub enum Takes {
 
 /// What a server does.
 #[derive(Debug, Clone)]
-pub struct Ways {
-    pub takes: Takes,
+pub(crate) struct Ways {
+    pub(crate) takes: Takes,
     /// Drops the connection instead of answering this step.
-    pub drops_at: Option<u32>,
+    pub(crate) drops_at: Option<u32>,
     /// Refuses all burns.
-    pub refuses: bool,
+    pub(crate) refuses: bool,
     /// Is full for so many connections.
-    pub full_for: u32,
+    pub(crate) full_for: u32,
     /// What has happened: a task at each reset, then `step` at its first step.
-    pub seen: Arc<Mutex<Vec<String>>>,
+    pub(crate) seen: Arc<Mutex<Vec<String>>>,
 }
 
 impl Ways {
-    pub fn new(takes: Takes) -> Self {
+    pub(crate) fn new(takes: Takes) -> Self {
         Self { takes, drops_at: None, refuses: false, full_for: 0, seen: Arc::default() }
     }
 
     /// The tasks that were flown, in the order in which they were begun.
-    pub fn flown(&self) -> Vec<String> {
+    pub(crate) fn flown(&self) -> Vec<String> {
         let seen = self.seen.lock().unwrap();
         seen.windows(2).filter(|pair| pair[1] == "step").map(|pair| pair[0].clone()).collect()
     }
 }
 
 /// The scenario that a server flies.
-pub fn scenario(task: &str, seed: u64) -> Scenario {
+pub(crate) fn scenario(task: &str, seed: u64) -> Scenario {
     let task = env_core::task(task).unwrap();
     Scenario::new(Recipe::new(task).unwrap(), Seed::user(seed).unwrap())
 }
 
 /// The seed of a server that takes none.
-pub const OWN_SEED: u64 = 5;
+pub(crate) const OWN_SEED: u64 = 5;
 
 /// Starts a server; its address.
-pub async fn serve(ways: &Ways) -> String {
+pub(crate) async fn serve(ways: &Ways) -> String {
     let connections = Arc::new(Mutex::new(0));
     let app = Router::new()
         .route("/ws", get(connect))

@@ -9,17 +9,17 @@ use wiremock::{Mock, MockServer, Request, Respond, ResponseTemplate};
 
 use super::KEY;
 
-pub const HOLD: &str = r#"{"burns": []}"#;
+pub(crate) const HOLD: &str = r#"{"burns": []}"#;
 
 /// A chat completion.
-pub fn completion(content: &str) -> Value {
+pub(crate) fn completion(content: &str) -> Value {
     json!({
         "choices": [{"message": {"role": "assistant", "content": content}, "finish_reason": "stop"}],
         "usage": {"prompt_tokens": 900, "completion_tokens": 20},
     })
 }
 
-pub fn says(content: &str) -> ResponseTemplate {
+pub(crate) fn says(content: &str) -> ResponseTemplate {
     ResponseTemplate::new(200).set_body_json(completion(content))
 }
 
@@ -34,7 +34,7 @@ impl Respond for Script {
 }
 
 /// An endpoint that answers so in turn, to who brings the key.
-pub async fn endpoint(answers: impl IntoIterator<Item = ResponseTemplate>) -> MockServer {
+pub(crate) async fn endpoint(answers: impl IntoIterator<Item = ResponseTemplate>) -> MockServer {
     let server = MockServer::start().await;
     let script = Script(Mutex::new(answers.into_iter().collect()));
     Mock::given(method("POST"))
@@ -47,12 +47,12 @@ pub async fn endpoint(answers: impl IntoIterator<Item = ResponseTemplate>) -> Mo
 }
 
 /// The options that name it.
-pub fn at(uri: &str) -> String {
+pub(crate) fn at(uri: &str) -> String {
     format!("--api-base-url {uri}/v1 --model mock")
 }
 
 /// What it was sent.
-pub async fn sent(server: &MockServer) -> Vec<Value> {
+pub(crate) async fn sent(server: &MockServer) -> Vec<Value> {
     let requests = server.received_requests().await.unwrap();
     requests.iter().map(|request| serde_json::from_slice(&request.body).unwrap()).collect()
 }

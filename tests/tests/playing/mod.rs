@@ -1,8 +1,8 @@
 //! What the tests of `sparring play` share: an OpenEnv server, a model's endpoint, and the command itself.
 
-pub mod env;
+pub(crate) mod env;
 mod faults;
-pub mod llm;
+pub(crate) mod llm;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -11,31 +11,31 @@ use serde_json::Value;
 use system_tests::binary;
 
 /// The key that must be told to nobody but the endpoint.
-pub const KEY: &str = "sk-f00dfacecafe1234567890";
+pub(crate) const KEY: &str = "sk-f00dfacecafe1234567890";
 
 /// How the command ended.
 #[derive(Debug)]
-pub struct Played {
-    pub code: Option<i32>,
-    pub stdout: String,
-    pub stderr: String,
-    pub transcript: Vec<Value>,
+pub(crate) struct Played {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    pub(crate) transcript: Vec<Value>,
 }
 
 impl Played {
     /// The lines of stdout that begin so.
-    pub fn lines(&self, begin: &str) -> Vec<&str> {
+    pub(crate) fn lines(&self, begin: &str) -> Vec<&str> {
         self.stdout.lines().filter(|line| line.starts_with(begin)).collect()
     }
 
     /// The records of the transcript of this type.
-    pub fn records(&self, kind: &str) -> Vec<&Value> {
+    pub(crate) fn records(&self, kind: &str) -> Vec<&Value> {
         self.transcript.iter().filter(|record| record["type"] == kind).collect()
     }
 }
 
 /// Runs `sparring play` on a server. The key is in the environment and must be nowhere in what comes of it.
-pub async fn play(env: &str, more: &str) -> Played {
+pub(crate) async fn play(env: &str, more: &str) -> Played {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("transcript.jsonl");
     let mut command = Command::new(binary());
