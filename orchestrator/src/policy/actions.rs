@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use env_core::{JointAction, TaskSpec};
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::kessler;
@@ -81,6 +82,13 @@ impl Actions {
         lists.map(|(name, _)| (name.clone(), json!([]))).collect::<Map<_, _>>().into()
     }
 
+    /// An action as text, its fields in the order that the schema requires them in, as who is held to it writes them.
+    #[must_use]
+    pub fn text(&self, action: &Value) -> String {
+        let ordered = InOrder { schema: &self.schema, value: action };
+        serde_json::to_string(&ordered).unwrap_or_else(|_| action.to_string())
+    }
+
     /// A step of a log with `dim` values an entry; none where the schema is not one list of entries with that many.
     #[must_use]
     pub fn encode(&self, action: JointAction<'_>, dim: usize) -> Option<Value> {
@@ -133,6 +141,33 @@ impl Actions {
     /// What is wrong, in half a sentence that names the field.
     pub fn check(&self, value: &Value) -> Result<(), String> {
         check(&self.schema, value, "", DEPTH)
+    }
+}
+
+/// A value that is written in the order of its schema; an object of serde_json keeps none.
+struct InOrder<'a> {
+    schema: &'a Value,
+    value: &'a Value,
+}
+
+impl Serialize for InOrder<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let inside = |schema, value| InOrder { schema, value };
+        match self.value {
+            Value::Object(fields) => {
+                let required = self.schema["required"].as_array().into_iter().flatten();
+                let order: Vec<&str> = required.filter_map(Value::as_str).collect();
+                let first = order.iter().filter_map(|name| fields.get_key_value(*name));
+                let rest = fields.iter().filter(|(name, _)| !order.contains(&name.as_str()));
+                let of = &self.schema["properties"];
+                serializer
+                    .collect_map(first.chain(rest).map(|(name, value)| (name, inside(&of[name], value))))
+            }
+            Value::Array(items) => {
+                serializer.collect_seq(items.iter().map(|item| inside(&self.schema["items"], item)))
+            }
+            other => other.serialize(serializer),
+        }
     }
 }
 

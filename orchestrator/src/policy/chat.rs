@@ -141,7 +141,7 @@ impl ChatPolicy {
             Err(error) => return Err(error),
         };
         turn.action = action.unwrap_or_else(|| self.briefing.actions().hold());
-        self.history.push(asked, turn.action.to_string());
+        self.history.push(asked, self.briefing.actions().text(&turn.action));
         Ok(turn)
     }
 

@@ -133,6 +133,9 @@ fn actions_are_found_wherever_they_are() {
     }
     assert_eq!(read("[]", &actions).unwrap(), actions.hold());
     assert_eq!(actions.hold(), json!({"burns": []}));
+    // Written as whoever is held to the schema writes it.
+    let text = r#"{"burns":[{"satellite_id":1,"delta_vx":0.5,"delta_vy":-0.25}]}"#;
+    assert_eq!(actions.text(&wanted), text);
     // As the environments clamp it.
     let far = read(r#"{"burns":[{"satellite_id":0,"delta_vx":-7,"delta_vy":1e300}]}"#, &actions).unwrap();
     assert_eq!(far, json!({"burns": [{"satellite_id": 0, "delta_vx": -1.0, "delta_vy": 1.0}]}));

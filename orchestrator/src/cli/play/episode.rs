@@ -162,6 +162,7 @@ async fn go_on(
             episode: job.number,
             step,
             action: &action,
+            text: &pilot.actions().text(&action),
             reward: seen.reward,
             done: seen.done,
             error: error.as_deref(),
@@ -191,8 +192,8 @@ async fn taken(
 ) -> Result<(Seen, Value, Option<String>), SessionError> {
     match session.step(&action).await {
         Ok(seen) => Ok((seen, action, error)),
-        Err(refused @ SessionError::Refused { .. }) if action != pilot.hold() => {
-            let hold = pilot.hold();
+        Err(refused @ SessionError::Refused { .. }) if action != pilot.actions().hold() => {
+            let hold = pilot.actions().hold();
             let seen = session.step(&hold).await?;
             Ok((seen, hold, Some(refused.to_string())))
         }

@@ -132,11 +132,11 @@ impl Pilot {
         }
     }
 
-    /// Doing nothing.
-    pub(super) fn hold(&self) -> Value {
+    /// What actions look like.
+    pub(super) fn actions(&self) -> &Actions {
         match self {
-            Self::Model(policy) => policy.briefing().actions().hold(),
-            Self::BuiltIn { actions, .. } => actions.hold(),
+            Self::Model(policy) => policy.briefing().actions(),
+            Self::BuiltIn { actions, .. } => actions,
         }
     }
 }

@@ -42,6 +42,9 @@ pub(super) enum Record<'a> {
         episode: u64,
         step: u32,
         action: &'a Value,
+        /// The same as it stands in the line.
+        #[serde(skip)]
+        text: &'a str,
         reward: f64,
         done: bool,
         error: Option<&'a str>,
@@ -57,9 +60,9 @@ impl Record<'_> {
     pub(super) fn line(&self) -> String {
         match self {
             Self::Start { task, env, model, .. } => format!("[START] task={task} env={env} model={model}"),
-            Self::Step { step, action, reward, done, error, .. } => {
+            Self::Step { step, text, reward, done, error, .. } => {
                 let error = error.map_or_else(|| "null".to_owned(), designer::llm::one_line);
-                format!("[STEP] step={step} action={action} reward={reward:.2} done={done} error={error}")
+                format!("[STEP] step={step} action={text} reward={reward:.2} done={done} error={error}")
             }
             Self::End { success, steps, score, rewards, .. } => {
                 let mut line = format!("[END] success={success} steps={steps} score={score:.3} rewards=");
