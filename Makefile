@@ -23,9 +23,11 @@ bench: check-cargo ## Benchmarks: measured, goal, ratio (on an idle machine)
 	cargo build --release --locked -p orchestrator -p bench
 	cargo run --release --locked -p bench
 
-bench-peers: check-cargo check-python ## The public Python environment beside ours: KESSLER_ENV=path to a copy of it
-	cargo build --release --locked -p orchestrator
-	python3 bench/peers.py --sparring target/release/sparring --kessler-env "$(KESSLER_ENV)"
+bench-peers: check-cargo check-python ## openenv-core's server beside ours, and KESSLER_ENV=path to a copy of the public environment
+	scripts/openenv-venv
+	cargo build --release --locked -p orchestrator -p bench
+	target/openenv-venv/bin/python bench/peers.py --sparring target/release/sparring --bench target/release/bench \
+		--kessler-env "$(KESSLER_ENV)"
 
 fmt: check-cargo ## Format the code
 	cargo fmt --all

@@ -1,10 +1,13 @@
-"""The public Python kessler-env beside Sparring's engine, in turns, in one run.
+"""The public Python kessler-env and openenv-core's server beside Sparring's, in turns, in one run.
 
-    make bench-peers KESSLER_ENV=path/to/kessler-env
+    make bench-peers [KESSLER_ENV=path/to/kessler-env]
 
-needs a copy of that environment and a Python that can import it (openenv-core installed). Both sides fly episodes of 50
-steps in this machine's one thread: the Python environment in-process, by small burns of about half of the satellites;
-Sparring's by `sparring bench --json`, its batch engine. They take turns, and the best turn of each is compared.
+With a copy of that environment both sides fly episodes of 50 steps in this machine's one thread: the Python environment
+in-process, by small burns of about half of the satellites; Sparring's by `sparring bench --json`, its batch engine. They take
+turns, and the best turn of each is compared.
+
+Then `bench sockets` steps sessions of both servers over WebSockets. Without a copy of the public environment the peer is openenv-core's
+own server with an environment that does nothing: the original can only be slower.
 """
 
 import argparse
@@ -15,6 +18,7 @@ import random
 import subprocess
 import sys
 import time
+import urllib.request
 
 TURNS = 5
 SECONDS = 1.0
@@ -57,6 +61,15 @@ def action_type(environment):
     raise SystemExit(f"{module.__name__} imports no action with burns")
 
 
+def observation_type(environment):
+    """The class of what `reset` answers, found likewise."""
+    module = sys.modules[environment.__module__]
+    for value in vars(module).values():
+        if isinstance(value, type) and value.__name__.endswith("Observation") and "total_score" in getattr(value, "model_fields", {}):
+            return value
+    raise SystemExit(f"{module.__name__} imports no observation with total_score")
+
+
 def python_turn(environment, action) -> float:
     """Steps a second of the Python environment."""
     draw = random.Random(0)
@@ -85,14 +98,8 @@ def sparring_turn(binary: str) -> float:
     return json.loads(answer.stdout)["single_thread_env_steps_per_s"]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sparring", required=True, help="the sparring binary, built in release")
-    parser.add_argument("--kessler-env", default="", help="a copy of the public kessler-env")
-    args = parser.parse_args()
-    if not args.kessler_env:
-        print("No copy of the public kessler-env was given, so it is not measured: make bench-peers KESSLER_ENV=path")
-        return
+def in_process(args) -> None:
+    """The engines."""
     root = pathlib.Path(args.kessler_env).resolve()
     if not root.is_dir():
         raise SystemExit(f"KESSLER_ENV={args.kessler_env} is no folder")
@@ -107,6 +114,46 @@ def main() -> None:
     print(f"public Python environment, in-process  {best_python:12.0f} steps/s  {1e6 / best_python:8.3f} us a step")
     print(f"Sparring's batch engine, one thread    {best_sparring:12.0f} steps/s  {1e6 / best_sparring:8.3f} us a step")
     print(f"ratio (goal: at least 400)             {best_sparring / best_python:12.0f}")
+
+
+def over_sockets(args) -> None:
+    """The servers."""
+    command = [sys.executable, str(pathlib.Path(__file__).with_name("peer_server.py")), "--kessler-env", args.kessler_env]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            port = server.stdout.readline().strip()
+            if not port:
+                raise SystemExit("the Python server did not start")
+            wait_for(int(port))
+            name = "the public kessler-env" if args.kessler_env else "openenv-core with an environment that does nothing"
+            peer = ["--peer", f"ws://127.0.0.1:{port}/ws", "--peer-pid", str(server.pid), "--peer-name", name]
+            subprocess.run([args.bench, "sockets", *peer], check=True)
+        finally:
+            server.terminate()
+
+
+def wait_for(port: int) -> None:
+    """Until the server answers."""
+    for _ in range(100):
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/health", timeout=1):
+                return
+        except OSError:
+            time.sleep(0.2)
+    raise SystemExit("the Python server does not answer")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sparring", required=True, help="the sparring binary, built in release")
+    parser.add_argument("--bench", required=True, help="the bench binary, built in release")
+    parser.add_argument("--kessler-env", default="", help="a copy of the public kessler-env")
+    args = parser.parse_args()
+    if args.kessler_env:
+        in_process(args)
+    else:
+        print("No copy of the public kessler-env was given, so it is not measured: make bench-peers KESSLER_ENV=path")
+    over_sockets(args)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ mod designer;
 mod engine;
 mod levels;
 mod results;
+mod sockets;
 mod steps;
 
 use std::io::Write;
@@ -19,8 +20,10 @@ use clap::Parser;
 struct Args {
     /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "sockets", "designer", "learner", "levels"])]
     what: Vec<String>,
+    #[command(flatten)]
+    peer: sockets::Peer,
     /// Flies the layouts of a file again, and says how many are not what they claim: the process that `designer` starts.
     #[arg(long, hide = true)]
     again: Option<std::path::PathBuf>,
@@ -64,6 +67,9 @@ fn main() -> anyhow::Result<()> {
     }
     if wanted("results") {
         show(results::measure()?)?;
+    }
+    if wanted("sockets") {
+        show(sockets::measure(&args.peer)?)?;
     }
     if wanted("designer") {
         show(designer::measure()?)?;

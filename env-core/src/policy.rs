@@ -50,3 +50,34 @@ impl PolicyError {
         Self::Unknown { name: name.to_owned(), known: known.join(", ") }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::Value;
+
+    use crate::log::{ActionLog, Precision};
+    use crate::task::StepReport;
+    use crate::testing::at_level;
+
+    /// A policy that sees observations as another process tells them does what it does here, to the bit.
+    #[test]
+    fn observations_read_back_from_the_wire() {
+        for task in crate::tasks() {
+            let scenario = at_level(task.id(), 3, 5);
+            let [mut here, mut there] = [(); 2].map(|()| task.policy("heuristic", &scenario, 1).unwrap());
+            let log = || ActionLog::new(task.action_space().columns.len(), Precision::F64);
+            let (mut done, mut told) = (log(), log());
+            let mut episode = task.start(&scenario).unwrap();
+            let mut report = StepReport::default();
+            while !episode.done() && episode.steps() < 100 {
+                here.act(episode.observation(), &mut done);
+                let wire: Value = serde_json::from_str(&episode.telemetry().to_string()).unwrap();
+                there.act(&*task.read_observation(&wire).unwrap(), &mut told);
+                episode.step(done.step(done.len() - 1), &mut report).unwrap();
+            }
+            assert!(done == told && done.len() > 30, "{}", task.id());
+            assert!(done.encode() == told.encode(), "{}", task.id());
+            assert!(task.read_observation(&serde_json::json!({"satellites": 3})).is_err());
+        }
+    }
+}

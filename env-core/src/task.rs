@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::batch::{Batch, BatchConfig, BatchError, Feed};
 use crate::bracket::{Bracket, Flown};
-use crate::critique::{Critique, ModeSpec, SpeedBands};
+use crate::critique::{Critique, Judged, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError, StepError};
 use crate::log::{ActionLog, JointAction};
 use crate::policy::{Policy, PolicyError, PolicySpec};
@@ -112,6 +112,12 @@ pub trait TaskSpec: Send + Sync {
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError>;
     /// How it speaks OpenEnv.
     fn wire(&self) -> &'static dyn Wire;
+    /// What the policies of this world observe ([`Episode::observation`]), out of its wire form ([`Episode::telemetry`]):
+    /// a built-in policy then flies an episode that another process holds.
+    ///
+    /// # Errors
+    /// Something that is no observation of this world.
+    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>>;
     /// Many environments of this task, stepped together; `feed` says which scenarios they fly.
     ///
     /// # Errors
@@ -131,6 +137,18 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// A log that is not one of this scenario.
     fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError>;
+    /// The deterministic judge's word on the last step of a log that may stop anywhere, as if nobody acted after it. In a
+    /// world where a single step counts for nothing it is the word on the episode, once that is over.
+    ///
+    /// # Errors
+    /// A log that is not one of this scenario.
+    fn judge_step(&self, scenario: &Scenario, log: &ActionLog) -> Result<Option<Judged>, ReplayError> {
+        match self.critique(scenario, log) {
+            Ok(critique) => Ok(Some(critique.judged)),
+            Err(ReplayError::Log(LogError::TooShort { .. })) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
     /// A built-in policy by name for this scenario; `seed` feeds those with chance in them.
     ///
     /// # Errors

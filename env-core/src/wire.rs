@@ -9,6 +9,7 @@ mod fault;
 mod number;
 mod reader;
 pub(crate) mod schema;
+mod strict;
 #[cfg(test)]
 pub(crate) mod tests;
 mod text;
@@ -22,7 +23,7 @@ pub(crate) use self::reader::Entries;
 pub use self::reader::MAX_TEXT_BYTES;
 pub use self::text::read_json;
 pub(crate) use self::write::{Each, write};
-use crate::log::ActionLog;
+use crate::log::{ActionLog, JointAction};
 
 /// How a task speaks OpenEnv: actions in, observations out, and the JSON Schemas of both.
 pub trait Wire: Send + Sync {
@@ -36,4 +37,9 @@ pub trait Wire: Send + Sync {
     /// # Errors
     /// What is wrong with it, at most [`MAX_FAULTS`] faults, each located from the action on; nothing is appended then.
     fn read_action(&self, action: &Value, log: &mut ActionLog) -> Result<(), Vec<WireFault>>;
+    /// JSON Schema that a writer of actions can be held to: within [`action_schema`](Self::action_schema), without what
+    /// readers let pass but nobody means.
+    fn strict_schema(&self) -> &'static Value;
+    /// A step as an action in JSON, in the order of the action space, its values clamped as the environment clamps them.
+    fn write_action(&self, step: JointAction<'_>) -> String;
 }

@@ -5,6 +5,8 @@ pub mod curriculum;
 pub mod frames;
 pub mod http;
 pub mod ids;
+pub mod judging;
+pub mod policy;
 mod reading;
 pub mod service;
 pub mod sessions;

@@ -6,15 +6,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use sqlx::SqlitePool;
+use sqlx::{SqliteConnection, SqlitePool};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio::task::{JoinHandle, JoinSet};
 
 use crate::clock::Clock;
 use crate::http;
+use crate::judging::{Judges, ModelJudge};
 use crate::sessions::{Limits, Sessions};
-use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, unsigned, writer};
+use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, unsigned, verdicts, writer};
 use crate::training::design::{BuiltIn, Designers};
 use crate::training::{Desk, Wakes, Writer};
 use crate::workers;
@@ -37,6 +38,10 @@ pub struct Config {
     pub designers: Arc<dyn Designers>,
     /// How many may fly on the server, and for how long without a word.
     pub sessions: Limits,
+    /// Who judges their steps.
+    pub judges: Arc<Judges>,
+    /// What is shown. Others than this machine's may be shown OpenEnv's routes alone, since there are no tokens yet.
+    pub surface: http::Surface,
 }
 
 impl Config {
@@ -49,6 +54,8 @@ impl Config {
             clock: Clock::system(),
             designers: Arc::new(BuiltIn),
             sessions: Limits::default(),
+            judges: Arc::default(),
+            surface: http::Surface::Whole,
         }
     }
 }
@@ -64,7 +71,7 @@ pub enum StartError {
     Store(#[from] StoreError),
     /// The address is one that others reach, and there are no tokens yet to keep strangers out.
     #[error(
-        "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700"
+        "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700, or show OpenEnv's routes alone by --openenv-public"
     )]
     Public(SocketAddr),
     /// The system gives no threads.
@@ -101,6 +108,8 @@ pub struct App {
     pub planning: http::Planning,
     /// Who designs layouts.
     pub designers: Arc<dyn Designers>,
+    /// Who judges the steps of sessions.
+    pub judges: Arc<Judges>,
     /// The service is going down.
     pub stopping: Arc<AtomicBool>,
 }
@@ -125,22 +134,12 @@ impl Service {
     /// # Errors
     /// Why it could not start.
     pub async fn start(config: Config) -> Result<Self, StartError> {
-        if !config.bind.ip().is_loopback() {
+        if !config.bind.ip().is_loopback() && config.surface == http::Surface::Whole {
             return Err(StartError::Public(config.bind));
         }
         let claim = claim(&config.db)?;
         let mut connection = writer(&config.db).await?;
-        // Before anybody can look: what was running is not any more.
-        let interrupted = asks::interrupt(&mut connection, config.clock.now()).await?;
-        if interrupted > 0 {
-            tracing::info!(
-                interrupted,
-                "Designers were being asked when the server went away; those asks failed."
-            );
-        }
-        for row in asks::spent(&mut connection).await? {
-            config.designers.restore(&row.run, unsigned(row.tokens), row.cost, row.day);
-        }
+        pick_up(&config, &mut connection).await?;
         let readers = reader(&config.db).await?;
         let listener = TcpListener::bind(config.bind)
             .await
@@ -155,7 +154,11 @@ impl Service {
 
         let stopping = Arc::new(AtomicBool::new(false));
         let desk = Desk { writer: writer.clone(), readers: readers.clone(), ready, gates: Arc::default() };
-        let sessions = Arc::new(Sessions::new(config.sessions, desk.clone()));
+        let limits = Limits {
+            runs: config.sessions.runs && config.surface == http::Surface::Whole,
+            ..config.sessions
+        };
+        let sessions = Arc::new(Sessions::new(limits, desk.clone(), Arc::clone(&config.judges)));
         let app = App {
             writer,
             readers: readers.clone(),
@@ -166,10 +169,11 @@ impl Service {
             large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
             planning: http::Planning::default(),
             designers: config.designers,
+            judges: config.judges,
             stopping: Arc::clone(&stopping),
         };
         let (stop, stopped) = watch::channel(false);
-        let server = tokio::spawn(serve(listener, app, stopped));
+        let server = tokio::spawn(serve(listener, http::router(app, config.surface), stopped));
         Ok(Self {
             address,
             stopping,
@@ -225,6 +229,28 @@ impl Service {
     }
 }
 
+/// What was left when the service went away, before anybody can look.
+async fn pick_up(config: &Config, connection: &mut SqliteConnection) -> Result<(), StoreError> {
+    // What was running is not any more.
+    let interrupted = asks::interrupt(connection, config.clock.now()).await?;
+    if interrupted > 0 {
+        tracing::info!(
+            interrupted,
+            "Designers were being asked when the server went away; those asks failed."
+        );
+    }
+    for row in asks::spent(connection).await? {
+        config.designers.restore(&row.run, unsigned(row.tokens), row.cost, row.day);
+    }
+    if let Some(judge) = config.judges.model() {
+        for row in verdicts::spent(connection).await? {
+            let run = ModelJudge::payer((!row.run.is_empty()).then_some(row.run.as_str()));
+            judge.llm().restore(run, unsigned(row.tokens), row.cost, row.day);
+        }
+    }
+    Ok(())
+}
+
 /// Starts the workers.
 fn employ(
     config: &Config,
@@ -266,12 +292,12 @@ fn employ(
     Ok(jobs)
 }
 
-async fn serve(listener: TcpListener, app: App, mut stopped: watch::Receiver<bool>) {
+async fn serve(listener: TcpListener, routes: axum::Router, mut stopped: watch::Receiver<bool>) {
     let shutdown = async move {
         // The sender going away means the same.
         let _ = stopped.wait_for(|stop| *stop).await;
     };
-    if let Err(error) = axum::serve(listener, http::router(app)).with_graceful_shutdown(shutdown).await {
+    if let Err(error) = axum::serve(listener, routes).with_graceful_shutdown(shutdown).await {
         tracing::error!(error = %error, "The server failed.");
     }
 }

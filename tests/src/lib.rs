@@ -1,26 +1,32 @@
 //! Whole-system tests: a real server on a real socket with a real SQLite file, and real clients.
 
+pub mod model;
+
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use env_core::rollout::fly;
 use env_core::{ActionLog, Flown, Recipe, Scenario, Seed};
 use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
-use orchestrator::sessions::Limits;
-use orchestrator::training::design::{BuiltIn, Designers};
 use serde_json::{Value, json};
 
 /// A server in this process, on a database of its own.
-#[derive(Debug)]
 pub struct Server {
     service: Option<Service>,
     folder: tempfile::TempDir,
-    clock: Clock,
-    designers: Arc<dyn Designers>,
-    limits: Limits,
+    setup: Box<dyn Fn(Config) -> Config + Send + Sync>,
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server")
+            .field("service", &self.service)
+            .field("folder", &self.folder)
+            .finish_non_exhaustive()
+    }
 }
 
 impl Server {
@@ -29,7 +35,7 @@ impl Server {
     /// # Panics
     /// Where it cannot start.
     pub async fn start() -> Self {
-        Self::with_clock(Clock::system()).await
+        Self::set_up(|config| config).await
     }
 
     /// Starts one that reads this clock.
@@ -37,36 +43,22 @@ impl Server {
     /// # Panics
     /// Where it cannot start.
     pub async fn with_clock(clock: Clock) -> Self {
-        Self::with(clock, Arc::new(BuiltIn)).await
+        Self::set_up(move |config| Config { clock: clock.clone(), ..config }).await
     }
 
-    /// Starts one that asks these designers.
+    /// Starts one that is set up so, now and whenever it starts again.
     ///
     /// # Panics
     /// Where it cannot start.
-    pub async fn with(clock: Clock, designers: Arc<dyn Designers>) -> Self {
+    pub async fn set_up(setup: impl Fn(Config) -> Config + Send + Sync + 'static) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let limits = Limits::default();
-        let mut server = Self { service: None, folder, clock, designers, limits };
-        server.open().await;
-        server
-    }
-
-    /// Starts one with these limits of sessions.
-    ///
-    /// # Panics
-    /// Where it cannot start.
-    pub async fn with_limits(limits: Limits) -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let (clock, designers) = (Clock::system(), Arc::new(BuiltIn));
-        let mut server = Self { service: None, folder, clock, designers, limits };
+        let mut server = Self { service: None, folder, setup: Box::new(setup) };
         server.open().await;
         server
     }
 
     async fn open(&mut self) {
-        let (clock, designers) = (self.clock.clone(), Arc::clone(&self.designers));
-        let config = Config { clock, designers, sessions: self.limits, ..Config::local(self.db()) };
+        let config = (self.setup)(Config::local(self.db()));
         self.service = Some(Service::start(config).await.expect("the server starts"));
     }
 
@@ -323,9 +315,19 @@ impl Process {
     /// Where it does not start.
     #[must_use]
     pub fn start(db: &Path) -> Self {
+        Self::start_with(db, &[])
+    }
+
+    /// Starts one with further options.
+    ///
+    /// # Panics
+    /// Where it does not start.
+    #[must_use]
+    pub fn start_with(db: &Path, options: &[&str]) -> Self {
         let mut child = Command::new(binary())
             .args(["serve", "--bind", "127.0.0.1:0", "--db"])
             .arg(db)
+            .args(options)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -336,6 +338,12 @@ impl Process {
         let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
         assert!(url.starts_with("http://127.0.0.1:"), "{line}");
         Self { child, url }
+    }
+
+    /// Its number.
+    #[must_use]
+    pub fn pid(&self) -> u32 {
+        self.child.id()
     }
 
     /// A client of it.

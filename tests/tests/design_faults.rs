@@ -6,12 +6,18 @@ mod fake;
 
 use std::sync::Arc;
 
-use orchestrator::clock::Clock;
+use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::{Lease, Server, result};
 
 use self::designs::{caught_up, create, lose, summary, until};
 use self::fake::{Fake, Script, asked};
+
+/// A server whose designers do as the script says.
+async fn with_fake(script: &Script) -> Server {
+    let designers = Arc::new(Fake(script.clone()));
+    Server::set_up(move |config| Config { designers: designers.clone(), ..config }).await
+}
 
 fn held(lease: &Lease) -> Vec<Value> {
     lease.episodes().iter().map(|(episode, scenario)| result(episode, scenario, "hold")).collect()
@@ -20,7 +26,7 @@ fn held(lease: &Lease) -> Vec<Value> {
 #[tokio::test]
 async fn whatever_a_designer_does_the_run_goes_on() {
     let script = Script::default();
-    let server = Server::with(Clock::system(), Arc::new(Fake(script.clone()))).await;
+    let server = with_fake(&script).await;
     let api = server.api();
     create(&api, json!({"designer": "off"})).await;
     lose(&api).await;
@@ -65,7 +71,7 @@ async fn whatever_a_designer_does_the_run_goes_on() {
 async fn an_ask_that_is_cut_off_is_told_and_another_can_be_made() {
     let script = Script::default();
     script.llm("slow");
-    let mut server = Server::with(Clock::system(), Arc::new(Fake(script.clone()))).await;
+    let mut server = with_fake(&script).await;
     create(&server.api(), json!({"designer": "off"})).await;
     lose(&server.api()).await;
     caught_up(&server.api()).await;

@@ -9,7 +9,7 @@ mod fake;
 use std::sync::Arc;
 
 use designer::llm::{Llm, LlmConfig, WallClock};
-use orchestrator::clock::Clock;
+use orchestrator::service::Config;
 use orchestrator::training::design::WithModel;
 use serde_json::{Value, json};
 use system_tests::{Api, Server, result};
@@ -58,7 +58,8 @@ async fn served(model: &MockServer) -> Server {
     config.retries = 0;
     config.price_in = 1.0;
     config.price_out = 2.0;
-    Server::with(Clock::system(), Arc::new(WithModel(Llm::new(config).expect("settings")))).await
+    let designers = Arc::new(WithModel(Llm::new(config).expect("settings")));
+    Server::set_up(move |config| Config { designers: designers.clone(), ..config }).await
 }
 
 /// Everything the server says about designs, and every byte it has stored.

@@ -44,8 +44,12 @@ pub struct Ask {
     pub messages: Vec<Message>,
     /// The JSON schema of the answer. A model is held to it where the endpoint can; the answer may be anything all the same.
     pub schema: Arc<Value>,
+    /// What the schema is of, as an endpoint is told it: a word of letters and underscores.
+    pub name: &'static str,
     /// Tokens of the answer, at most.
     pub max_tokens: u32,
+    /// How freely the model chooses its words; where nothing is said, the endpoint decides.
+    pub temperature: Option<f64>,
 }
 
 impl Ask {

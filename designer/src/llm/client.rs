@@ -33,13 +33,13 @@ const BELIEVED: u64 = 10_000_000;
 
 /// One call.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Call<'a> {
+pub struct Call<'a> {
     /// For which run.
-    pub(super) run: &'a str,
+    pub run: &'a str,
     /// What is asked.
-    pub(super) ask: &'a Ask,
+    pub ask: &'a Ask,
     /// When nobody waits for it any more.
-    pub(super) until: Option<Instant>,
+    pub until: Option<Instant>,
 }
 
 impl Call<'_> {
@@ -51,14 +51,18 @@ impl Call<'_> {
 
 /// What calls came to.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Bill {
-    pub(super) tokens_in: u64,
-    pub(super) tokens_out: u64,
-    pub(super) cost: f64,
+pub struct Bill {
+    /// Tokens that the model read.
+    pub tokens_in: u64,
+    /// Tokens that it wrote.
+    pub tokens_out: u64,
+    /// What that cost, in the currency of the config's prices.
+    pub cost: f64,
 }
 
 impl Bill {
-    fn add(&mut self, other: Self) {
+    /// Adds what another call came to.
+    pub fn add(&mut self, other: Self) {
         self.tokens_in = self.tokens_in.saturating_add(other.tokens_in);
         self.tokens_out = self.tokens_out.saturating_add(other.tokens_out);
         self.cost += other.cost;
@@ -155,7 +159,10 @@ impl Llm {
 
     /// Asks: waits for its turn, tries again where that helps, and keeps the books. What it came to, tries that failed
     /// included, is added to the bill.
-    pub(super) async fn ask(&self, call: &Call<'_>, bill: &mut Bill) -> Result<Reply, LlmError> {
+    ///
+    /// # Errors
+    /// What kept the endpoint from answering, once nothing more is tried.
+    pub async fn ask(&self, call: &Call<'_>, bill: &mut Bill) -> Result<Reply, LlmError> {
         let shared = &*self.0;
         let begun = Instant::now();
         // The semaphore is never closed; were it, waiting in line would be all that is lost.

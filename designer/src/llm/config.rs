@@ -149,7 +149,7 @@ impl LlmConfig {
     }
 
     /// The same of all text in a value: decoding may have put together what was written in pieces.
-    pub(super) fn scrub_value(&self, value: &mut Value) {
+    pub fn scrub_value(&self, value: &mut Value) {
         match value {
             Value::String(text) => *text = self.scrub(text),
             Value::Array(items) => items.iter_mut().for_each(|item| self.scrub_value(item)),

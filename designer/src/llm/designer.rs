@@ -94,7 +94,9 @@ impl LlmDesigner {
             let ask = Ask {
                 messages: messages.clone(),
                 schema: Arc::new(list_of(&schema, wanted)),
+                name: "layouts",
                 max_tokens: self.llm.config().max_tokens,
+                temperature: None,
             };
             let mut bill = Bill::default();
             let answer = self.llm.ask(&Call { run: &self.run, ask: &ask, until }, &mut bill).await;

@@ -113,8 +113,9 @@ fn wait(retry_after: Option<Duration>) -> String {
     retry_after.map_or_else(String::new, |after| format!(": it asks to wait {:.0} s", after.as_secs_f64()))
 }
 
-/// The beginning of what a stranger wrote, in one line, without anything that could steer a terminal or a page.
-pub(super) fn one_line(text: &str) -> String {
+/// The beginning of what a stranger wrote (200 characters), in one line, without anything that could steer a terminal or a page.
+#[must_use]
+pub fn one_line(text: &str) -> String {
     shortened(text, KEPT)
 }
 

@@ -1,11 +1,8 @@
-//! Designs out of whatever a model said: JSON as asked for, or somewhere within prose, fences and half-finished lists.
+//! Designs out of whatever a model said.
 
 use serde_json::Value;
 
-/// Characters looked at, at most: designs are short.
-const MAX_TEXT: usize = 256 * 1024;
-/// Places where a JSON value is looked for, at most, so that hostile text costs little.
-const MAX_STARTS: usize = 256;
+use super::values::{MAX_TEXT, meant, values};
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -43,9 +40,7 @@ pub(super) fn designs(text: &str, most: usize) -> Result<Found, String> {
         Ok(value) => return whole(value),
         Err(error) => error,
     };
-    // Models that think aloud put what they mean after it.
-    let meant =
-        text.rsplit_once("</think>").filter(|_| text.starts_with("<think>")).map_or(text, |(_, meant)| meant);
+    let meant = meant(text);
     if let Ok(value) = serde_json::from_str(meant) {
         return whole(value);
     }
@@ -88,26 +83,16 @@ fn listed(value: Value) -> Vec<Value> {
 fn scan(text: &str) -> Vec<Value> {
     let mut found = Vec::new();
     let mut other = None;
-    let mut at = 0;
-    for _ in 0..MAX_STARTS {
-        let Some(start) = text[at..].find(['{', '[']).map(|offset| at + offset) else { break };
-        let mut values = serde_json::Deserializer::from_str(&text[start..]).into_iter::<Value>();
-        match values.next() {
-            Some(Ok(value)) => {
-                at = start + values.byte_offset();
-                let is_list = value.get("layouts").is_some_and(Value::is_array) || holds_objects(&value);
-                if is_list || is_design(&value) {
-                    found.extend(listed(value));
-                    // A whole list is the answer; what follows is talk.
-                    if is_list {
-                        break;
-                    }
-                } else if value.is_object() {
-                    other.get_or_insert(value);
-                }
+    for value in values(text) {
+        let is_list = value.get("layouts").is_some_and(Value::is_array) || holds_objects(&value);
+        if is_list || is_design(&value) {
+            found.extend(listed(value));
+            // A whole list is the answer; what follows is talk.
+            if is_list {
+                break;
             }
-            // Brackets are one byte.
-            _ => at = start + 1,
+        } else if value.is_object() {
+            other.get_or_insert(value);
         }
     }
     if found.is_empty() { other.into_iter().collect() } else { found }

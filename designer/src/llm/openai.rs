@@ -241,6 +241,8 @@ struct Request<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     max_completion_tokens: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    temperature: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     response_format: Option<Format<'a>>,
 }
 
@@ -261,7 +263,7 @@ struct Named<'a> {
 fn body(model: &str, ask: &Ask, mode: u8, renamed: bool) -> Result<Vec<u8>, LlmError> {
     let fault = |error: serde_json::Error| LlmError::Config { field: "schema", reason: error.to_string() };
     let json_schema =
-        (mode == SCHEMA).then(|| Named { name: "layouts", strict: true, schema: Ordered(&ask.schema) });
+        (mode == SCHEMA).then(|| Named { name: ask.name, strict: true, schema: Ordered(&ask.schema) });
     let mut messages = ask.messages.clone();
     if mode != SCHEMA {
         let schema = serde_json::to_string(&Ordered(&ask.schema)).map_err(fault)?;
@@ -277,6 +279,7 @@ fn body(model: &str, ask: &Ask, mode: u8, renamed: bool) -> Result<Vec<u8>, LlmE
         messages: &messages,
         max_tokens: (!renamed).then_some(ask.max_tokens),
         max_completion_tokens: renamed.then_some(ask.max_tokens),
+        temperature: ask.temperature,
         response_format: (mode < TEXT).then(|| Format { r#type: MODES[usize::from(mode)], json_schema }),
     };
     serde_json::to_vec(&request).map_err(fault)

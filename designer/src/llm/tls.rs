@@ -1,4 +1,4 @@
-//! HTTP clients that speak TLS by rustls on ring.
+//! Clients that speak TLS by rustls on ring.
 
 use std::sync::Arc;
 
@@ -7,13 +7,12 @@ use reqwest::redirect::Policy;
 use rustls::{ClientConfig, RootCertStore};
 use rustls_platform_verifier::BuilderVerifierExt;
 
-/// An HTTP client that follows no redirects (what is sent to one host is for that host), to be built further. With `https`
-/// it trusts what the system trusts; without, it reads no certificates and can only speak plain HTTP. reqwest is built
-/// without a TLS provider of its own here, so that its `Client::new` panics: this is the way to a client.
+/// How a client speaks TLS: it trusts what the system trusts. With `https` false it reads no certificates, and can speak
+/// to nobody.
 ///
 /// # Errors
 /// A system without certificates, in a sentence.
-pub fn http_client(https: bool) -> Result<ClientBuilder, String> {
+pub fn tls_config(https: bool) -> Result<ClientConfig, String> {
     let ring = Arc::new(rustls::crypto::ring::default_provider());
     let versions = ClientConfig::builder_with_provider(ring)
         .with_safe_default_protocol_versions()
@@ -23,6 +22,16 @@ pub fn http_client(https: bool) -> Result<ClientBuilder, String> {
     } else {
         versions.with_root_certificates(RootCertStore::empty())
     };
-    let tls = trusting.with_no_client_auth();
+    Ok(trusting.with_no_client_auth())
+}
+
+/// An HTTP client that follows no redirects (what is sent to one host is for that host), to be built further. With `https`
+/// it trusts what the system trusts; without, it reads no certificates and can only speak plain HTTP. reqwest is built
+/// without a TLS provider of its own here, so that its `Client::new` panics: this is the way to a client.
+///
+/// # Errors
+/// A system without certificates, in a sentence.
+pub fn http_client(https: bool) -> Result<ClientBuilder, String> {
+    let tls = tls_config(https)?;
     Ok(ClientBuilder::new().tls_backend_preconfigured(tls).redirect(Policy::none()))
 }

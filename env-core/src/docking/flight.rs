@@ -1,7 +1,7 @@
 //! One episode of docking, step by step, in the order that is part of the contract: thrust and motion of every deputy,
 //! ends of each by itself, collisions among those left, rewards.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::constants::{
     COLLISION_DISTANCE_M, MAX_DEPUTIES, OBSERVATION, POSITION_SCALE_M, VELOCITY_SCALE_M_S,
@@ -20,7 +20,7 @@ use crate::log::JointAction;
 pub type Thrusts = [[f64; 3]; MAX_DEPUTIES];
 
 /// What became of a deputy.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// It flies.

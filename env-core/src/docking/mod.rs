@@ -24,8 +24,10 @@ mod tests;
 mod wire;
 mod world;
 
+use std::any::Any;
 use std::sync::LazyLock;
 
+use serde::Deserialize;
 use serde_json::Value;
 
 pub use self::world::DOCKING;
@@ -145,6 +147,10 @@ impl TaskSpec for Docking {
 
     fn wire(&self) -> &'static dyn Wire {
         &wire::DockingWire
+    }
+
+    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
+        Ok(Box::new(telemetry::Telemetry::deserialize(wire)?))
     }
 
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {

@@ -1,11 +1,11 @@
 //! Rewards of one deputy in one step, by component.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::constants::{DELTA_V_COST, DISTANCE_DECAY_1_M, DISTANCE_SCALE, MASS_KG, SUCCESS, VIOLATION_COST};
 
 /// The components of a deputy's reward, in the order in which they are added.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Reward {
     /// For coming nearer; zero on the first step.
     pub distance: f64,

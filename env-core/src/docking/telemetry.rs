@@ -1,6 +1,8 @@
 //! What the agents see, in the wire form.
 
-use serde::{Serialize, Serializer};
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::constants::{DOCKING_RADIUS_M, OBSERVATION, STEP_S};
 use super::event::Event;
@@ -10,10 +12,10 @@ use super::reward::Reward;
 
 /// The observation of all deputies together. Units are SI, the frame is Hill's: x radial out, y in-track, z cross-track,
 /// the chief at its origin.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Telemetry {
     /// The goal in words.
-    pub mission_objective: &'static str,
+    pub mission_objective: Cow<'static, str>,
     /// Time that passed, s.
     pub time_s: f64,
     /// Time at which a deputy that has not docked has failed, s.
@@ -35,7 +37,7 @@ pub struct Telemetry {
 }
 
 /// One deputy as seen.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DeputyTelemetry {
     /// Counted from 0.
     pub id: u32,
@@ -73,7 +75,7 @@ pub struct DeputyTelemetry {
 }
 
 /// Another deputy, seen from one.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Nearest {
     /// Which.
     pub id: u32,
@@ -110,7 +112,7 @@ impl Flight {
     #[must_use]
     pub fn telemetry(&self, rewards: &[Reward], reward: f64) -> Telemetry {
         Telemetry {
-            mission_objective: MISSION,
+            mission_objective: Cow::Borrowed(MISSION),
             time_s: self.time_s(),
             time_limit_s: self.time_limit_s(),
             thrust_bound: self.setup().thrust_bound,

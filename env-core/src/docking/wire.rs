@@ -9,11 +9,11 @@ use std::sync::LazyLock;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use serde_json::Value;
 
-use super::constants::{DOCKING_RADIUS_M, MAX_DEPUTIES};
+use super::constants::{DOCKING_RADIUS_M, MAX_DEPUTIES, MAX_THRUST_N};
 use super::flight::Flight;
 use super::reward::Reward;
 use super::telemetry::MISSION;
-use crate::log::ActionLog;
+use crate::log::{ActionLog, JointAction};
 use crate::wire::{Each, Entries, Wire, WireFault};
 
 /// The wire of all tasks of docking.
@@ -26,9 +26,11 @@ const THRUSTS: Entries<3> = Entries {
     agent: "deputy_id",
     values: ["thrust_x", "thrust_y", "thrust_z"],
     agents: MAX_DEPUTIES as u32,
+    bound: MAX_THRUST_N,
 };
 
 static ACTION: LazyLock<Value> = LazyLock::new(schema::action);
+static STRICT: LazyLock<Value> = LazyLock::new(|| THRUSTS.strict(&ACTION));
 static OBSERVATION: LazyLock<Value> = LazyLock::new(schema::observation);
 
 impl Wire for DockingWire {
@@ -42,6 +44,14 @@ impl Wire for DockingWire {
 
     fn read_action(&self, action: &Value, log: &mut ActionLog) -> Result<(), Vec<WireFault>> {
         THRUSTS.read(action, log)
+    }
+
+    fn strict_schema(&self) -> &'static Value {
+        &STRICT
+    }
+
+    fn write_action(&self, step: JointAction<'_>) -> String {
+        THRUSTS.write(step)
     }
 }
 

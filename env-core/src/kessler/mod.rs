@@ -32,8 +32,10 @@ pub mod warnings;
 mod wire;
 mod world;
 
+use std::any::Any;
 use std::sync::LazyLock;
 
+use serde::Deserialize;
 use serde_json::Value;
 
 pub use self::cloud::least_distances;
@@ -45,7 +47,7 @@ use self::reward::Objective;
 use self::setup::Setup;
 use crate::batch::{Batch, BatchConfig, BatchError, Feed};
 use crate::bracket::{Bracket, Flown};
-use crate::critique::{Critique, ModeSpec, SpeedBands};
+use crate::critique::{Critique, Judged, ModeSpec, SpeedBands};
 use crate::error::{LogError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError, PolicySpec};
@@ -196,6 +198,10 @@ impl TaskSpec for Kessler {
         &wire::KesslerWire
     }
 
+    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
+        Ok(Box::new(telemetry::Telemetry::deserialize(wire)?))
+    }
+
     fn batch(&self, feed: Box<dyn Feed>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError> {
         batch::batch(self.objective, self.card.id, feed, config)
     }
@@ -218,6 +224,10 @@ impl TaskSpec for Kessler {
 
     fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {
         critique::critique(self.objective, scenario, log)
+    }
+
+    fn judge_step(&self, scenario: &Scenario, log: &ActionLog) -> Result<Option<Judged>, ReplayError> {
+        critique::judge_step(self.objective, scenario, log).map(Some)
     }
 
     fn policy(&self, name: &str, scenario: &Scenario, seed: u64) -> Result<Box<dyn Policy>, PolicyError> {

@@ -9,11 +9,11 @@ use std::sync::LazyLock;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use serde_json::Value;
 
-use super::constants::SATELLITES;
+use super::constants::{MAX_BURN, SATELLITES};
 use super::event::Event;
 use super::flight::Flight;
 use crate::chance::Chance;
-use crate::log::ActionLog;
+use crate::log::{ActionLog, JointAction};
 use crate::wire::{Each, Entries, Wire, WireFault};
 
 /// The wire of all tasks of kessler.
@@ -26,9 +26,11 @@ const BURNS: Entries<2> = Entries {
     agent: "satellite_id",
     values: ["delta_vx", "delta_vy"],
     agents: SATELLITES as u32,
+    bound: MAX_BURN,
 };
 
 static ACTION: LazyLock<Value> = LazyLock::new(schema::action);
+static STRICT: LazyLock<Value> = LazyLock::new(|| BURNS.strict(&ACTION));
 static OBSERVATION: LazyLock<Value> = LazyLock::new(schema::observation);
 
 impl Wire for KesslerWire {
@@ -42,6 +44,14 @@ impl Wire for KesslerWire {
 
     fn read_action(&self, action: &Value, log: &mut ActionLog) -> Result<(), Vec<WireFault>> {
         BURNS.read(action, log)
+    }
+
+    fn strict_schema(&self) -> &'static Value {
+        &STRICT
+    }
+
+    fn write_action(&self, step: JointAction<'_>) -> String {
+        BURNS.write(step)
     }
 }
 

@@ -25,6 +25,8 @@ pub(crate) struct Entries<const DIM: usize> {
     pub(crate) values: [&'static str; DIM],
     /// Agents there can be; what others do is dropped.
     pub(crate) agents: u32,
+    /// What the values are clamped to, either way.
+    pub(crate) bound: f64,
 }
 
 impl<const DIM: usize> Entries<DIM> {

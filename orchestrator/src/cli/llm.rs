@@ -1,14 +1,19 @@
 //! `--llm-…`: the language model that designs layouts, on the command line. Endpoints are named here and nowhere else: no
 //! request can make the service call an address.
 
+use std::env::VarError;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
 use designer::llm::{Llm, LlmConfig, WallClock};
+use secrecy::SecretString;
 
 use crate::clock::Clock;
 use crate::training::design::{BuiltIn, Designers, WithModel};
+
+/// Where the public kessler-env looks for a key, in this order.
+pub(super) const UPSTREAM_KEYS: [&str; 2] = ["HF_TOKEN", "API_KEY"];
 
 /// A language model that designs layouts.
 #[derive(Debug, Clone, clap::Args)]
@@ -78,26 +83,27 @@ impl LlmArgs {
         self.config_with(clock, |name| std::env::var(name))
     }
 
-    fn config_with(
+    pub(super) fn config_with(
         &self,
         clock: &Clock,
-        read: impl Fn(&str) -> Result<String, std::env::VarError>,
+        read: impl Fn(&str) -> Result<String, VarError>,
     ) -> anyhow::Result<Option<LlmConfig>> {
         let Some(url) = &self.llm_url else { return Ok(None) };
         let model = self.llm_model.as_deref().context("--llm-url needs --llm-model")?;
-        let clock = clock.clone();
-        let mut config = LlmConfig::new(url, model, WallClock::new(move || clock.now()));
-        config.key = match read(&self.llm_key_env) {
-            Ok(key) if key.trim().is_empty() => None,
-            Ok(key) => Some(key.trim().to_owned().into()),
-            Err(std::env::VarError::NotPresent) => None,
-            // The error itself would show what the variable holds.
-            Err(std::env::VarError::NotUnicode(_)) => {
-                bail!("the variable {} holds no text", self.llm_key_env)
-            }
-        };
+        let mut config = self.limits(LlmConfig::new(url, model, wall_clock(clock)));
+        config.key = key(&[self.llm_key_env.as_str()], read)?;
         config.timeout = Duration::from_secs(self.llm_timeout);
         config.concurrency = self.llm_concurrency.into();
+        Ok(Some(config))
+    }
+
+    /// Whether an endpoint is named.
+    pub(super) const fn is_given(&self) -> bool {
+        self.llm_url.is_some()
+    }
+
+    /// An endpoint with what may be spent on it.
+    pub(super) fn limits(&self, mut config: LlmConfig) -> LlmConfig {
         config.retries = self.llm_retries;
         config.max_tokens = self.llm_max_tokens;
         config.tokens_per_run = self.llm_tokens_per_run;
@@ -105,16 +111,40 @@ impl LlmArgs {
         config.cost_per_day = self.llm_cost_per_day;
         config.price_in = self.llm_price_in.unwrap_or(0.0);
         config.price_out = self.llm_price_out.unwrap_or(0.0);
-        Ok(Some(config))
+        config
     }
+}
+
+/// The clock as a model's books read it.
+pub(super) fn wall_clock(clock: &Clock) -> WallClock {
+    let clock = clock.clone();
+    WallClock::new(move || clock.now())
+}
+
+/// The key in the first of these environment variables that holds one.
+///
+/// # Errors
+/// A variable that holds something that is no text.
+pub(super) fn key(
+    names: &[&str],
+    read: impl Fn(&str) -> Result<String, VarError>,
+) -> anyhow::Result<Option<SecretString>> {
+    for name in names {
+        match read(name) {
+            Ok(key) if key.trim().is_empty() => {}
+            Ok(key) => return Ok(Some(key.trim().to_owned().into())),
+            Err(VarError::NotPresent) => {}
+            // The error itself would show what the variable holds.
+            Err(VarError::NotUnicode(_)) => bail!("the variable {name} holds no text"),
+        }
+    }
+    Ok(None)
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-    use std::env::VarError;
-
     use super::*;
+    use clap::Parser;
 
     #[derive(Debug, Parser)]
     struct Line {

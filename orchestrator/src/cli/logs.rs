@@ -22,7 +22,7 @@ pub(super) struct Logs {
     /// How logs are written
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text")]
     log_format: LogFormat,
-    /// What is logged: error, warn, info (default; demo: warn), debug or trace, or a list as `info,sqlx=warn`
+    /// What is logged: error, warn, info (default; demo: warn, play: error), debug or trace, or a list as `info,sqlx=warn`
     #[arg(
         short = 'v',
         long = "log",

@@ -3,16 +3,19 @@
 //! Results go to stdout, everything else (logs, progress, the one sentence about what went wrong) to stderr. Exit codes:
 //! 0 all is well, 1 a check failed, 2 bad input or anything else that went wrong.
 
+pub mod agreement;
 pub mod bench;
 pub mod bootstrap;
 pub mod critique;
 pub mod demo;
 pub mod design;
 pub mod eval;
+pub mod judge;
 pub mod llm;
 mod logs;
 pub mod options;
 mod output;
+pub mod play;
 pub mod replay;
 pub mod serve;
 pub mod suite;
@@ -44,7 +47,8 @@ pub struct Cli {
 }
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 all is well; 1 a check failed (a replay beyond its tolerance, a suite that differs); 2 bad input, or \
+Exit codes: 0 all is well; 1 a check failed (a replay beyond its tolerance, a suite that differs, an episode \
+that could not be flown to its end); 2 bad input, or \
 anything else that went wrong, in one sentence on stderr.";
 
 /// What to do. Of a variant without a doc comment `--help` shows that of its `Args`.
@@ -54,16 +58,22 @@ enum Command {
     Demo(demo::Args),
     Design(design::Args),
     Eval(eval::Args),
+    Play(play::Args),
     Suite(suite::Args),
     Replay(replay::Args),
     Critique(critique::Args),
+    JudgeAgreement(agreement::Args),
     Bench(bench::Args),
 }
 
 impl Command {
-    /// What is logged unless something else is asked for: the demo has a screen of its own.
+    /// What is logged unless something else is asked for: the demo has a screen of its own, play says itself how episodes go.
     const fn usual_logs(&self) -> &'static str {
-        if matches!(self, Self::Demo(_)) { "warn" } else { "info" }
+        match self {
+            Self::Demo(_) => "warn",
+            Self::Play(_) => "error",
+            _ => "info",
+        }
     }
 
     fn run(&self) -> anyhow::Result<ExitCode> {
@@ -72,9 +82,11 @@ impl Command {
             Self::Demo(args) => demo::run(args),
             Self::Design(args) => design::run(args),
             Self::Eval(args) => eval::run(args),
+            Self::Play(args) => play::run(args),
             Self::Suite(args) => suite::run(args),
             Self::Replay(args) => replay::run(args),
             Self::Critique(args) => critique::run(args),
+            Self::JudgeAgreement(args) => agreement::run(args),
             Self::Bench(args) => bench::run(args),
         }
     }

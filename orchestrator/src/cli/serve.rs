@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use super::judge::JudgeArgs;
 use super::llm::LlmArgs;
 use crate::clock::Clock;
+use crate::http::Surface;
 use crate::service::{Config, Service};
 use crate::sessions::Limits;
 
@@ -19,15 +21,20 @@ command goes on where it stopped; a designer that is being asked is cut off. htt
 Examples:
   sparring serve
   sparring serve --db training.sqlite3 --bind 127.0.0.1:9000
+  sparring serve --bind 0.0.0.0:8000 --openenv-public
+  SPARRING_LLM_KEY=... sparring serve --judge llm --llm-url https://llm.example.com/v1 --llm-model name
   SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
   curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
 pub struct Args {
-    /// Where to listen. Only loopback addresses: there are no tokens yet to keep strangers out.
+    /// Where to listen. Only loopback addresses, but for --openenv-public: there are no tokens yet to keep strangers out.
     #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]
     bind: SocketAddr,
     /// The SQLite database; made where there is none.
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
+    /// Show OpenEnv's routes alone, to anybody: --bind may then be any address. No runs, nothing that is stored, no /v1
+    #[arg(long)]
+    openenv_public: bool,
     /// Sessions that may fly on the server at once (OpenEnv's, over WebSockets and by requests)
     #[arg(long, default_value_t = 256, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions: u32,
@@ -36,6 +43,8 @@ pub struct Args {
     session_idle: u32,
     #[command(flatten)]
     llm: LlmArgs,
+    #[command(flatten)]
+    judge: JudgeArgs,
 }
 
 /// Serves.
@@ -47,9 +56,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let served = runtime.block_on(async {
         let clock = Clock::system();
         let designers = args.llm.designers(&clock)?;
+        let judges = args.judge.judges(&args.llm, &clock)?;
         let idle = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
-        let sessions = Limits { most: args.sessions as usize, idle };
-        let config = Config { bind: args.bind, clock, designers, sessions, ..Config::local(args.db.clone()) };
+        let sessions = Limits { most: args.sessions as usize, idle, ..Limits::default() };
+        let surface = if args.openenv_public { Surface::OpenEnv } else { Surface::Whole };
+        let bind = args.bind;
+        let config =
+            Config { bind, clock, designers, sessions, judges, surface, ..Config::local(args.db.clone()) };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;

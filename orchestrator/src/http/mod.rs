@@ -55,23 +55,37 @@ const TIMEOUT: Duration = Duration::from_secs(60);
 )]
 struct Document;
 
-fn parts() -> (Router<App>, utoipa::openapi::OpenApi) {
-    OpenApiRouter::with_openapi(Document::openapi())
-        .merge(health::routes())
-        .nest("/v1", v1::routes())
-        .merge(openenv::routes())
-        .split_for_parts()
+/// What a server shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// Everything.
+    Whole,
+    /// OpenEnv's routes and whether it lives: nothing that is of a run.
+    OpenEnv,
+}
+
+fn parts(surface: Surface) -> (Router<App>, utoipa::openapi::OpenApi) {
+    let always = OpenApiRouter::with_openapi(Document::openapi()).merge(health::routes());
+    let routes = match surface {
+        Surface::Whole => always.nest("/v1", v1::routes()),
+        Surface::OpenEnv => always,
+    };
+    routes.merge(openenv::routes()).split_for_parts()
 }
 
 /// The API as an OpenAPI 3.1 document.
 #[must_use]
 pub fn openapi() -> utoipa::openapi::OpenApi {
-    parts().1
+    parts(Surface::Whole).1
 }
 
-/// All routes.
-pub fn router(app: App) -> Router {
-    let (routes, document) = parts();
+/// Its routes.
+pub fn router(app: App, surface: Surface) -> Router {
+    let (routes, mut document) = parts(surface);
+    if surface == Surface::OpenEnv {
+        let shown = ["openenv", "health"];
+        document.tags.iter_mut().for_each(|tags| tags.retain(|tag| shown.contains(&tag.name.as_str())));
+    }
     routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)

@@ -14,12 +14,15 @@ use super::pool::{Group, Pool};
 use super::wish::Wished;
 use crate::frames::wire_step;
 use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::judging::Judge;
 use crate::store::scenarios::Loader;
-use crate::store::{episodes, leases, runs, small};
+use crate::store::verdicts::VerdictRow;
+use crate::store::{episodes, from_json, leases, runs, small};
 use crate::training::audit::{Claim, Claimed};
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
 use crate::training::report::Receipt;
-use crate::training::{Desk, TrainingError};
+use crate::training::verdict::KeepVerdict;
+use crate::training::{Desk, RunSettings, TrainingError};
 
 /// How long an implicit lease holds without a step, seconds.
 pub const TTL_S: u32 = 600;
@@ -40,6 +43,8 @@ type Held = Arc<Mutex<Pool>>;
 #[derive(Debug)]
 pub(super) struct Leased {
     desk: Desk,
+    /// Whether anybody may fly for a run.
+    open: bool,
     together: Mutex<HashMap<Together, Arc<OnceCell<Held>>>>,
     /// What is being given back.
     returning: Mutex<JoinSet<()>>,
@@ -52,18 +57,23 @@ pub(super) struct Ticket {
     pool: Held,
     pub(super) run: RunId,
     pub(super) episode: EpisodeId,
+    /// Who judges its steps, where the run says so.
+    pub(super) judge: Option<Judge>,
     /// The lease was taken for this session alone.
     alone: bool,
     reported: bool,
 }
 
 impl Leased {
-    pub(super) fn new(desk: Desk) -> Self {
-        Self { desk, together: Mutex::default(), returning: Mutex::default() }
+    pub(super) fn new(desk: Desk, open: bool) -> Self {
+        Self { desk, open, together: Mutex::default(), returning: Mutex::default() }
     }
 
     /// An episode to fly, as it is wished for.
     pub(super) async fn take(self: &Arc<Self>, wished: Wished) -> Result<(Ticket, Scenario), TrainingError> {
+        if !self.open {
+            return Err(TrainingError::invalid("run", "sessions of this server fly for no runs"));
+        }
         let (pool, group, episode, alone) = match wished {
             Wished::Free(_) => return Err(TrainingError::invalid("run", "it is missing")),
             Wished::Run { run, group: None, group_size, policy_version } => {
@@ -85,7 +95,7 @@ impl Leased {
                 (Arc::clone(cell.get_or_try_init(read).await?), group, episode, false)
             }
         };
-        let (run, episode, scenario) = {
+        let (run, episode, judge, scenario) = {
             let mut held = lock(&pool);
             let field = if episode.is_some() {
                 "episode_id"
@@ -97,9 +107,17 @@ impl Leased {
             let taken = held.take(group.as_deref(), episode.as_ref());
             let (index, scenario) =
                 taken.map_err(|error| TrainingError::invalid(field, error.to_string()))?;
-            (held.run.clone(), EpisodeId { lease: held.lease.clone(), index }, scenario)
+            (held.run.clone(), EpisodeId { lease: held.lease.clone(), index }, held.judge, scenario)
         };
-        Ok((Ticket { leased: Arc::clone(self), pool, run, episode, alone, reported: false }, scenario))
+        let ticket = Ticket { leased: Arc::clone(self), pool, run, episode, judge, alone, reported: false };
+        Ok((ticket, scenario))
+    }
+
+    /// Keeps what a judge said. Where that cannot be, the log says so, and the episode goes on.
+    pub(super) async fn keep(&self, verdict: VerdictRow) {
+        if let Err(error) = self.desk.writer.change(KeepVerdict(verdict)).await {
+            tracing::warn!(%error, "A verdict could not be kept.");
+        }
     }
 
     /// Where sessions that fly together meet.
@@ -154,7 +172,10 @@ impl Leased {
             groups.push(Group { number: group.number, scenario, name: None, free });
         }
         let ttl = Duration::from_millis(u64::try_from(row.ttl_ms).unwrap_or_default());
-        Ok(Pool::new(run, lease, row.group_size, (ttl, Instant::now()), groups))
+        let stored = runs::get(&mut conn, run.as_str()).await?;
+        let stored = stored.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+        let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
+        Ok(Pool::new(run, lease, row.group_size, (ttl, Instant::now()), settings.judge, groups))
     }
 
     /// Waits until all that was given back is.

@@ -1,6 +1,7 @@
 //! Environments that fly on the server, one a session: whoever has no `env-core` of its own steps here. There is one manager
 //! for all ways in; a session that flies for a run is an implicit lease.
 
+mod judged;
 mod leased;
 mod pool;
 mod session;
@@ -13,9 +14,11 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::Instant;
 
+pub use self::judged::Standard;
 pub use self::leased::TTL_S;
 pub use self::session::{Report, Session, SessionError, Standing, Stepped};
 pub use self::wish::{MOST_GROUP, Wish, WishError, Wished};
+use crate::judging::Judges;
 use crate::sessions::leased::Leased;
 use crate::training::Desk;
 
@@ -26,11 +29,13 @@ pub struct Limits {
     pub most: usize,
     /// How long a session may be silent; for ever if none.
     pub idle: Option<Duration>,
+    /// Whether they may fly for runs.
+    pub runs: bool,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { most: 256, idle: Some(Duration::from_secs(900)) }
+        Self { most: 256, idle: Some(Duration::from_secs(900)), runs: true }
     }
 }
 
@@ -53,6 +58,7 @@ pub struct Sessions {
     limits: Limits,
     seats: Arc<Semaphore>,
     leased: Arc<Leased>,
+    judges: Arc<Judges>,
     /// By name, with when each was used last.
     named: Mutex<HashMap<String, (Shared, Instant)>>,
     closing: watch::Sender<bool>,
@@ -73,11 +79,12 @@ impl Closing {
 impl Sessions {
     /// None yet.
     #[must_use]
-    pub fn new(limits: Limits, desk: Desk) -> Self {
+    pub fn new(limits: Limits, desk: Desk, judges: Arc<Judges>) -> Self {
         Self {
             limits,
             seats: Arc::new(Semaphore::new(limits.most.min(Semaphore::MAX_PERMITS))),
-            leased: Arc::new(Leased::new(desk)),
+            leased: Arc::new(Leased::new(desk, limits.runs)),
+            judges,
             named: Mutex::default(),
             closing: watch::Sender::new(false),
         }
@@ -106,7 +113,7 @@ impl Sessions {
             seat()
         });
         let full = |_| Full { active: self.active(), most: self.limits.most };
-        Ok(Session::new(seat.map_err(full)?, Arc::clone(&self.leased)))
+        Ok(Session::new(seat.map_err(full)?, Arc::clone(&self.leased), Arc::clone(&self.judges)))
     }
 
     /// The session of a name; opened where there is none.

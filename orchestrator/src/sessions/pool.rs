@@ -7,6 +7,7 @@ use env_core::Scenario;
 use tokio::time::Instant;
 
 use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::judging::Judge;
 
 /// A lease, and which of its episodes nobody flies yet.
 #[derive(Debug)]
@@ -17,6 +18,8 @@ pub(super) struct Pool {
     /// How long the lease holds from when it was taken or renewed.
     pub(super) ttl: Duration,
     pub(super) held_since: Instant,
+    /// Who judges the steps, where the run says so.
+    pub(super) judge: Option<Judge>,
     groups: Vec<Group>,
 }
 
@@ -49,9 +52,10 @@ impl Pool {
         lease: LeaseId,
         group_size: i64,
         (ttl, held_since): (Duration, Instant),
+        judge: Option<Judge>,
         groups: Vec<Group>,
     ) -> Self {
-        Self { run, lease, group_size, ttl, held_since, groups }
+        Self { run, lease, group_size, ttl, held_since, judge, groups }
     }
 
     /// Whether the lease is over for all that is known here.
@@ -115,7 +119,7 @@ mod tests {
         });
         let (run, lease) = ("run".parse().unwrap(), "7-abcdef".parse().unwrap());
         let held = (Duration::from_secs(600), Instant::now());
-        Pool::new(run, lease, group_size, held, groups.collect())
+        Pool::new(run, lease, group_size, held, None, groups.collect())
     }
 
     #[test]

@@ -10,8 +10,11 @@ use serde_json::Value;
 use tokio::sync::OwnedSemaphorePermit;
 use uuid::Uuid;
 
+use super::judged::{self, Standard};
 use super::leased::{Leased, Ticket};
 use super::wish::Wished;
+use crate::judging::{Judge, Judges, Step};
+use crate::policy::Seen;
 use crate::training::TrainingError;
 use crate::training::report::Receipt;
 
@@ -43,6 +46,7 @@ pub enum SessionError {
 pub struct Session {
     id: String,
     leased: Arc<Leased>,
+    judges: Arc<Judges>,
     episode_id: String,
     resets: u64,
     flying: Option<Flying>,
@@ -56,6 +60,8 @@ struct Flying {
     report: StepReport,
     ticket: Option<Ticket>,
     reported: Option<Report>,
+    /// What judges say; none where nobody judges.
+    standard: Option<Standard>,
 }
 
 /// What became of an outcome that was reported to a run.
@@ -71,10 +77,24 @@ pub enum Report {
 pub struct Stepped<'a> {
     /// The environment.
     pub episode: &'a dyn Episode,
-    /// The team's reward of the last step; 0 after a reset.
+    /// The team's reward of the last step, as a judge has it where one judges; 0 after a reset.
     pub reward: f64,
     /// The episode is over.
     pub done: bool,
+    /// What a judge changes of it; none where nobody judges.
+    pub judged: Option<&'a Standard>,
+}
+
+impl Stepped<'_> {
+    /// What the agents see, without reward and end, as a judge has it where one judges.
+    #[must_use]
+    pub fn observation(&self) -> Value {
+        let mut observation = judged::plain(self.episode);
+        if let Some(standard) = self.judged {
+            standard.amend(&mut observation);
+        }
+        observation
+    }
 }
 
 /// Where a session stands.
@@ -99,9 +119,10 @@ impl std::fmt::Debug for Flying {
 }
 
 impl Session {
-    pub(super) fn new(seat: OwnedSemaphorePermit, leased: Arc<Leased>) -> Self {
+    pub(super) fn new(seat: OwnedSemaphorePermit, leased: Arc<Leased>, judges: Arc<Judges>) -> Self {
         let id = Uuid::new_v4().to_string();
-        Self { id, leased, episode_id: Uuid::new_v4().to_string(), resets: 0, flying: None, _seat: seat }
+        let episode_id = Uuid::new_v4().to_string();
+        Self { id, leased, judges, episode_id, resets: 0, flying: None, _seat: seat }
     }
 
     /// What it is called, from its beginning to its end.
@@ -135,7 +156,9 @@ impl Session {
         self.resets += 1;
         let log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
         let report = StepReport::default();
-        let flying = Flying { scenario, episode, log, report, ticket, reported: None };
+        let judge = self.judges.meant(ticket.as_ref().and_then(|ticket| ticket.judge));
+        let standard = (judge != Judge::Off).then(|| Standard::new(judge));
+        let flying = Flying { scenario, episode, log, report, ticket, reported: None, standard };
         Ok(self.flying.insert(flying).shown())
     }
 
@@ -153,6 +176,7 @@ impl Session {
         wire.read_action(action, &mut flying.log).map_err(SessionError::Action)?;
         flying.log.keep_agents(flying.scenario.task().agents(flying.scenario.recipe()));
         let at = flying.episode.steps() as usize;
+        let before = flying.standard.as_ref().and_then(|standard| standard.look(&*flying.episode));
         if let Err(refused) = flying.episode.step(flying.log.step(at), &mut flying.report) {
             flying.log.truncate(at);
             return Err(refused.into());
@@ -167,6 +191,7 @@ impl Session {
                 ticket.renew().await;
             }
         }
+        flying.judge(&self.judges, &self.leased, &self.episode_id, before).await;
         Ok(flying.shown())
     }
 
@@ -194,6 +219,31 @@ impl Session {
 
 impl Flying {
     fn shown(&self) -> Stepped<'_> {
-        Stepped { episode: &*self.episode, reward: self.report.reward, done: self.episode.done() }
+        let judged = self.standard.as_ref();
+        Stepped {
+            episode: &*self.episode,
+            reward: judged.map_or(self.report.reward, Standard::reward),
+            done: self.episode.done(),
+            judged,
+        }
+    }
+
+    /// Asks who judges. What the run was told stays what the world says.
+    async fn judge(&mut self, judges: &Judges, leased: &Leased, episode: &str, before: Option<Seen>) {
+        let Some(standard) = &mut self.standard else { return };
+        let after = standard.look(&*self.episode);
+        let step = Step {
+            run: self.ticket.as_ref().map(|ticket| ticket.run.as_str()),
+            episode,
+            scenario: &self.scenario,
+            log: &self.log,
+            before: before.as_ref(),
+            after: after.as_ref(),
+        };
+        let words = judges.judge(standard.judge(), step).await;
+        standard.count(self.report.reward, &words);
+        if let Some(row) = judged::row(&step, &words) {
+            leased.keep(row).await;
+        }
     }
 }

@@ -18,6 +18,7 @@ pub mod runs;
 pub mod scenarios;
 pub mod serving;
 pub mod sums;
+pub mod verdicts;
 
 pub use open::{Claim, OpenError, claim, reader, writer};
 

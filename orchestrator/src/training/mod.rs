@@ -17,6 +17,7 @@ pub mod report;
 pub mod sample;
 pub mod settings;
 pub mod status;
+pub mod verdict;
 pub mod writer;
 
 pub use desk::Desk;

@@ -9,6 +9,7 @@ use utoipa::ToSchema;
 use super::TrainingError;
 use super::design::{DesignSettings, DesignWish};
 use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
+use crate::judging::Judge;
 
 /// Most episodes of a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;
@@ -98,6 +99,9 @@ pub struct RunWish {
     pub tasks: Option<Vec<String>>,
     /// Layouts designed for the agent's failures, mixed into its training.
     pub design: DesignWish,
+    /// Who judges the steps of sessions that fly for this run: `off`, `deterministic` or `llm` (what the server is set to).
+    #[schema(value_type = Option<String>, example = "off")]
+    pub judge: Option<Judge>,
     /// What is special about single tasks, by id.
     pub task_settings: BTreeMap<String, TaskWish>,
 }
@@ -122,6 +126,9 @@ pub struct RunSettings {
     /// Layouts designed for the agent's failures; a run of before there were any has none.
     #[serde(default)]
     pub design: DesignSettings,
+    /// Who judges the steps of sessions; none: as the server is set to.
+    #[serde(default)]
+    pub judge: Option<Judge>,
 }
 
 impl RunSettings {
@@ -174,6 +181,7 @@ impl RunSettings {
             success: wish.success.unwrap_or(SuccessSetting::Task),
             thresholds,
             design: DesignSettings::read(&wish.design)?,
+            judge: wish.judge,
         })
     }
 

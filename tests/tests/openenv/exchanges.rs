@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::{Api, Server, http_client};
 
@@ -274,7 +275,7 @@ async fn over_socket(socket: &mut Socket, name: &str, exchange: &Value) {
 #[tokio::test]
 async fn a_full_server_says_so_as_captured_and_has_room_at_once_when_somebody_goes() {
     let limits = orchestrator::sessions::Limits { most: 1, ..Default::default() };
-    let server = Server::with_limits(limits).await;
+    let server = Server::set_up(move |config| Config { sessions: limits, ..config }).await;
     let api = server.api();
     let all = exchanges();
     let holder = Socket::to(&api, "/ws").await;

@@ -3,5 +3,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
 
 mod exchanges;
+mod judge;
 mod sessions;
 mod socket;

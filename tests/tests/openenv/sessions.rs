@@ -1,5 +1,6 @@
 //! What the original lacks: sessions that last, seeds, a choice of task, and the curriculum.
 
+use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::{Api, Server, http_client};
 
@@ -240,7 +241,8 @@ async fn thirty_two_fly_at_once_and_the_server_stops_in_good_order() {
 #[tokio::test]
 async fn a_silent_session_is_closed() {
     let idle = Some(std::time::Duration::from_millis(200));
-    let server = Server::with_limits(orchestrator::sessions::Limits { most: 4, idle }).await;
+    let sessions = orchestrator::sessions::Limits { most: 4, idle, ..Default::default() };
+    let server = Server::set_up(move |config| Config { sessions, ..config }).await;
     let mut socket = Socket::to(&server.api(), "/ws").await;
     assert!(matches!(socket.next().await, Came::Frame(told) if told["data"]["code"] == "SESSION_TIMEOUT"));
     assert_eq!(socket.next().await, Came::Closed(1000));

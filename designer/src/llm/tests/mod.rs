@@ -120,7 +120,9 @@ pub(super) fn question() -> Ask {
     Ask {
         messages: vec![Message::new(Role::User, "a question")],
         schema: Arc::new(json!({"type": "object"})),
+        name: "answer",
         max_tokens: 100,
+        temperature: None,
     }
 }
 

@@ -14,6 +14,7 @@ mod plans;
 mod remedy;
 mod sky;
 mod starvation;
+mod step;
 mod trace;
 mod verdict;
 mod waste;
@@ -30,8 +31,8 @@ use super::reward::Objective;
 use super::setup::Setup;
 use crate::bracket::Flown;
 use crate::chance::Seeded;
-use crate::critique::{ActionVerdict, Critique};
-use crate::log::ActionLog;
+use crate::critique::{ActionVerdict, Critique, Judged};
+use crate::log::{ActionLog, Stopped};
 use crate::rollout::ReplayError;
 use crate::scenario::Scenario;
 
@@ -67,6 +68,38 @@ pub(super) fn critique(
     scenario: &Scenario,
     log: &ActionLog,
 ) -> Result<Critique, ReplayError> {
+    looked_at(objective, scenario, log, |case| {
+        let losses = loss::all(case);
+        let mut failures: Vec<_> = starvation::all(case, &losses);
+        let starved: Vec<u32> = failures.iter().map(|failure| failure.agent).collect();
+        let judged = judge::judge(case, &losses, &starved);
+        failures.extend(losses.into_iter().map(|loss| loss.failure));
+        failures.extend(goal::missed(case));
+        failures.extend(formation::broken(case));
+        failures.extend(waste::all(case));
+        failures.sort_by_key(|failure| (failure.step, failure.agent));
+        Critique { failures, actions: case.verdicts.to_vec(), judged }
+    })
+}
+
+/// The judge's word on the last step of a log, as if nobody burnt after it.
+pub(super) fn judge_step(
+    objective: Objective,
+    scenario: &Scenario,
+    log: &ActionLog,
+) -> Result<Judged, ReplayError> {
+    let mut held = log.clone();
+    held.stopped = Some(Stopped::TooLate);
+    looked_at(objective, scenario, &held, |case| step::judge(case, &loss::all(case), log.len() as u32))
+}
+
+/// Flies an episode again for somebody who looks at it.
+fn looked_at<T>(
+    objective: Objective,
+    scenario: &Scenario,
+    log: &ActionLog,
+    look: impl FnOnce(&Case<'_>) -> T,
+) -> Result<T, ReplayError> {
     let setup = Arc::new(Setup::read(scenario.recipe())?);
     let start = setup.start(&mut Seeded::new(scenario.seed()))?;
     let trace = Trace::of(objective, &setup, &start, scenario.seed(), log)?;
@@ -74,17 +107,5 @@ pub(super) fn critique(
     let plans = Plans::of(objective, &setup, &start, scenario.seed(), &table, log);
     let verdicts = verdict::all(&plans, &trace);
     let sky = Sky::of(&setup, &start, &table, &trace);
-    let case =
-        Case { objective, setup: &setup, trace: &trace, plans: &plans, sky: &sky, verdicts: &verdicts };
-
-    let losses = loss::all(&case);
-    let mut failures: Vec<_> = starvation::all(&case, &losses);
-    let starved: Vec<u32> = failures.iter().map(|failure| failure.agent).collect();
-    let judged = judge::judge(&case, &losses, &starved);
-    failures.extend(losses.into_iter().map(|loss| loss.failure));
-    failures.extend(goal::missed(&case));
-    failures.extend(formation::broken(&case));
-    failures.extend(waste::all(&case));
-    failures.sort_by_key(|failure| (failure.step, failure.agent));
-    Ok(Critique { failures, actions: verdicts, judged })
+    Ok(look(&Case { objective, setup: &setup, trace: &trace, plans: &plans, sky: &sky, verdicts: &verdicts }))
 }

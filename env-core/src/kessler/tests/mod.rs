@@ -7,6 +7,7 @@ mod critique_tasks;
 mod differences;
 mod fuzz;
 mod golden;
+mod judged_steps;
 mod laws;
 mod observed;
 mod planned;

@@ -256,3 +256,33 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    /// What is written is read as it was, and within the schema that writers are held to.
+    #[test]
+    fn what_is_written_is_read(
+        form in 0..FORMS.len(),
+        entries in prop::collection::vec((0u32..3, prop::array::uniform3(-2.0f64..2.0)), 0..5),
+    ) {
+        let (id, list, fields) = FORMS[form];
+        let (wire, dim) = (task(id).wire(), fields.len() - 1);
+        let mut meant = ActionLog::new(dim, Precision::F64);
+        entries.iter().for_each(|(agent, values)| meant.act(*agent, &values[..dim]));
+        meant.end_step();
+        let text = wire.write_action(meant.step(0));
+        let mut read = ActionLog::new(dim, Precision::F64);
+        wire.read_action(&read_json(&text).unwrap(), &mut read).unwrap();
+        let clamped: Vec<f64> = meant.step(0).values.iter().map(|value| value.clamp(-1.0, 1.0)).collect();
+        prop_assert_eq!(read.step(0), crate::JointAction { agents: meant.step(0).agents, values: &clamped });
+        // Its fields stand in the order of the action space.
+        let first = text.find(fields[0]).zip(text.find(fields[1]));
+        prop_assert!(first.is_none_or(|(agent, value)| agent < value));
+        let schema = wire.strict_schema();
+        let item = &schema["properties"][list]["items"];
+        prop_assert_eq!(item["required"].as_array().unwrap().len(), fields.len());
+        for name in &fields[1..] {
+            prop_assert_eq!(item["properties"][*name]["maximum"].as_f64(), Some(1.0));
+            prop_assert!(item["properties"][*name]["description"].is_string());
+        }
+    }
+}

@@ -9,7 +9,10 @@ use crate::sessions::{Report, Standing, Stepped};
 /// `{"observation": …, "reward": …, "done": …}`, written without a detour: this is most of what a server does.
 pub(super) fn observation(shown: &Stepped<'_>, out: &mut Vec<u8>) {
     out.extend_from_slice(b"{\"observation\":");
-    shown.episode.write_observation(out);
+    match shown.judged {
+        None => shown.episode.write_observation(out),
+        Some(_) => out.extend_from_slice(shown.observation().to_string().as_bytes()),
+    }
     out.extend_from_slice(b",\"reward\":");
     out.extend_from_slice(Value::from(shown.reward).to_string().as_bytes());
     out.extend_from_slice(if shown.done { b",\"done\":true}" } else { b",\"done\":false}" });
@@ -17,12 +20,7 @@ pub(super) fn observation(shown: &Stepped<'_>, out: &mut Vec<u8>) {
 
 /// The same to take apart.
 pub(super) fn value(shown: &Stepped<'_>) -> Value {
-    let mut observation = shown.episode.telemetry();
-    if let Some(fields) = observation.as_object_mut() {
-        fields.remove("reward");
-        fields.remove("done");
-    }
-    json!({"observation": observation, "reward": shown.reward, "done": shown.done})
+    json!({"observation": shown.observation(), "reward": shown.reward, "done": shown.done})
 }
 
 /// The same as an answer over HTTP.

@@ -10,6 +10,7 @@ use super::super::problem::Problem;
 use super::failures::Backlog;
 use super::{Page, next, run_id};
 use crate::clock::rfc3339;
+use crate::judging::Judge;
 use crate::service::App;
 use crate::store::runs::RunRow;
 use crate::store::{from_json, runs, unsigned};
@@ -86,6 +87,10 @@ pub(super) async fn create(
     State(app): State<App>,
     Json(wish): Json<RunWish>,
 ) -> Result<(StatusCode, axum::Json<Run>), Problem> {
+    if wish.judge == Some(Judge::Llm) && !app.judges.has_model() {
+        let reason = "this server has no language model that judges; serve with --judge-url or --llm-url";
+        return Err(TrainingError::Invalid { field: "judge".to_owned(), reason: reason.to_owned() }.into());
+    }
     let row = app.writer.change(CreateRun::read(&wish)?).await?;
     tracing::info!(run = %row.id, "A run was created.");
     Ok((StatusCode::CREATED, axum::Json(Run::of(row)?)))

@@ -1,0 +1,20 @@
+# An OpenEnv space: OpenEnv's routes on port 8000 and nothing else, for anybody. Built from the sources beside it:
+#   docker build -t sparring . && docker run -p 8000:8000 sparring
+FROM rust:1.95-slim-trixie AS build
+WORKDIR /src
+COPY . .
+ENV SQLX_OFFLINE=true
+RUN cargo build --release --locked -p orchestrator --bin sparring
+
+FROM debian:trixie-slim
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends ca-certificates curl \
+    && rm -rf /var/lib/apt/lists/* \
+    && useradd --create-home --uid 1000 sparring
+COPY --from=build /src/target/release/sparring /usr/local/bin/sparring
+USER sparring
+WORKDIR /home/sparring
+EXPOSE 8000
+HEALTHCHECK --interval=30s --timeout=3s --start-period=5s --retries=3 \
+    CMD curl -fsS http://localhost:8000/health || exit 1
+CMD ["sparring", "serve", "--openenv-public", "--bind", "0.0.0.0:8000"]

@@ -1,0 +1,88 @@
+//! All episodes, some at a time.
+
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use designer::llm::LlmError;
+use futures_util::StreamExt;
+
+use super::episode::{self, Fault, Flown, Job};
+use super::pilot::{PilotError, Wish};
+use super::record::Output;
+use crate::policy::Actions;
+
+/// An episode that is to be flown, with its task's actions.
+#[derive(Debug)]
+pub(super) struct Planned<'a> {
+    pub(super) job: Job<'a>,
+    pub(super) actions: &'a Actions,
+}
+
+/// Flies them in order, so many at a time; how each went, and none for those that were not begun.
+pub(super) async fn fly(
+    planned: &[Planned<'_>],
+    wish: &Wish,
+    output: &Output,
+    at_once: usize,
+) -> anyhow::Result<Vec<Option<Flown>>> {
+    let watch = Watch::default();
+    let flights = planned.iter().enumerate().map(|(place, planned)| {
+        let watch = &watch;
+        async move {
+            if watch.hopeless.load(Ordering::Relaxed) {
+                return anyhow::Ok((place, None));
+            }
+            let pilot = wish.pilot(planned.job.task, planned.actions, planned.job.number)?;
+            let mut tape = output.tape();
+            let flown = episode::fly(&planned.job, pilot, &mut tape).await;
+            if watch.see(&flown) {
+                say(&planned.job, &flown);
+            }
+            Ok((place, Some(flown)))
+        }
+    });
+    let mut all: Vec<Option<Flown>> = planned.iter().map(|_| None).collect();
+    let mut flights = futures_util::stream::iter(flights).buffer_unordered(at_once);
+    while let Some(flown) = flights.next().await {
+        let (place, flown) = flown?;
+        all[place] = flown;
+    }
+    Ok(all)
+}
+
+/// Whether there is any use in beginning another episode.
+#[derive(Debug, Default)]
+struct Watch {
+    steps: AtomicU64,
+    hopeless: AtomicBool,
+}
+
+impl Watch {
+    /// Takes note of an episode; whether anything was flown until now. Where nothing ever is, the command ends with what
+    /// went wrong first, and that is all there is to say.
+    fn see(&self, flown: &Flown) -> bool {
+        let steps = flown.rewards.len() as u64;
+        let before = self.steps.fetch_add(steps, Ordering::Relaxed);
+        let closed = matches!(&flown.fault, Some(Fault::Pilot(PilotError::Model(LlmError::Open { .. }))));
+        let output = matches!(&flown.fault, Some(Fault::Output(_)));
+        // Nobody is there, or the endpoint is left alone for a while: further episodes would fare likewise.
+        if flown.fault.is_some() && (before + steps == 0 || closed || output) {
+            self.hopeless.store(true, Ordering::Relaxed);
+        }
+        before + steps > 0
+    }
+}
+
+/// How an episode went, in a line on stderr.
+fn say(job: &Job<'_>, flown: &Flown) {
+    let Job { number, task, .. } = job;
+    let steps = flown.rewards.len();
+    let held =
+        if flown.held > 0 { format!(", {} of them without an action", flown.held) } else { String::new() };
+    let how = match &flown.fault {
+        None => format!("score {:.3} after {steps} steps{held}", flown.score),
+        Some(fault) => format!("not flown to its end ({steps} steps{held}): {fault}"),
+    };
+    // Progress is worth no failure.
+    let _ = writeln!(std::io::stderr().lock(), "Episode {number}, {}: {how}", task.name);
+}

@@ -1,0 +1,134 @@
+//! Who flies: a language model, or a built-in policy.
+
+use anyhow::{Context, bail};
+use designer::llm::{Llm, LlmError};
+use env_core::log::{ActionLog, Precision};
+use env_core::policy::Policy;
+use serde_json::Value;
+
+use super::tasks::Task;
+use crate::policy::{Actions, Briefing, ChatPolicy, ChatSettings, Seen, Turn};
+
+/// The policy that works on the scenario itself, which no server tells.
+const WITH_HINDSIGHT: &str = "reference";
+
+/// Who is to fly all episodes.
+#[derive(Debug)]
+pub(super) enum Wish {
+    /// A model.
+    Model {
+        /// Where it is.
+        llm: Llm,
+        /// How it is asked.
+        settings: ChatSettings,
+        /// How observations are told.
+        telemetry: crate::policy::Telemetry,
+    },
+    /// A built-in policy, by name, and what it draws from.
+    BuiltIn { name: String, seed: u64 },
+}
+
+/// Who flies one episode.
+pub(super) enum Pilot {
+    Model(Box<ChatPolicy>),
+    BuiltIn { policy: Box<dyn Policy>, task: Task, actions: Actions },
+}
+
+/// What was decided for a step.
+pub(super) struct Decision {
+    pub(super) action: Value,
+    /// Why nothing is done, where that is not the pilot's own will.
+    pub(super) error: Option<String>,
+    /// How a model came to it.
+    pub(super) turn: Option<Turn>,
+}
+
+/// Why nobody can decide.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum PilotError {
+    /// The model's endpoint.
+    #[error(transparent)]
+    Model(#[from] LlmError),
+    /// An observation that is none of the task's world.
+    #[error("{0}")]
+    World(String),
+}
+
+impl Wish {
+    /// The name in the lines.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::Model { llm, .. } => designer::llm::one_line(&llm.config().model),
+            Self::BuiltIn { name, .. } => name.clone(),
+        }
+    }
+
+    /// Refuses what cannot fly a task.
+    pub(super) fn check(&self, task: &Task) -> anyhow::Result<()> {
+        let Self::BuiltIn { name, .. } = self else { return Ok(()) };
+        if name == WITH_HINDSIGHT {
+            bail!(
+                "--policy {name}: it plans on the scenario itself, which a server does not tell; it flies in `sparring eval`"
+            );
+        }
+        built_in(name, task, 0).map(|_| ())
+    }
+
+    /// A pilot for one episode.
+    pub(super) fn pilot(&self, task: &Task, actions: &Actions, episode: u64) -> anyhow::Result<Pilot> {
+        match self {
+            Self::Model { llm, settings, telemetry } => {
+                let briefing = Briefing::new(actions.clone(), *telemetry);
+                let policy = ChatPolicy::new(llm.clone(), briefing, settings.clone());
+                Ok(Pilot::Model(Box::new(policy)))
+            }
+            Self::BuiltIn { name, seed } => {
+                let policy = built_in(name, task, seed.wrapping_add(episode))?;
+                Ok(Pilot::BuiltIn { policy, task: task.clone(), actions: actions.clone() })
+            }
+        }
+    }
+}
+
+/// A built-in policy. All but the one with hindsight take nothing from the scenario.
+fn built_in(name: &str, task: &Task, seed: u64) -> anyhow::Result<Box<dyn Policy>> {
+    let policy = task.spec.policy(name, &task.example()?, seed);
+    policy.with_context(|| format!("{}: --policy", task.spec.id()))
+}
+
+impl Pilot {
+    /// The version of what a model is told.
+    pub(super) fn prompt(&self) -> Option<String> {
+        match self {
+            Self::Model(policy) => Some(policy.briefing().version()),
+            Self::BuiltIn { .. } => None,
+        }
+    }
+
+    /// The next action.
+    pub(super) async fn decide(&mut self, seen: &Seen) -> Result<Decision, PilotError> {
+        match self {
+            Self::Model(policy) => {
+                let turn = policy.act(seen).await?;
+                Ok(Decision { action: turn.action.clone(), error: turn.error.clone(), turn: Some(turn) })
+            }
+            Self::BuiltIn { policy, task, actions } => {
+                let observed = task.spec.read_observation(&seen.whole()).map_err(|error| {
+                    PilotError::World(format!("the observation is none of {}: {error}", task.spec.id()))
+                })?;
+                let dim = task.spec.action_space().columns.len();
+                let mut log = ActionLog::new(dim, Precision::F64);
+                policy.act(&*observed, &mut log);
+                Ok(Decision { action: actions.value(log.step(0)), error: None, turn: None })
+            }
+        }
+    }
+
+    /// What actions look like.
+    pub(super) fn actions(&self) -> &Actions {
+        match self {
+            Self::Model(policy) => policy.briefing().actions(),
+            Self::BuiltIn { actions, .. } => actions,
+        }
+    }
+}
