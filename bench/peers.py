@@ -13,6 +13,7 @@ own server with an environment that does nothing: the original can only be slowe
 import argparse
 import importlib
 import json
+import os
 import pathlib
 import random
 import subprocess
@@ -127,7 +128,8 @@ def over_sockets(args) -> None:
             wait_for(int(port))
             name = "the public kessler-env" if args.kessler_env else "openenv-core with an environment that does nothing"
             peer = ["--peer", f"ws://127.0.0.1:{port}/ws", "--peer-pid", str(server.pid), "--peer-name", name]
-            subprocess.run([args.bench, "sockets", *peer], check=True)
+            ours = os.environ | {"SPARRING_BINARY": str(pathlib.Path(args.sparring).resolve())}
+            subprocess.run([args.bench, "sockets", *peer], check=True, env=ours)
         finally:
             server.terminate()
 

@@ -156,7 +156,7 @@ async fn a_bad_answer_is_repaired_once_and_then_nothing_is_done() {
     let messages = asked[2]["messages"].as_array().unwrap();
     let roles: Vec<&str> = messages.iter().map(|message| message["role"].as_str().unwrap()).collect();
     assert_eq!(roles, ["system", "user", "assistant", "user"]);
-    assert_eq!(messages[2]["content"], r#"{"burns":[{"satellite_id":0,"delta_vx":0.1,"delta_vy":0}]}"#);
+    assert_eq!(messages[2]["content"], r#"{"burns":[{"satellite_id":0,"delta_vx":0.1,"delta_vy":0.0}]}"#);
     assert_eq!(asked.last().unwrap()["messages"].as_array().unwrap().len(), 4, "the window does not grow");
     // To the letter what was sent and said.
     let kept = &steps[1]["model"]["completions"][1];

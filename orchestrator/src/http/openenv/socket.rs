@@ -16,11 +16,20 @@ use crate::service::App;
 use crate::sessions::{Full, Session, SessionError};
 
 /// Largest frame that is read, bytes.
-pub(super) const MAX_FRAME: usize = 4 * 1024 * 1024;
+const MAX_FRAME: usize = 4 * 1024 * 1024;
+/// Bytes that are read at once: a step has a few hundred, and every idle session holds a buffer.
+const READ_AT_ONCE: usize = 4 * 1024;
+/// Room for the first answer; later ones get what the last one took.
+const ROOM: usize = 4 * 1024;
+
+/// How sockets are read here.
+pub(super) fn bounded(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+    upgrade.max_message_size(MAX_FRAME).max_frame_size(MAX_FRAME).read_buffer_size(READ_AT_ONCE)
+}
 
 /// A session over a WebSocket.
 pub(super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
-    upgrade.max_message_size(MAX_FRAME).max_frame_size(MAX_FRAME).on_upgrade(move |socket| serve(socket, app))
+    bounded(upgrade).on_upgrade(move |socket| serve(socket, app))
 }
 
 async fn serve(mut socket: WebSocket, app: App) {
@@ -32,13 +41,14 @@ async fn serve(mut socket: WebSocket, app: App) {
         }
     };
     let mut closing = app.sessions.closing();
-    let mut frame = Vec::with_capacity(16 * 1024);
+    let mut room = ROOM;
     loop {
         let received = tokio::select! {
             received = next(&mut socket, app.sessions.limits().idle) => received,
             () = closing.closed() => Received::Stop,
         };
-        frame.clear();
+        // Not held while a session is silent.
+        let mut frame = Vec::with_capacity(room);
         match received {
             Received::Text(text) => {
                 if answered(&app, &mut session, &text, &mut frame).await.is_break() {
@@ -60,7 +70,8 @@ async fn serve(mut socket: WebSocket, app: App) {
             }
             Received::Gone => return,
         }
-        if send(&mut socket, std::mem::take(&mut frame)).await.is_err() {
+        room = frame.len() + frame.len() / 8 + 64; // observations grow a little from step to step
+        if send(&mut socket, frame).await.is_err() {
             return;
         }
     }
@@ -129,7 +140,7 @@ async fn answered(
     text: &str,
     out: &mut Vec<u8>,
 ) -> std::ops::ControlFlow<()> {
-    let message = match env_core::wire::read_json(text) {
+    let mut message = match env_core::wire::read_json(text) {
         Ok(Value::Object(message)) => message,
         Ok(other) => {
             let words = "Input should be a valid dictionary";
@@ -149,8 +160,8 @@ async fn answered(
         }
     };
     let told = match message.get("type").and_then(Value::as_str) {
-        Some("reset") => reset(session, &message, out).await,
-        Some("step") => step(session, &message, out).await,
+        Some("reset") => reset(session, &mut message, out).await,
+        Some("step") => step(session, &mut message, out).await,
         Some("state") => bare(&message).map(|()| {
             let state = json!({"type": "state", "data": answer::state(&session.standing())});
             out.extend(state.to_string().bytes());
@@ -159,7 +170,7 @@ async fn answered(
             Ok(()) => return std::ops::ControlFlow::Break(()),
             Err(told) => Err(told),
         },
-        Some("mcp") => mcp(app, session, &message, out).await,
+        Some("mcp") => mcp(app, session, &mut message, out).await,
         _ => {
             let kind = message.get("type");
             let kind = kind.map_or_else(String::new, |kind| {
@@ -176,7 +187,11 @@ async fn answered(
     std::ops::ControlFlow::Continue(())
 }
 
-async fn reset(session: &mut Session, message: &Map<String, Value>, out: &mut Vec<u8>) -> Result<(), Value> {
+async fn reset(
+    session: &mut Session,
+    message: &mut Map<String, Value>,
+    out: &mut Vec<u8>,
+) -> Result<(), Value> {
     let data = data(message, Some(Map::new()))?;
     let mut fields = Fields::new(&data, Vec::new());
     let wish = wish(&mut fields);
@@ -193,7 +208,11 @@ async fn reset(session: &mut Session, message: &Map<String, Value>, out: &mut Ve
     Ok(())
 }
 
-async fn step(session: &mut Session, message: &Map<String, Value>, out: &mut Vec<u8>) -> Result<(), Value> {
+async fn step(
+    session: &mut Session,
+    message: &mut Map<String, Value>,
+    out: &mut Vec<u8>,
+) -> Result<(), Value> {
     let action = data(message, None)?;
     if let Some(answer) = mcp::as_step(session, &action).await {
         out.extend(answer.to_string().bytes());
@@ -207,7 +226,7 @@ async fn step(session: &mut Session, message: &Map<String, Value>, out: &mut Vec
 async fn mcp(
     app: &App,
     session: &mut Session,
-    message: &Map<String, Value>,
+    message: &mut Map<String, Value>,
     out: &mut Vec<u8>,
 ) -> Result<(), Value> {
     let request = data(message, None)?;
@@ -224,14 +243,15 @@ fn observation(shown: &crate::sessions::Stepped<'_>, out: &mut Vec<u8>) {
 
 /// The data of a message that may have nothing else.
 fn data(
-    message: &Map<String, Value>,
+    message: &mut Map<String, Value>,
     otherwise: Option<Map<String, Value>>,
 ) -> Result<Map<String, Value>, Value> {
+    let told = message.remove("data");
     let mut fields = Fields::new(message, Vec::new());
-    let data = match (message.get("data"), otherwise) {
-        (Some(Value::Object(data)), _) => data.clone(),
+    let data = match (told, otherwise) {
+        (Some(Value::Object(data)), _) => data,
         (Some(other), _) => {
-            fields.fault("data", "dict_type", "Input should be a valid dictionary", other);
+            fields.fault("data", "dict_type", "Input should be a valid dictionary", &other);
             Map::new()
         }
         (None, Some(otherwise)) => otherwise,

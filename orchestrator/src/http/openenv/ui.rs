@@ -87,7 +87,7 @@ pub(super) async fn connect(
     upgrade: WebSocketUpgrade,
 ) -> Response {
     match web::name(&headers) {
-        Ok(name) => upgrade.on_upgrade(move |socket| serve(socket, app, name)),
+        Ok(name) => socket::bounded(upgrade).on_upgrade(move |socket| serve(socket, app, name)),
         Err(refusal) => refusal.into_response(),
     }
 }

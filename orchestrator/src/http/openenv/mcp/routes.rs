@@ -6,7 +6,7 @@ use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use serde_json::Value;
 
-use super::super::socket::{self, MAX_FRAME, Received};
+use super::super::socket::{self, Received, bounded};
 use super::rpc::{self, Failure};
 use crate::service::App;
 
@@ -24,7 +24,7 @@ pub(in super::super) async fn post(State(app): State<App>, body: Bytes) -> axum:
 
 /// The same over a WebSocket.
 pub(in super::super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
-    upgrade.max_message_size(MAX_FRAME).max_frame_size(MAX_FRAME).on_upgrade(move |socket| serve(socket, app))
+    bounded(upgrade).on_upgrade(move |socket| serve(socket, app))
 }
 
 async fn serve(mut socket: WebSocket, app: App) {
