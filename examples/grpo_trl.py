@@ -112,6 +112,7 @@ def main():
     parser.parse_args(namespace=ARGS)
     ARGS.run = create_run()
 
+    import torch
     from datasets import Dataset
     from transformers import AutoModelForCausalLM, AutoTokenizer
     from trl import GRPOConfig, GRPOTrainer
@@ -129,6 +130,8 @@ def main():
     prompts = [{"prompt": [{"role": "user", "content": TASK + "\n\n"}], "group_id": f"g{n}"} for n in range(ARGS.steps)]
     config = GRPOConfig(
         output_dir="grpo-sparring",
+        use_cpu=not torch.cuda.is_available(),
+        bf16=torch.cuda.is_available(),
         max_steps=ARGS.steps,
         num_train_epochs=1,
         per_device_train_batch_size=ARGS.siblings,
