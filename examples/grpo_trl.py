@@ -104,7 +104,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--url", default=ARGS.url)
     parser.add_argument("--model", default="Qwen/Qwen3-0.6B", help="a model that calls tools, by name or folder")
-    parser.add_argument("--gguf", default=None, help="the GGUF file in that folder")
     parser.add_argument("--steps", type=int, default=100, help="of the optimiser")
     parser.add_argument("--siblings", type=int, default=ARGS.siblings, help="episodes of one scenario")
     parser.add_argument("--tokens", type=int, default=512, help="of one episode, tools' answers included")
@@ -116,12 +115,9 @@ def main():
     from datasets import Dataset
     from transformers import AutoModelForCausalLM, AutoTokenizer
     from trl import GRPOConfig, GRPOTrainer
-    from trl.chat_template_utils import qwen2_5_chat_template
 
-    tokenizer = AutoTokenizer.from_pretrained(ARGS.model, gguf_file=ARGS.gguf)
-    model = AutoModelForCausalLM.from_pretrained(ARGS.model, gguf_file=ARGS.gguf, dtype="bfloat16")
-    if ARGS.gguf:
-        tokenizer.chat_template = qwen2_5_chat_template  # files of that form carry one that TRL does not know by heart
+    tokenizer = AutoTokenizer.from_pretrained(ARGS.model)
+    model = AutoModelForCausalLM.from_pretrained(ARGS.model, dtype="bfloat16")
     peft = None
     if ARGS.lora:
         from peft import LoraConfig

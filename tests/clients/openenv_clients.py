@@ -2,12 +2,13 @@
 
 Says what it did, line by line; fails at the first thing that is not as it should be.
 """
-import asyncio, json, subprocess, sys
+import asyncio, json, pathlib, re, subprocess, sys, urllib.request
 
 from openenv.core.generic_client import GenericEnvClient
 from openenv.core.mcp_client import MCPToolClient
 
 URL = sys.argv[1]
+ROOT = pathlib.Path(__file__).parents[2]
 BURN = {"burns": [{"satellite_id": 0, "delta_vx": 0.01, "delta_vy": 0.0}]}
 
 
@@ -79,7 +80,48 @@ def validated():
     print(f"openenv validate: {told['summary']['passed_count']} of {told['summary']['total_count']} criteria")
 
 
+def documented():
+    """What docs/openenv.md shows in Python and for the shell, as it stands there but for the address."""
+    text = (ROOT / "docs/openenv.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```(python|sh)\n(.*?)^```", text, re.M | re.S)
+    ran = 0
+    for kind, block in blocks:
+        block = block.replace("127.0.0.1:8700", URL.removeprefix("http://"))
+        if kind == "python":
+            told = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True)
+            assert told.returncode == 0 and 0 < float(told.stdout) < 1, told
+        elif "curl" in block:
+            told = subprocess.run(["sh", "-ec", block], capture_output=True, text=True)
+            assert told.returncode == 0 and told.stdout.count('"observation"') == 2, told
+        else:
+            continue
+        ran += 1
+    assert ran == 3, ran
+    print("docs/openenv.md: three examples run")
+
+
+def trained():
+    """The environment class that TRL is given, without TRL: siblings fly one scenario, and the run is told."""
+    sys.path.insert(0, str(ROOT / "examples"))
+    import grpo_trl
+
+    grpo_trl.ARGS.url, grpo_trl.ARGS.siblings = URL, 2
+    grpo_trl.ARGS.run = grpo_trl.create_run()
+    siblings = [grpo_trl.Pilot() for _ in range(2)]
+    first = {pilot.reset(group_id="g0", prompt=[]) for pilot in siblings}
+    assert len(first) == 1 and "Satellite 0, fuel" in first.pop()
+    assert "Satellite" in siblings[0].fire(0, 0.1, 0.0) and "Satellite" in siblings[1].hold(3)
+    assert "over" in siblings[1].hold(50)
+    scores = [pilot.get_reward() for pilot in siblings]
+    with urllib.request.urlopen(f"{URL}/v1/runs/{grpo_trl.ARGS.run}/episodes") as answer:
+        stored = [episode["score"] for episode in json.load(answer)["episodes"]]
+    assert sorted(stored) == sorted(scores) or max(abs(a - b) for a, b in zip(sorted(stored), sorted(scores))) < 1e-9, (stored, scores)
+    print("examples/grpo_trl.py: two siblings, one scenario, both reported")
+
+
 asyncio.run(many())
 one_after_the_other()
 asyncio.run(tools())
 validated()
+documented()
+trained()
