@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::json;
-use system_tests::{Api, Server, binary};
+use system_tests::{Api, Server, binary, http_client};
 
 #[tokio::test]
 async fn openenv_cores_clients_fly_unchanged() {
@@ -53,16 +53,24 @@ async fn a_space_shows_openenv_and_nothing_else() {
         assert_eq!(api.get(path).await.status, 404, "{path}");
     }
     let document = api.get("/openapi.json").await.expect(200).to_string();
-    assert!(document.contains("\"/reset\"") && !document.contains("/v1/"), "what is not there is not told of");
+    assert!(
+        document.contains("\"/reset\"") && !document.contains("/v1/"),
+        "what is not there is not told of"
+    );
     let told = api.post("/reset", json!({"task": "survival", "seed": 1})).await.expect(200);
     assert_eq!(told["done"], false);
     assert_eq!(api.post("/step", json!({"burns": []})).await.expect(200)["done"], false);
+    // The page needs nothing that is not shown.
+    let page = http_client().get(format!("{}/web/", api.base())).send().await.expect("a page");
+    let page = page.text().await.expect("text");
+    assert!(page.contains("<option>docking/single</option>") && !page.contains("/v1/"), "{page}");
     let refused = api.post("/reset", json!({"run": "any"})).await;
     assert!((400..500).contains(&refused.status), "{refused:?}");
     server.kill().expect("it runs");
     let _ = server.wait();
     // Everything is for this machine alone.
-    let told = Command::new(binary()).args(["serve", "--bind", "0.0.0.0:0"]).current_dir(folder.path()).output();
+    let told =
+        Command::new(binary()).args(["serve", "--bind", "0.0.0.0:0"]).current_dir(folder.path()).output();
     let told = told.expect("it says no");
     assert_eq!(told.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&told.stderr).contains("--openenv-public"));

@@ -10,6 +10,9 @@ use serde_json::Value;
 
 use super::LlmError;
 
+/// Characters of the shortest key that is taken for a secret.
+const SHORTEST_SECRET: usize = 8;
+
 /// Milliseconds since 1970 UTC, as the service's clock says. It decides which day a cost belongs to, and how long it is
 /// until a date; whatever is measured is measured by tokio's own clock.
 #[derive(Clone)]
@@ -134,8 +137,9 @@ impl LlmConfig {
     /// What a stranger wrote, without our key, be it plain or as JSON has it: some endpoints repeat it.
     pub(super) fn scrub(&self, text: &str) -> String {
         let mut text = text.to_owned();
-        let Some(key) = self.key.as_ref().map(SecretString::expose_secret).filter(|key| !key.is_empty())
-        else {
+        // A placeholder, as servers on one's own machine take any, is no secret, and is in every answer.
+        let secret = |key: &&str| key.chars().count() >= SHORTEST_SECRET;
+        let Some(key) = self.key.as_ref().map(SecretString::expose_secret).filter(secret) else {
             return text;
         };
         let quoted = Value::from(key).to_string();

@@ -42,6 +42,8 @@ struct Report {
     verdicts: usize,
     /// Of these, those where the model said nothing.
     unanswered: usize,
+    /// Why it said nothing, the most frequent first.
+    reasons: Vec<(String, usize)>,
     /// Those that the rules say nothing of.
     without_rules: usize,
     /// By model and task, `all` first.
@@ -70,6 +72,10 @@ struct CaseLine {
 /// # Errors
 /// A database that cannot be read, or one without verdicts.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    // An empty file would be made a database by being opened.
+    if std::fs::metadata(&args.db).is_ok_and(|file| file.len() == 0) {
+        bail!("{} is empty", args.db.display());
+    }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let rows = runtime.block_on(async {
         let readers = crate::store::reader(&args.db).await?;
@@ -126,10 +132,26 @@ fn report(rows: &[SaidRow]) -> Report {
     Report {
         verdicts: rows.len(),
         unanswered: rows.iter().filter(|row| row.score.is_none()).count(),
+        reasons: reasons(rows),
         without_rules: rows.iter().filter(|row| row.rule_score.is_none()).count(),
         agreement: lines,
         cases: cases.iter().filter_map(case).collect(),
     }
+}
+
+/// Reasons that are told.
+const REASONS: usize = 10;
+
+fn reasons(rows: &[SaidRow]) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for error in rows.iter().filter_map(|row| row.error.as_deref()) {
+        *counts.entry(error).or_default() += 1;
+    }
+    let mut all: Vec<(String, usize)> =
+        counts.into_iter().map(|(why, count)| (why.to_owned(), count)).collect();
+    all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    all.truncate(REASONS);
+    all
 }
 
 fn words(report: &Report) -> String {
@@ -183,7 +205,11 @@ fn words(report: &Report) -> String {
     } else {
         String::new()
     };
-    format!("{verdicts} verdicts; the model said nothing in {unanswered} of them{also}.\n{table}\n{cases}")
+    let mut text = format!("{verdicts} verdicts; the model said nothing in {unanswered} of them{also}.\n");
+    for (why, count) in &report.reasons {
+        text.push_str(&format!("  {count}: {}\n", designer::llm::one_line(why)));
+    }
+    if report.agreement.is_empty() { text } else { format!("{text}{table}\n{cases}") }
 }
 
 #[cfg(test)]
@@ -197,8 +223,7 @@ mod tests {
             score,
             rule_score: rules.map(|(score, _)| score),
             rule_case: rules.map(|(_, case)| case.to_owned()),
-            episode: "e".to_owned(),
-            step: 1,
+            error: score.is_none().then(|| "it was late".to_owned()),
         }
     }
 

@@ -57,7 +57,7 @@ impl JudgeArgs {
         let model = match config {
             Some(config) => {
                 let llm = Llm::new(config).context("--judge-url")?;
-                Some(ModelJudge::new(llm, Duration::from_secs(self.judge_timeout)))
+                Some(ModelJudge::new(llm))
             }
             None => None,
         };
@@ -101,6 +101,9 @@ impl JudgeArgs {
                 config
             }
         };
+        if let (Some(name), None) = (&self.judge_key_env, &config.key) {
+            bail!("--judge-key-env {name}: the variable holds nothing");
+        }
         config.timeout = Duration::from_secs(self.judge_timeout);
         config.connect_timeout = config.connect_timeout.min(config.timeout);
         config.concurrency = self.judge_concurrency.into();

@@ -18,10 +18,16 @@ pub(super) enum Format {
 
 /// Writes lines to stdout. A reader that has gone away (`sparring … | head`) has seen what it wanted.
 pub(super) fn print(text: &str) -> anyhow::Result<()> {
+    print_if_read(text).map(drop)
+}
+
+/// The same; false where nobody reads any more.
+pub(super) fn print_if_read(text: &str) -> anyhow::Result<bool> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout cannot be written"),
-        _ => Ok(()),
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(error).context("stdout cannot be written"),
     }
 }
 

@@ -32,7 +32,8 @@ pub struct Args {
     /// The SQLite database; made where there is none.
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
-    /// Show OpenEnv's routes alone, to anybody: --bind may then be any address. No runs, nothing that is stored, no /v1
+    /// Show OpenEnv's routes alone, to anybody: --bind may then be any address. Nothing of a run is shown or flown; the
+    /// database is there all the same
     #[arg(long)]
     openenv_public: bool,
     /// Sessions that may fly on the server at once (OpenEnv's, over WebSockets and by requests)
@@ -81,7 +82,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     served
 }
 
-async fn told_to_stop() -> std::io::Result<()> {
+/// Waits for Ctrl-C or SIGTERM.
+pub(super) async fn told_to_stop() -> std::io::Result<()> {
     #[cfg(unix)]
     {
         let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;

@@ -13,6 +13,8 @@ use crate::policy::Seen;
 
 /// Verdicts that are remembered.
 const REMEMBERED: u64 = 10_000;
+/// Between the end of a call and the end of patience.
+const MOMENT: Duration = Duration::from_millis(250);
 /// Tokens of an answer.
 const MOST_TOKENS: u32 = 300;
 /// Characters of a reasoning that are kept.
@@ -78,9 +80,11 @@ impl std::fmt::Debug for ModelJudge {
 }
 
 impl ModelJudge {
-    /// A judge that has this long for each verdict.
+    /// A judge that has as long for each verdict as one call of the model may take, and a moment more: an endpoint that is
+    /// late is then seen to be, and one that is late in a row is left alone.
     #[must_use]
-    pub fn new(llm: Llm, patience: Duration) -> Self {
+    pub fn new(llm: Llm) -> Self {
+        let patience = llm.config().timeout + MOMENT;
         Self { llm, patience, cache: Cache::new(REMEMBERED) }
     }
 
@@ -117,6 +121,9 @@ impl ModelJudge {
             Ok(entry) => entry.map_err(|failed| failed.0.clone()),
             Err(_) => Err(format!("there was no verdict within {} s", self.patience.as_secs_f64())),
         };
+        if let Err(why) = &entry {
+            tracing::warn!(run = step.run, episode = step.episode, why, "The judge gave no verdict.");
+        }
         Said {
             cached: entry.as_ref().is_ok_and(|entry| !entry.is_fresh()),
             answer: entry.map(moka::Entry::into_value),
@@ -167,7 +174,11 @@ pub(super) fn read(text: &str, config: &LlmConfig) -> Result<Sentence, String> {
     if !(-1.0..=1.0).contains(&score) {
         return Err(format!("its score is {score}, outside -1 to 1"));
     }
-    let reasoning = said["reasoning"].as_str().map(str::trim).filter(|words| !words.is_empty());
+    // What could steer a terminal is no reason.
+    let words: Option<String> = said["reasoning"]
+        .as_str()
+        .map(|words| words.chars().filter(|c| !c.is_control() || *c == '\n').collect());
+    let reasoning = words.as_deref().map(str::trim).filter(|words| !words.is_empty());
     let reasoning = reasoning.ok_or("it says no reason")?;
     Ok(Sentence { score, reasoning: reasoning.chars().take(KEPT).collect() })
 }

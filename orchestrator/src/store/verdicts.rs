@@ -102,10 +102,8 @@ pub struct SaidRow {
     pub rule_score: Option<f64>,
     /// Which of their cases it is.
     pub rule_case: Option<String>,
-    /// The episode and step, for whoever looks closer.
-    pub episode: String,
-    /// Counted from 1.
-    pub step: i64,
+    /// Why it said nothing.
+    pub error: Option<String>,
 }
 
 /// All verdicts, or those of a run, the oldest first.
@@ -115,7 +113,7 @@ pub struct SaidRow {
 pub async fn said(conn: &mut SqliteConnection, run: Option<&str>) -> Result<Vec<SaidRow>, StoreError> {
     Ok(sqlx::query_as!(
         SaidRow,
-        r#"SELECT task, model, score, rule_score, rule_case, episode, step FROM judge_verdicts
+        r#"SELECT task, model, score, rule_score, rule_case, error FROM judge_verdicts
            WHERE ?1 IS NULL OR run = ?1 ORDER BY id"#,
         run
     )

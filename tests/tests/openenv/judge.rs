@@ -15,7 +15,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use wiremock::ResponseTemplate;
 
-use crate::socket::Socket;
+use crate::socket::{Came, Socket};
 
 const FINE: &str = r#"{"reasoning": "Nothing came near.", "score": 0.5}"#;
 
@@ -26,7 +26,7 @@ fn judges(usual: Judge, base: &str) -> Arc<Judges> {
     config.retries = 1;
     config.backoff = Duration::from_millis(20);
     config.timeout = Duration::from_secs(1);
-    let model = ModelJudge::new(Llm::new(config).unwrap(), Duration::from_secs(1));
+    let model = ModelJudge::new(Llm::new(config).unwrap());
     Arc::new(Judges::new(usual, Some(model)))
 }
 
@@ -221,7 +221,7 @@ async fn no_endpoint_can_do_harm() {
     cases.push(("streaming", stream, "within 1 s", None));
     cases.push(("broken off", raw("HTTP/1.1 200 OK\r\ncontent-length: 99\r\n\r\n{", "").await, "", None));
     let plain = told(&Server::start().await, &[hold(), burn(), hold(), hold(), hold()]).await;
-    for (name, base, why, _model) in cases {
+    for (name, base, why, model) in cases {
         let mut server = server(judges(Judge::Llm, &base)).await;
         let begun = Instant::now();
         let judged = told(&server, &[hold(), burn(), hold(), hold(), hold()]).await;
@@ -236,6 +236,9 @@ async fn no_endpoint_can_do_harm() {
         assert_eq!(kept.len(), 5, "{name}");
         let error = kept[0].error.clone().unwrap();
         assert!(kept[0].score.is_none() && error.contains(why), "{name}: {error}");
+        if let ("slow", Some(model)) = (name, &model) {
+            assert!(sent(model).await.len() <= 3, "what is late in a row is left alone");
+        }
         let file = std::fs::read(server.db()).unwrap();
         assert!(
             !file.windows(KEY.len()).any(|bytes| bytes == KEY.as_bytes()),
@@ -258,17 +261,34 @@ async fn a_slow_judge_keeps_nobody_else_waiting() {
     waiting.reset(json!({"seed": 1})).await;
     free.reset(json!({"run": "run"})).await;
     let (mut steps, begun) = (0, Instant::now());
-    let judged = waiting.step(hold());
-    tokio::pin!(judged);
-    let judged = loop {
-        tokio::select! {
-            biased;
-            told = &mut judged => break told,
-            _ = free.step(hold()), if steps < 40 => steps += 1,
+    let judged = {
+        let judged = waiting.step(hold());
+        tokio::pin!(judged);
+        loop {
+            tokio::select! {
+                biased;
+                told = &mut judged => break told,
+                _ = free.step(hold()), if steps < 40 => steps += 1,
+            }
         }
     };
     assert!(alert(&judged).is_some() && begun.elapsed() >= Duration::from_millis(900));
     assert!(steps > 5, "{steps} steps in {:?}", begun.elapsed());
+    // Its own connection is not dead meanwhile: a ping is answered before the step is.
+    waiting.text(&json!({"type": "step", "data": burn()}).to_string()).await;
+    let begun = Instant::now();
+    waiting.ping().await;
+    assert!(waiting.ponged().await && begun.elapsed() < Duration::from_millis(700), "{:?}", begun.elapsed());
+    let Came::Frame(told) = waiting.next().await else { panic!("no answer") };
+    assert!(alert(&told["data"]).is_some(), "{told}");
+    // What is sent before the answer waits its turn.
+    waiting.text(&json!({"type": "step", "data": {"burns": []}}).to_string()).await;
+    waiting.text(&json!({"type": "state"}).to_string()).await;
+    let kinds = [waiting.next().await, waiting.next().await].map(|came| match came {
+        Came::Frame(frame) => frame["type"].as_str().unwrap().to_owned(),
+        other => panic!("{other:?}"),
+    });
+    assert_eq!(kinds, ["observation", "state"]);
 }
 
 struct Kept {

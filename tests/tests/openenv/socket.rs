@@ -40,6 +40,17 @@ impl Socket {
         self.0.send(Message::binary(bytes.to_vec())).await.unwrap();
     }
 
+    /// Sends a ping.
+    pub(crate) async fn ping(&mut self) {
+        self.0.send(Message::Ping(b"there?".to_vec().into())).await.unwrap();
+    }
+
+    /// Whether what comes next is its answer.
+    pub(crate) async fn ponged(&mut self) -> bool {
+        let came = tokio::time::timeout(std::time::Duration::from_secs(10), self.0.next()).await;
+        matches!(came, Ok(Some(Ok(Message::Pong(bytes)))) if bytes.as_ref() == b"there?")
+    }
+
     /// What comes next.
     pub(crate) async fn next(&mut self) -> Came {
         self.next_within(10.0).await

@@ -176,3 +176,57 @@ async fn a_server_that_drops_the_connection_breaks_the_episode_off() {
     broken_off(&played, 1, "the environment broke the connection off");
     assert_eq!(sent(&model).await.len(), 2, "the model is not asked again");
 }
+
+/// The command as a child of this process, its output piped.
+fn spawned(env: &str, line: &str) -> std::process::Child {
+    let mut command = std::process::Command::new(system_tests::binary());
+    command.env("HF_TOKEN", KEY).args(["play", "--env-url", env]).args(line.split_whitespace());
+    command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped()).spawn().unwrap()
+}
+
+/// `sparring play … | head -1`: flying costs, and ends where nobody reads.
+#[tokio::test]
+async fn where_nobody_reads_any_more_nothing_more_is_flown() {
+    use std::io::{BufRead, BufReader};
+    let ways = Ways::new(Takes::TaskAndSeed);
+    let mut child = spawned(&serve(&ways).await, "--policy hold --task survival --episodes 200");
+    let ended = tokio::task::spawn_blocking(move || {
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        (line, child.wait_with_output().unwrap())
+    });
+    let (line, output) = ended.await.unwrap();
+    assert!(line.starts_with("[START]"), "{line}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("nobody reads stdout any more"), "{output:?}");
+    assert!(ways.flown().len() < 10, "{}", ways.flown().len());
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn told_to_stop_it_tells_how_far_it_came() {
+    use std::io::{BufRead, BufReader, Read};
+    let env = serve(&Ways::new(Takes::TaskAndSeed)).await;
+    let model = endpoint([says(HOLD).set_delay(Duration::from_millis(100))]).await;
+    let mut child = spawned(&env, &format!("{} --task survival --episodes 3", at(&model.uri())));
+    let ended = tokio::task::spawn_blocking(move || {
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut lines = String::new();
+        while !lines.contains("[STEP] step=3 ") {
+            assert!(out.read_line(&mut lines).unwrap() > 0, "{lines}");
+        }
+        let asked =
+            std::process::Command::new("kill").arg("-INT").arg(child.id().to_string()).status().unwrap();
+        assert!(asked.success());
+        out.read_to_string(&mut lines).unwrap();
+        (lines, child.wait_with_output().unwrap())
+    });
+    let (lines, output) = ended.await.unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let last = lines.lines().last().unwrap();
+    assert!(
+        last.starts_with("[END] success=false steps=") && lines.matches("[START]").count() == 1,
+        "{lines}"
+    );
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(words.contains("it was told to stop") && words.contains("0 of 3 episodes"), "{words}");
+}

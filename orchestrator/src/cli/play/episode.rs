@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use serde_json::{Value, json};
+use tokio::sync::watch;
 
 use super::pilot::{Decision, Pilot, PilotError};
 use super::record::{Record, Tape};
@@ -44,6 +45,8 @@ pub(super) enum Fault {
     OtherTask { wanted: String, goals: String },
     #[error("the episode has not ended after {steps} steps")]
     Endless { steps: u32 },
+    #[error("it was told to stop")]
+    Stopped,
     #[error(transparent)]
     Output(#[from] anyhow::Error),
 }
@@ -64,11 +67,23 @@ pub(super) struct Flown {
 }
 
 /// Flies one episode and tells it.
-pub(super) async fn fly(job: &Job<'_>, mut pilot: Pilot, tape: &mut Tape<'_>) -> Flown {
+pub(super) async fn fly(
+    job: &Job<'_>,
+    mut pilot: Pilot,
+    tape: &mut Tape<'_>,
+    stop: &mut watch::Receiver<bool>,
+) -> Flown {
     let mut flown = Flown::default();
-    let ended = match begin(job).await {
+    let begun = tokio::select! {
+        begun = begin(job) => begun,
+        () = stopped(stop) => Err(Fault::Stopped),
+    };
+    let ended = match begun {
         Ok((mut session, seen)) => {
-            let ended = go_on(job, &mut session, seen, &mut pilot, tape, &mut flown).await;
+            let ended = tokio::select! {
+                ended = go_on(job, &mut session, seen, &mut pilot, tape, &mut flown) => ended,
+                () = stopped(stop) => Err(Fault::Stopped),
+            };
             session.close().await;
             ended
         }
@@ -93,6 +108,13 @@ pub(super) async fn fly(job: &Job<'_>, mut pilot: Pilot, tape: &mut Tape<'_>) ->
         flown.fault.get_or_insert(Fault::Output(error));
     }
     flown
+}
+
+/// Waits until all is to stop.
+async fn stopped(stop: &mut watch::Receiver<bool>) {
+    if stop.wait_for(|stop| *stop).await.is_err() {
+        std::future::pending::<()>().await; // nobody is left who could say so
+    }
 }
 
 /// A session in which the wanted task begins.

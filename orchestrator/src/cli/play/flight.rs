@@ -5,11 +5,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use designer::llm::LlmError;
 use futures_util::StreamExt;
+use tokio::sync::watch;
 
 use super::episode::{self, Fault, Flown, Job};
 use super::pilot::{PilotError, Wish};
 use super::record::Output;
 use crate::policy::Actions;
+
+/// Episodes in a row that do not begin, after which no other is tried; as many as are flown at once, if those are more.
+const NOBODY: usize = 3;
 
 /// An episode that is to be flown, with its task's actions.
 #[derive(Debug)]
@@ -24,17 +28,18 @@ pub(super) async fn fly(
     wish: &Wish,
     output: &Output,
     at_once: usize,
+    stop: &watch::Receiver<bool>,
 ) -> anyhow::Result<Vec<Option<Flown>>> {
-    let watch = Watch::default();
+    let watch = Watch { patience: at_once.max(NOBODY) as u64, ..Watch::default() };
     let flights = planned.iter().enumerate().map(|(place, planned)| {
-        let watch = &watch;
+        let (watch, mut stop) = (&watch, stop.clone());
         async move {
-            if watch.hopeless.load(Ordering::Relaxed) {
+            if watch.hopeless.load(Ordering::Relaxed) || *stop.borrow() {
                 return anyhow::Ok((place, None));
             }
             let pilot = wish.pilot(planned.job.task, planned.actions, planned.job.number)?;
             let mut tape = output.tape();
-            let flown = episode::fly(&planned.job, pilot, &mut tape).await;
+            let flown = episode::fly(&planned.job, pilot, &mut tape, &mut stop).await;
             if watch.see(&flown) {
                 say(&planned.job, &flown);
             }
@@ -54,6 +59,9 @@ pub(super) async fn fly(
 #[derive(Debug, Default)]
 struct Watch {
     steps: AtomicU64,
+    /// Episodes in a row that did not get to a first step, and how many are borne.
+    in_vain: AtomicU64,
+    patience: u64,
     hopeless: AtomicBool,
 }
 
@@ -65,8 +73,14 @@ impl Watch {
         let before = self.steps.fetch_add(steps, Ordering::Relaxed);
         let closed = matches!(&flown.fault, Some(Fault::Pilot(PilotError::Model(LlmError::Open { .. }))));
         let output = matches!(&flown.fault, Some(Fault::Output(_)));
-        // Nobody is there, or the endpoint is left alone for a while: further episodes would fare likewise.
-        if flown.fault.is_some() && (before + steps == 0 || closed || output) {
+        let in_vain = if steps == 0 && flown.fault.is_some() {
+            self.in_vain.fetch_add(1, Ordering::Relaxed) + 1
+        } else {
+            self.in_vain.store(0, Ordering::Relaxed);
+            0
+        };
+        // Nobody is there (any more), or the endpoint is left alone for a while: further episodes would fare likewise.
+        if flown.fault.is_some() && (before + steps == 0 || in_vain >= self.patience || closed || output) {
             self.hopeless.store(true, Ordering::Relaxed);
         }
         before + steps > 0
@@ -85,4 +99,24 @@ fn say(job: &Job<'_>, flown: &Flown) {
     };
     // Progress is worth no failure.
     let _ = writeln!(std::io::stderr().lock(), "Episode {number}, {}: {how}", task.name);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::play::session::SessionError;
+
+    /// A server that hangs after a while is not tried for every episode that is left.
+    #[test]
+    fn episodes_that_do_not_begin_are_borne_for_a_while() {
+        let watch = Watch { patience: 3, ..Watch::default() };
+        let late = || Flown { fault: Some(SessionError::Late { after_s: 1 }.into()), ..Flown::default() };
+        let flown = || Flown { rewards: vec![0.0], ..Flown::default() };
+        for episode in [flown(), late(), late(), flown(), late(), late()] {
+            watch.see(&episode);
+            assert!(!watch.hopeless.load(Ordering::Relaxed));
+        }
+        watch.see(&late());
+        assert!(watch.hopeless.load(Ordering::Relaxed));
+    }
 }

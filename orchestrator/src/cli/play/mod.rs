@@ -14,9 +14,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
+use env_core::{SEED_WANTED, Seed};
+use tokio::sync::watch;
 
 use self::episode::{Flown, Job};
 use self::flight::Planned;
@@ -151,6 +153,9 @@ step {episode, step, action, reward, done, error, observation, model} and end {e
 fault}. model is {step, action, error, invalid, completions}, null for a built-in policy; each of completions: {messages, text, cut, \
 error, tokens_in, tokens_out, latency_ms}, to the letter what the model was told and said. prompt is the version of the words.
 
+Ctrl-C (or SIGTERM) breaks off what flies: [END] and the summary are told all the same. Where nobody reads stdout any more \
+nothing more is flown, unless there is --out. On a server that judges, rewards and score are the judge's.
+
 Exit codes: 0 all episodes were flown to their end; 1 some were not; 2 bad input, or nobody there, in one sentence on stderr.
 
 Examples:
@@ -179,6 +184,15 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
             tasks.push(task);
         }
     }
+    let last = args.seed.map(|seed| seed.saturating_add(args.episodes.saturating_sub(1)));
+    if let Some(last) = last
+        && Seed::user(last).is_err()
+    {
+        bail!(
+            "--seed: the last of {} episodes would have the seed {last}; {SEED_WANTED} is wanted",
+            args.episodes
+        );
+    }
     let wish = wish(args)?;
     for task in &tasks {
         wish.check(task)?;
@@ -203,7 +217,14 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
             planned.push(Planned { job, actions: &known.actions });
         }
     }
-    let flown = flight::fly(&planned, &wish, &output, args.concurrency.into()).await?;
+    let (told, stop) = watch::channel(false);
+    tokio::spawn(async move {
+        if crate::cli::serve::told_to_stop().await.is_ok() {
+            told.send_replace(true);
+        }
+        std::future::pending::<()>().await; // who listens would take its end for a word
+    });
+    let flown = flight::fly(&planned, &wish, &output, args.concurrency.into(), &stop).await?;
     outcome(&tasks, &planned, flown, matches!(wish, Wish::Model { .. }))
 }
 

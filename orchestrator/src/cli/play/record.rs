@@ -6,7 +6,7 @@ use std::io::{BufWriter, Write as _};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
@@ -130,7 +130,11 @@ impl Tape<'_> {
     /// Writes what is not written yet.
     pub(super) fn flush(&mut self) -> anyhow::Result<()> {
         if !self.printed.is_empty() {
-            output::print(&std::mem::take(&mut self.printed))?;
+            let read = output::print_if_read(&std::mem::take(&mut self.printed))?;
+            // Flying costs: where it is told to nobody it ends.
+            if !read && self.output.file.is_none() {
+                bail!("nobody reads stdout any more, and there is no --out");
+            }
         }
         if let Some(file) = &self.output.file {
             let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);

@@ -5,7 +5,7 @@ use axum::http::StatusCode;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::read::WALK;
+use super::read::{WALK, known, named};
 use super::refusal::Refusal;
 
 /// Whether the server lives, in openenv-core's words.
@@ -51,8 +51,9 @@ pub(super) struct OfTask {
 )]
 pub(super) async fn schema(Query(of): Query<OfTask>) -> Result<axum::Json<Value>, Refusal> {
     let id = of.task.as_deref().unwrap_or(WALK[0]);
-    let none = || Refusal::new(StatusCode::NOT_FOUND, "task: there is no such task; /v1/tasks lists them");
-    let wire = env_core::task(id).ok_or_else(none)?.wire();
+    let none =
+        || Refusal::new(StatusCode::NOT_FOUND, format!("task: there is no such task; known are {}", known()));
+    let wire = named(id).ok_or_else(none)?.wire();
     Ok(axum::Json(json!({
         "action": wire.action_schema(),
         "observation": wire.observation_schema(),

@@ -176,24 +176,31 @@ pub(super) fn wish(fields: &mut Fields<'_>) -> Wish {
     }
 }
 
+/// A task by its id, or by its name in the first world.
+pub(super) fn named(name: &str) -> Option<&'static dyn TaskSpec> {
+    if name.contains('/') {
+        return env_core::task(name);
+    }
+    env_core::usual_tasks().into_iter().find(|task| task.id().split('/').next_back() == Some(name))
+}
+
+/// All tasks, for messages.
+pub(super) fn known() -> String {
+    env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ")
+}
+
 /// A task by its id, by its name in the first world, or by its number in the original's walk, from 1.
 fn task(fields: &mut Fields<'_>) -> Option<&'static dyn TaskSpec> {
     let value = fields.get("task")?;
     let by_number = value.as_u64().and_then(|n| n.checked_sub(1)).and_then(|n| usize::try_from(n).ok());
     let id = match value {
         Value::Number(_) => by_number.and_then(|n| WALK.get(n)).map(|id| (*id).to_owned()),
-        Value::String(name) if name.contains('/') => Some(name.clone()),
-        Value::String(name) => env_core::usual_tasks()
-            .into_iter()
-            .map(TaskSpec::id)
-            .find(|id| id.ends_with(&format!("/{name}")))
-            .map(str::to_owned),
+        Value::String(name) => Some(name.clone()),
         _ => None,
     };
-    let task = id.as_deref().and_then(env_core::task);
+    let task = id.as_deref().and_then(named);
     if task.is_none() {
-        let known = env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ");
-        let words = format!("Value error, there is no such task; known are {known}");
+        let words = format!("Value error, there is no such task; known are {}", known());
         fields.fault("task", "value_error", words, value);
     }
     task

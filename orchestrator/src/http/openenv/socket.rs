@@ -1,9 +1,10 @@
 //! `/ws`: a session over one WebSocket, in openenv-core's frames. Nothing that a client sends ends the session but `close`.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use axum::extract::State;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
 use axum::response::Response;
 use env_core::wire::WireFault;
 use serde_json::{Map, Value, json};
@@ -41,18 +42,24 @@ async fn serve(mut socket: WebSocket, app: App) {
         }
     };
     let mut closing = app.sessions.closing();
-    let mut room = ROOM;
+    let (mut room, mut early) = (ROOM, None);
     loop {
-        let received = tokio::select! {
-            received = next(&mut socket, app.sessions.limits().idle) => received,
-            () = closing.closed() => Received::Stop,
+        let received = match early.take() {
+            Some(received) => received,
+            None => tokio::select! {
+                received = next(&mut socket, app.sessions.limits().idle) => received,
+                () = closing.closed() => Received::Stop,
+            },
         };
         // Not held while a session is silent.
         let mut frame = Vec::with_capacity(room);
         match received {
             Received::Text(text) => {
-                if answered(&app, &mut session, &text, &mut frame).await.is_break() {
-                    return close(socket).await;
+                let work = answered(&app, &mut session, &text, &mut frame);
+                match meanwhile(&mut socket, &mut early, work).await {
+                    None => return,
+                    Some(ControlFlow::Break(())) => return close(socket).await,
+                    Some(ControlFlow::Continue(())) => {}
                 }
             }
             Received::Binary => frame.extend(
@@ -68,6 +75,7 @@ async fn serve(mut socket: WebSocket, app: App) {
                 let _ = send(&mut socket, error("SESSION_ERROR", words).to_string().into_bytes()).await;
                 return close(socket).await;
             }
+            Received::TooLarge => return close_for_size(socket).await,
             Received::Gone => return,
         }
         room = frame.len() + frame.len() / 8 + 64; // observations grow a little from step to step
@@ -83,12 +91,34 @@ pub(super) enum Received {
     Text(axum::extract::ws::Utf8Bytes),
     /// A binary frame.
     Binary,
+    /// A frame that is larger than is read.
+    TooLarge,
     /// Nothing for too long.
     Idle,
     /// The service stops.
     Stop,
     /// The client is gone.
     Gone,
+}
+
+/// Waits for what takes a while (a judge, a scenario that is prepared) and answers pings meanwhile; none where the client
+/// goes away. The one frame that it may send before it is answered is `early`.
+pub(super) async fn meanwhile<T>(
+    socket: &mut WebSocket,
+    early: &mut Option<Received>,
+    work: impl Future<Output = T>,
+) -> Option<T> {
+    tokio::pin!(work);
+    loop {
+        tokio::select! {
+            biased; // most work is done at once, and the socket is not looked at
+            done = &mut work => return Some(done),
+            received = next(socket, None), if early.is_none() => match received {
+                Received::Gone => return None,
+                received => *early = Some(received),
+            },
+        }
+    }
 }
 
 /// The next frame that is not about the connection.
@@ -99,6 +129,7 @@ pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Rece
                 Some(Ok(Message::Text(text))) => return Received::Text(text),
                 Some(Ok(Message::Binary(_))) => return Received::Binary,
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // answered by the library
+                Some(Err(error)) if is_too_large(&error) => return Received::TooLarge,
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return Received::Gone,
             }
         }
@@ -123,10 +154,24 @@ pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), G
     sent.ok().and_then(Result::ok).ok_or(Gone)
 }
 
+fn is_too_large(error: &axum::Error) -> bool {
+    use tokio_tungstenite::tungstenite::Error;
+    let source = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Error>());
+    matches!(source, Some(Error::Capacity(_)))
+}
+
 /// Says goodbye as the original does: code 1000, no reason.
-pub(super) async fn close(mut socket: WebSocket) {
-    let frame =
-        axum::extract::ws::CloseFrame { code: axum::extract::ws::close_code::NORMAL, reason: "".into() };
+pub(super) async fn close(socket: WebSocket) {
+    close_with(socket, close_code::NORMAL, "").await;
+}
+
+/// Says goodbye to who sent a frame that is too large: what comes after its beginning cannot be told apart.
+pub(super) async fn close_for_size(socket: WebSocket) {
+    close_with(socket, close_code::SIZE, "a frame has at most 4 MiB").await;
+}
+
+async fn close_with(mut socket: WebSocket, code: u16, reason: &'static str) {
+    let frame = CloseFrame { code, reason: reason.into() };
     let _ = tokio::time::timeout(SLOW, socket.send(Message::Close(Some(frame)))).await;
     // Until the client has answered, so that what was sent before is read.
     let farewell = async { while let Some(Ok(_)) = socket.recv().await {} };
@@ -134,12 +179,7 @@ pub(super) async fn close(mut socket: WebSocket) {
 }
 
 /// Answers one frame of text into `out`; breaks where the client wants to go.
-async fn answered(
-    app: &App,
-    session: &mut Session,
-    text: &str,
-    out: &mut Vec<u8>,
-) -> std::ops::ControlFlow<()> {
+async fn answered(app: &App, session: &mut Session, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
     let mut message = match env_core::wire::read_json(text) {
         Ok(Value::Object(message)) => message,
         Ok(other) => {
@@ -152,11 +192,11 @@ async fn answered(
                 ctx: None,
             };
             out.extend(faults(&[fault]).to_string().bytes());
-            return std::ops::ControlFlow::Continue(());
+            return ControlFlow::Continue(());
         }
         Err(unread) => {
             out.extend(error("INVALID_JSON", &format!("Invalid JSON: {unread}")).to_string().bytes());
-            return std::ops::ControlFlow::Continue(());
+            return ControlFlow::Continue(());
         }
     };
     let told = match message.get("type").and_then(Value::as_str) {
@@ -167,7 +207,7 @@ async fn answered(
             out.extend(state.to_string().bytes());
         }),
         Some("close") => match bare(&message) {
-            Ok(()) => return std::ops::ControlFlow::Break(()),
+            Ok(()) => return ControlFlow::Break(()),
             Err(told) => Err(told),
         },
         Some("mcp") => mcp(app, session, &mut message, out).await,
@@ -184,7 +224,7 @@ async fn answered(
         out.clear();
         out.extend(told.to_string().bytes());
     }
-    std::ops::ControlFlow::Continue(())
+    ControlFlow::Continue(())
 }
 
 async fn reset(

@@ -1,5 +1,7 @@
 //! Web mode: a page with a form that resets and steps, and what it asks.
 
+use std::sync::LazyLock;
+
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{Html, IntoResponse, Response};
@@ -16,6 +18,11 @@ use crate::sessions::SessionError;
 /// The page. It asks nothing of any other address.
 const PAGE: &str = include_str!("page.html");
 
+static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
+    let options = env_core::tasks().map(|task| format!("<option>{}</option>", task.id()));
+    PAGE.replace("{{tasks}}", &options.collect::<String>())
+});
+
 /// Which web session a request is for: that of its cookie or header, or the one all others share.
 pub(super) fn name(headers: &HeaderMap) -> Result<String, Refusal> {
     let named = headers.contains_key(HEADER) || simulation::cookie(headers).is_some();
@@ -31,7 +38,8 @@ pub(super) async fn home() -> Response {
 pub(super) async fn page(headers: HeaderMap) -> Response {
     let policy =
         "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
-    let mut response = ([(header::CONTENT_SECURITY_POLICY, policy)], Html(PAGE)).into_response();
+    let mut response =
+        ([(header::CONTENT_SECURITY_POLICY, policy)], Html(PAGE_WITH_TASKS.as_str())).into_response();
     if simulation::cookie(&headers).is_none() {
         let id = uuid::Uuid::new_v4();
         let cookie = format!("{COOKIE_NAME}={id}; Path=/; SameSite=Strict; HttpOnly");

@@ -37,20 +37,31 @@ async fn serve(mut socket: WebSocket, app: App) {
         }
     };
     let mut closing = app.sessions.closing();
+    let mut early = None;
     loop {
-        let received = tokio::select! {
-            received = socket::next(&mut socket, app.sessions.limits().idle) => received,
-            () = closing.closed() => Received::Stop,
+        let received = match early.take() {
+            Some(received) => received,
+            None => tokio::select! {
+                received = socket::next(&mut socket, app.sessions.limits().idle) => received,
+                () = closing.closed() => Received::Stop,
+            },
         };
         let told = match received {
             Received::Text(text) => match env_core::wire::read_json(&text) {
-                Ok(request) => super::answer(&app, &request, Some(&mut session)).await,
+                Ok(request) => {
+                    let work = super::answer(&app, &request, Some(&mut session));
+                    match socket::meanwhile(&mut socket, &mut early, work).await {
+                        Some(told) => told,
+                        None => return,
+                    }
+                }
                 Err(error) => rpc::failed(&Value::Null, &Failure::unread(Some(&error.to_string()))),
             },
             Received::Binary => {
                 rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here")))
             }
             Received::Idle | Received::Stop => return socket::close(socket).await,
+            Received::TooLarge => return socket::close_for_size(socket).await,
             Received::Gone => return,
         };
         if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {
