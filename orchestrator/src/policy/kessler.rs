@@ -32,8 +32,8 @@ pub(super) const FORM: &str = "It is {\"burns\": [...]}, with at most one burn a
 /// An observation as tables; none where it is not one of this world.
 pub(super) fn compact(seen: &Value) -> Option<String> {
     let seen: Telemetry = serde_json::from_value(seen.clone()).ok()?;
-    let mut text = format!("Score so far: {:.3}. ", seen.total_score);
-    text.push_str("Satellites (r: orbit radius; out: unit vector away from the Earth; ahead: prograde):\n");
+    let mut text =
+        "Satellites (r: orbit radius; out: unit vector away from the Earth; ahead: prograde):\n".to_owned();
     text.push_str("satellite, x, y, vx, vy, r, out, ahead, fuel\n");
     for satellite in &seen.satellites {
         row(satellite, &mut text);

@@ -84,7 +84,11 @@ impl Briefing {
         let of = if self.tables { format!(" of {}", kessler::STEPS) } else { String::new() };
         let telemetry = match self.telemetry {
             Telemetry::Raw => seen.observation.to_string(),
-            Telemetry::Compact => compact(self.actions.task(), seen),
+            Telemetry::Compact => {
+                let score = seen.observation["total_score"].as_f64().filter(|_| self.tables);
+                let score = score.map_or_else(String::new, |score| format!("Score so far: {score:.3}. "));
+                score + &compact(self.actions.task(), seen)
+            }
         };
         let of = [
             ("step", step.to_string()),
