@@ -53,22 +53,23 @@ def load(root: pathlib.Path):
     raise SystemExit(f"{path} cannot be imported (is openenv-core installed?): " + "; ".join(faults))
 
 
-def action_type(environment):
-    """The class of the action `step` takes, found beside the environment's own imports."""
+def message_type(environment, ending: str, field: str):
+    """A class of the environment's messages, found beside its own imports by the ending of its name and a field."""
     module = sys.modules[environment.__module__]
     for value in vars(module).values():
-        if isinstance(value, type) and value.__name__.endswith("Action") and "burns" in getattr(value, "model_fields", {}):
+        if isinstance(value, type) and value.__name__.endswith(ending) and field in getattr(value, "model_fields", {}):
             return value
-    raise SystemExit(f"{module.__name__} imports no action with burns")
+    raise SystemExit(f"{module.__name__} imports no {ending.lower()} with {field}")
+
+
+def action_type(environment):
+    """The class of the action `step` takes."""
+    return message_type(environment, "Action", "burns")
 
 
 def observation_type(environment):
-    """The class of what `reset` answers, found likewise."""
-    module = sys.modules[environment.__module__]
-    for value in vars(module).values():
-        if isinstance(value, type) and value.__name__.endswith("Observation") and "total_score" in getattr(value, "model_fields", {}):
-            return value
-    raise SystemExit(f"{module.__name__} imports no observation with total_score")
+    """The class of what `reset` answers."""
+    return message_type(environment, "Observation", "total_score")
 
 
 def python_turn(environment, action) -> float:

@@ -137,7 +137,8 @@ impl LlmConfig {
     /// What a stranger wrote, without our key, be it plain or as JSON has it: some endpoints repeat it.
     pub(super) fn scrub(&self, text: &str) -> String {
         let mut text = text.to_owned();
-        // A placeholder, as servers on one's own machine take any, is no secret, and is in every answer.
+        // Servers on one's own machine take any word for a key: one as short as `x` is no secret, and would be crossed out
+        // in the middle of what a model says.
         let secret = |key: &&str| key.chars().count() >= SHORTEST_SECRET;
         let Some(key) = self.key.as_ref().map(SecretString::expose_secret).filter(secret) else {
             return text;
@@ -202,5 +203,31 @@ impl LlmConfig {
             return fault("timeout", "more than nothing is wanted");
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// A secret is crossed out, in names too; a word that is too short to be one leaves what is said as it was.
+    #[test]
+    fn what_is_too_short_for_a_secret_is_not_crossed_out() {
+        let said = || json!({"burns": [{"delta_vx": 0.1, "why": "12345678 and 1234567x"}], "12345678": 1});
+        let scrubbed = |key: &str| {
+            let mut config = LlmConfig::new("http://h/v1", "m", WallClock::new(|| 0));
+            config.key = Some(key.to_owned().into());
+            let mut value = said();
+            config.scrub_value(&mut value);
+            assert_eq!(config.scrub(&said().to_string()), value.to_string(), "text and value alike");
+            value
+        };
+        for short in ["x", "0", "1234567"] {
+            assert_eq!(scrubbed(short), said(), "{short}");
+        }
+        let crossed = json!({"burns": [{"delta_vx": 0.1, "why": "[key] and 1234567x"}], "[key]": 1});
+        assert_eq!(scrubbed("12345678"), crossed);
     }
 }
