@@ -165,6 +165,10 @@ mod tests {
         let own = format!("{llm} --judge-url http://j/v1 --judge-model jm");
         assert_eq!(of(&own, &upstream[2..]).unwrap(), some("http://j/v1", "jm", Some("hf")));
         assert!(of("--judge-url http://j/v1", &[]).unwrap_err().to_string().contains("--judge-model"));
+        for held in [&[][..], &[("MINE", "")], &[("MINE", "  ")]] {
+            let refused = of(&format!("{llm} --judge-key-env MINE"), held).unwrap_err().to_string();
+            assert!(refused.contains("MINE") && refused.contains("holds nothing"), "{refused}");
+        }
         assert!(of("--judge maybe", &[]).is_err() && of("--judge-timeout 0", &[]).is_err());
     }
 }

@@ -19,14 +19,19 @@ use crate::socket::{Came, Socket};
 
 const FINE: &str = r#"{"reasoning": "Nothing came near.", "score": 0.5}"#;
 
-/// The judges of a server whose model is there, with little patience.
-fn judges(usual: Judge, base: &str) -> Arc<Judges> {
+/// A model that is there, with little patience.
+fn model(base: &str) -> LlmConfig {
     let mut config = LlmConfig::new(format!("{base}/v1"), "mock", WallClock::new(|| 0));
     config.key = Some(KEY.to_owned().into());
     config.retries = 1;
     config.backoff = Duration::from_millis(20);
     config.timeout = Duration::from_secs(1);
-    let model = ModelJudge::new(Llm::new(config).unwrap());
+    config
+}
+
+/// The judges of a server with such a model.
+fn judges(usual: Judge, base: &str) -> Arc<Judges> {
+    let model = ModelJudge::new(Llm::new(model(base)).unwrap());
     Arc::new(Judges::new(usual, Some(model)))
 }
 
@@ -289,6 +294,49 @@ async fn a_slow_judge_keeps_nobody_else_waiting() {
         other => panic!("{other:?}"),
     });
     assert_eq!(kinds, ["observation", "state"]);
+}
+
+/// What verdicts cost is remembered by a server that starts again.
+#[tokio::test]
+async fn a_budget_that_is_spent_stays_spent() {
+    let endpoint = endpoint([says(FINE)]).await;
+    let base = endpoint.uri();
+    let mut server = Server::set_up(move |config| {
+        let model = LlmConfig { tokens_per_run: Some(4_000), ..model(&base) };
+        let judges = Judges::new(Judge::Llm, Some(ModelJudge::new(Llm::new(model).unwrap())));
+        Config { judges: Arc::new(judges), ..config }
+    })
+    .await;
+    let judged = told(&server, &[hold(), hold(), hold(), hold(), hold(), hold()]).await;
+    assert!(alert(&judged[1]).is_some() && alert(&judged[6]).is_none(), "{:?}", alert(&judged[6]));
+    let asked = sent(&endpoint).await.len();
+    server.restart().await;
+    let judged = told(&server, &[burn(), hold()]).await;
+    assert!(alert(&judged[1]).is_none() && number(&judged[1], "/reward") > 0.0);
+    assert_eq!(sent(&endpoint).await.len(), asked, "a spent budget pays for nothing");
+    server.stop().await;
+    let error = kept(&server).await.pop().and_then(|row| row.error).unwrap();
+    assert!(error.contains("budget"), "{error}");
+}
+
+/// A file that is no database of verdicts is told apart, and left as it is.
+#[test]
+fn agreement_of_what_holds_no_verdicts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (empty, text) = (folder.path().join("empty.sqlite3"), folder.path().join("text.sqlite3"));
+    std::fs::write(&empty, "").unwrap();
+    std::fs::write(&text, "no database at all, but a text of some length").unwrap();
+    for (file, why) in [(&empty, "is empty"), (&text, ""), (&folder.path().join("none"), "")] {
+        let mut command = std::process::Command::new(binary());
+        let output = command.env_remove("SPARRING_LOG").arg("judge-agreement").arg("--db").arg(file).output();
+        let output = output.unwrap();
+        let words = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{words}");
+        assert!(words.contains(why) && words.contains(&*file.to_string_lossy()), "{words}");
+        assert!(output.stdout.is_empty() && words.lines().count() <= 3, "{words}");
+    }
+    assert_eq!(std::fs::metadata(&empty).unwrap().len(), 0);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing is left behind");
 }
 
 struct Kept {

@@ -248,6 +248,22 @@ async fn a_silent_session_is_closed() {
     assert_eq!(socket.next().await, Came::Closed(1000));
 }
 
+/// What comes after the beginning of such a frame cannot be told apart: the socket ends, and nothing else does.
+#[tokio::test]
+async fn a_frame_that_is_too_large_ends_its_session() {
+    let server = Server::start().await;
+    let mut other = Socket::to(&server.api(), "/ws").await;
+    other.reset(json!({"seed": 1})).await;
+    for path in ["/ws", "/mcp"] {
+        let mut socket = Socket::to(&server.api(), path).await;
+        socket.text(&format!("\"{}\"", " ".repeat(3 << 20))).await;
+        assert!(matches!(socket.next().await, Came::Frame(_)), "{path}: 3 MiB are read");
+        socket.text(&" ".repeat(5 << 20)).await;
+        assert_eq!(socket.next().await, Came::Closed(1009), "{path}");
+    }
+    other.step(hold()).await;
+}
+
 #[tokio::test]
 async fn an_agent_plays_through_tools_and_cannot_begin_again() {
     let server = Server::start().await;
