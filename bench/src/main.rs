@@ -3,11 +3,13 @@
 
 mod bare;
 mod bracket;
+mod columns;
 mod critique;
 mod designer;
 mod engine;
 mod levels;
 mod results;
+mod soak;
 mod sockets;
 mod steps;
 
@@ -18,10 +20,14 @@ use clap::Parser;
 /// Measures Sparring against its goals. Run it on an idle machine, in release: `make bench`.
 #[derive(Debug, Parser)]
 struct Args {
-    /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level; `learner`
+    /// What to measure; all of speed if none is named. `soak` loads the server for ten minutes
+    /// and watches its memory; `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "sockets", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "soak", "designer", "learner", "levels"])]
     what: Vec<String>,
+    /// How long `soak` lasts
+    #[arg(long, default_value_t = 10)]
+    minutes: u32,
     #[command(flatten)]
     peer: sockets::Peer,
     /// Flies the layouts of a file again, and says how many are not what they claim: the process that `designer` starts.
@@ -68,11 +74,17 @@ fn main() -> anyhow::Result<()> {
     if wanted("results") {
         show(results::measure()?)?;
     }
+    if wanted("columns") {
+        show(columns::measure()?)?;
+    }
     if wanted("sockets") {
         show(sockets::measure(&args.peer)?)?;
     }
     if wanted("designer") {
         show(designer::measure()?)?;
+    }
+    if args.what.iter().any(|what| what == "soak") {
+        show(soak::measure(args.minutes)?)?;
     }
     if args.what.iter().any(|what| what == "learner") {
         show(designer::learner::measure()?)?;

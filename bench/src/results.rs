@@ -38,7 +38,7 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     let start = Instant::now();
     let mut batches = Vec::new();
     for _ in 0..LEASES {
-        batches.extend(bodies(&lease(&api).await?)?);
+        batches.extend(prepared(&api, "bench").await?);
     }
     let prepared = LEASES as f64 * GROUPS as f64 / start.elapsed().as_secs_f64();
     let results: usize = batches.len() * BATCH;
@@ -61,8 +61,8 @@ async fn run() -> anyhow::Result<Vec<Row>> {
                 bytes / results
             ),
             measured: format!("{rate:.0} results/s"),
-            goal: "≥ 2000 results/s".into(),
-            ratio: Some(rate / 2000.0),
+            goal: "≥ 5000 results/s".into(),
+            ratio: Some(rate / 5000.0),
         },
         Row {
             what: "scenarios drawn, bracketed and leased (and flown here)".into(),
@@ -73,26 +73,22 @@ async fn run() -> anyhow::Result<Vec<Row>> {
         Row {
             what: "a lease of one group, under that load".into(),
             measured: format!("{median:.1} ms median, {p99:.1} p99"),
-            goal: String::new(),
-            ratio: None,
+            goal: "p99 < 20 ms".into(),
+            ratio: Some(20.0 / p99),
         },
     ])
 }
 
-/// Sends every batch, several clients at a time; every result must count.
+/// Sends every batch, several clients at a time.
 async fn send_all(api: &Api, batches: Vec<String>) -> anyhow::Result<()> {
     let queue = Arc::new(Mutex::new(batches));
-    let mut clients = JoinSet::new();
+    let mut clients: JoinSet<anyhow::Result<()>> = JoinSet::new();
     for _ in 0..CLIENTS {
         let (api, queue) = (api.clone(), Arc::clone(&queue));
         clients.spawn(async move {
             loop {
                 let Some(body) = queue.lock().await.pop() else { return Ok(()) };
-                let answer = api.raw("POST", "/v1/runs/bench/results", "application/json", body).await;
-                let counted = answer.body["results"]
-                    .as_array()
-                    .is_some_and(|all| all.len() == BATCH && all.iter().all(|r| r["status"] == "counted"));
-                anyhow::ensure!(counted, "not every result counted: {} {}", answer.status, answer.body);
+                send(&api, "bench", body).await?;
             }
         });
     }
@@ -102,9 +98,25 @@ async fn send_all(api: &Api, batches: Vec<String>) -> anyhow::Result<()> {
     Ok(())
 }
 
-async fn lease(api: &Api) -> anyhow::Result<Lease> {
+/// Sends a batch; every result must count.
+pub(crate) async fn send(api: &Api, run: &str, body: String) -> anyhow::Result<()> {
+    let answer = api.raw("POST", &format!("/v1/runs/{run}/results"), "application/json", body).await;
+    let counted = answer.body["results"]
+        .as_array()
+        .is_some_and(|all| all.len() == BATCH && all.iter().all(|r| r["status"] == "counted"));
+    anyhow::ensure!(counted, "not every result counted: {} {}", answer.status, answer.body);
+    Ok(())
+}
+
+/// Batches of a lease that is taken for them.
+pub(crate) async fn prepared(api: &Api, run: &str) -> anyhow::Result<Vec<String>> {
+    bodies(&lease(api, run).await?)
+}
+
+async fn lease(api: &Api, run: &str) -> anyhow::Result<Lease> {
     for _ in 0..60 {
-        let answer = api.post("/v1/runs/bench/leases", json!({"groups": GROUPS, "ttl_s": 3600})).await;
+        let wish = json!({"groups": GROUPS, "ttl_s": 3600});
+        let answer = api.post(&format!("/v1/runs/{run}/leases"), wish).await;
         match answer.status {
             201 => return Ok(Lease(answer.body)),
             429 | 503 => tokio::time::sleep(Duration::from_millis(200)).await,
@@ -131,7 +143,7 @@ fn bodies(lease: &Lease) -> anyhow::Result<Vec<String>> {
 }
 
 /// Takes small leases until told to stop: median and 99th percentile, milliseconds.
-async fn lease_times(api: Api, mut until: tokio::sync::oneshot::Receiver<()>) -> (f64, f64) {
+pub(crate) async fn lease_times(api: Api, mut until: tokio::sync::oneshot::Receiver<()>) -> (f64, f64) {
     let mut times = Vec::new();
     while matches!(until.try_recv(), Err(tokio::sync::oneshot::error::TryRecvError::Empty)) {
         let start = Instant::now();

@@ -38,7 +38,7 @@ pub use error::{LogError, ScenarioError, StepError};
 pub use log::{ActionLog, JointAction, Stopped};
 pub use registry::{task, tasks, usual_tasks, world, worlds};
 pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
-pub use seed::{SEED_WANTED, Seed, SeedSpace};
+pub use seed::{FREE_MASK, SEED_WANTED, Seed, SeedSpace};
 pub use task::{Episode, TaskSpec};
 pub use told::{significant, told};
 pub use wire::{Place, Wire, WireFault};

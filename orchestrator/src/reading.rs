@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 pub(crate) use self::fault::Fault;
-pub(crate) use self::once::{Unread, value};
+pub(crate) use self::once::{Unread, packed, packed_value, value};
 use self::reader::Reader;
 
 /// A value as `T`.

@@ -20,8 +20,10 @@ use crate::training::design::{BuiltIn, Designers};
 use crate::training::{Desk, Wakes, Writer};
 use crate::workers;
 
-/// Batches of results that are parsed and replayed at once.
-const LARGE_BODIES: usize = 4;
+/// Batches of results that are parsed and replayed at once: each may take a few hundred MiB while it is.
+const LARGE_BODIES: usize = 3;
+/// How many may listen to events at once.
+const LISTENERS: usize = 256;
 /// How long requests may still run when the service stops.
 const GRACE: Duration = Duration::from_secs(10);
 
@@ -104,6 +106,10 @@ pub struct App {
     pub boards: Arc<http::Boards>,
     /// Batches of results that are parsed and replayed at once.
     pub large_bodies: Arc<Semaphore>,
+    /// Moves whenever something that is told of a run was committed.
+    pub events: Arc<watch::Sender<u64>>,
+    /// How many may still listen to that.
+    pub listeners: Arc<Semaphore>,
     /// Scenarios by hand that are planned on at once.
     pub planning: http::Planning,
     /// Who designs layouts.
@@ -150,6 +156,7 @@ impl Service {
         let wakes = Wakes::default();
         let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
+        let events = Arc::clone(&wakes.events);
         let jobs = employ(&config, &readers, &writer, (wakes, ready_tx))?;
 
         let stopping = Arc::new(AtomicBool::new(false));
@@ -167,6 +174,8 @@ impl Service {
             sessions: Arc::clone(&sessions),
             boards: Arc::default(),
             large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
+            events,
+            listeners: Arc::new(Semaphore::new(LISTENERS)),
             planning: http::Planning::default(),
             designers: config.designers,
             judges: config.judges,

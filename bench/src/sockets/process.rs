@@ -14,7 +14,7 @@ pub(super) fn cpu_s(pid: u32) -> anyhow::Result<f64> {
 }
 
 /// Memory of a process that is resident, bytes.
-pub(super) fn resident(pid: u32) -> anyhow::Result<u64> {
+pub(crate) fn resident(pid: u32) -> anyhow::Result<u64> {
     let status =
         std::fs::read_to_string(format!("/proc/{pid}/status")).context("memory is read from /proc")?;
     let line =

@@ -122,7 +122,7 @@ fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Re
 fn read(path: &Path) -> anyhow::Result<Value> {
     let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
     reading::value(text.as_bytes()).map_err(|error| match error {
-        Unread::NotJson(why) => anyhow!("{} is not JSON: {why}", path.display()),
+        Unread::Malformed(why) => anyhow!("{} is not JSON: {why}", path.display()),
         Unread::Twice(fault) => anyhow!("{}: {fault}", path.display()),
     })
 }

@@ -9,29 +9,67 @@ use serde::de::DeserializeOwned;
 use super::problem::Problem;
 use crate::reading::{self, Fault, Unread};
 
-/// A JSON body.
+/// How a body is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// `application/json`, and whatever says that it is some.
+    Json,
+    /// `application/msgpack`.
+    MessagePack,
+}
+
+impl Form {
+    /// What people call it.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Json => "JSON",
+            Self::MessagePack => "MessagePack",
+        }
+    }
+
+    fn of(request: &Request) -> Result<Self, Problem> {
+        let kind = request.headers().get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or("");
+        let essence = kind.split(';').next().unwrap_or("").trim().to_ascii_lowercase();
+        match essence.as_str() {
+            "application/json" => Ok(Self::Json),
+            "application/msgpack" | "application/x-msgpack" | "application/vnd.msgpack" => Ok(Self::MessagePack),
+            _ if essence.ends_with("+json") => Ok(Self::Json),
+            _ => Err(Problem::new(
+                StatusCode::UNSUPPORTED_MEDIA_TYPE,
+                "not_json",
+                "Send JSON, with the header Content-Type: application/json, or MessagePack, with application/msgpack.",
+            )),
+        }
+    }
+}
+
+/// A body, and how it is written.
+pub(super) struct Bytes(pub(super) Form, pub(super) axum::body::Bytes);
+
+impl<S: Send + Sync> FromRequest<S> for Bytes {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
+        let form = Form::of(&request)?;
+        Ok(Self(form, axum::body::Bytes::from_request(request, state).await.map_err(unread)?))
+    }
+}
+
+/// A body of JSON or MessagePack.
 pub(super) struct Json<T>(pub(super) T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
-        let kind = request.headers().get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or("");
-        let essence = kind.split(';').next().unwrap_or("").trim();
-        if !(essence.eq_ignore_ascii_case("application/json") || essence.ends_with("+json")) {
-            return Err(Problem::new(
-                StatusCode::UNSUPPORTED_MEDIA_TYPE,
-                "not_json",
-                "Send JSON, with the header Content-Type: application/json.",
-            ));
-        }
-        let body = axum::body::Bytes::from_request(request, state).await.map_err(unread)?;
-        let value = reading::value(&body).map_err(|error| match error {
+        let Bytes(form, body) = Bytes::from_request(request, state).await?;
+        let value = match form {
+            Form::Json => reading::value(&body),
+            Form::MessagePack => reading::packed_value(&body),
+        };
+        let value = value.map_err(|error| match error {
             Unread::Twice(fault) => invalid(fault),
-            Unread::NotJson(why) => {
-                let detail = format!("The body is not JSON: {}.", shorten(&why));
-                Problem::new(StatusCode::BAD_REQUEST, "malformed_json", detail).at(BODY)
-            }
+            Unread::Malformed(why) => Problem::malformed(form, &why),
         })?;
         read(value).map(Self)
     }
@@ -39,6 +77,18 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
 
 /// The field at fault where it is the whole body.
 const BODY: &str = "body";
+
+impl Problem {
+    /// A body that is not what it says it is.
+    pub(super) fn malformed(form: Form, why: &str) -> Self {
+        let code = match form {
+            Form::Json => "malformed_json",
+            Form::MessagePack => "malformed_msgpack",
+        };
+        let detail = format!("The body is not {}: {}.", form.name(), shorten(why));
+        Self::new(StatusCode::BAD_REQUEST, code, detail).at(BODY)
+    }
+}
 
 /// A body that was read, as `T`.
 pub(super) fn read<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Problem> {

@@ -1,5 +1,6 @@
 //! HTTP: a handler parses, calls one use case, and maps the answer.
 
+mod column;
 mod extract;
 mod health;
 mod openenv;

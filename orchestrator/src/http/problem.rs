@@ -62,7 +62,7 @@ impl Problem {
     }
 
     /// The same, asking to come again.
-    const fn again_in(mut self, seconds: u32) -> Self {
+    pub(super) const fn again_in(mut self, seconds: u32) -> Self {
         self.retry_after_s = Some(seconds);
         self
     }
@@ -128,6 +128,7 @@ impl From<TrainingError> for Problem {
             E::TooManyAsks(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_asks").again_in(5),
             E::RunExists(_) => problem(StatusCode::CONFLICT, "run_exists").at("id"),
             E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
+            E::ClaimedOtherwise(_) => problem(StatusCode::CONFLICT, "claimed_otherwise"),
             E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
             E::TooManyLeases(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5),
             E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").again_in(1),

@@ -124,13 +124,13 @@ impl ChatPolicy {
     /// # Errors
     /// An endpoint that cannot be used: the episode cannot be flown by it.
     pub async fn act(&mut self, seen: &Seen) -> Result<Turn, LlmError> {
-        self.steps += 1;
-        let asked = self.briefing.user(self.steps, seen);
+        let step = self.steps + 1;
+        let asked = self.briefing.user(step, seen);
         let mut messages = vec![Message::new(Role::System, self.briefing.system())];
         messages.extend(self.history.messages());
         messages.push(Message::new(Role::User, &asked));
         let mut turn =
-            Turn { step: self.steps, action: Value::Null, error: None, invalid: 0, completions: Vec::new() };
+            Turn { step, action: Value::Null, error: None, invalid: 0, completions: Vec::new() };
         let action = match self.decide(messages, &mut turn).await {
             Ok(action) => action,
             // The model's own: everything else is the endpoint's.
@@ -140,6 +140,7 @@ impl ChatPolicy {
             }
             Err(error) => return Err(error),
         };
+        self.steps = step;
         turn.action = action.unwrap_or_else(|| self.briefing.actions().hold());
         self.history.push(asked, self.briefing.actions().text(&turn.action));
         Ok(turn)

@@ -1,9 +1,10 @@
-//! JSON in which every key stands once.
+//! JSON and MessagePack in which every key stands once, and no more than can be held.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::fmt;
+use std::io::Cursor;
 
-use serde::de::{self, DeserializeSeed, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, DeserializeOwned, DeserializeSeed, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value, map::Entry};
 
 use super::Fault;
@@ -11,8 +12,8 @@ use super::Fault;
 /// Bytes that cannot be read.
 #[derive(Debug)]
 pub(crate) enum Unread {
-    /// They are not JSON: a sentence.
-    NotJson(String),
+    /// They are not JSON, or not MessagePack: a sentence.
+    Malformed(String),
     /// They are, but a key is there twice.
     Twice(Fault),
 }
@@ -20,7 +21,7 @@ pub(crate) enum Unread {
 impl fmt::Display for Unread {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotJson(why) => f.write_str(why),
+            Self::Malformed(why) => f.write_str(why),
             Self::Twice(fault) => fault.fmt(f),
         }
     }
@@ -34,14 +35,57 @@ impl std::error::Error for Unread {}
 /// What is no JSON, or has a key twice.
 pub(crate) fn value(bytes: &[u8]) -> Result<Value, Unread> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
-        return Err(Unread::NotJson("there is nothing in it".to_owned()));
+        return Err(Unread::Malformed("there is nothing in it".to_owned()));
     }
-    let found = RefCell::new(None);
     let mut reader = serde_json::Deserializer::from_slice(bytes);
-    let read = Once { found: &found }.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
-    read.map_err(|error| match found.into_inner() {
+    once(|once| once.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value)))
+}
+
+/// Values that are read of one body: a value takes 32 bytes of memory, and may take one of the body.
+pub(crate) const MOST_VALUES: usize = 4_000_000;
+/// How deep MessagePack may be; JSON has the same bound of its reader's.
+const MOST_DEEP: usize = 128;
+
+/// Reads MessagePack.
+///
+/// # Errors
+/// What is none, or has a key twice.
+pub(crate) fn packed_value(bytes: &[u8]) -> Result<Value, Unread> {
+    let mut reader = packed_reader(bytes);
+    once(|once| once.deserialize(&mut reader).and_then(|value| at_its_end(&reader, bytes).map(|()| value)))
+}
+
+/// Reads MessagePack as `T`.
+///
+/// # Errors
+/// What is none, or no `T`.
+pub(crate) fn packed<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, rmp_serde::decode::Error> {
+    let mut reader = packed_reader(bytes);
+    let value = T::deserialize(&mut reader)?;
+    at_its_end(&reader, bytes).map(|()| value)
+}
+
+type PackedReader<'a> = rmp_serde::Deserializer<rmp_serde::decode::ReadReader<Cursor<&'a [u8]>>>;
+
+fn packed_reader(bytes: &[u8]) -> PackedReader<'_> {
+    let mut reader = rmp_serde::Deserializer::new(Cursor::new(bytes));
+    reader.set_max_depth(MOST_DEEP);
+    reader
+}
+
+fn at_its_end(reader: &PackedReader<'_>, bytes: &[u8]) -> Result<(), rmp_serde::decode::Error> {
+    if reader.position() == bytes.len() as u64 {
+        Ok(())
+    } else {
+        Err(rmp_serde::decode::Error::Uncategorized("bytes follow its end".to_owned()))
+    }
+}
+
+fn once<E: fmt::Display>(read: impl FnOnce(Once<'_>) -> Result<Value, E>) -> Result<Value, Unread> {
+    let (found, left) = (RefCell::new(None), Cell::new(MOST_VALUES));
+    read(Once { found: &found, left: &left }).map_err(|error| match found.into_inner() {
         Some(fault) => Unread::Twice(fault),
-        None => Unread::NotJson(error.to_string()),
+        None => Unread::Malformed(error.to_string()),
     })
 }
 
@@ -49,6 +93,8 @@ pub(crate) fn value(bytes: &[u8]) -> Result<Value, Unread> {
 #[derive(Clone, Copy)]
 struct Once<'a> {
     found: &'a RefCell<Option<Fault>>,
+    /// Values that may still come.
+    left: &'a Cell<usize>,
 }
 
 impl Once<'_> {
@@ -65,6 +111,10 @@ impl<'de> DeserializeSeed<'de> for Once<'_> {
     type Value = Value;
 
     fn deserialize<D: de::Deserializer<'de>>(self, reader: D) -> Result<Value, D::Error> {
+        let left = self.left.get().checked_sub(1);
+        self.left.set(left.ok_or_else(|| {
+            de::Error::custom(format!("it holds more than {MOST_VALUES} values; send less at a time"))
+        })?);
         reader.deserialize_any(self)
     }
 }

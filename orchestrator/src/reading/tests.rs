@@ -107,3 +107,59 @@ fn a_query_is_read_from_its_words() {
     .map(|pairs| of(pairs).unwrap_err());
     insta::assert_snapshot!(faults.join("\n"));
 }
+
+mod packed {
+    use proptest::prelude::*;
+    use serde_json::{Value, json};
+
+    use crate::reading::{Unread, packed_value, value};
+
+    fn any_json() -> impl Strategy<Value = Value> {
+        let leaf = prop_oneof![
+            Just(Value::Null),
+            any::<bool>().prop_map(Value::from),
+            any::<i64>().prop_map(Value::from),
+            any::<u64>().prop_map(Value::from),
+            (-1e300..1e300f64).prop_map(Value::from),
+            ".{0,12}".prop_map(Value::from),
+        ];
+        leaf.prop_recursive(4, 40, 6, |inner| {
+            prop_oneof![
+                proptest::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
+                proptest::collection::btree_map(".{0,6}", inner, 0..6)
+                    .prop_map(|fields| fields.into_iter().collect::<Value>()),
+            ]
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn the_same_in_both_forms_is_the_same(body in any_json()) {
+            let bytes = rmp_serde::to_vec_named(&body).unwrap();
+            prop_assert_eq!(packed_value(&bytes).unwrap(), body.clone());
+            prop_assert_eq!(value(body.to_string().as_bytes()).unwrap(), body);
+        }
+
+        #[test]
+        fn no_bytes_panic(bytes: Vec<u8>) {
+            let _ = packed_value(&bytes);
+        }
+    }
+
+    #[test]
+    fn what_is_too_much_too_deep_or_goes_on_is_refused() {
+        let many = [vec![0xdd, 0, 0x50, 0, 0], vec![0xc0; 0x50_0000]].concat();
+        let deep = [vec![0x91; 100_000], vec![0xc0]].concat();
+        let on = vec![0xc0, 0xc0];
+        let claimed = vec![0xdd, 0xff, 0xff, 0xff, 0xff, 0xc0];
+        let twice = [&[0x82, 0xa1, b'a', 1, 0xa1, b'a', 2][..]].concat();
+        for bytes in [many, deep, on, claimed, vec![0xc4, 1, 0], vec![0x81, 1, 2], vec![0xcb, 0x7f, 0xf8, 0, 0, 0, 0, 0, 0]] {
+            assert!(matches!(packed_value(&bytes), Err(Unread::Malformed(_))));
+        }
+        assert!(matches!(packed_value(&twice), Err(Unread::Twice(_))));
+        let text = format!("[{}0]", "0,".repeat(5_000_000));
+        let told = value(text.as_bytes()).unwrap_err().to_string();
+        assert!(told.contains("more than 4000000 values"), "{told}");
+        assert_eq!(value(b"[[1]]").unwrap(), json!([[1]]));
+    }
+}

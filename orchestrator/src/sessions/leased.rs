@@ -162,6 +162,10 @@ impl Leased {
         if row.status != "active" {
             return Err(TrainingError::LeaseOver { lease: lease.to_string(), status: row.status });
         }
+        if row.is_columns() {
+            let why = "its episodes come as ranges of seeds, to be flown elsewhere and claimed in columns";
+            return Err(TrainingError::invalid("lease_id", why));
+        }
         let reported: BTreeSet<i64> = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
         let mut loader = Loader::default();
         let mut groups = Vec::new();

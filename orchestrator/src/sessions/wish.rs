@@ -153,7 +153,11 @@ impl Wish {
             Recipe::with_params(self.task.unwrap_or(usual), params).map_err(|e| under("params", &e))?;
         let recipe = recipe.with_options(physics).map_err(|error| under("physics", &error))?;
         let seed = match (self.seed, &self.group) {
-            (Some(seed), _) => Seed::user(seed).map_err(|error| WishError::new("seed", error.to_string()))?,
+            (Some(_), Some(_)) => {
+                let why = "the name of a group decides it, so that all who name it fly the same; leave one of the two out";
+                return Err(WishError::new("seed", why));
+            }
+            (Some(seed), None) => Seed::user(seed).map_err(|error| WishError::new("seed", error.to_string()))?,
             (None, Some(group)) => seed_of(group),
             (None, None) => any_seed(),
         };

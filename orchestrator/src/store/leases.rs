@@ -6,7 +6,7 @@ use super::StoreError;
 use crate::clock::Millis;
 
 /// A lease as stored.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LeaseRow {
     /// Its number.
     pub id: i64,
@@ -16,6 +16,8 @@ pub struct LeaseRow {
     pub run: String,
     /// `train`, `probe` or `eval`.
     pub purpose: String,
+    /// `groups` or `columns`: how its episodes are named and reported.
+    pub form: String,
     /// `active`, `done`, `released` or `expired`.
     pub status: String,
     /// How many groups.
@@ -63,6 +65,31 @@ pub struct GroupRow {
     pub evidence: i64,
 }
 
+impl LeaseRow {
+    /// Whether its episodes are ranges of seeds, reported as columns.
+    #[must_use]
+    pub fn is_columns(&self) -> bool {
+        self.form == COLUMNS
+    }
+
+    /// Its id, as it is written.
+    #[must_use]
+    pub fn name(&self) -> String {
+        crate::ids::LeaseId { number: self.id, token: self.token.clone() }.to_string()
+    }
+
+    /// How many episodes it has.
+    #[must_use]
+    pub const fn episodes(&self) -> i64 {
+        self.groups * self.group_size
+    }
+}
+
+/// The forms of a lease.
+pub const GROUPS: &str = "groups";
+/// See [`GROUPS`].
+pub const COLUMNS: &str = "columns";
+
 impl GroupRow {
     /// Whether its episodes are for training or probing: what is for measuring is counted nowhere.
     #[must_use]
@@ -87,12 +114,13 @@ pub async fn next_id(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
 /// The database's.
 pub async fn insert(conn: &mut SqliteConnection, row: &LeaseRow) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        "INSERT INTO leases (token, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at,
+        "INSERT INTO leases (token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at,
                              expires_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS \"id!\"",
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS \"id!\"",
         row.token,
         row.run,
         row.purpose,
+        row.form,
         row.status,
         row.groups,
         row.group_size,
@@ -137,7 +165,7 @@ pub async fn insert_group(conn: &mut SqliteConnection, lease: i64, row: &GroupRo
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LeaseRow>, StoreError> {
     Ok(sqlx::query_as!(
         LeaseRow,
-        "SELECT id, token, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
+        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
          FROM leases WHERE id = ?",
         id
     )
@@ -157,7 +185,7 @@ pub async fn page(
 ) -> Result<Vec<LeaseRow>, StoreError> {
     Ok(sqlx::query_as!(
         LeaseRow,
-        "SELECT id, token, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
+        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
          FROM leases WHERE run = ? AND id > ? ORDER BY id LIMIT ?",
         run,
         after,
@@ -260,6 +288,21 @@ pub async fn update_group(
     )
     .execute(conn)
     .await?;
+    Ok(())
+}
+
+/// Says whether a group's scenario is contested, where that was found out only when it was audited.
+///
+/// # Errors
+/// The database's.
+pub async fn set_contested(
+    conn: &mut SqliteConnection,
+    (lease, number): (i64, i64),
+    contested: bool,
+) -> Result<(), StoreError> {
+    query!("UPDATE groups SET contested = ? WHERE lease = ? AND number = ?", contested, lease, number)
+        .execute(conn)
+        .await?;
     Ok(())
 }
 

@@ -3,14 +3,17 @@
 
 pub mod asks;
 pub mod brackets;
+pub mod columns;
 pub mod critiques;
 pub mod curriculum;
 pub mod design_counts;
 pub mod episodes;
+pub mod events;
 pub mod failures;
 pub mod inertial;
 pub mod layouts;
 pub mod leases;
+pub mod marks;
 mod open;
 pub mod progress;
 pub mod proposals;

@@ -8,16 +8,25 @@ use sqlx::{SqliteConnection, query};
 
 use super::{StoreError, signed, to_json, unsigned};
 
+/// Stores a recipe, once; its id.
+///
+/// # Errors
+/// The database's.
+pub async fn insert_recipe(conn: &mut SqliteConnection, recipe: &Recipe) -> Result<Vec<u8>, StoreError> {
+    let id = recipe.id().0.to_vec();
+    let body = to_json(&recipe.to_json())?;
+    query!("INSERT INTO recipes (id, body) VALUES (?, ?) ON CONFLICT (id) DO NOTHING", id, body)
+        .execute(conn)
+        .await?;
+    Ok(id)
+}
+
 /// Stores a scenario and its recipe, once each.
 ///
 /// # Errors
 /// The database's.
 pub async fn insert(conn: &mut SqliteConnection, scenario: &Scenario) -> Result<(), StoreError> {
-    let recipe = scenario.recipe().id().0.to_vec();
-    let body = to_json(&scenario.recipe().to_json())?;
-    query!("INSERT INTO recipes (id, body) VALUES (?, ?) ON CONFLICT (id) DO NOTHING", recipe, body)
-        .execute(&mut *conn)
-        .await?;
+    let recipe = insert_recipe(conn, scenario.recipe()).await?;
     let id = scenario.id().0.to_vec();
     let seed = signed(scenario.seed().get());
     query!(
@@ -54,18 +63,22 @@ impl Loader {
     /// The database's, or a scenario that cannot be read.
     pub async fn get(&mut self, conn: &mut SqliteConnection, id: &[u8]) -> Result<Scenario, StoreError> {
         let row = query!("SELECT recipe, seed FROM scenarios WHERE id = ?", id).fetch_one(&mut *conn).await?;
-        let recipe = match self.recipes.get(&row.recipe) {
-            Some(recipe) => Arc::clone(recipe),
-            None => {
-                let body = sqlx::query_scalar!("SELECT body FROM recipes WHERE id = ?", row.recipe)
-                    .fetch_one(conn)
-                    .await?;
-                let value: serde_json::Value = super::from_json("a recipe", &body)?;
-                let recipe = Arc::new(Recipe::from_json(&value)?);
-                self.recipes.insert(row.recipe.clone(), Arc::clone(&recipe));
-                recipe
-            }
-        };
+        let recipe = self.recipe(conn, &row.recipe).await?;
         Ok(Scenario::new(recipe, Seed::new(unsigned(row.seed))?))
+    }
+
+    /// A recipe by its id.
+    ///
+    /// # Errors
+    /// The database's, or a recipe that cannot be read.
+    pub async fn recipe(&mut self, conn: &mut SqliteConnection, id: &[u8]) -> Result<Arc<Recipe>, StoreError> {
+        if let Some(recipe) = self.recipes.get(id) {
+            return Ok(Arc::clone(recipe));
+        }
+        let body = sqlx::query_scalar!("SELECT body FROM recipes WHERE id = ?", id).fetch_one(conn).await?;
+        let value: serde_json::Value = super::from_json("a recipe", &body)?;
+        let recipe = Arc::new(Recipe::from_json(&value)?);
+        self.recipes.insert(id.to_owned(), Arc::clone(&recipe));
+        Ok(recipe)
     }
 }

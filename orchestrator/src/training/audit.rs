@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use env_core::bracket::{Bracket, Flown, success};
+use env_core::bracket::{Bracket, Flown, admit, success};
 use env_core::log::Precision;
 use env_core::rollout::{ReplayError, read_log, replay};
 use env_core::{ActionLog, Scenario, Stopped};
@@ -101,10 +101,24 @@ pub enum Verdict {
     },
 }
 
+/// A group whose scenario was bracketed only now: one of a lease of columns.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// Its lease, and its number there.
+    pub group: (i64, i64),
+    /// The scenario.
+    pub scenario: Scenario,
+    /// What it is worth.
+    pub bracket: Bracket,
+    /// Whether acting well matters on it.
+    pub contested: bool,
+}
+
 /// A group with what is needed to replay its episodes.
 struct Stage {
     scenario: Scenario,
-    bracket: Bracket,
+    /// None where nobody has looked for it yet.
+    bracket: Option<Bracket>,
 }
 
 /// Looks every claim up, and replays them in parallel.
@@ -116,21 +130,33 @@ pub async fn audit(
     run: &RunId,
     settings: RunSettings,
     claims: Vec<Claim>,
-) -> Result<Vec<Audited>, TrainingError> {
+) -> Result<(Vec<Audited>, Vec<Found>), TrainingError> {
     let mut finder = Finder::new(run);
     let mut places = Vec::with_capacity(claims.len());
     for claim in &claims {
         places.push(finder.place(conn, &claim.episode).await?);
     }
-    let stages = finder.stages;
+    let mut stages = finder.stages;
     let audited = tokio::task::spawn_blocking(move || {
-        claims
-            .into_par_iter()
-            .zip(places)
-            .map(|(claim, place)| judge(claim, place, &stages, &settings))
-            .collect()
+        let found = bracket(&mut stages);
+        let audited = claims.into_par_iter().zip(places);
+        let audited = audited.map(|(claim, place)| judge(claim, place, &stages, &settings)).collect();
+        (audited, found)
     });
     audited.await.map_err(|error| TrainingError::invalid("results", error.to_string()))
+}
+
+/// Brackets what has none yet.
+fn bracket(stages: &mut HashMap<(i64, i64), Stage>) -> Vec<Found> {
+    let bare: Vec<_> = stages.iter_mut().filter(|(_, stage)| stage.bracket.is_none()).collect();
+    let found = bare.into_par_iter().filter_map(|(group, stage)| {
+        let admission = admit(&stage.scenario);
+        let bracket = admission.bracket?;
+        stage.bracket = Some(bracket.clone());
+        let (group, scenario) = (*group, stage.scenario.clone());
+        Some(Found { group, scenario, bracket, contested: admission.contested })
+    });
+    found.collect()
 }
 
 type Place = Result<(i64, i64, i64), (&'static str, String)>;
@@ -164,9 +190,14 @@ impl<'a> Finder<'a> {
         let group = id.index / lease.group_size;
         if !self.stages.contains_key(&(lease.id, group)) {
             let Some(row) = leases::group(conn, lease.id, group).await? else {
-                return Ok(Err(("unknown_episode", "the lease has no such group".to_owned())));
+                let why = if lease.is_columns() {
+                    "it is not audited: only the columns say how it went"
+                } else {
+                    "the lease has no such group"
+                };
+                return Ok(Err(("unknown_episode", why.to_owned())));
             };
-            let stage = self.stage(conn, &row).await?;
+            let stage = self.stage(conn, &row, lease.is_columns()).await?;
             self.stages.insert((lease.id, group), stage);
         }
         Ok(Ok((lease.id, id.index, group)))
@@ -191,11 +222,19 @@ impl<'a> Finder<'a> {
         Ok(found)
     }
 
-    async fn stage(&mut self, conn: &mut SqliteConnection, group: &GroupRow) -> Result<Stage, TrainingError> {
+    async fn stage(
+        &mut self,
+        conn: &mut SqliteConnection,
+        group: &GroupRow,
+        may_be_bare: bool,
+    ) -> Result<Stage, TrainingError> {
         let scenario = self.loader.get(conn, &group.scenario).await?;
-        let bracket = brackets::newest(conn, &group.scenario).await?.ok_or_else(|| {
-            store::StoreError::unreadable("a bracket", "there is none for a leased scenario")
-        })?;
+        let bracket = brackets::newest(conn, &group.scenario).await?;
+        if bracket.is_none() && !may_be_bare {
+            return Err(
+                store::StoreError::unreadable("a bracket", "there is none for a leased scenario").into()
+            );
+        }
         Ok(Stage { scenario, bracket })
     }
 }
@@ -228,7 +267,9 @@ fn fly(
     precision: Precision,
     stopped: Option<Stopped>,
 ) -> Verdict {
-    let Stage { scenario, bracket } = stage;
+    let Stage { scenario, bracket: Some(bracket) } = stage else {
+        return Verdict::Refused { code: "invalid_log", detail: "its scenario cannot be flown".to_owned() };
+    };
     let log = match read_log(scenario, steps, precision, stopped) {
         Ok(log) => log,
         Err(error) => return invalid(error.into()),

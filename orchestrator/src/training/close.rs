@@ -1,8 +1,7 @@
 //! A group's end: what it says to the curriculum, and what becomes of its scenario.
 
-use super::TrainingError;
 use super::writer::Work;
-use super::{design, queue};
+use super::{Happening, TrainingError, design, queue};
 use crate::curriculum::{GroupOutcome, Move, Proposal};
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
@@ -28,6 +27,8 @@ pub(super) async fn close_group(
     }
     .to_owned();
     leases::update_group(conn, lease.id, &group, Some(now)).await?;
+    work.tell(&lease.run, &Happening::group(lease, &group, expired)).await?;
+    let (mind, conn) = work.mind(&lease.run).await?;
     if expired > 0 && group.counts() {
         let lost = Sums { expired, ..Sums::default() };
         sums::add(conn, &lease.run, &sums::Key::of(&group), &lost).await?;
@@ -75,14 +76,21 @@ pub(super) async fn observe(
 ) -> Result<Vec<Move>, TrainingError> {
     let now = work.now;
     let (mind, conn) = work.mind(run).await?;
-    let before = epochs(mind);
+    let before = mind.curriculum.status();
     let moves = mind.observe(conn, outcome, now).await?;
-    if epochs(mind) != before {
+    let after = mind.curriculum.status();
+    for moved in &moves {
+        work.tell(run, &Happening::Move(moved)).await?;
+    }
+    for status in &after {
+        // Their words have counts in them: what is told is that there is one more.
+        let known = before.iter().find(|known| known.task == status.task).map_or(0, |known| known.warnings.len());
+        for words in status.warnings.iter().skip(known) {
+            work.tell(run, &Happening::Health { task: Some(&status.task), words }).await?;
+        }
+    }
+    if !before.iter().map(|status| status.epoch).eq(after.iter().map(|status| status.epoch)) {
         queue::refresh(work, run).await?;
     }
     Ok(moves)
-}
-
-fn epochs(mind: &super::Mind) -> Vec<u32> {
-    mind.curriculum.status().iter().map(|status| status.epoch).collect()
 }

@@ -4,7 +4,7 @@ use env_core::{SEED_WANTED, Seed};
 
 use super::queue;
 use super::settings::{RunSettings, RunWish};
-use super::{Change, TrainingError, Work};
+use super::{Change, Happening, TrainingError, Work};
 use crate::ids::{RunId, random_seed, random_token};
 use crate::store::runs::{self, RunRow};
 use crate::store::{signed, to_json};
@@ -65,6 +65,7 @@ impl Change for CreateRun {
             return Err(TrainingError::RunExists(row.id));
         }
         queue::fill(work, &row.id, queue::AHEAD).await?;
+        work.tell(&row.id, &Happening::Run { state: "created" }).await?;
         Ok(row)
     }
 }
@@ -88,6 +89,8 @@ impl Change for SetPaused {
         runs::set_status(conn, run, if self.paused { "paused" } else { "active" }).await?;
         let row = runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
         work.wake_prepare();
+        let state = if self.paused { "paused" } else { "resumed" };
+        work.tell(run, &Happening::Run { state }).await?;
         Ok(row)
     }
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use sqlx::SqliteConnection;
 
 use super::profile::{self, Note};
-use super::{Change, TrainingError, Work, sample};
+use super::{Change, Happening, TrainingError, Work, sample};
 use crate::clock::Millis;
 use crate::store::critiques::{self, Job};
 use crate::store::failures::{self, CellKey, CellSums, Example, RING};
@@ -155,6 +155,7 @@ pub struct Enter(pub Vec<Done>);
 
 impl Change for Enter {
     type Answer = ();
+    const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
         let mut by_task: BTreeMap<(String, String), Vec<Done>> = BTreeMap::new();
@@ -165,6 +166,13 @@ impl Change for Enter {
         }
         for ((run, task), all) in by_task {
             enter(&mut work.conn, work.now, &run, &task, &all).await?;
+            let notes = || all.iter().flat_map(|done| &done.notes);
+            let mut modes = BTreeMap::new();
+            for failing in notes().flat_map(|note| &note.failures) {
+                *modes.entry(failing.key.mode.as_str()).or_default() += 1;
+            }
+            let criticised = notes().count();
+            work.tell(&run, &Happening::Failures { task: &task, criticised, modes }).await?;
         }
         Ok(())
     }

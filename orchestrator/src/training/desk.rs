@@ -20,6 +20,9 @@ use crate::store::{from_json, runs};
 /// How long a lease waits for scenarios to be prepared before whoever asks is told to come again.
 const PATIENCE: Duration = Duration::from_secs(10);
 
+/// Results that are written at a time: leases are granted between two parts.
+const PART: usize = 50;
+
 /// Hands out leases and takes results.
 #[derive(Debug, Clone)]
 pub struct Desk {
@@ -73,20 +76,34 @@ impl Desk {
     /// Replays what is claimed and stores it; what it says is on disk.
     ///
     /// # Errors
-    /// No such run, or the store's. A claim that is wrong is refused by itself.
+    /// No such run, or the store's: what was written by then is, and answered as a duplicate when it is reported again. A claim that
+    /// is wrong is refused by itself.
     pub async fn report(
         &self,
         run: RunId,
         policy_version: Option<u32>,
         claims: Vec<Claim>,
     ) -> Result<(Vec<Receipt>, Vec<Move>), TrainingError> {
-        let results = {
+        let (results, mut found) = {
             let mut conn = self.readers.acquire().await?;
             let row = runs::get(&mut conn, run.as_str()).await?;
             let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
             let settings: RunSettings = from_json("a run's settings", &row.settings)?;
             audit(&mut conn, &run, settings, claims).await?
         };
-        self.writer.change(Report { run, policy_version, results }).await
+        let (mut receipts, mut moves) = (Vec::with_capacity(results.len()), Vec::new());
+        let mut results = results.into_iter();
+        loop {
+            let part: Vec<_> = results.by_ref().take(PART).collect();
+            let last = part.len() < PART;
+            let (run, found) = (run.clone(), std::mem::take(&mut found));
+            let report = Report { run, policy_version, results: part, found };
+            let (told, moved) = self.writer.change(report).await?;
+            receipts.extend(told);
+            moves.extend(moved);
+            if last {
+                return Ok((receipts, moves));
+            }
+        }
     }
 }

@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::lease::TakeLease;
 use super::prepare::{Hopeless, Prepared, prepare};
-use super::{Change, TrainingError, Work, Writer};
+use super::{Change, Happening, TrainingError, Work, Writer};
 use crate::curriculum::{Proposal, Role};
 use crate::ids::{LeaseId, RunId};
-use crate::store::leases::{self, GroupRow};
+use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::{self, unsigned};
 
 /// Groups of a lease fit this many times into the numbers of one: seeds of two leases never meet.
@@ -60,6 +60,7 @@ impl Change for Reserve {
         let group_size = wish.check(mind)?;
         let row = wish.begin(conn, group_size, now).await?;
         let number = leases::insert(conn, &row).await?;
+        let row = LeaseRow { id: number, ..row };
         let status = mind.curriculum.status();
         let tasks = &mind.settings.curriculum.tasks;
         let proposals = tasks.iter().cycle().take(wish.groups as usize).map(|plan| {
@@ -75,12 +76,9 @@ impl Change for Reserve {
                 why: "an evaluation".to_owned(),
             }
         });
-        Ok(Reserved {
-            lease: LeaseId { number, token: row.token },
-            run_seed: mind.seed,
-            proposals: proposals.collect(),
-            run: wish.run,
-        })
+        let (run_seed, proposals) = (mind.seed, proposals.collect());
+        work.tell(&row.run, &Happening::lease(&row, "taken")).await?;
+        Ok(Reserved { lease: LeaseId { number, token: row.token }, run_seed, proposals, run: wish.run })
     }
 }
 

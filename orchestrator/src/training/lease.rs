@@ -6,7 +6,7 @@ use super::close::close_group;
 use super::design::serve;
 use super::queue::{self, AHEAD};
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
-use super::{Change, Mind, TrainingError, Work};
+use super::{Change, Happening, Mind, TrainingError, Work, columns};
 use crate::curriculum::{Move, Proposal};
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::leases::{self, GroupRow, LeaseRow};
@@ -102,6 +102,7 @@ impl TakeLease {
             token: random_token(6),
             run: self.run.to_string(),
             purpose: self.purpose.word().to_owned(),
+            form: leases::GROUPS.to_owned(),
             status: "active".to_owned(),
             groups: i64::from(self.groups),
             group_size: i64::from(group_size),
@@ -159,6 +160,8 @@ impl Change for TakeLease {
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
         }
         queue::fill(work, run, AHEAD).await?;
+        let row = LeaseRow { id, ..row };
+        work.tell(run, &Happening::lease(&row, "taken")).await?;
         Ok(Taken::Granted(LeaseId { number: id, token: row.token }))
     }
 }
@@ -217,6 +220,7 @@ impl Change for Renew {
         }
         row.expires_at = work.now + row.ttl_ms;
         leases::set_expiry(&mut work.conn, row.id, row.expires_at).await?;
+        work.tell(&row.run, &Happening::lease(&row, "renewed")).await?;
         Ok(row)
     }
 }
@@ -267,6 +271,11 @@ impl Change for Expire {
 
 async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
     leases::set_status(&mut work.conn, lease.id, status).await?;
+    work.tell(&lease.run, &Happening::lease(lease, status)).await?;
+    if lease.is_columns() {
+        columns::abandon(work, lease).await?;
+        return Ok(Vec::new());
+    }
     let mut moves = Vec::new();
     for group in leases::groups(&mut work.conn, lease.id).await? {
         if group.state == "open" {

@@ -5,7 +5,7 @@ use sqlx::SqliteConnection;
 use super::TrainingError;
 use super::settings::RunSettings;
 use crate::clock::Millis;
-use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Snapshot};
+use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Snapshot};
 use crate::store::{self, StoreError, from_json, signed, to_json, unsigned};
 
 /// Events between snapshots.
@@ -68,18 +68,22 @@ impl Mind {
         })
     }
 
-    /// Proposes, and stores the event; the proposal's seq.
+    /// Proposes, and stores the event; the proposal with its seq.
     ///
     /// # Errors
     /// The database's.
-    pub async fn propose(&mut self, conn: &mut SqliteConnection, now: Millis) -> Result<u64, StoreError> {
+    pub async fn propose(
+        &mut self,
+        conn: &mut SqliteConnection,
+        now: Millis,
+    ) -> Result<(u64, Proposal), StoreError> {
         let (seq, proposal) = self.curriculum.propose();
         let body = to_json(&proposal)?;
-        let event = to_json(&CurriculumEvent::Proposed(proposal))?;
+        let event = to_json(&CurriculumEvent::Proposed(proposal.clone()))?;
         store::curriculum::append(conn, &self.run, signed(seq), &event, now).await?;
         store::proposals::insert(conn, &self.run, signed(seq), &body).await?;
         self.snapshot_if_due(conn).await?;
-        Ok(seq)
+        Ok((seq, proposal))
     }
 
     /// Observes an outcome, and stores the event and the moves it caused.

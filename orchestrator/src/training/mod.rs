@@ -3,11 +3,13 @@
 
 pub mod audit;
 mod close;
+pub mod columns;
 pub mod create_run;
 pub mod criticise;
 pub mod design;
 pub mod desk;
 pub mod eval_lease;
+pub mod happening;
 pub mod lease;
 mod mind;
 pub mod prepare;
@@ -21,6 +23,7 @@ pub mod verdict;
 pub mod writer;
 
 pub use desk::Desk;
+pub use happening::Happening;
 pub use mind::Mind;
 pub use settings::RunSettings;
 pub use writer::{Change, Wakes, Work, Writer};
@@ -66,6 +69,9 @@ pub enum TrainingError {
         /// What became of it.
         status: String,
     },
+    /// Columns that contradict those that came before.
+    #[error("columns came for lease {0} before, and other ones; the first stand")]
+    ClaimedOtherwise(String),
     /// More active leases than a run may have.
     #[error("the run has {0} active leases, as many as it may; report or release some")]
     TooManyLeases(i64),

@@ -76,6 +76,21 @@ pub fn seed_of(space: SeedSpace, run_seed: u64, seq: u64, draw: u64) -> Seed {
     Seed::in_space(space, u64::from_le_bytes(bits))
 }
 
+/// The recipe that a proposal asks for.
+///
+/// # Errors
+/// Params or options that its task does not have.
+pub fn recipe_of(proposal: &Proposal) -> Result<Recipe, ScenarioError> {
+    let task = env_core::task(&proposal.task).ok_or_else(|| ScenarioError::UnknownChoice {
+        field: "task".to_owned(),
+        value: proposal.task.clone(),
+        choices: String::new(),
+    })?;
+    let params = proposal.params.iter().map(|(name, value)| (name.as_str(), *value));
+    let options = proposal.physics.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
+    Recipe::with_params(task, params)?.with_options(options)
+}
+
 /// Prepares a proposal.
 ///
 /// # Errors
@@ -87,14 +102,8 @@ pub fn prepare(
     proposal: &Proposal,
     hopeless: &Hopeless,
 ) -> Result<Prepared, ScenarioError> {
-    let task = env_core::task(&proposal.task).ok_or_else(|| ScenarioError::UnknownChoice {
-        field: "task".to_owned(),
-        value: proposal.task.clone(),
-        choices: String::new(),
-    })?;
-    let params = proposal.params.iter().map(|(name, value)| (name.as_str(), *value));
-    let options = proposal.physics.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
-    let recipe = Arc::new(Recipe::with_params(task, params)?.with_options(options)?);
+    let recipe = Arc::new(recipe_of(proposal)?);
+    let task = recipe.task();
     let draw = |number| Scenario::new(Arc::clone(&recipe), seed_of(space, run_seed, seq, number));
     let wants_contested = proposal.contested && !hopeless.are(&recipe);
     let draws = if wants_contested { CONTESTED_DRAWS } else { FAIR_DRAWS };
@@ -141,6 +150,7 @@ pub struct StorePrepared {
 
 impl Change for StorePrepared {
     type Answer = ();
+    const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
         for (run, seq, prepared) in &self.prepared {

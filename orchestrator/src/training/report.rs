@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use super::audit::{Audited, Verdict};
+use super::audit::{Audited, Found, Verdict};
 use super::close::close_group;
 use super::criticise::JOB;
 use super::writer::Work;
-use super::{Change, TrainingError};
+use super::{Change, Happening, TrainingError, columns};
 use crate::curriculum::Move;
 use crate::ids::RunId;
-use crate::store::brackets::StoredFlown;
+use crate::store::brackets::{self, StoredFlown};
 use crate::store::episodes::{self, EpisodeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
@@ -22,11 +22,11 @@ pub struct Receipt {
     /// The episode, as it was written.
     pub episode: String,
     /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, a designed
-    /// layout, or too old a policy),
+    /// layout, or too old a policy), `audited` (as its columns claim; it counts once all that is audited is),
     /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
     pub status: &'static str,
     /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    /// `conflict`.
+    /// `conflict`, `not_as_claimed` (its columns said otherwise, and are refused).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<&'static str>,
     /// The same for people.
@@ -66,12 +66,19 @@ pub struct Report {
     pub policy_version: Option<u32>,
     /// The results.
     pub results: Vec<Audited>,
+    /// What was bracketed for them.
+    pub found: Vec<Found>,
 }
 
 impl Change for Report {
     type Answer = (Vec<Receipt>, Vec<Move>);
+    const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
+        for Found { group, scenario, bracket, contested } in &self.found {
+            brackets::insert(&mut work.conn, &scenario.id().0, bracket).await?;
+            leases::set_contested(&mut work.conn, *group, *contested).await?;
+        }
         let mut books = Books::default();
         let mut receipts = Vec::with_capacity(self.results.len());
         for result in self.results {
@@ -91,6 +98,8 @@ struct Books {
     /// Indices of episodes that the critique has to look at, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
+    /// Leases of columns whose claim does not hold, and why.
+    refuted: BTreeMap<i64, String>,
 }
 
 impl Books {
@@ -119,7 +128,18 @@ impl Books {
         if let Verdict::Flown { log, .. } = &verdict {
             episodes::insert_log(&mut work.conn, lease_id, number, log).await?;
         }
-        let status = if late { "late" } else { self.count(work, &lease, &row).await? };
+        let status = match (late, lease.is_columns()) {
+            (true, _) => "late",
+            (false, false) => self.count(work, &lease, &row).await?,
+            (false, true) => match self.compare(work, &lease, &row).await? {
+                columns::Check::Fine => "audited",
+                columns::Check::Differs(why) => {
+                    let refused = Receipt::refused(episode.clone(), "not_as_claimed", why.clone());
+                    self.refuted.entry(lease.id).or_insert_with(|| format!("{episode}: {why}"));
+                    return Ok(Receipt { score: row.score, ..refused });
+                }
+            },
+        };
         Ok(Receipt {
             episode,
             status,
@@ -142,6 +162,39 @@ impl Books {
         Ok(row)
     }
 
+    /// The group of an episode, read once.
+    async fn group(
+        &mut self,
+        work: &mut Work,
+        lease: &LeaseRow,
+        number: i64,
+    ) -> Result<&mut GroupRow, TrainingError> {
+        let key = (lease.id, number / lease.group_size);
+        match self.groups.entry(key) {
+            Entry::Occupied(known) => Ok(known.into_mut()),
+            Entry::Vacant(place) => {
+                let found = leases::group(&mut work.conn, key.0, key.1).await?;
+                Ok(place.insert(found.ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))?))
+            }
+        }
+    }
+
+    /// Compares an audited episode with what its columns claim; it is counted when all that is audited is in.
+    async fn compare(
+        &mut self,
+        work: &mut Work,
+        lease: &LeaseRow,
+        row: &EpisodeRow,
+    ) -> Result<columns::Check, TrainingError> {
+        let group = self.group(work, lease, row.number).await?;
+        let check = columns::check(work, group, row).await?;
+        if check == columns::Check::Fine {
+            group.finished += 1;
+            group.successes += row.success.unwrap_or(0);
+        }
+        Ok(check)
+    }
+
     /// Counts an episode into its group and the sums; the receipt's word.
     async fn count(
         &mut self,
@@ -149,21 +202,12 @@ impl Books {
         lease: &LeaseRow,
         row: &EpisodeRow,
     ) -> Result<&'static str, TrainingError> {
-        let key = (lease.id, row.number / lease.group_size);
-        let group = match self.groups.entry(key) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(place) => {
-                let found = leases::group(&mut work.conn, key.0, key.1).await?;
-                place.insert(found.ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))?)
-            }
-        };
         let (mind, _) = work.mind(&lease.run).await?;
         let newest = mind.policy_version.max(self.newest_policy).max(row.policy_version);
-        if group.counts() {
-            self.newest_policy = newest; // an evaluation moves nothing, this neither
-        }
-        let stale =
-            mind.settings.max_staleness.is_some_and(|most| newest - row.policy_version > i64::from(most));
+        let max_staleness = mind.settings.max_staleness;
+        let group = self.group(work, lease, row.number).await?;
+        let counts = group.counts();
+        let stale = max_staleness.is_some_and(|most| newest - row.policy_version > i64::from(most));
         let mut sums = Sums::default();
         if row.state == "failed" {
             group.failed += 1;
@@ -181,14 +225,16 @@ impl Books {
                 ..sums
             };
         }
+        let (key, evidence) = (sums::Key::of(group), group.evidence != 0);
         // An evaluation moves nothing, plain sums included.
-        if group.counts() {
-            self.sums.entry(sums::Key::of(group)).or_default().add(&sums);
+        if counts {
+            self.newest_policy = newest;
             if row.state == "finished" {
-                self.to_criticise.entry((lease.id, group.task.clone())).or_default().push(row.number);
+                self.to_criticise.entry((lease.id, key.task.clone())).or_default().push(row.number);
             }
+            self.sums.entry(key).or_default().add(&sums);
         }
-        Ok(match (row.state.as_str(), group.evidence != 0) {
+        Ok(match (row.state.as_str(), evidence) {
             ("failed", _) => "failed",
             (_, true) => "counted",
             (_, false) => "stored",
@@ -214,15 +260,24 @@ impl Books {
         }
         for ((lease_id, _), group) in self.groups {
             let Some(lease) = self.leases.get(&lease_id) else { continue };
-            if group.finished + group.failed >= lease.group_size {
+            if lease.is_columns() {
+                leases::update_group(&mut work.conn, lease_id, &group, None).await?;
+            } else if group.finished + group.failed >= lease.group_size {
                 moves.extend(close_group(work, lease, group).await?);
             } else {
                 leases::update_group(&mut work.conn, lease_id, &group, None).await?;
             }
         }
-        for lease in self.leases.values() {
+        for lease in self.leases.values().filter(|lease| lease.is_columns() && lease.status == "active") {
+            match self.refuted.get(&lease.id) {
+                Some(why) => columns::refuse(work, lease, why).await?,
+                None => moves.extend(columns::settle(work, lease).await?),
+            }
+        }
+        for lease in self.leases.values().filter(|lease| !lease.is_columns()) {
             if lease.status == "active" && leases::open_groups(&mut work.conn, lease.id).await? == 0 {
                 leases::set_status(&mut work.conn, lease.id, "done").await?;
+                work.tell(&lease.run, &Happening::lease(lease, "done")).await?;
             }
         }
         Ok(moves)

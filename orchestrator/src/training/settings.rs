@@ -13,6 +13,14 @@ use crate::judging::Judge;
 
 /// Most episodes of a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;
+/// Groups of a lease of columns that are audited where a run does not say, and at most.
+const AUDIT_GROUPS: u32 = 64;
+const MAX_AUDIT_GROUPS: u32 = 1024;
+
+const fn audit_groups() -> u32 {
+    AUDIT_GROUPS
+}
+
 /// The usual threshold of the raw rule.
 const RAW_THRESHOLD: f64 = 0.7;
 
@@ -99,6 +107,8 @@ pub struct RunWish {
     pub tasks: Option<Vec<String>>,
     /// Layouts designed for the agent's failures, mixed into its training.
     pub design: DesignWish,
+    /// Groups of a lease of columns whose logs are replayed (64): 1 to 1 024.
+    pub audit_groups: Option<u32>,
     /// Who judges the steps of sessions that fly for this run: `off`, `deterministic` or `llm` (what the server is set to).
     #[schema(value_type = Option<String>, example = "off")]
     pub judge: Option<Judge>,
@@ -126,6 +136,9 @@ pub struct RunSettings {
     /// Layouts designed for the agent's failures; a run of before there were any has none.
     #[serde(default)]
     pub design: DesignSettings,
+    /// Groups of a lease of columns whose logs are replayed.
+    #[serde(default = "audit_groups")]
+    pub audit_groups: u32,
     /// Who judges the steps of sessions; none: as the server is set to.
     #[serde(default)]
     pub judge: Option<Judge>,
@@ -181,6 +194,11 @@ impl RunSettings {
             success: wish.success.unwrap_or(SuccessSetting::Task),
             thresholds,
             design: DesignSettings::read(&wish.design)?,
+            audit_groups: {
+                let groups = wish.audit_groups.unwrap_or(AUDIT_GROUPS);
+                within("audit_groups", groups, 1, MAX_AUDIT_GROUPS)?;
+                groups
+            },
             judge: wish.judge,
         })
     }

@@ -3,6 +3,7 @@
 use super::{Change, RunSettings, TrainingError, Work};
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
+use crate::store::columns::{self, ClaimedSums};
 use crate::store::sums::{self, Sums};
 
 /// Asks where a run stands.
@@ -27,6 +28,8 @@ pub struct Standing {
     pub sums: Vec<(String, Sums)>,
     /// Plain sums of designed groups, per task.
     pub designed: Vec<(String, Sums)>,
+    /// Plain sums of what was claimed in columns, per task.
+    pub claimed: Vec<(String, ClaimedSums)>,
     /// Events so far.
     pub next_seq: u64,
 }
@@ -43,6 +46,7 @@ impl Change for Look {
             explanation: mind.curriculum.explain(),
             sums: sums::of_run(conn, self.run.as_str(), false).await?,
             designed: sums::of_run(conn, self.run.as_str(), true).await?,
+            claimed: columns::sums(conn, self.run.as_str()).await?,
             next_seq: mind.curriculum.next_seq(),
         })
     }

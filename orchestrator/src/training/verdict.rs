@@ -9,6 +9,7 @@ pub struct KeepVerdict(pub VerdictRow);
 
 impl Change for KeepVerdict {
     type Answer = ();
+    const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
         Ok(verdicts::insert(&mut work.conn, &self.0, work.now).await?)

@@ -2,6 +2,9 @@
 //!
 //! Each change has a savepoint of its own, so that one that is refused leaves no trace and the others stand. Whatever
 //! fails, the runs it touched are dropped from memory and restored from the store when next needed.
+//!
+//! Changes that somebody waits for with an agent at a standstill (a lease, its renewal) go before those that come in bulk
+//! (results, critiques, prepared scenarios): they wait for the one change that is being made, and are committed at once.
 
 use std::collections::HashMap;
 use std::future::Future;
@@ -9,7 +12,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use sqlx::{Connection, SqliteConnection, query};
-use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
 use super::TrainingError;
@@ -26,10 +29,13 @@ const BATCH: usize = 64;
 pub struct Work {
     /// The connection, inside a transaction.
     pub conn: SqliteConnection,
-    /// The time of this batch.
+    /// The time of this change.
     pub now: Millis,
     minds: HashMap<String, Mind>,
     touched: Vec<String>,
+    /// Events told of each run since its ring was looked at.
+    told: HashMap<String, u32>,
+    wake_events: bool,
     wake_prepare: bool,
     wake_critique: bool,
     wake_design: bool,
@@ -44,6 +50,8 @@ pub struct Wakes {
     pub critique: Arc<Notify>,
     /// The worker that asks designers.
     pub design: Arc<Notify>,
+    /// Whoever listens to what happens: moves with each commit that told something.
+    pub events: Arc<watch::Sender<u64>>,
 }
 
 impl Work {
@@ -61,6 +69,24 @@ impl Work {
             Some(mind) => Ok((mind, &mut self.conn)),
             None => Err(TrainingError::UnknownRun(run.to_owned())), // cannot be: it was inserted above
         }
+    }
+
+    /// Notes that something is told of a run, and wakes who listens after the commit; how much since its ring was looked at.
+    pub(super) fn told(&mut self, run: &str) -> u32 {
+        self.wake_events = true;
+        if let Some(told) = self.told.get_mut(run) {
+            *told += 1;
+            return *told;
+        }
+        // A run that was not heard of since the start is looked at soon.
+        let first = super::happening::TRIM_EVERY / 2;
+        self.told.insert(run.to_owned(), first);
+        first
+    }
+
+    /// Notes that a run's ring was looked at.
+    pub(super) fn trimmed(&mut self, run: &str) {
+        self.told.insert(run.to_owned(), 0);
     }
 
     /// Wakes the worker that prepares scenarios, after the commit.
@@ -83,6 +109,8 @@ impl Work {
 pub trait Change: Send + 'static {
     /// What the caller learns, after the commit.
     type Answer: Send + 'static;
+    /// It takes milliseconds and comes in numbers: others go first.
+    const BULK: bool = false;
 
     /// Makes the change. An error undoes it.
     fn apply(self, work: &mut Work) -> impl Future<Output = Result<Self::Answer, TrainingError>> + Send;
@@ -91,20 +119,70 @@ pub trait Change: Send + 'static {
 /// The handle to the writer.
 #[derive(Debug, Clone)]
 pub struct Writer {
-    queue: mpsc::Sender<Box<dyn Errand>>,
+    urgent: Queue,
+    bulk: Queue,
+}
+
+type Queue = mpsc::Sender<Box<dyn Errand>>;
+
+/// What waits to be written.
+struct Inbox {
+    urgent: mpsc::Receiver<Box<dyn Errand>>,
+    bulk: mpsc::Receiver<Box<dyn Errand>>,
+    /// What comes in bulk has had to wait: it is its turn.
+    bulk_next: bool,
+}
+
+impl Inbox {
+    /// The next errand, once there is one; none when nobody is left who could send any.
+    async fn next(&mut self) -> Option<Box<dyn Errand>> {
+        if std::mem::take(&mut self.bulk_next)
+            && let Ok(errand) = self.bulk.try_recv()
+        {
+            return Some(errand);
+        }
+        tokio::select! {
+            biased;
+            Some(errand) = self.urgent.recv() => {
+                self.bulk_next = true;
+                Some(errand)
+            }
+            Some(errand) = self.bulk.recv() => Some(errand),
+            else => None,
+        }
+    }
+
+    /// What else is to be committed with it: whatever is urgent, and if nothing is, what comes in bulk.
+    fn more(&mut self, urgent: &mut bool) -> Option<Box<dyn Errand>> {
+        if let Ok(errand) = self.urgent.try_recv() {
+            *urgent = true;
+            return Some(errand);
+        }
+        if *urgent { None } else { self.bulk.try_recv().ok() }
+    }
 }
 
 impl Writer {
     /// Starts the writer. It ends, with snapshots taken, when every handle is gone.
     #[must_use]
     pub fn start(conn: SqliteConnection, clock: Clock, wakes: Wakes) -> (Self, JoinHandle<()>) {
-        let (queue, inbox) = mpsc::channel(QUEUE);
+        let (urgent, urgent_inbox) = mpsc::channel(QUEUE);
+        let (bulk, bulk_inbox) = mpsc::channel(QUEUE);
+        let inbox = Inbox { urgent: urgent_inbox, bulk: bulk_inbox, bulk_next: false };
         let now = clock.now();
-        let (minds, touched) = (HashMap::new(), Vec::new());
-        let work =
-            Work { conn, now, minds, touched, wake_prepare: false, wake_critique: false, wake_design: false };
+        let work = Work {
+            conn,
+            now,
+            minds: HashMap::new(),
+            touched: Vec::new(),
+            told: HashMap::new(),
+            wake_events: false,
+            wake_prepare: false,
+            wake_critique: false,
+            wake_design: false,
+        };
         let task = tokio::spawn(serve(work, inbox, clock, wakes));
-        (Self { queue }, task)
+        (Self { urgent, bulk }, task)
     }
 
     /// Makes a change; the answer comes after its commit.
@@ -113,7 +191,8 @@ impl Writer {
     /// Why it was refused, or the store's failure; `Busy` where too many wait.
     pub async fn change<C: Change>(&self, change: C) -> Result<C::Answer, TrainingError> {
         let (reply, answer) = oneshot::channel();
-        self.queue.try_send(Box::new(Parcel { change, reply })).map_err(|error| match error {
+        let queue = if C::BULK { &self.bulk } else { &self.urgent };
+        queue.try_send(Box::new(Parcel { change, reply })).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => TrainingError::Busy,
             mpsc::error::TrySendError::Closed(_) => TrainingError::Stopping,
         })?;
@@ -129,6 +208,8 @@ trait Errand: Send {
     fn run<'a>(self: Box<Self>, work: &'a mut Work) -> Running<'a>;
     /// Answers without having tried: no transaction could be begun.
     fn refuse(self: Box<Self>, error: &sqlx::Error);
+    /// Others go first.
+    fn is_bulk(&self) -> bool;
 }
 
 struct Parcel<C: Change> {
@@ -154,14 +235,16 @@ impl<C: Change> Errand for Parcel<C> {
     fn refuse(self: Box<Self>, error: &sqlx::Error) {
         drop(self.reply.send(Err(TrainingError::not_committed(error))));
     }
+
+    fn is_bulk(&self) -> bool {
+        C::BULK
+    }
 }
 
-async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock: Clock, wakes: Wakes) {
-    let mut batch = Vec::with_capacity(BATCH);
-    while inbox.recv_many(&mut batch, BATCH).await > 0 {
-        work.now = clock.now();
-        let mut deliveries = Vec::with_capacity(batch.len());
-        let committed = commit(&mut work, batch.drain(..), &mut deliveries).await;
+async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
+    while let Some(first) = inbox.next().await {
+        let mut deliveries = Vec::new();
+        let committed = commit(&mut work, &clock, (first, &mut inbox), &mut deliveries).await;
         if let Err(error) = &committed {
             tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
             drop(query("ROLLBACK").execute(&mut work.conn).await);
@@ -169,6 +252,9 @@ async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock
         }
         for delivery in deliveries {
             delivery(committed.as_ref().copied());
+        }
+        if std::mem::take(&mut work.wake_events) {
+            wakes.events.send_modify(|commits| *commits += 1);
         }
         if std::mem::take(&mut work.wake_prepare) {
             wakes.prepare.notify_one();
@@ -183,21 +269,24 @@ async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock
     farewell(work).await;
 }
 
+/// Makes changes in one transaction: the first, and those that wait when each before it is made.
 async fn commit(
     work: &mut Work,
-    batch: impl Iterator<Item = Box<dyn Errand>>,
+    clock: &Clock,
+    (first, inbox): (Box<dyn Errand>, &mut Inbox),
     deliveries: &mut Vec<Delivery>,
 ) -> Result<(), sqlx::Error> {
     if let Err(error) = query("BEGIN IMMEDIATE").execute(&mut work.conn).await {
-        batch.for_each(|errand| errand.refuse(&error));
+        first.refuse(&error);
         return Err(error);
     }
-    let mut batch = batch;
-    while let Some(errand) = batch.next() {
-        if let Err(error) = attempt(work, errand, deliveries).await {
-            batch.for_each(|errand| errand.refuse(&error));
-            return Err(error);
-        }
+    let mut urgent = !first.is_bulk();
+    work.now = clock.now();
+    attempt(work, first, deliveries).await?;
+    for _ in 1..BATCH {
+        let Some(errand) = inbox.more(&mut urgent) else { break };
+        work.now = clock.now(); // it may have come after the one before it
+        attempt(work, errand, deliveries).await?;
     }
     query("COMMIT").execute(&mut work.conn).await?;
     Ok(())

@@ -302,13 +302,14 @@ async fn a_budget_that_is_spent_stays_spent() {
     let endpoint = endpoint([says(FINE)]).await;
     let base = endpoint.uri();
     let mut server = Server::set_up(move |config| {
-        let model = LlmConfig { tokens_per_run: Some(4_000), ..model(&base) };
+        let model = LlmConfig { tokens_per_run: Some(12_000), ..model(&base) };
         let judges = Judges::new(Judge::Llm, Some(ModelJudge::new(Llm::new(model).unwrap())));
         Config { judges: Arc::new(judges), ..config }
     })
     .await;
-    let judged = told(&server, &[hold(), hold(), hold(), hold(), hold(), hold()]).await;
-    assert!(alert(&judged[1]).is_some() && alert(&judged[6]).is_none(), "{:?}", alert(&judged[6]));
+    let holds: Vec<Value> = (0..20).map(|_| hold()).collect();
+    let judged = told(&server, &holds).await;
+    assert!(alert(&judged[1]).is_some() && alert(&judged[20]).is_none(), "{:?}", alert(&judged[20]));
     let asked = sent(&endpoint).await.len();
     server.restart().await;
     let judged = told(&server, &[burn(), hold()]).await;

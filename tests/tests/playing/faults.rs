@@ -63,6 +63,18 @@ async fn a_slow_model_does_nothing_and_is_then_left_alone() {
     assert!(played.stderr.contains("1 steps went without one"), "{}", played.stderr);
 }
 
+/// Three failures running leave the endpoint alone for half a minute; one that had answered before is waited for, and the episode
+/// goes on. This takes that half minute.
+#[tokio::test]
+async fn an_endpoint_that_recovers_is_waited_for() {
+    let html = || ResponseTemplate::new(200).set_body_string("<html>a moment, please</html>");
+    let begun = Instant::now();
+    let played = by([says(HOLD), html(), html(), html(), says(HOLD)]).await;
+    assert_eq!((played.code, played.lines("[STEP]").len()), (Some(0), 50), "{}", played.stderr);
+    assert!(begun.elapsed() >= Duration::from_secs(29), "{:?}", begun.elapsed());
+    assert!(played.stderr.contains("3 steps went without one"), "{}", played.stderr);
+}
+
 #[tokio::test]
 async fn limits_are_waited_for_where_that_is_short() {
     let busy =

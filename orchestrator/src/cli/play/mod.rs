@@ -12,6 +12,7 @@ mod tasks;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -243,7 +244,7 @@ fn wish(args: &Args) -> anyhow::Result<Wish> {
         Told::Compact => Telemetry::Compact,
         Told::Raw => Telemetry::Raw,
     };
-    Ok(Wish::Model { llm: model::endpoint(args)?, settings, telemetry })
+    Ok(Wish::Model { llm: model::endpoint(args)?, settings, telemetry, answered: Arc::default() })
 }
 
 /// What is known of a task before its first episode.

@@ -1,5 +1,8 @@
 //! Who flies: a language model, or a built-in policy.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use anyhow::{Context, bail};
 use designer::llm::{Llm, LlmError};
 use env_core::log::{ActionLog, Precision};
@@ -23,6 +26,8 @@ pub(super) enum Wish {
         settings: ChatSettings,
         /// How observations are told.
         telemetry: crate::policy::Telemetry,
+        /// It has answered at least once.
+        answered: Arc<AtomicBool>,
     },
     /// A built-in policy, by name, and what it draws from.
     BuiltIn { name: String, seed: u64 },
@@ -30,7 +35,7 @@ pub(super) enum Wish {
 
 /// Who flies one episode.
 pub(super) enum Pilot {
-    Model(Box<ChatPolicy>),
+    Model { policy: Box<ChatPolicy>, answered: Arc<AtomicBool> },
     BuiltIn { policy: Box<dyn Policy>, task: Task, actions: Actions },
 }
 
@@ -77,15 +82,36 @@ impl Wish {
     /// A pilot for one episode.
     pub(super) fn pilot(&self, task: &Task, actions: &Actions, episode: u64) -> anyhow::Result<Pilot> {
         match self {
-            Self::Model { llm, settings, telemetry } => {
+            Self::Model { llm, settings, telemetry, answered } => {
                 let briefing = Briefing::new(actions.clone(), *telemetry);
                 let policy = ChatPolicy::new(llm.clone(), briefing, settings.clone());
-                Ok(Pilot::Model(Box::new(policy)))
+                Ok(Pilot::Model { policy: Box::new(policy), answered: Arc::clone(answered) })
             }
             Self::BuiltIn { name, seed } => {
                 let policy = built_in(name, task, seed.wrapping_add(episode))?;
                 Ok(Pilot::BuiltIn { policy, task: task.clone(), actions: actions.clone() })
             }
+        }
+    }
+}
+
+/// Pauses that are waited for, of an endpoint that has answered before: 30 seconds, then twice that.
+const PAUSES: u32 = 2;
+
+/// Asks; where the endpoint is left alone for a while, which failures of other episodes may have led to, waits for that.
+async fn patiently(
+    policy: &mut ChatPolicy,
+    seen: &Seen,
+    answered: &AtomicBool,
+) -> Result<Turn, LlmError> {
+    let mut left = if answered.load(Ordering::Relaxed) { PAUSES } else { 0 };
+    loop {
+        match policy.act(seen).await {
+            Err(LlmError::Open { retry_in, .. }) if left > 0 => {
+                left -= 1;
+                tokio::time::sleep(retry_in).await;
+            }
+            told => return told,
         }
     }
 }
@@ -100,7 +126,7 @@ impl Pilot {
     /// The version of what a model is told.
     pub(super) fn prompt(&self) -> Option<String> {
         match self {
-            Self::Model(policy) => Some(policy.briefing().version()),
+            Self::Model { policy, .. } => Some(policy.briefing().version()),
             Self::BuiltIn { .. } => None,
         }
     }
@@ -108,8 +134,9 @@ impl Pilot {
     /// The next action.
     pub(super) async fn decide(&mut self, seen: &Seen) -> Result<Decision, PilotError> {
         match self {
-            Self::Model(policy) => {
-                let turn = policy.act(seen).await?;
+            Self::Model { policy, answered } => {
+                let turn = patiently(policy, seen, answered).await?;
+                answered.fetch_or(turn.completions.iter().any(|said| said.text.is_some()), Ordering::Relaxed);
                 Ok(Decision { action: turn.action.clone(), error: turn.error.clone(), turn: Some(turn) })
             }
             Self::BuiltIn { policy, task, actions } => {
@@ -127,7 +154,7 @@ impl Pilot {
     /// What actions look like.
     pub(super) fn actions(&self) -> &Actions {
         match self {
-            Self::Model(policy) => policy.briefing().actions(),
+            Self::Model { policy, .. } => policy.briefing().actions(),
             Self::BuiltIn { actions, .. } => actions,
         }
     }

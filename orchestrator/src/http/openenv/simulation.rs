@@ -11,7 +11,7 @@ use super::body::{self, Body};
 use super::read::{Fields, WALK, wish};
 use super::refusal::{Refusal, wish_fault};
 use crate::service::App;
-use crate::sessions::MOST_GROUP;
+use crate::sessions::{MOST_GROUP, Standing};
 
 /// The header that names a session, and the cookie that does for browsers.
 pub(super) const HEADER: &str = "x-session-id";
@@ -50,9 +50,19 @@ pub(super) async fn reset(
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
-    let session = app.sessions.named(&session_name(&headers)?)?;
+    let name = session_name(&headers)?;
+    let session = app.sessions.named(&name)?;
     let mut session = session.lock().await;
-    restart(&mut session, fields.unwrap_or_default(), WALK[0]).await
+    let answer = restart(&mut session, fields.unwrap_or_default(), WALK[0]).await;
+    let_go(&app, &name, &session);
+    answer
+}
+
+/// A session that never flew anything takes nobody's place.
+pub(super) fn let_go(app: &App, name: &str, session: &crate::sessions::Session) {
+    if session.resets() == 0 {
+        app.sessions.end(name);
+    }
 }
 
 /// Begins an episode; where nobody names a task it is `usual`.
@@ -129,7 +139,12 @@ pub(super) async fn state(State(app): State<App>, headers: HeaderMap) -> Result<
 
 /// Where a session of this name stands.
 pub(super) async fn standing(app: &App, name: &str) -> Result<axum::Json<Value>, Refusal> {
-    let session = app.sessions.named(name)?;
+    let Some(session) = app.sessions.known(name) else {
+        // Looking takes nobody's place.
+        let (episode_id, steps) = (&*uuid::Uuid::new_v4().to_string(), 0);
+        let nothing = Standing { episode_id, steps, scenario: None, run: None, reported: None };
+        return Ok(axum::Json(answer::state(&nothing)));
+    };
     let session = session.lock().await;
     Ok(axum::Json(answer::state(&session.standing())))
 }

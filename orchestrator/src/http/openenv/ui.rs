@@ -1,15 +1,16 @@
 //! `/ws/ui`: what happens in a web session, told to whoever looks.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use tokio::sync::watch;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
+use super::refusal::Refusal;
 use super::{answer, socket, web};
 use crate::clock::rfc3339;
 use crate::service::App;
@@ -20,14 +21,26 @@ const MOST_LOGS: usize = 200;
 /// Boards that are kept of sessions at which nobody looks.
 const MOST_BOARDS: usize = 256;
 
+/// How many may look at once.
+const MOST_WATCHERS: usize = 256;
+
 /// One board a web session: what it shows, and who waits for the next.
-#[derive(Debug, Default)]
-pub struct Boards(Mutex<HashMap<String, watch::Sender<Value>>>);
+#[derive(Debug)]
+pub struct Boards {
+    boards: Mutex<HashMap<String, watch::Sender<Value>>>,
+    seats: Arc<Semaphore>,
+}
+
+impl Default for Boards {
+    fn default() -> Self {
+        Self { boards: Mutex::default(), seats: Arc::new(Semaphore::new(MOST_WATCHERS)) }
+    }
+}
 
 impl Boards {
     fn hold(&self) -> MutexGuard<'_, HashMap<String, watch::Sender<Value>>> {
         // Nothing that holds it can panic; if something did, the map is still a map.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.boards.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn look(&self, name: &str) -> watch::Receiver<Value> {
@@ -86,13 +99,17 @@ pub(super) async fn connect(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
+    let Ok(seat) = Arc::clone(&app.boards.seats).try_acquire_owned() else {
+        return Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "as many look as may; try again in a moment".to_owned())
+            .into_response();
+    };
     match web::name(&headers) {
-        Ok(name) => socket::bounded(upgrade).on_upgrade(move |socket| serve(socket, app, name)),
+        Ok(name) => socket::bounded(upgrade).on_upgrade(move |socket| serve(socket, app, (name, seat))),
         Err(refusal) => refusal.into_response(),
     }
 }
 
-async fn serve(mut socket: WebSocket, app: App, name: String) {
+async fn serve(mut socket: WebSocket, app: App, (name, _seat): (String, OwnedSemaphorePermit)) {
     let mut board = app.boards.look(&name);
     let mut closing = app.sessions.closing();
     loop {

@@ -5,6 +5,8 @@ use std::sync::LazyLock;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{Html, IntoResponse, Response};
+use env_core::ActionLog;
+use env_core::log::Precision;
 use serde_json::{Map, Value};
 
 use super::answer;
@@ -19,7 +21,15 @@ use crate::sessions::SessionError;
 const PAGE: &str = include_str!("page.html");
 
 static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
-    let options = env_core::tasks().map(|task| format!("<option>{}</option>", task.id()));
+    // Each with an action to begin with, in its world's form.
+    let option = |task: &'static dyn env_core::TaskSpec| {
+        let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
+        log.act(0, &[0.1]);
+        log.end_step();
+        let action = task.wire().write_action(log.step(0)).replace('"', "&quot;");
+        format!("<option data-action=\"{action}\">{}</option>", task.id())
+    };
+    let options = env_core::tasks().map(option);
     PAGE.replace("{{tasks}}", &options.collect::<String>())
 });
 
@@ -65,7 +75,9 @@ pub(super) async fn reset(
     let session = app.sessions.named(&name)?;
     let mut session = session.lock().await;
     let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
-    let answer = simulation::restart(&mut session, fields.unwrap_or_default(), walked).await?;
+    let answer = simulation::restart(&mut session, fields.unwrap_or_default(), walked).await;
+    simulation::let_go(&app, &name, &session);
+    let answer = answer?;
     app.boards.began(&name, &session);
     Ok(answer)
 }

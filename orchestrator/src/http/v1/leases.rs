@@ -3,6 +3,7 @@
 use axum::extract::State;
 use axum::http::StatusCode;
 use env_core::bracket::panel_success;
+use env_core::{Recipe, RecipeId};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sqlx::SqliteConnection;
@@ -16,14 +17,16 @@ use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::service::App;
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
-use crate::store::{StoreError, brackets, leases};
+use crate::store::columns::RangeRow;
+use crate::store::{StoreError, brackets, columns, leases, unsigned};
+use crate::training::columns::TakeColumns;
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LeaseWish {
-    /// How many groups: 1 to 1 024.
+    /// How many groups: 1 to 1 024; with `form: columns` 1 to 100 000.
     groups: u32,
     /// Episodes of one scenario in each (the run's group_size).
     group_size: Option<u32>,
@@ -36,6 +39,19 @@ pub(super) struct LeaseWish {
     /// `train` (default), `probe` or `eval`.
     #[serde(default = "train")]
     purpose: Purpose,
+    /// `groups` (default): every group with its scenario and bracket, every log replayed. `columns`: for 10⁵ episodes and more a
+    /// second: ranges of seeds, as they come, without brackets; results are columns, of which some groups are audited.
+    #[serde(default)]
+    form: Form,
+}
+
+/// How a lease's episodes are named and reported.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Form {
+    #[default]
+    Groups,
+    Columns,
 }
 
 const fn ten_minutes() -> u32 {
@@ -55,6 +71,8 @@ pub(super) struct Lease {
     run: String,
     /// What it is for.
     purpose: String,
+    /// `groups` or `columns`.
+    form: String,
     /// `active`, `done`, `released` or `expired`.
     status: String,
     /// Episodes in each group.
@@ -66,8 +84,31 @@ pub(super) struct Lease {
     /// Scenarios without their seeds: world, task, params, physics, layout.
     #[schema(value_type = Vec<Object>)]
     recipes: Vec<Value>,
-    /// The groups.
+    /// The groups; of a lease of columns, those that are audited.
     groups: Vec<Group>,
+    /// Of a lease of columns, all its groups by ranges of seeds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ranges: Option<Vec<Range>>,
+}
+
+/// Groups of a lease of columns that share a recipe: group `first + i` has the seed `seed + i`, for i below `groups`; its episodes
+/// are the lease's from `(first + i) × group_size` on, named `ep_<lease>_<index>`.
+#[derive(Serialize, ToSchema)]
+struct Range {
+    /// Index into `recipes`.
+    recipe: usize,
+    /// The task.
+    task: String,
+    /// The level.
+    level: Option<i64>,
+    /// `placement`, `frontier`, `rehearsal` or `sample`.
+    role: String,
+    /// The number of its first group.
+    first: i64,
+    /// How many groups.
+    groups: i64,
+    /// The seed of the first; each next has the next.
+    seed: u64,
 }
 
 /// Episodes of one scenario. Everything but recipe and seed is for the trainer, never for the agent.
@@ -95,8 +136,8 @@ struct Group {
     state: String,
     /// What to report them as.
     episodes: Vec<String>,
-    /// What the scenario is worth.
-    bracket: BracketView,
+    /// What the scenario is worth; none where it is audited and no log of it came yet.
+    bracket: Option<BracketView>,
 }
 
 /// What a scenario is worth.
@@ -136,6 +177,8 @@ pub(super) struct LeaseHead {
     lease: String,
     /// What it is for.
     purpose: String,
+    /// `groups` or `columns`.
+    form: String,
     /// `active`, `done`, `released` or `expired`.
     status: String,
     /// How many groups.
@@ -153,6 +196,7 @@ impl LeaseHead {
         Self {
             lease: LeaseId { number: row.id, token: row.token }.to_string(),
             purpose: row.purpose,
+            form: row.form,
             status: row.status,
             groups: row.groups,
             group_size: row.group_size,
@@ -189,10 +233,13 @@ pub(super) async fn take(
     Path(run): Path<String>,
     Json(wish): Json<LeaseWish>,
 ) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
-    let LeaseWish { groups, group_size, policy_version, ttl_s, purpose } = wish;
+    let LeaseWish { groups, group_size, policy_version, ttl_s, purpose, form } = wish;
     let run = run_id(&run)?;
     let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose };
-    let lease = app.desk.lease(wish).await?;
+    let lease = match form {
+        Form::Groups => app.desk.lease(wish).await?,
+        Form::Columns => app.writer.change(TakeColumns(wish)).await?,
+    };
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
     Ok((StatusCode::CREATED, axum::Json(describe(&mut conn, row).await?)))
@@ -276,34 +323,65 @@ pub(super) async fn release(
 
 async fn describe(conn: &mut SqliteConnection, row: LeaseRow) -> Result<Lease, Problem> {
     let lease = LeaseId { number: row.id, token: row.token.clone() };
-    let mut recipes: Vec<Value> = Vec::new();
-    let mut ids = Vec::new();
+    let mut recipes = Recipes::default();
     let mut loader = Loader::default();
+    let ranges = if row.is_columns() { Some(ranges(conn, &mut loader, &mut recipes, row.id).await?) } else { None };
     let mut groups = Vec::new();
     for group in leases::groups(conn, row.id).await? {
         let scenario = loader.get(conn, &group.scenario).await?;
         let bracket = brackets::newest(conn, &group.scenario).await?;
-        let bracket = bracket
-            .ok_or_else(|| StoreError::unreadable("a bracket", "there is none for a leased scenario"))?;
-        let recipe_id = scenario.recipe().id();
-        let recipe = ids.iter().position(|known| *known == recipe_id).unwrap_or_else(|| {
-            ids.push(recipe_id);
-            recipes.push(scenario.recipe().to_json());
-            recipes.len() - 1
-        });
-        groups.push(view(&lease, &row, group, recipe, &scenario, &bracket));
+        if bracket.is_none() && !row.is_columns() {
+            return Err(StoreError::unreadable("a bracket", "there is none for a leased scenario").into());
+        }
+        let recipe = recipes.place(scenario.recipe());
+        groups.push(view(&lease, &row, group, recipe, &scenario, bracket.as_ref()));
     }
     Ok(Lease {
         lease: lease.to_string(),
         run: row.run,
         purpose: row.purpose,
+        form: row.form,
         status: row.status,
         group_size: row.group_size,
         policy_version: row.policy_version,
         expires_at: rfc3339(row.expires_at),
-        recipes,
+        recipes: recipes.bodies,
         groups,
+        ranges,
     })
+}
+
+/// Recipes, once each.
+#[derive(Default)]
+struct Recipes {
+    ids: Vec<RecipeId>,
+    bodies: Vec<Value>,
+}
+
+impl Recipes {
+    fn place(&mut self, recipe: &Recipe) -> usize {
+        let id = recipe.id();
+        self.ids.iter().position(|known| *known == id).unwrap_or_else(|| {
+            self.ids.push(id);
+            self.bodies.push(recipe.to_json());
+            self.bodies.len() - 1
+        })
+    }
+}
+
+async fn ranges(
+    conn: &mut SqliteConnection,
+    loader: &mut Loader,
+    recipes: &mut Recipes,
+    lease: i64,
+) -> Result<Vec<Range>, Problem> {
+    let mut ranges = Vec::new();
+    for row in columns::ranges(conn, lease).await? {
+        let recipe = recipes.place(&*loader.recipe(conn, &row.recipe).await?);
+        let RangeRow { task, level, role, first, groups, seed, .. } = row;
+        ranges.push(Range { recipe, task, level, role, first, groups, seed: unsigned(seed) });
+    }
+    Ok(ranges)
 }
 
 fn view(
@@ -312,7 +390,7 @@ fn view(
     group: GroupRow,
     recipe: usize,
     scenario: &env_core::Scenario,
-    bracket: &env_core::Bracket,
+    bracket: Option<&env_core::Bracket>,
 ) -> Group {
     let first = group.number * row.group_size;
     let name = |index| EpisodeId { lease: lease.clone(), index }.to_string();
@@ -323,7 +401,7 @@ fn view(
         scenario: scenario.id().to_string(),
         contested: group.contested != 0,
         episodes: (first..first + row.group_size).map(name).collect(),
-        bracket: BracketView::of(scenario, bracket),
+        bracket: bracket.map(|bracket| BracketView::of(scenario, bracket)),
         task: group.task,
         level: group.level,
         role: group.role,

@@ -14,6 +14,7 @@ use crate::clock::rfc3339;
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::service::App;
 use crate::store::progress::{self, Stretch};
+use crate::store::columns::ClaimedSums;
 use crate::store::sums::Sums;
 use crate::store::{curriculum, from_json};
 use crate::training::status::{Look, Standing};
@@ -52,6 +53,8 @@ struct TaskMastery {
     plain: Plain,
     /// The same of designed layouts, which are made to be failed.
     designed: Plain,
+    /// What was claimed in columns: statistics, but for the groups that were audited, which count above.
+    claimed: ClaimedView,
     /// How full the current block is, what it takes to move.
     #[schema(value_type = Object)]
     status: TaskStatus,
@@ -123,6 +126,31 @@ impl Plain {
     }
 }
 
+/// What was claimed in columns.
+#[derive(Serialize, ToSchema)]
+struct ClaimedView {
+    /// Episodes of accepted claims that finished.
+    episodes: i64,
+    /// Their mean score, as claimed.
+    score: Option<f64>,
+    /// Episodes of accepted claims that failed.
+    failed: i64,
+    /// Episodes of claims that were refused.
+    refused: i64,
+    /// Episodes of claims whose audited logs never came.
+    unproven: i64,
+    /// Episodes that were leased and never claimed.
+    expired: i64,
+}
+
+impl ClaimedView {
+    fn of(sums: &ClaimedSums) -> Self {
+        let ClaimedSums { episodes, score, failed, refused, unproven, expired } = *sums;
+        let score = (episodes > 0).then(|| score / episodes as f64);
+        Self { episodes, score, failed, refused, unproven, expired }
+    }
+}
+
 /// Show what the agent has mastered now.
 #[utoipa::path(
     get, path = "/runs/{run}/mastery", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
@@ -138,7 +166,7 @@ pub(super) async fn show(
     Path(run): Path<String>,
 ) -> Result<axum::Json<Masteries>, Problem> {
     let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
-    let Standing { status, mastery, explanation, sums, designed, .. } = standing;
+    let Standing { status, mastery, explanation, sums, designed, claimed, .. } = standing;
     let tasks = status
         .into_iter()
         .map(|status| {
@@ -159,6 +187,10 @@ pub(super) async fn show(
                 levels: of_task().map(Posterior::of).collect(),
                 plain: plain(&sums),
                 designed: plain(&designed),
+                claimed: {
+                    let sums = claimed.iter().find(|(task, _)| *task == status.task);
+                    ClaimedView::of(sums.map_or(&ClaimedSums::default(), |(_, sums)| sums))
+                },
                 warnings: status.warnings.clone(),
                 task: status.task.clone(),
                 status,

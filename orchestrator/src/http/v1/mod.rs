@@ -1,8 +1,10 @@
 //! `/v1`: one file per resource.
 
+mod columns;
 mod critique;
 mod designs;
 mod episodes;
+mod events;
 mod failure_list;
 mod failures;
 mod layouts;
@@ -31,6 +33,8 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(leases::renew))
         .routes(routes!(leases::release))
         .routes(routes!(results::report))
+        .routes(routes!(columns::claim, columns::show))
+        .routes(routes!(events::listen))
         .routes(routes!(mastery::show))
         .routes(routes!(mastery::history))
         .routes(routes!(mastery::params))

@@ -13,6 +13,8 @@ use crate::clock::rfc3339;
 use crate::judging::Judge;
 use crate::service::App;
 use crate::store::runs::RunRow;
+use crate::ids::LeaseId;
+use crate::store::marks::{self, MarkRow};
 use crate::store::{from_json, runs, unsigned};
 use crate::training::RunSettings;
 use crate::training::TrainingError;
@@ -61,6 +63,40 @@ pub(super) struct RunNow {
     run: Run,
     /// How far the critique is behind.
     critique: Backlog,
+    /// What somebody should know before trusting it: how much, and the newest.
+    marks: Marks,
+}
+
+/// What somebody should know of a run.
+#[derive(Serialize, ToSchema)]
+struct Marks {
+    /// How many there are.
+    count: i64,
+    /// The newest first, at most 20.
+    newest: Vec<Mark>,
+}
+
+/// A mark.
+#[derive(Serialize, ToSchema)]
+struct Mark {
+    /// `refused_claim`: a trainer's columns said other than its logs.
+    kind: String,
+    /// The lease that it is about.
+    lease: Option<String>,
+    /// A sentence.
+    words: String,
+    /// When, RFC 3339.
+    at: String,
+}
+
+/// Marks that are shown.
+const MARKS: i64 = 20;
+
+impl From<MarkRow> for Mark {
+    fn from(row: MarkRow) -> Self {
+        let lease = row.lease.zip(row.token).map(|(number, token)| LeaseId { number, token }.to_string());
+        Self { kind: row.kind, lease, words: row.words, at: rfc3339(row.at) }
+    }
 }
 
 /// A page of runs.
@@ -127,7 +163,9 @@ pub(super) async fn show(
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
     let critique = Backlog::look(&mut conn, &run).await?;
-    Ok(axum::Json(RunNow { run: Run::of(row)?, critique }))
+    let (count, newest) = marks::newest(&mut conn, run.as_str(), MARKS).await?;
+    let marks = Marks { count, newest: newest.into_iter().map(Mark::from).collect() };
+    Ok(axum::Json(RunNow { run: Run::of(row)?, critique, marks }))
 }
 
 /// Pause a run: it grants no more leases; results of those it has granted are still taken.

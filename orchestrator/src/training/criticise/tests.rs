@@ -34,6 +34,7 @@ impl Change for Report {
             token: "aaaaaa".to_owned(),
             run: RUN.to_owned(),
             purpose: "train".to_owned(),
+            form: leases::GROUPS.to_owned(),
             status: "active".to_owned(),
             groups: 1,
             group_size: 1000,

@@ -22,7 +22,8 @@ use crate::store::asks::{self, AskRow};
 use crate::store::layouts::{self, LayoutRow, Turn};
 use crate::store::{StoreError, design_counts, from_json, signed, small, to_json};
 use crate::store::{brackets, scenarios};
-use crate::training::{Change, Mind, TrainingError, Work};
+use crate::ids::AskId;
+use crate::training::{Change, Happening, Mind, TrainingError, Work};
 
 /// Layouts of one ask that are kept, of those let through and of those refused; all are counted.
 const KEPT: usize = 64;
@@ -306,6 +307,15 @@ impl Change for Finish {
             ..ask
         };
         asks::end(conn, &ended, now).await?;
+        let told = Happening::Design {
+            ask: AskId(self.ask).to_string(),
+            task: &self.task,
+            designer: &ended.designer,
+            admitted: ended.admitted,
+            refused: ended.refused,
+            error: ended.error.as_deref(),
+        };
+        work.tell(&self.run, &told).await?;
         Ok(counts[1])
     }
 }

@@ -30,7 +30,7 @@ async fn called(app: &App, request: &Request, own: Option<&mut Session>) -> Resu
         "initialize" => Ok(initialized()),
         "notifications/initialized" | "ping" => Ok(json!({})),
         "openenv/session/create" => create(app, &request.params, own).await,
-        "openenv/session/close" => close(app, &request.params),
+        "openenv/session/close" => close(app, &request.params, own),
         "tools/list" => tools_list(app, &request.params, own).await,
         "tools/call" => tools_call(app, &request.params, own).await,
         other => Err(Failure::no_method(other)),
@@ -47,9 +47,16 @@ fn initialized() -> Value {
 }
 
 /// Opens a session in which an episode flies: what `reset` takes may stand in `params`. A connection that has a session is told
-/// its name.
+/// its name, and an episode begins in it if none flies; while one does, there is nothing to be said about it.
 async fn create(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
     if let Some(own) = own {
+        let flies = own.shown().is_ok_and(|shown| !shown.done);
+        if flies && !params.is_empty() {
+            return Err(Failure::params("an episode flies in this session; it is flown to its end first"));
+        }
+        if !flies {
+            begin(own, params).await?;
+        }
         return Ok(json!({"session_id": own.id()}));
     }
     let name = uuid::Uuid::new_v4().to_string();
@@ -62,11 +69,8 @@ async fn create(app: &App, params: &Map<String, Value>, own: Option<&mut Session
     Ok(json!({"session_id": name}))
 }
 
-/// Lets an episode begin where nothing flies.
+/// Lets an episode begin.
 async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(), Failure> {
-    if session.standing().scenario.is_some() {
-        return Ok(());
-    }
     let mut fields = super::read::Fields::new(params, Vec::new());
     let wish = super::read::wish(&mut fields);
     if let Some(fault) = fields.faults.first() {
@@ -81,9 +85,12 @@ async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(),
         .map_err(|error| Failure::internal(&super::refused_in_words(&error)))
 }
 
-fn close(app: &App, params: &Map<String, Value>) -> Result<Value, Failure> {
+fn close(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
     let name = params.get("session_id").and_then(Value::as_str);
     let name = name.ok_or_else(|| Failure::params("'session_id' is required"))?;
+    if own.is_some_and(|own| own.id() == name) {
+        return Err(Failure::params("this session is the connection's own, and ends with it"));
+    }
     if app.sessions.end(name) {
         Ok(json!({"session_id": name, "closed": true}))
     } else {
@@ -96,9 +103,9 @@ async fn tools_list(
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, Failure> {
-    let tools = match (own, named(app, params)?) {
-        (Some(own), _) => tools::list(own),
-        (None, Some(session)) => tools::list(&*session.lock().await),
+    let tools = match (named(app, params, own.as_deref())?, own) {
+        (None, Some(own)) => tools::list(own),
+        (Some(session), _) => tools::list(&*session.lock().await),
         (None, None) => tools::of(super::usual(WALK[0])),
     };
     Ok(json!({"tools": tools}))
@@ -116,25 +123,30 @@ async fn tools_call(
         Some(Value::Object(arguments)) => arguments.clone(),
         Some(_) => return Err(Failure::params("'arguments' must be an object")),
     };
-    match (own, named(app, params)?) {
-        (Some(own), _) => played(own, name, arguments).await,
-        (None, Some(session)) => played(&mut *session.lock().await, name, arguments).await,
+    match (named(app, params, own.as_deref())?, own) {
+        (None, Some(own)) => played(own, name, arguments).await,
+        (Some(session), _) => played(&mut *session.lock().await, name, arguments).await,
         // Without a session every call would be a world of its own.
         (None, None) => Err(Failure::params("'session_id' is required: openenv/session/create gives one")),
     }
 }
 
 async fn played(session: &mut Session, name: &str, arguments: Map<String, Value>) -> Result<Value, Failure> {
-    begin(session, &Map::new()).await?;
+    if session.standing().scenario.is_none() {
+        begin(session, &Map::new()).await?;
+    }
     tools::call(session, name, arguments).await.map(|told| tools::result(&told))
 }
 
+/// The session that is named; none where none is, or the connection's own.
 fn named(
     app: &App,
     params: &Map<String, Value>,
+    own: Option<&Session>,
 ) -> Result<Option<std::sync::Arc<tokio::sync::Mutex<Session>>>, Failure> {
     match params.get("session_id") {
         None | Some(Value::Null) => Ok(None),
+        Some(Value::String(name)) if own.is_some_and(|own| own.id() == name) => Ok(None),
         Some(Value::String(name)) => {
             app.sessions.known(name).map(Some).ok_or_else(|| Failure::no_session(name))
         }

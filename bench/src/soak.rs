@@ -1,0 +1,85 @@
+//! Ten minutes of everything that a trainer team asks for at once, and what the server's memory does meanwhile.
+
+use std::convert::Infallible;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use system_tests::{Api, Process, http_client};
+use tokio::task::JoinSet;
+
+use crate::sockets::process;
+use crate::{Row, columns, results};
+
+/// Memory of the last minutes over that of the first ones, at most.
+const FLAT: f64 = 1.15;
+
+pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
+    tokio::runtime::Runtime::new()?.block_on(run(minutes.max(4)))
+}
+
+async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
+    let folder = tempfile::tempdir()?;
+    let server = Process::start(&folder.path().join("bench.sqlite3"));
+    let api = server.api();
+    for (id, tasks) in [("rows", json!(["kessler/survival"])), ("columns", json!(["kessler/survival"]))] {
+        let wish = json!({"id": id, "seed": 1, "group_size": if id == "rows" { 8 } else { 1 }, "placement": false,
+                          "tasks": tasks, "design": {"designer": "off"}});
+        let created = api.post("/v1/runs", wish).await;
+        anyhow::ensure!(created.status == 201, "no run: {}", created.body);
+    }
+    let mut work: JoinSet<anyhow::Result<Infallible>> = JoinSet::new();
+    work.spawn(rows(api.clone()));
+    work.spawn(rows(api.clone()));
+    work.spawn(claims(api.clone()));
+    work.spawn(listen(format!("{}/v1/runs/rows/events", api.base())));
+    let (begun, mut memory) = (Instant::now(), Vec::new());
+    for minute in 1..=minutes {
+        let until = begun + Duration::from_secs(60) * minute;
+        tokio::select! {
+            () = tokio::time::sleep_until(until.into()) => {}
+            Some(ended) = work.join_next() => match ended? {
+                Ok(never) => match never {},
+                Err(error) => return Err(error),
+            },
+        }
+        memory.push(process::resident(server.pid())? as f64 / f64::from(1 << 20));
+    }
+    work.shutdown().await;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    // The first minute warms caches up.
+    let growth = mean(&memory[memory.len() - 2..]) / mean(&memory[1..3]);
+    let told: Vec<String> = memory.iter().map(|mib| format!("{mib:.0}")).collect();
+    Ok(vec![Row {
+        what: format!("memory of the server under results, columns, leases and events, MiB a minute: {}", told.join(" ")),
+        measured: format!("{growth:.2} of minutes 2-3"),
+        goal: format!("≤ {FLAT}"),
+        ratio: Some(FLAT / growth),
+    }])
+}
+
+async fn rows(api: Api) -> anyhow::Result<Infallible> {
+    loop {
+        for body in results::prepared(&api, "rows").await? {
+            results::send(&api, "rows", body).await?;
+        }
+    }
+}
+
+async fn claims(api: Api) -> anyhow::Result<Infallible> {
+    loop {
+        let ready = columns::prepare(&api, "columns", 20_000).await?;
+        columns::claim(&api, "columns", &ready).await?;
+    }
+}
+
+/// Somebody who listens, goes, and comes again.
+async fn listen(url: String) -> anyhow::Result<Infallible> {
+    loop {
+        let mut stream = http_client().get(&url).send().await?;
+        for _ in 0..2_000 {
+            if stream.chunk().await?.is_none() {
+                break;
+            }
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Columns: what is claimed of all episodes of a lease at once, and what of it is audited.
+
+use axum::extract::{FromRequest, Request, State};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::super::column::{Column, read};
+use super::super::extract::{Bytes, NoQuery, Path};
+use super::super::problem::Problem;
+use super::{id, run_id};
+use crate::clock::rfc3339;
+use crate::ids::{EpisodeId, LeaseId};
+use crate::service::App;
+use crate::store::leases::LeaseRow;
+use crate::training::TrainingError;
+use crate::training::columns::{self, Claimed, Columns};
+use crate::training::lease::find;
+
+/// One entry for each episode of the lease, in order. In MessagePack a column may also be `bin`: little-endian, without gaps.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ColumnsWish {
+    /// The policy that flew them (the lease's).
+    policy_version: Option<u32>,
+    /// The score of each; of those that failed it is not looked at, but must be a number. `bin`: f32.
+    #[schema(value_type = Vec<f32>)]
+    #[serde(deserialize_with = "score")]
+    score: Column<f32>,
+    /// 1 where the infrastructure lost it, else 0; left out where none was lost. `bin`: u8.
+    #[schema(value_type = Option<Vec<u8>>)]
+    #[serde(default, deserialize_with = "failed")]
+    failed: Column<u8>,
+    /// Steps flown, if you like. `bin`: u32.
+    #[schema(value_type = Option<Vec<u32>>)]
+    #[serde(default, deserialize_with = "steps")]
+    steps: Column<u32>,
+}
+
+macro_rules! named {
+    ($name:ident, $of:ty) => {
+        fn $name<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<Column<$of>, D::Error> {
+            Column::deserialize(reader).map_err(|error| super::super::column::within(stringify!($name), error))
+        }
+    };
+}
+named!(score, f32);
+named!(failed, u8);
+named!(steps, u32);
+
+/// A claim, and what of it is audited.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Claim {
+    /// The lease.
+    lease: String,
+    /// `claimed` (logs are due), `accepted`, `refused` or `unproven` (logs never came).
+    state: String,
+    /// Episodes claimed.
+    episodes: i64,
+    /// Of these, failed.
+    failed: i64,
+    /// The policy that flew them.
+    policy_version: i64,
+    /// Why it was refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why: Option<String>,
+    /// Until when the logs of what is audited are due, RFC 3339: report them as results.
+    due: String,
+    /// The groups whose logs are replayed.
+    audit: Vec<Audit>,
+}
+
+/// A group whose logs are due.
+#[derive(Serialize, ToSchema)]
+struct Audit {
+    /// Its number in the lease.
+    group: i64,
+    /// The index of its first episode in the lease: where it stands in the columns.
+    first: i64,
+    /// What to report them as.
+    episodes: Vec<String>,
+}
+
+impl Claim {
+    pub(super) fn of(claimed: Claimed) -> Self {
+        let Claimed { claim, lease, audited } = claimed;
+        let LeaseRow { group_size, .. } = lease;
+        let id = LeaseId { number: lease.id, token: lease.token };
+        let audit = |group| {
+            let first = group * group_size;
+            let name = |index| EpisodeId { lease: id.clone(), index }.to_string();
+            Audit { group, first, episodes: (first..first + group_size).map(name).collect() }
+        };
+        Self {
+            audit: audited.into_iter().map(audit).collect(),
+            lease: id.to_string(),
+            state: claim.state,
+            episodes: claim.episodes,
+            failed: claim.failed,
+            policy_version: claim.policy_version,
+            why: claim.why,
+            due: rfc3339(lease.expires_at),
+        }
+    }
+}
+
+/// Claim how all episodes of a lease of columns went. The answer comes after the columns are on disk, and says which groups are
+/// audited: their logs are due, as results, within the lease's time. When all have replayed to what was claimed the claim is
+/// accepted; one that does not refuses it whole. The same columns again are answered as before.
+#[utoipa::path(
+    post, path = "/runs/{run}/leases/{lease}/columns", tag = "results", request_body = ColumnsWish,
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses(
+        (status = 200, body = Claim), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem, description = "The lease is over, or other columns came before."),
+        (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 429, body = Problem), (status = 503, body = Problem)
+    )
+)]
+pub(super) async fn claim(
+    _: NoQuery,
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+    request: Request,
+) -> Result<axum::Json<Claim>, Problem> {
+    let place = (run_id(&run)?, id("lease", &lease)?);
+    let _room = app.large_bodies.acquire().await.map_err(|_| TrainingError::Stopping)?;
+    let Bytes(form, body) = Bytes::from_request(request, &app).await?;
+    let ColumnsWish { policy_version, score, failed, steps } = read(form, &body)?;
+    if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
+        return Err(Problem::invalid(format!("failed.{at}"), "it is neither 0 nor 1"));
+    }
+    let failed = failed.0.into_iter().map(|failed| failed == 1).collect();
+    let columns = Columns { scores: score.0, failed, steps: steps.0 };
+    Ok(axum::Json(Claim::of(columns::claim(&app.desk, place, policy_version, columns).await?)))
+}
+
+/// Show what was claimed of a lease, and what became of it.
+#[utoipa::path(
+    get, path = "/runs/{run}/leases/{lease}/columns", tag = "results",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses((status = 200, body = Claim), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(super) async fn show(
+    _: NoQuery,
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<Claim>, Problem> {
+    let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
+    let mut conn = app.readers.acquire().await?;
+    let row = find(&mut conn, &run, &lease).await?;
+    let none = || Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "No columns came for this lease.");
+    Ok(axum::Json(Claim::of(columns::standing(&mut conn, row).await?.ok_or_else(none)?)))
+}

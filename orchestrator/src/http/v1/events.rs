@@ -1,0 +1,157 @@
+//! Events: what happens in a run, as it happens.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use futures_util::Stream;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use sqlx::SqlitePool;
+use tokio::sync::{OwnedSemaphorePermit, watch};
+use utoipa::IntoParams;
+
+use super::super::extract::{Path, Query};
+use super::super::problem::Problem;
+use super::{reader_of, run_id};
+use crate::clock::rfc3339;
+use crate::ids::RunId;
+use crate::service::App;
+use crate::sessions::Closing;
+use crate::store::events::{self, EventRow};
+use crate::store::{StoreError, from_json};
+
+/// Events that are read at once.
+const PAGE: i64 = 256;
+/// How long nothing may be said, so that both sides know that the other is there.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// Where to go on.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct From {
+    /// The event after which to begin: 0 for all that are kept. Left out, only what happens from now on; the header
+    /// `Last-Event-ID` goes before it.
+    after: Option<i64>,
+}
+
+/// Listen to what happens in a run (Server-Sent Events): `run` (created, paused, resumed), `lease` (taken, renewed, done, released,
+/// expired), `group` (how it ended), `move` (a level, with its evidence), `claim` (of columns), `failures` (that were criticised),
+/// `design` (what a designer came to) and `health` (what whoever watches should know). Every event has an id; a listener that
+/// comes again with it as `Last-Event-ID` misses nothing, as long as at most 10 000 others came since: else the first event is `gap`.
+#[utoipa::path(
+    get, path = "/runs/{run}/events", tag = "runs",
+    params(("run" = String, Path, description = "The run's id."), From,
+           ("Last-Event-ID" = Option<i64>, Header, description = "The last event that was heard.")),
+    responses(
+        (status = 200, content_type = "text/event-stream", body = String), (status = 400, body = Problem),
+        (status = 404, body = Problem), (status = 429, body = Problem, description = "As many listen as may.")
+    )
+)]
+pub(super) async fn listen(
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Query(from): Query<From>,
+    headers: HeaderMap,
+) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
+    let run = run_id(&run)?;
+    let changes = app.events.subscribe();
+    let mut conn = reader_of(&app, &run).await?;
+    let last = match headers.get("last-event-id").map(|id| id.to_str().ok().and_then(|id| id.trim().parse().ok())) {
+        Some(Some(id)) => Some(id),
+        Some(None) => {
+            let words = "It is not the id of an event: those are whole numbers.";
+            return Err(Problem::new(StatusCode::BAD_REQUEST, "bad_header", words).at("Last-Event-ID"));
+        }
+        None => from.after,
+    };
+    let after = match last {
+        Some(id) => id.max(0),
+        None => events::newest(&mut conn, run.as_str()).await?,
+    };
+    drop(conn);
+    let seat = std::sync::Arc::clone(&app.listeners).try_acquire_owned();
+    let seat = seat.map_err(|_| {
+        let words = "As many listen as may; try again in a moment.";
+        Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_listeners", words).again_in(5)
+    })?;
+    let listener = Listener {
+        readers: app.readers.clone(),
+        changes,
+        closing: app.sessions.closing(),
+        run,
+        after,
+        waiting: VecDeque::new(),
+        _seat: seat,
+    };
+    let stream = futures_util::stream::unfold(listener, |mut listener| async {
+        let event = listener.next().await?;
+        Some((Ok(event), listener))
+    });
+    Ok(Sse::new(stream).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
+}
+
+/// Whoever listens to one run.
+struct Listener {
+    readers: SqlitePool,
+    changes: watch::Receiver<u64>,
+    closing: Closing,
+    run: RunId,
+    /// The last event that was told.
+    after: i64,
+    waiting: VecDeque<Event>,
+    _seat: OwnedSemaphorePermit,
+}
+
+impl Listener {
+    /// The next event; none when the service stops.
+    async fn next(&mut self) -> Option<Event> {
+        loop {
+            if let Some(event) = self.waiting.pop_front() {
+                return Some(event);
+            }
+            self.changes.mark_unchanged();
+            if let Err(error) = self.read().await {
+                tracing::warn!(run = %self.run, %error, "Events could not be read; the listener is let go.");
+                return None;
+            }
+            if self.waiting.is_empty() {
+                tokio::select! {
+                    changed = self.changes.changed() => changed.ok()?,
+                    () = self.closing.closed() => return None,
+                }
+            }
+        }
+    }
+
+    /// Reads what came after the last.
+    async fn read(&mut self) -> Result<(), StoreError> {
+        let mut conn = self.readers.acquire().await?;
+        let run = self.run.as_str();
+        let forgotten = events::forgotten(&mut conn, run).await?;
+        if self.after < forgotten {
+            let words = "what happened between is not kept any more";
+            let gap = json!({"after": self.after, "up_to": forgotten, "words": words});
+            self.waiting.push_back(event(forgotten, "gap", &gap));
+            self.after = forgotten;
+        }
+        for EventRow { id, kind, body, at } in events::after(&mut conn, run, self.after, PAGE).await? {
+            let mut told: Value = from_json("an event", &body)?;
+            if let Some(fields) = told.as_object_mut() {
+                fields.insert("at".to_owned(), rfc3339(at).into());
+            }
+            self.waiting.push_back(event(id, &kind, &told));
+            self.after = id;
+        }
+        Ok(())
+    }
+}
+
+fn event(id: i64, kind: &str, data: &Value) -> Event {
+    // JSON of ours has no line ends.
+    Event::default().id(id.to_string()).event(kind).data(data.to_string())
+}
