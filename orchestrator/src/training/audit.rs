@@ -41,6 +41,8 @@ pub enum Claimed {
         /// Why they end early, if they do.
         stopped: Option<Stopped>,
     },
+    /// It was flown here, by this log.
+    Logged(ActionLog),
     /// The infrastructure lost it.
     Failed {
         /// Why, in the trainer's words.
@@ -211,7 +213,10 @@ fn judge(claim: Claim, place: Place, stages: &HashMap<(i64, i64), Stage>, settin
                 (Claimed::Finished { steps, precision, stopped }, Some(stage)) => {
                     fly(stage, settings, &steps, precision, stopped)
                 }
-                (Claimed::Finished { .. }, None) => {
+                (Claimed::Logged(log), Some(stage)) => {
+                    judge_log(&stage.scenario, &stage.bracket, settings, &log).unwrap_or_else(invalid)
+                }
+                (Claimed::Finished { .. } | Claimed::Logged(_), None) => {
                     Verdict::Refused { code: "unknown_episode", detail: "its scenario is gone".to_owned() }
                 }
             };

@@ -10,7 +10,8 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
-use super::{answer, socket, web};
+use super::super::socket;
+use super::{answer, web};
 use crate::clock::rfc3339;
 use crate::service::App;
 use crate::sessions::Session;
