@@ -9,6 +9,7 @@ mod engine;
 mod levels;
 mod results;
 mod sockets;
+mod stepping;
 mod steps;
 
 use std::io::Write;
@@ -20,7 +21,7 @@ use clap::Parser;
 struct Args {
     /// What to measure; all of speed if none is named. `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "sockets", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "sockets", "stepping", "designer", "learner", "levels"])]
     what: Vec<String>,
     #[command(flatten)]
     peer: sockets::Peer,
@@ -70,6 +71,9 @@ fn main() -> anyhow::Result<()> {
     }
     if wanted("sockets") {
         show(sockets::measure(&args.peer)?)?;
+    }
+    if wanted("stepping") {
+        show(stepping::measure()?)?;
     }
     if wanted("designer") {
         show(designer::measure()?)?;

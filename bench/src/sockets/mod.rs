@@ -3,7 +3,7 @@
 //! compressed.
 
 mod load;
-mod process;
+pub(crate) mod process;
 
 use std::time::Duration;
 

@@ -3,7 +3,7 @@
 use anyhow::Context;
 
 /// Processor time of a process and its threads, seconds.
-pub(super) fn cpu_s(pid: u32) -> anyhow::Result<f64> {
+pub(crate) fn cpu_s(pid: u32) -> anyhow::Result<f64> {
     let stat =
         std::fs::read_to_string(format!("/proc/{pid}/stat")).context("processor time is read from /proc")?;
     // The name, in parentheses, may hold anything; utime and stime are fields 14 and 15 of proc(5), in ticks.
@@ -14,7 +14,7 @@ pub(super) fn cpu_s(pid: u32) -> anyhow::Result<f64> {
 }
 
 /// Memory of a process that is resident, bytes.
-pub(super) fn resident(pid: u32) -> anyhow::Result<u64> {
+pub(crate) fn resident(pid: u32) -> anyhow::Result<u64> {
     let status =
         std::fs::read_to_string(format!("/proc/{pid}/status")).context("memory is read from /proc")?;
     let line =

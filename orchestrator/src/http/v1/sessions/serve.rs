@@ -16,7 +16,7 @@ use crate::service::App;
 use crate::sessions::{Closing, Craft, LOOK, Mooring};
 
 /// How long a connection may take to open a session.
-const OPEN_WITHIN: Duration = Duration::from_secs(20);
+const OPEN_WITHIN: Duration = Duration::from_secs(10);
 const TOO_LARGE: &str = "a frame has at most 16 MiB";
 
 async fn say(socket: &mut WebSocket, text: Bytes) -> Result<(), Gone> {
