@@ -52,7 +52,13 @@ impl Session {
             let mut frame = b"SPVF\x01\0\x01\0\0\0\0\0".to_vec();
             frame.extend((envs as u32).to_le_bytes());
             // Small burns now and then, so that episodes last and actions are read.
-            let value = |cell: usize| if (cell + turn).is_multiple_of(7) { ((cell * 31 + turn) % 9) as f32 / 100.0 - 0.04 } else { 0.0 };
+            let value = |cell: usize| {
+                if (cell + turn).is_multiple_of(7) {
+                    ((cell * 31 + turn) % 9) as f32 / 100.0 - 0.04
+                } else {
+                    0.0
+                }
+            };
             (0..envs * width).for_each(|cell| frame.extend(value(cell).to_le_bytes()));
             frame
         };
@@ -74,7 +80,10 @@ impl Session {
         frame[8..12].copy_from_slice(&self.sequence.to_le_bytes());
         self.socket.send(Message::binary(frame.clone())).await?;
         let told = self.answer().await?;
-        anyhow::ensure!(told.len() == self.bytes && told[8..12] == self.sequence.to_le_bytes(), "another answer");
+        anyhow::ensure!(
+            told.len() == self.bytes && told[8..12] == self.sequence.to_le_bytes(),
+            "another answer"
+        );
         Ok(())
     }
 }
@@ -121,7 +130,10 @@ async fn leases(api: Api, stop: Arc<AtomicBool>) -> anyhow::Result<Vec<f64>> {
         match answer.status {
             201 => {
                 took.push(begun.elapsed().as_secs_f64() * 1e3);
-                let path = format!("/v1/runs/bench/leases/{}/release", answer.body["lease"].as_str().unwrap_or_default());
+                let path = format!(
+                    "/v1/runs/bench/leases/{}/release",
+                    answer.body["lease"].as_str().unwrap_or_default()
+                );
                 let _ = api.post(&path, json!({})).await;
             }
             429 | 503 => {}
@@ -144,7 +156,10 @@ async fn run() -> anyhow::Result<Vec<Row>> {
             (best, shape) = (clock, (sessions, envs));
         }
         rows.push(Row {
-            what: format!("{sessions} × {envs} environments over WebSocket, tracks, {DEBRIS} debris, {} KiB a frame", bytes / 1024),
+            what: format!(
+                "{sessions} × {envs} environments over WebSocket, tracks, {DEBRIS} debris, {} KiB a frame",
+                bytes / 1024
+            ),
             measured: format!("{clock:.0}/s, {cpu:.0}/CPU-s"),
             goal: String::new(),
             ratio: None,

@@ -181,7 +181,11 @@ impl<L: Lane> Seat<L> {
                 self.restart(feed)?;
             }
             self.observe(row.observation);
-            if self.rests { row.terminated.fill(true) } else { self.lane.absent(row.terminated) }
+            if self.rests {
+                row.terminated.fill(true)
+            } else {
+                self.lane.absent(row.terminated)
+            }
             return Ok(());
         }
         let Row { observation, last, rewards, team_reward, terminated, truncated, done } = row;

@@ -294,7 +294,9 @@ fn a_slot_for_which_there_is_nothing_rests() {
         batch.reset(None, &mut buffers.observations).unwrap();
         let (actions, width) = (vec![0.0; 3 * 6], batch.shape().observation);
         assert_eq!([0, 1, 2].map(|env| batch.rests(env)), [false, true, false]);
-        assert!(buffers.observations[width..2 * width].iter().all(|x| *x == 0.0) && batch.episode(1).is_none());
+        assert!(
+            buffers.observations[width..2 * width].iter().all(|x| *x == 0.0) && batch.episode(1).is_none()
+        );
         for step in 1..=50 {
             batch.step(&actions, buffers.output()).unwrap();
             assert_eq!(buffers.done, [step == 50, false, step == 50]);

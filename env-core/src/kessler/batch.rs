@@ -89,7 +89,8 @@ impl Observer {
             }
             Self::Tracks(tracks) => (0..SATELLITES)
                 .flat_map(|satellite| {
-                    let named = move |column: super::tracks::Column| format!("satellite_{satellite}_{}", column.name);
+                    let named =
+                        move |column: super::tracks::Column| format!("satellite_{satellite}_{}", column.name);
                     tracks.columns().into_iter().map(named)
                 })
                 .collect(),

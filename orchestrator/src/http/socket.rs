@@ -84,7 +84,9 @@ pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Rece
                 Some(Ok(Message::Binary(bytes))) => return Received::Binary(bytes),
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // answered by the library
                 Some(Err(error)) if is_too_large(&error) => return Received::TooLarge,
-                Some(Ok(Message::Close(Some(frame)))) if frame.code == close_code::NORMAL => {
+                Some(Ok(Message::Close(frame)))
+                    if frame.as_ref().is_none_or(|frame| frame.code == close_code::NORMAL) =>
+                {
                     return Received::Left;
                 }
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return Received::Gone,

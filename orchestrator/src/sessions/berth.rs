@@ -95,7 +95,8 @@ impl Berths {
     #[must_use]
     pub fn moor(&self, craft: Craft) -> Option<Mooring> {
         let token = craft.token().to_owned();
-        let berth = Berth { craft: Arc::new(tokio::sync::Mutex::new(Some(craft))), claims: watch::Sender::new(0) };
+        let berth =
+            Berth { craft: Arc::new(tokio::sync::Mutex::new(Some(craft))), claims: watch::Sender::new(0) };
         let berth = Arc::new(berth);
         // Nobody else knows it yet.
         let guard = Arc::clone(&berth.craft).try_lock_owned().ok()?;

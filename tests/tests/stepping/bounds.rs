@@ -22,8 +22,9 @@ async fn a_frame_that_is_too_large_ends_the_connection_and_not_the_session() {
     vector.socket.bytes(&large).await;
     assert_eq!(vector.socket.told().await["field"], "length", "15 MiB are read");
     large.resize(17 << 20, 0);
-    vector.socket.bytes(&large).await;
-    assert_eq!(vector.socket.next().await, Came::Closed(1009));
+    vector.socket.too_many_bytes(&large).await;
+    // What is still being sent when it is closed may keep the code from being read.
+    assert!(matches!(vector.socket.next().await, Came::Closed(1009 | 1006)));
     drop(vector.socket);
     let (socket, resumed) = Socket::resume(&api, &vector.opened).await;
     assert_eq!(resumed["type"], "resumed", "{resumed}");

@@ -51,6 +51,11 @@ impl Socket {
         self.0.send(Message::binary(bytes.to_vec())).await.unwrap();
     }
 
+    /// Sends bytes, which who does not want them may cut short.
+    pub(crate) async fn too_many_bytes(&mut self, bytes: &[u8]) {
+        drop(self.0.send(Message::binary(bytes.to_vec())).await);
+    }
+
     pub(crate) async fn next(&mut self) -> Came {
         self.next_within(20.0).await
     }

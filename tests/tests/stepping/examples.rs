@@ -15,7 +15,9 @@ async fn run(script: &'static str, args: &'static [&'static str]) -> Option<Stri
     }
     let mut server = Server::start().await;
     let url = server.api().base().to_owned();
-    let run = move || Command::new(python).arg(root.join("examples").join(script)).arg(url).args(args).output().unwrap();
+    let run = move || {
+        Command::new(python).arg(root.join("examples").join(script)).arg(url).args(args).output().unwrap()
+    };
     let out = tokio::task::spawn_blocking(run).await.unwrap();
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(out.status.success(), "{said}{}", String::from_utf8_lossy(&out.stderr));

@@ -40,20 +40,30 @@ async fn every_episode_of_a_lease_is_flown_and_reported_once() {
         let told = fly(&mut vector, first).await;
         let last = told.last().unwrap();
         assert_eq!((&last.episodes, last.observations.iter().all(|x| *x == 0.0)), (&vec![-1; 4], true));
-        let mut flown: Vec<i32> = told.iter().flat_map(|told| told.episodes.clone()).filter(|e| *e >= 0).collect();
+        let mut flown: Vec<i32> =
+            told.iter().flat_map(|told| told.episodes.clone()).filter(|e| *e >= 0).collect();
         flown.sort_unstable();
         flown.dedup();
         assert_eq!(flown, (0..18).collect::<Vec<_>>(), "{mode}");
         // An idle slot can be stepped, and stays idle.
         let hold = vec![0.0; vector.width()];
         let idle = vector.step(&hold).await;
-        assert!(idle.flags.iter().all(|flags| *flags == 2) && idle.team_rewards.iter().all(|r| *r == 0.0), "{idle:?}");
+        assert!(
+            idle.flags.iter().all(|flags| *flags == 2) && idle.team_rewards.iter().all(|r| *r == 0.0),
+            "{idle:?}"
+        );
         let closed = vector.socket.ask(json!({"type": "close", "id": 1})).await;
-        assert_eq!((&closed["reported"]["flown"], &closed["reported"]["counted"]), (&json!(18), &json!(18)), "{closed}");
+        assert_eq!(
+            (&closed["reported"]["flown"], &closed["reported"]["counted"]),
+            (&json!(18), &json!(18)),
+            "{closed}"
+        );
         assert_eq!(closed["reported"]["waiting"], 0);
         let stored = episodes(&api).await;
         assert_eq!(stored.len(), 18);
-        assert!(stored.iter().all(|episode| episode["policy_version"] == 3 && episode["state"] == "finished"));
+        assert!(
+            stored.iter().all(|episode| episode["policy_version"] == 3 && episode["state"] == "finished")
+        );
         // What was earned by the rewards that were told is what the replay says.
         let mut scores = vec![0.0; 18];
         for pair in told.windows(2) {
@@ -64,7 +74,8 @@ async fn every_episode_of_a_lease_is_flown_and_reported_once() {
             }
         }
         for episode in &stored {
-            let index: usize = episode["episode"].as_str().unwrap().rsplit('_').next().unwrap().parse().unwrap();
+            let index: usize =
+                episode["episode"].as_str().unwrap().rsplit('_').next().unwrap().parse().unwrap();
             let (found, score) = (scores[index], episode["score"].as_f64().unwrap());
             // Within the clamp of a score and fifty roundings.
             assert!((found - score).abs() < 1.1e-3, "{mode} {index}: {found} {score}");
@@ -74,7 +85,7 @@ async fn every_episode_of_a_lease_is_flown_and_reported_once() {
         let mastery = api.get("/v1/runs/run/mastery").await.expect(200).to_string();
         assert!(mastery.contains("\"episodes\":18"), "{mastery}");
         let over = Socket::to(&api).await.ask(crate::client::opening(wish(id, 2, mode))).await;
-        assert_eq!((&over["type"], &over["code"]), (&json!("error"), &json!("lease_over")), "{over}");
+        assert_eq!((&over["field"], &over["code"]), (&json!("lease_id"), &json!("invalid")), "{over}");
     }
 }
 
@@ -122,9 +133,17 @@ async fn a_lease_of_several_tasks_is_flown_task_by_task() {
     };
     let mut socket = Socket::to(&api).await;
     let told = socket.ask(open(None)).await;
-    assert_eq!((&told["field"], told["detail"].as_str().unwrap().contains("docking/multiagent")), (&json!("vector.task"), true), "{told}");
+    assert_eq!(
+        (&told["field"], told["detail"].as_str().unwrap().contains("docking/multiagent")),
+        (&json!("vector.task"), true),
+        "{told}"
+    );
     let told = socket.ask(open(Some("kessler/formation"))).await;
     assert_eq!(told["field"], "vector.task", "{told}");
     let told = socket.ask(open(Some("docking/multiagent"))).await;
-    assert_eq!((&told["type"], &told["task"], &told["agents"]), (&json!("opened"), &json!("docking/multiagent"), &json!(5)), "{told}");
+    assert_eq!(
+        (&told["type"], &told["task"], &told["agents"]),
+        (&json!("opened"), &json!("docking/multiagent"), &json!(5)),
+        "{told}"
+    );
 }

@@ -22,7 +22,8 @@ async fn a_step_that_was_cut_off_is_taken_once() {
     let wish = json!({"seed": 9, "params": {"debris": 30}});
     let (mut steady, _) = Socket::open(&api, wish.clone()).await;
     let (mut socket, opened) = Socket::open(&api, wish).await;
-    let action = |step: u64| json!({"burns": [{"satellite_id": 1, "delta_vx": draw(3, step) - 0.5, "delta_vy": 0.1}]});
+    let action =
+        |step: u64| json!({"burns": [{"satellite_id": 1, "delta_vx": draw(3, step) - 0.5, "delta_vy": 0.1}]});
     let mut done = false;
     for id in 1..=50 {
         let wanted = steady.step(id, &action(id)).await;
@@ -35,7 +36,11 @@ async fn a_step_that_was_cut_off_is_taken_once() {
             socket.cut().await;
             let resumed;
             (socket, resumed) = Socket::resume(&api, &opened).await;
-            assert_eq!((&resumed["type"], &resumed["mode"]), (&json!("resumed"), &json!("single")), "{resumed}");
+            assert_eq!(
+                (&resumed["type"], &resumed["mode"]),
+                (&json!("resumed"), &json!("single")),
+                "{resumed}"
+            );
             assert!(resumed["last_id"] == id || resumed["last_id"] == id - 1, "{resumed}");
             assert_eq!(resumed["steps"], resumed["last_id"]);
         }
@@ -54,15 +59,19 @@ async fn a_frame_that_was_cut_off_is_taken_once() {
     let (mut steady, _) = Vector::open(&api, wish.clone()).await;
     let (mut vector, _) = Vector::open(&api, wish).await;
     for step in 1..=60u32 {
-        let actions: Vec<f32> = (0..vector.width()).map(|cell| draw(cell as u64, step.into()) - 0.5).collect();
+        let actions: Vec<f32> =
+            (0..vector.width()).map(|cell| draw(cell as u64, step.into()) - 0.5).collect();
         let wanted = steady.step(&actions).await;
         if step % 7 == 0 {
             let frame = vector.actions(step, &actions);
             vector.socket.bytes(&frame).await;
             vector.socket.cut().await;
             let (socket, resumed) = Socket::resume(&api, &vector.opened).await;
-            assert_eq!((&resumed["type"], &resumed["mode"], &resumed["frames"]),
-                       (&json!("resumed"), &json!("vector"), &vector.opened["frames"]), "{resumed}");
+            assert_eq!(
+                (&resumed["type"], &resumed["mode"], &resumed["frames"]),
+                (&json!("resumed"), &json!("vector"), &vector.opened["frames"]),
+                "{resumed}"
+            );
             assert!(resumed["sequence"] == step || resumed["sequence"] == step - 1, "{resumed}");
             vector.socket = socket;
         }
@@ -125,7 +134,11 @@ async fn of_two_connections_the_later_has_it() {
     let (mut second, resumed) = Socket::resume(&api, &opened).await;
     assert_eq!((&resumed["type"], &resumed["last_id"]), (&json!("resumed"), &json!(1)), "{resumed}");
     let superseded = first.told().await;
-    assert_eq!((&superseded["code"], &superseded["retryable"]), (&json!("superseded"), &json!(false)), "{superseded}");
+    assert_eq!(
+        (&superseded["code"], &superseded["retryable"]),
+        (&json!("superseded"), &json!(false)),
+        "{superseded}"
+    );
     assert_eq!(first.next().await, Came::Closed(1000));
     assert_eq!(second.step(1, &json!({"burns": []})).await, told);
     second.cut().await;

@@ -35,7 +35,10 @@ async fn an_episode_is_flown_to_its_end_and_another_begins() {
     let wish = json!({"task": "survival", "seed": 11, "params": {"debris": 40}, "episode_id": "mine"});
     let (mut socket, opened) = Socket::open(&server.api(), wish).await;
     assert_eq!((&opened["version"], &opened["mode"]), (&json!(1), &json!("single")));
-    assert_eq!((&opened["agents"], &opened["episode"], &opened["ttl_s"]), (&json!(3), &json!("mine"), &json!(60)));
+    assert_eq!(
+        (&opened["agents"], &opened["episode"], &opened["ttl_s"]),
+        (&json!(3), &json!("mine"), &json!(60))
+    );
     assert_eq!(opened["observation"]["radar_debris"].as_array().unwrap().len(), 40);
     let mut rewards = 0.0;
     let mut steps = Vec::new();
@@ -43,15 +46,22 @@ async fn an_episode_is_flown_to_its_end_and_another_begins() {
     for step in 1..=50 {
         let action = burn(step);
         last = socket.step(step * 2, &action).await;
-        assert_eq!((&last["type"], &last["id"], &last["step"]), (&json!("stepped"), &json!(step * 2), &json!(step)));
+        assert_eq!(
+            (&last["type"], &last["id"], &last["step"]),
+            (&json!("stepped"), &json!(step * 2), &json!(step))
+        );
         rewards += last["reward"].as_f64().unwrap();
         steps.push(action["burns"].clone());
-        let team: Vec<u64> = last["agents"].as_array().unwrap().iter().map(|a| a["agent"].as_u64().unwrap()).collect();
+        let team: Vec<u64> =
+            last["agents"].as_array().unwrap().iter().map(|a| a["agent"].as_u64().unwrap()).collect();
         assert!(team.iter().all(|agent| *agent < 3) && !team.is_empty(), "{last}");
         if last["done"] == true {
             break;
         }
-        assert_eq!((&last["score"], &last["terminated"], &last["truncated"]), (&Value::Null, &json!(false), &json!(false)));
+        assert_eq!(
+            (&last["score"], &last["terminated"], &last["truncated"]),
+            (&Value::Null, &json!(false), &json!(false))
+        );
     }
     assert_eq!(last["done"], true);
     assert_ne!(last["terminated"], last["truncated"], "{last}");
@@ -68,7 +78,8 @@ async fn an_episode_is_flown_to_its_end_and_another_begins() {
     // Who wishes nothing gets the same again; a wish is a wish.
     let again = socket.ask(json!({"type": "reset", "id": 1001})).await;
     assert_eq!((&again["type"], &again["observation"]), (&json!("began"), &opened["observation"]));
-    let other = socket.ask(json!({"type": "reset", "id": 1002, "task": "docking/multiagent", "seed": 4})).await;
+    let other =
+        socket.ask(json!({"type": "reset", "id": 1002, "task": "docking/multiagent", "seed": 4})).await;
     assert_eq!(other["observation"]["deputies"].as_array().unwrap().len(), 3);
     let thrust = json!({"thrusts": [{"deputy_id": 0, "thrust_x": 0.5, "thrust_y": 0.0, "thrust_z": 0.0}]});
     assert_eq!(socket.step(1003, &thrust).await["step"], 1);
@@ -93,7 +104,11 @@ async fn a_run_is_told_what_was_flown_for_it() {
     let told = to_the_end(&mut socket, 501).await;
     assert_eq!(told["reported"]["status"], "counted", "a sibling");
     let none_left = socket.ask(json!({"type": "reset", "id": 900})).await;
-    assert_eq!((&none_left["code"], &none_left["field"]), (&json!("invalid"), &json!("group_id")), "{none_left}");
+    assert_eq!(
+        (&none_left["code"], &none_left["field"]),
+        (&json!("invalid"), &json!("group_id")),
+        "{none_left}"
+    );
     let episodes = api.get("/v1/runs/run/episodes").await.expect(200);
     assert_eq!(episodes["episodes"].as_array().unwrap().len(), 2);
 }
@@ -113,8 +128,12 @@ async fn a_repeated_number_is_answered_again_and_steps_nothing() {
     let old = socket.step(7, &burn(1)).await;
     assert_eq!((&old["code"], &old["field"]), (&json!("out_of_turn"), &json!("id")));
     // What was refused has moved nothing, and its number is free.
-    let refused = socket.step(9, &json!({"burns": [{"satellite_id": 0, "delta_vx": "NaN", "delta_vy": 0}]})).await;
-    assert_eq!((&refused["code"], &refused["field"]), (&json!("invalid_action"), &json!("action.burns.0.delta_vx")));
+    let refused =
+        socket.step(9, &json!({"burns": [{"satellite_id": 0, "delta_vx": "NaN", "delta_vy": 0}]})).await;
+    assert_eq!(
+        (&refused["code"], &refused["field"]),
+        (&json!("invalid_action"), &json!("action.burns.0.delta_vx"))
+    );
     assert_eq!(socket.step(9, &burn(3)).await["step"], 3);
 }
 
@@ -137,7 +156,11 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
         (opening(json!({"params": {"fule": 1}})), "invalid", "params.fule"),
         (opening(json!({"params": {"fuel": "much"}})), "invalid", "params.fuel"),
         (opening(json!({"physics": {"gravity": "up"}})), "invalid", "physics.gravity"),
-        (opening(json!({"scenario": {"task": "kessler/survival", "seed": evaluation}})), "invalid", "scenario.seed"),
+        (
+            opening(json!({"scenario": {"task": "kessler/survival", "seed": evaluation}})),
+            "invalid",
+            "scenario.seed",
+        ),
         (opening(json!({"run": "NO"})), "invalid", "run"),
         (opening(json!({"run": "r", "seed": 1})), "invalid", "seed"),
         (opening(json!({"lease_id": "7-abcdef"})), "invalid", "run"),
@@ -145,16 +168,28 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
         (opening(json!({"vector": {"envs": 0}})), "invalid", "vector.envs"),
         (opening(json!({"vector": {}})), "invalid", "vector.envs"),
         (opening(json!({"vector": {"envs": 4, "autoreset": "never"}})), "invalid", "vector.autoreset"),
-        (opening(json!({"vector": {"envs": 4, "observe": "tracks", "look_ahead": 99}})), "invalid", "vector.look_ahead"),
+        (
+            opening(json!({"vector": {"envs": 4, "observe": "tracks", "look_ahead": 99}})),
+            "invalid",
+            "vector.look_ahead",
+        ),
         (opening(json!({"vector": {"envs": 4, "threats": 3}})), "invalid", "vector.threats"),
-        (opening(json!({"vector": {"envs": 4, "observe": "tracks"}, "task": "docking/single"})), "invalid", "vector.observe"),
+        (
+            opening(json!({"vector": {"envs": 4, "observe": "tracks"}, "task": "docking/single"})),
+            "invalid",
+            "vector.observe",
+        ),
         (opening(json!({"vector": {"envs": 1_000_000}})), "invalid", "vector.envs"),
         (opening(json!({"vector": {"envs": 4}, "run": "r"})), "invalid", "lease_id"),
         (json!({"type": "resume", "session": "nobody"}), "unknown_session", "session"),
         (json!({"type": "resume"}), "invalid", "session"),
     ] {
         let told = socket.ask(message.clone()).await;
-        assert_eq!((&told["type"], &told["code"], &told["field"]), (&json!("error"), &json!(code), &json!(field)), "{message}: {told}");
+        assert_eq!(
+            (&told["type"], &told["code"], &told["field"]),
+            (&json!("error"), &json!(code), &json!(field)),
+            "{message}: {told}"
+        );
         assert!(told["detail"].as_str().unwrap().len() > 5 && told["retryable"] == false, "{told}");
     }
     let unknown = socket.ask(opening(json!({"run": "nobody"}))).await;
@@ -184,5 +219,8 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
     assert_eq!(socket.step(1, &burn(1)).await["step"], 1);
     // It is a WebSocket or nothing.
     let refused = api.get("/v1/sessions").await;
-    assert_eq!((refused.status, &refused.body["type"]), (426, &json!("urn:sparring:problem:upgrade_required")));
+    assert_eq!(
+        (refused.status, &refused.body["type"]),
+        (426, &json!("urn:sparring:problem:upgrade_required"))
+    );
 }

@@ -16,9 +16,7 @@ fn actions(step: u64, width: usize) -> Vec<f32> {
 
 /// The action of one environment in the wire form of kessler.
 fn burns(actions: &[f32]) -> Value {
-    let burn = |(agent, cells): (usize, &[f32])| {
-        json!({"satellite_id": agent, "delta_vx": f64::from(cells[0]), "delta_vy": f64::from(cells[1])})
-    };
+    let burn = |(agent, cells): (usize, &[f32])| json!({"satellite_id": agent, "delta_vx": f64::from(cells[0]), "delta_vy": f64::from(cells[1])});
     json!({"burns": actions.chunks(2).enumerate().map(burn).collect::<Vec<_>>()})
 }
 
@@ -44,7 +42,7 @@ async fn every_environment_is_a_single_session_bit_for_bit() {
     let wish = json!({"task": "eco_station", "params": params, "seed": 77, "vector": {"envs": ENVS}});
     let (mut vector, first) = Vector::open(&api, wish).await;
     let (width, cells) = (vector.width() / ENVS, vector.size("observation"));
-    assert_eq!((vector.size("agents"), vector.size("action"), cells), (3, 2, 18 + 5 * 63));
+    assert_eq!((vector.size("agents"), vector.size("action"), cells), (3, 2, 18 + 5 * 66));
     let names = vector.opened["columns"].as_array().unwrap();
     assert_eq!((names.len(), &names[0], &names[18]), (cells, &json!("satellite_0_x"), &json!("debris_0_x")));
     let task = env_core::task("kessler/eco_station").unwrap();
@@ -68,13 +66,18 @@ async fn every_environment_is_a_single_session_bit_for_bit() {
             let single = socket.step(step, &action).await;
             steps.push(action["burns"].clone());
             *total += f64::from(told.team_rewards[env]);
-            assert_eq!(told.team_rewards[env].to_bits(), (single["reward"].as_f64().unwrap() as f32).to_bits());
+            assert_eq!(
+                told.team_rewards[env].to_bits(),
+                (single["reward"].as_f64().unwrap() as f32).to_bits()
+            );
             assert_eq!(columns(&told, env, cells), satellites(&single["observation"]), "{env} at {step}");
             for agent in single["agents"].as_array().unwrap() {
                 let at = env * 3 + agent["agent"].as_u64().unwrap() as usize;
                 assert_eq!(told.rewards[at].to_bits(), (agent["reward"].as_f64().unwrap() as f32).to_bits());
-                assert_eq!((told.terminated[at] == 1, told.truncated[at] == 1),
-                           (agent["terminated"] == true, agent["truncated"] == true));
+                assert_eq!(
+                    (told.terminated[at] == 1, told.truncated[at] == 1),
+                    (agent["terminated"] == true, agent["truncated"] == true)
+                );
             }
             assert_eq!(told.flags[env], u8::from(single["done"] == true));
             if single["done"] == true {
@@ -109,7 +112,11 @@ async fn resets_are_gymnasiums() {
             assert_eq!(told.flags, [0, 0], "{mode}");
             told = vector.step(&hold).await;
         }
-        assert_eq!((told.flags.as_slice(), told.truncated.as_slice()), ([1, 1].as_slice(), [1; 6].as_slice()), "{mode}");
+        assert_eq!(
+            (told.flags.as_slice(), told.truncated.as_slice()),
+            ([1, 1].as_slice(), [1; 6].as_slice()),
+            "{mode}"
+        );
         match mode {
             "next_step" => {
                 let begun = vector.step(&hold).await;
@@ -154,7 +161,10 @@ async fn a_repeated_frame_is_answered_again_and_bad_ones_move_nothing() {
         frame[at] = byte;
         frame
     };
-    let nan = vector.actions(2, &good.iter().enumerate().map(|(i, x)| if i == 8 { f32::NAN } else { *x }).collect::<Vec<_>>());
+    let nan = vector.actions(
+        2,
+        &good.iter().enumerate().map(|(i, x)| if i == 8 { f32::NAN } else { *x }).collect::<Vec<_>>(),
+    );
     let infinite = vector.actions(2, &vec![f32::INFINITY; vector.width()]);
     for (frame, code, field) in [
         (Vec::new(), "invalid_frame", "length"),
@@ -172,7 +182,11 @@ async fn a_repeated_frame_is_answered_again_and_bad_ones_move_nothing() {
     ] {
         vector.socket.bytes(&frame).await;
         let told = vector.socket.told().await;
-        assert_eq!((&told["type"], &told["code"], &told["field"]), (&json!("error"), &json!(code), &json!(field)), "{told}");
+        assert_eq!(
+            (&told["type"], &told["code"], &told["field"]),
+            (&json!("error"), &json!(code), &json!(field)),
+            "{told}"
+        );
     }
     for text in ["step", "{\"type\": \"step\", \"id\": 2}", "{\"type\": \"open\", \"version\": 1}"] {
         vector.socket.text(text).await;
@@ -192,12 +206,17 @@ async fn a_repeated_frame_is_answered_again_and_bad_ones_move_nothing() {
 #[tokio::test]
 async fn memory_is_bounded_and_told() {
     let limits = orchestrator::sessions::Limits { memory_mib: 8, ..Default::default() };
-    let server = Server::set_up(move |config| orchestrator::service::Config { sessions: limits, ..config }).await;
+    let server =
+        Server::set_up(move |config| orchestrator::service::Config { sessions: limits, ..config }).await;
     let api = server.api();
     let wish = |envs: usize| json!({"task": "survival", "vector": {"envs": envs, "observe": "tracks"}});
     let mut socket = Socket::to(&api).await;
     let told = socket.ask(crate::client::opening(wish(3000))).await;
-    assert_eq!((&told["code"], &told["field"], &told["retryable"]), (&json!("invalid"), &json!("vector.envs"), &json!(false)), "{told}");
+    assert_eq!(
+        (&told["code"], &told["field"], &told["retryable"]),
+        (&json!("invalid"), &json!("vector.envs"), &json!(false)),
+        "{told}"
+    );
     let (one, _) = Vector::open(&api, wish(200)).await;
     let mut others = Vec::new();
     let full = loop {

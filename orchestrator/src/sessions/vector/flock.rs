@@ -206,7 +206,8 @@ impl Flock {
         }
         let mut bytes = layout.stepped_bytes();
         if layout.finals {
-            let rows = self.finals.chunks_exact(layout.observation).zip(&self.done).filter(|(_, done)| **done);
+            let rows =
+                self.finals.chunks_exact(layout.observation).zip(&self.done).filter(|(_, done)| **done);
             for (row, _) in rows {
                 let width = layout.observation * 4;
                 for (cell, value) in take(&mut rest, width).as_chunks_mut::<4>().0.iter_mut().zip(row) {

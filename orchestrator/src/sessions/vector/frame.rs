@@ -137,7 +137,12 @@ impl Layout {
         let mut offset = HEADER;
         let mut put = |name, dtype, shape: &[usize]| {
             let cells: usize = shape.iter().product();
-            fields.push(Field { name, offset, dtype, shape: shape.iter().map(|&length| Some(length)).collect() });
+            fields.push(Field {
+                name,
+                offset,
+                dtype,
+                shape: shape.iter().map(|&length| Some(length)).collect(),
+            });
             offset += padded(cells * if dtype == "|u1" { 1 } else { 4 });
         };
         put("observations", "<f4", &[envs, observation]);
@@ -167,8 +172,12 @@ impl Layout {
             {"name": "sequence", "offset": 8, "dtype": "<u4", "shape": []},
             {"name": "envs", "offset": 12, "dtype": "<u4", "shape": []},
         ]);
-        let actions =
-            Field { name: "actions", offset: HEADER, dtype: "<f4", shape: vec![Some(envs), Some(agents), Some(action)] };
+        let actions = Field {
+            name: "actions",
+            offset: HEADER,
+            dtype: "<f4",
+            shape: vec![Some(envs), Some(agents), Some(action)],
+        };
         let mask = Field { name: "mask", offset: HEADER, dtype: "|u1", shape: vec![Some(envs)] };
         let fields: Vec<Value> = self.stepped().iter().map(Field::told).collect();
         json!({
@@ -207,7 +216,10 @@ impl Layout {
             _ => return wrong("kind", format!("it is {kind}; a client sends 1 (actions) or 3 (reset)")),
         };
         if bytes.len() != length {
-            return wrong("length", format!("it is {}; a frame of this kind has {length} bytes", bytes.len()));
+            return wrong(
+                "length",
+                format!("it is {}; a frame of this kind has {length} bytes", bytes.len()),
+            );
         }
         Ok(Command { sequence: u32::from_le_bytes([s0, s1, s2, s3]), what })
     }
@@ -230,7 +242,8 @@ mod tests {
 
     use super::*;
 
-    const LAYOUT: Layout = Layout { envs: 3, agents: 3, action: 2, observation: 5, leased: true, finals: true };
+    const LAYOUT: Layout =
+        Layout { envs: 3, agents: 3, action: 2, observation: 5, leased: true, finals: true };
 
     fn frame(kind: u16, sequence: u32, body: usize) -> Vec<u8> {
         let mut bytes = LAYOUT.head(sequence).to_vec();
@@ -262,7 +275,10 @@ mod tests {
     fn what_is_wrong_is_named() {
         let good = frame(1, 9, 72);
         assert_eq!(LAYOUT.read(&good).unwrap(), Command { sequence: 9, what: What::Act(&[0; 72]) });
-        assert_eq!(LAYOUT.read(&frame(3, 7, 4)).unwrap(), Command { sequence: 7, what: What::Reset(&[0; 3]) });
+        assert_eq!(
+            LAYOUT.read(&frame(3, 7, 4)).unwrap(),
+            Command { sequence: 7, what: What::Reset(&[0; 3]) }
+        );
         let field = |bytes: &[u8]| LAYOUT.read(bytes).unwrap_err().field;
         let with = |at: usize, byte: u8| {
             let mut bytes = good.clone();

@@ -18,8 +18,8 @@ use self::flock::Flock;
 pub use self::flock::{DONE, IDLE};
 use self::frame::{FrameError, Layout};
 pub use self::open::VectorWish;
-pub use self::reports::Tally;
 use self::reports::Reports;
+pub use self::reports::Tally;
 use super::leased::{Held, Leased};
 use super::{Full, WishError};
 use crate::ids::{LeaseId, RunId};
@@ -116,7 +116,10 @@ pub struct Vector {
 
 impl std::fmt::Debug for Vector {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Vector").field("task", &self.task.id()).field("layout", &self.layout).finish_non_exhaustive()
+        f.debug_struct("Vector")
+            .field("task", &self.task.id())
+            .field("layout", &self.layout)
+            .finish_non_exhaustive()
     }
 }
 

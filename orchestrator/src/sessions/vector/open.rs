@@ -118,7 +118,11 @@ impl Sessions {
             return Err(wrong("vector.envs", reason));
         }
         // Logs are kept of a lease's episodes until they are reported: at most a horizon of them.
-        let log = if leased { plan.task.horizon(&plan.starts[0].0) as usize * agents * (4 + 8 * action) } else { 0 };
+        let log = if leased {
+            plan.task.horizon(&plan.starts[0].0) as usize * agents * (4 + 8 * action)
+        } else {
+            0
+        };
         let memory = self.memory(envs * (bytes * GROWTH / 100 + log) + Flock::bytes(layout))?;
         let task = plan.task;
         let book_pool = pool.clone();
@@ -194,7 +198,8 @@ impl Sessions {
                     let task = chosen(&tasks, wish.task)?;
                     let mut seen = HashSet::new();
                     let of_task = pool.left().filter(|(scenario, _)| scenario.task().id() == task.id());
-                    let distinct = of_task.filter(|(scenario, _)| seen.insert(Arc::as_ptr(scenario.recipe())));
+                    let distinct =
+                        of_task.filter(|(scenario, _)| seen.insert(Arc::as_ptr(scenario.recipe())));
                     let start = |(scenario, _): (&env_core::Scenario, usize)| {
                         (Arc::clone(scenario.recipe()), scenario.seed())
                     };
@@ -216,11 +221,14 @@ fn chosen(
         ([], _) => Err(wrong("lease_id", "all episodes of this lease are flown or being flown")),
         (tasks, Some(wanted)) => {
             let found = tasks.iter().find(|task| task.id() == wanted.id());
-            found.copied().ok_or_else(|| wrong("vector.task", format!("the lease has episodes of {}", known())))
+            found
+                .copied()
+                .ok_or_else(|| wrong("vector.task", format!("the lease has episodes of {}", known())))
         }
         ([one], None) => Ok(*one),
         (_, None) => {
-            let reason = format!("it is missing: the lease has episodes of {}, and a batch flies one", known());
+            let reason =
+                format!("it is missing: the lease has episodes of {}, and a batch flies one", known());
             Err(wrong("vector.task", reason))
         }
     }

@@ -78,7 +78,9 @@ async fn opened(
                     continue;
                 }
             },
-            Received::Binary(_) => Refusal::new("not_open", "the first message opens a session: send it as text"),
+            Received::Binary(_) => {
+                Refusal::new("not_open", "the first message opens a session: send it as text")
+            }
             Received::Idle => Refusal::new("silent", "no session was opened for too long").ending(),
             Received::Stop => stopping().ending(),
             Received::TooLarge => Refusal::new("too_large", TOO_LARGE).ending(),
@@ -176,7 +178,8 @@ async fn on_board(
             }
             Came::Received(Received::Idle) => {
                 drop(mooring);
-                return bid(socket, &Refusal::new("silent", "the session was silent for too long and ended")).await;
+                return bid(socket, &Refusal::new("silent", "the session was silent for too long and ended"))
+                    .await;
             }
             Came::Received(Received::Stop) => {
                 drop(mooring);

@@ -5,10 +5,10 @@ use std::ops::ControlFlow;
 use axum::body::Bytes;
 use serde_json::Value;
 
+use super::answer;
 use super::opening::{Message, message, unknown};
 use super::refusal::Refusal;
 use super::single::Bare;
-use super::answer;
 use crate::reading::read;
 use crate::sessions::Vector;
 

@@ -79,9 +79,8 @@ fn name(field: &str, text: Option<String>) -> Result<Option<String>, Refusal> {
 
 fn task(field: &str, name: Option<&String>) -> Result<Option<&'static dyn TaskSpec>, Refusal> {
     let find = |name: &String| {
-        named(name).ok_or_else(|| {
-            Refusal::invalid(field, format!("there is no such task; known are {}", known()))
-        })
+        named(name)
+            .ok_or_else(|| Refusal::invalid(field, format!("there is no such task; known are {}", known())))
     };
     name.map(find).transpose()
 }
@@ -121,7 +120,8 @@ pub(super) fn sorted(wish: Wish) -> Result<Wished, Refusal> {
 /// How many environments are stepped, and how.
 pub(super) fn vector(fields: Value) -> Result<VectorWish, Refusal> {
     let fields: VectorFields = read(fields).map_err(|fault| {
-        let field = if fault.field.is_empty() { "vector".to_owned() } else { format!("vector.{}", fault.field) };
+        let field =
+            if fault.field.is_empty() { "vector".to_owned() } else { format!("vector.{}", fault.field) };
         Refusal::invalid(field, fault.words)
     })?;
     let observe = match fields.observe.unwrap_or(ObserveWord::All) {
