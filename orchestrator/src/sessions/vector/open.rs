@@ -75,6 +75,24 @@ impl Plan {
         Ok((Shape { envs: self.config.envs, ..shape }, bytes))
     }
 
+    /// How the frames of so many environments look.
+    fn layout(&self, shape: Shape) -> Result<Layout, VectorError> {
+        let Shape { envs, agents, action, observation } = shape;
+        let finals = self.config.autoreset == Autoreset::SameStep;
+        let layout = Layout { envs, agents, action, observation, leased: self.leased, finals };
+        if layout.most_bytes() > MAX_OUT || layout.actions_bytes() > MAX_IN {
+            let reason = format!(
+                "frames of so many would have {} MiB of answers and {} of actions; at most {} are sent and {} read",
+                layout.most_bytes() >> 20,
+                layout.actions_bytes() >> 20,
+                MAX_OUT >> 20,
+                MAX_IN >> 20
+            );
+            return Err(wrong("vector.envs", reason));
+        }
+        Ok(layout)
+    }
+
     fn batch(&self) -> Result<(Box<dyn Batch>, Option<Arc<Assigned>>), BatchError> {
         let (feed, assigned) = self.feed(self.config.envs, &self.starts[0]);
         Ok((self.task.batch(feed, self.config)?, assigned))
@@ -105,18 +123,8 @@ impl Sessions {
         })
         .await
         .ok_or(VectorError::Lost)??;
-        let (finals, leased) = (wish.autoreset == Autoreset::SameStep, plan.leased);
-        let Shape { envs, agents, action, observation } = shape;
-        let layout = Layout { envs, agents, action, observation, leased, finals };
-        if layout.most_bytes() > MAX_OUT || layout.actions_bytes() > MAX_IN {
-            let reason = format!(
-                "a frame of so many would have {} MiB; at most {} are sent and {} read",
-                (layout.most_bytes().max(layout.actions_bytes())) >> 20,
-                MAX_OUT >> 20,
-                MAX_IN >> 20
-            );
-            return Err(wrong("vector.envs", reason));
-        }
+        let (leased, layout) = (plan.leased, plan.layout(shape)?);
+        let Shape { envs, agents, action, .. } = shape;
         // Logs are kept of a lease's episodes until they are reported: at most a horizon of them.
         let log = if leased {
             plan.task.horizon(&plan.starts[0].0) as usize * agents * (4 + 8 * action)
