@@ -3,6 +3,7 @@
 Needs `websockets` (pip install websockets) and nothing else; docs/stepping.md has every frame. The curriculum of a run decides
 what is flown, the server keeps the actions, and the last step of an episode is answered once its outcome is stored.
 """
+import contextlib
 import json
 import sys
 import urllib.request
@@ -17,8 +18,12 @@ class Session:
     def __init__(self, base, **wish):
         self.url = base.replace("http", "ws", 1) + "/v1/sessions"
         self.number = 0
-        self.socket = connect(self.url, max_size=None)
+        self.stack = contextlib.ExitStack()
+        self.connect()
         self.opened = self.ask({"type": "open", "version": 1, **wish})
+
+    def connect(self):
+        self.socket = self.stack.enter_context(connect(self.url, max_size=None))
 
     def ask(self, message):
         self.socket.send(json.dumps(message))
@@ -34,12 +39,12 @@ class Session:
             try:
                 return self.ask({"type": kind, "id": self.number, **fields})
             except (ConnectionClosed, OSError):
-                self.socket = connect(self.url, max_size=None)
+                self.connect()
                 self.ask({"type": "resume", "session": self.opened["session"]})
 
     def close(self):
         self.ask({"type": "close"})
-        self.socket.close()
+        self.stack.close()
 
 
 def burns(seen):

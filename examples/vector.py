@@ -5,6 +5,7 @@ Needs `websockets` (pip install websockets) and nothing else; docs/stepping.md h
 strategies: every episode is flown by a variation of it, and what scored better counts more. With numpy, `numpy.frombuffer(frame,
 dtype, count, offset)` gives the same columns without a copy.
 """
+import contextlib
 import json
 import random
 import struct
@@ -24,7 +25,9 @@ class Vector:
 
     def __init__(self, base, **wish):
         assert sys.byteorder == "little", "frames are little-endian"
-        self.socket = connect(base.replace("http", "ws", 1) + "/v1/sessions", max_size=None, compression=None)
+        self.stack = contextlib.ExitStack()
+        url = base.replace("http", "ws", 1) + "/v1/sessions"
+        self.socket = self.stack.enter_context(connect(url, max_size=None, compression=None))
         self.told = self.ask({"type": "open", "version": 1, **wish})
         assert self.told["version"] == 1
         self.envs, self.agents, self.sequence = self.told["envs"], self.told["agents"], 0
@@ -63,7 +66,7 @@ class Vector:
 
     def close(self):
         told = self.ask({"type": "close"})  # answered once all is reported
-        self.socket.close()
+        self.stack.close()
         return told["reported"]
 
 

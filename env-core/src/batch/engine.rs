@@ -182,9 +182,9 @@ impl<L: Lane> Seat<L> {
             }
             self.observe(row.observation);
             if self.rests {
-                row.terminated.fill(true)
+                row.terminated.fill(true);
             } else {
-                self.lane.absent(row.terminated)
+                self.lane.absent(row.terminated);
             }
             return Ok(());
         }
