@@ -5,6 +5,7 @@ use std::process::Command;
 
 use system_tests::Server;
 
+#[expect(clippy::print_stderr, reason = "who reads the tests' output should know what was not run")]
 async fn run(script: &'static str, args: &'static [&'static str]) -> Option<String> {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
     let python = root.join("target/openenv-venv/bin/python");

@@ -65,7 +65,7 @@ async fn every_episode_of_a_lease_is_flown_and_reported_once() {
             stored.iter().all(|episode| episode["policy_version"] == 3 && episode["state"] == "finished")
         );
         // What was earned by the rewards that were told is what the replay says.
-        let mut scores = vec![0.0; 18];
+        let mut scores = [0.0; 18];
         for pair in told.windows(2) {
             for env in 0..4 {
                 if let Ok(episode) = usize::try_from(pair[0].episodes[env]) {

@@ -137,13 +137,12 @@ async fn a_repeated_number_is_answered_again_and_steps_nothing() {
     assert_eq!(socket.step(9, &burn(3)).await["step"], 3);
 }
 
-#[tokio::test]
-async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
-    let server = Server::start().await;
-    let api = server.api();
-    let mut socket = Socket::to(&api).await;
+type Wrong = Vec<(Value, &'static str, &'static str)>;
+
+/// Messages that open nothing, each with the error's code and field.
+fn wrong_openings() -> Wrong {
     let evaluation = (1u64 << 52) + 5;
-    for (message, code, field) in [
+    vec![
         (json!({"type": "step", "id": 1, "action": {}}), "unknown_type", "type"),
         (json!({"type": "open"}), "invalid", "version"),
         (json!({"type": "open", "version": 2}), "version", "version"),
@@ -165,6 +164,12 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
         (opening(json!({"run": "r", "seed": 1})), "invalid", "seed"),
         (opening(json!({"lease_id": "7-abcdef"})), "invalid", "run"),
         (opening(json!({"group_id": "x".repeat(256)})), "invalid", "group_id"),
+    ]
+}
+
+/// The same of vector sessions, and of coming back.
+fn wrong_vectors() -> Wrong {
+    vec![
         (opening(json!({"vector": {"envs": 0}})), "invalid", "vector.envs"),
         (opening(json!({"vector": {}})), "invalid", "vector.envs"),
         (opening(json!({"vector": {"envs": 4, "autoreset": "never"}})), "invalid", "vector.autoreset"),
@@ -183,7 +188,14 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
         (opening(json!({"vector": {"envs": 4}, "run": "r"})), "invalid", "lease_id"),
         (json!({"type": "resume", "session": "nobody"}), "unknown_session", "session"),
         (json!({"type": "resume"}), "invalid", "session"),
-    ] {
+    ]
+}
+
+#[tokio::test]
+async fn what_cannot_be_opened_is_told_by_its_field() {
+    let server = Server::start().await;
+    let mut socket = Socket::to(&server.api()).await;
+    for (message, code, field) in wrong_openings().into_iter().chain(wrong_vectors()) {
         let told = socket.ask(message.clone()).await;
         assert_eq!(
             (&told["type"], &told["code"], &told["field"]),
@@ -201,6 +213,13 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
     socket.bytes(b"SPVF").await;
     assert_eq!(socket.told().await["code"], "not_open");
     assert_eq!(socket.ask(opening(json!({"seed": 1}))).await["type"], "opened");
+}
+
+#[tokio::test]
+async fn what_cannot_be_done_is_told_and_the_session_goes_on() {
+    let server = Server::start().await;
+    let api = server.api();
+    let (mut socket, _) = Socket::open(&api, json!({"seed": 1})).await;
     for (message, code) in [
         (opening(json!({})), "already_open"),
         (json!({"type": "step", "id": 1}), "invalid"),

@@ -10,13 +10,16 @@ use super::super::leased::{Held, lock};
 use crate::ids::EpisodeId;
 use crate::training::audit::{Claim, Claimed};
 
+/// A scenario to begin with.
+pub(super) type Start = (Arc<Recipe>, Seed);
+
 /// What each slot begins next; none where nothing is left for it.
 #[derive(Debug)]
-pub(super) struct Assigned(Mutex<Vec<Option<(Arc<Recipe>, Seed)>>>);
+pub(super) struct Assigned(Mutex<Vec<Option<Start>>>);
 
 impl Assigned {
     /// Nothing for nobody, but for what is said of the first.
-    pub(super) fn new(envs: usize, first: (Arc<Recipe>, Seed)) -> Arc<Self> {
+    pub(super) fn new(envs: usize, first: Start) -> Arc<Self> {
         let mut all = vec![None; envs];
         if let Some(slot) = all.first_mut() {
             *slot = Some(first);
@@ -24,7 +27,7 @@ impl Assigned {
         Arc::new(Self(Mutex::new(all)))
     }
 
-    fn hold(&self) -> MutexGuard<'_, Vec<Option<(Arc<Recipe>, Seed)>>> {
+    fn hold(&self) -> MutexGuard<'_, Vec<Option<Start>>> {
         // Nothing that holds it can panic; if something did, what is assigned still is.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -34,11 +37,11 @@ impl Assigned {
 pub(super) struct LeaseFeed {
     pub(super) assigned: Arc<Assigned>,
     /// What a slot that has nothing would fly: it is never begun.
-    pub(super) otherwise: (Arc<Recipe>, Seed),
+    pub(super) otherwise: Start,
 }
 
 impl Feed for LeaseFeed {
-    fn scenario(&self, slot: usize, _: u64) -> (Arc<Recipe>, Seed) {
+    fn scenario(&self, slot: usize, _: u64) -> Start {
         let held = self.assigned.hold();
         held.get(slot).cloned().flatten().unwrap_or_else(|| self.otherwise.clone())
     }

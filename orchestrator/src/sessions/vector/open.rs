@@ -4,13 +4,13 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use axum::body::Bytes;
+use env_core::TaskSpec;
 use env_core::batch::{Autoreset, Batch, BatchConfig, BatchError, Feed, MAX_ENVS, Observe, Seeds, Shape};
-use env_core::{Recipe, Seed, TaskSpec};
 use uuid::Uuid;
 
 use super::super::leased::{Held, lock};
 use super::super::{Sessions, WishError, Wished};
-use super::book::{Assigned, Book, LeaseFeed};
+use super::book::{Assigned, Book, LeaseFeed, Start};
 use super::flock::Flock;
 use super::frame::{Layout, MAX_IN, MAX_OUT};
 use super::reports::Reports;
@@ -34,8 +34,8 @@ const TRIED: usize = 64;
 /// Memory of an environment beyond what one that was just begun takes, in percent: rogues and fragments come.
 const GROWTH: usize = 150;
 
-/// A scenario to begin with.
-type Start = (Arc<Recipe>, Seed);
+/// A batch, and who is told there what a lease's environments begin next.
+type Made = (Box<dyn Batch>, Option<Arc<Assigned>>);
 
 /// What is to be flown.
 struct Plan {
@@ -93,7 +93,7 @@ impl Plan {
         Ok(layout)
     }
 
-    fn batch(&self) -> Result<(Box<dyn Batch>, Option<Arc<Assigned>>), BatchError> {
+    fn batch(&self) -> Result<Made, BatchError> {
         let (feed, assigned) = self.feed(self.config.envs, &self.starts[0]);
         Ok((self.task.batch(feed, self.config)?, assigned))
     }
