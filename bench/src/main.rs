@@ -11,6 +11,7 @@ mod levels;
 mod results;
 mod soak;
 mod sockets;
+mod stepping;
 mod steps;
 
 use std::io::Write;
@@ -23,7 +24,7 @@ struct Args {
     /// What to measure; all of speed if none is named. `soak` loads the server for ten minutes
     /// and watches its memory; `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "soak", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "stepping", "soak", "designer", "learner", "levels"])]
     what: Vec<String>,
     /// How long `soak` lasts
     #[arg(long, default_value_t = 10)]
@@ -79,6 +80,9 @@ fn main() -> anyhow::Result<()> {
     }
     if wanted("sockets") {
         show(sockets::measure(&args.peer)?)?;
+    }
+    if wanted("stepping") {
+        show(stepping::measure()?)?;
     }
     if wanted("designer") {
         show(designer::measure()?)?;

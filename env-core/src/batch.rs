@@ -75,6 +75,11 @@ pub trait Feed: Send + Sync {
     fn only(&self) -> Option<&Arc<Recipe>> {
         None
     }
+    /// Whether there is a scenario for this slot now. Where there is none the slot rests instead of beginning: its rows are
+    /// zero, its episode is over, and it asks again at each step that is not [`Autoreset::Disabled`]'s.
+    fn has(&self, _slot: usize) -> bool {
+        true
+    }
 }
 
 /// One recipe with seeds of its own for every (slot, number), from a batch seed.
@@ -229,6 +234,12 @@ pub trait Batch: Send {
     fn episode(&self, env: usize) -> Option<(Scenario, f64)>;
     /// A digest of every bit of an environment's state.
     fn state_hash(&self, env: usize) -> Option<[u8; 32]>;
+    /// Says which agents an environment's episode, just begun, is without; all where it rests.
+    fn absent(&self, env: usize, terminated: &mut [bool]);
+    /// Whether an environment rests, since there is no scenario for it.
+    fn rests(&self, env: usize) -> bool;
+    /// What the values of an environment's observation are called, in order.
+    fn columns(&self) -> Vec<String>;
     /// Bytes that one environment takes, without what environments share.
     fn bytes_per_env(&self) -> usize;
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use axum::serve::ListenerExt;
 use sqlx::{SqliteConnection, SqlitePool};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
@@ -165,7 +166,8 @@ impl Service {
             runs: config.sessions.runs && config.surface == http::Surface::Whole,
             ..config.sessions
         };
-        let sessions = Arc::new(Sessions::new(limits, desk.clone(), Arc::clone(&config.judges)));
+        let threads = Arc::new(flying_threads().map_err(StartError::Threads)?);
+        let sessions = Arc::new(Sessions::new(limits, desk.clone(), Arc::clone(&config.judges), threads));
         let app = App {
             writer,
             readers: readers.clone(),
@@ -301,11 +303,19 @@ fn employ(
     Ok(jobs)
 }
 
+/// Threads on which the environments of vector sessions are stepped, as many as there are cores.
+fn flying_threads() -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
+    let panicked = |_| tracing::error!("A step of a vector session panicked; the session is lost.");
+    rayon::ThreadPoolBuilder::new().thread_name(|i| format!("fly-{i}")).panic_handler(panicked).build()
+}
+
 async fn serve(listener: TcpListener, routes: axum::Router, mut stopped: watch::Receiver<bool>) {
     let shutdown = async move {
         // The sender going away means the same.
         let _ = stopped.wait_for(|stop| *stop).await;
     };
+    // What is sent is sent whole: nothing is gained by waiting for more.
+    let listener = listener.tap_io(|stream| drop(stream.set_nodelay(true)));
     if let Err(error) = axum::serve(listener, routes).with_graceful_shutdown(shutdown).await {
         tracing::error!(error = %error, "The server failed.");
     }

@@ -3,7 +3,7 @@
 use anyhow::Context;
 
 /// Processor time of a process and its threads, seconds.
-pub(super) fn cpu_s(pid: u32) -> anyhow::Result<f64> {
+pub(crate) fn cpu_s(pid: u32) -> anyhow::Result<f64> {
     let stat =
         std::fs::read_to_string(format!("/proc/{pid}/stat")).context("processor time is read from /proc")?;
     // The name, in parentheses, may hold anything; utime and stime are fields 14 and 15 of proc(5), in ticks.

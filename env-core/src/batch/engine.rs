@@ -35,6 +35,8 @@ pub trait Lane: Send + Sized {
     fn score(&self) -> f64;
     /// A digest of every bit of the state.
     fn state_hash(&self) -> [u8; 32];
+    /// What the values that [`Lane::observe`] writes are called, in order.
+    fn columns(&self) -> Vec<String>;
     /// Bytes it takes.
     fn bytes(&self) -> usize;
 }
@@ -60,6 +62,8 @@ struct Seat<L> {
     number: u64,
     flies: Option<(Arc<Recipe>, Seed)>,
     over: bool,
+    /// There was no scenario to begin.
+    rests: bool,
 }
 
 /// A batch of one world's lanes.
@@ -84,7 +88,7 @@ impl<L: Lane> Engine<L> {
         if config.envs == 0 || config.envs > MAX_ENVS {
             return Err(BatchError::Config { field: "envs", value: config.envs, min: 1, max: MAX_ENVS });
         }
-        let seat = |slot| Seat { lane: lane(), slot, number: 0, flies: None, over: true };
+        let seat = |slot| Seat { lane: lane(), slot, number: 0, flies: None, over: true, rests: false };
         let seats = (0..config.envs).map(seat).collect();
         Ok(Self { seats, feed, autoreset: config.autoreset, shape })
     }
@@ -125,8 +129,9 @@ impl<L: Lane> Engine<L> {
         {
             return Err(BatchError::NotFinite { env: at / (agents * action), agent: at / action % agents });
         }
-        let may_step =
-            |seat: &Seat<L>| !seat.over || (self.autoreset == Autoreset::NextStep && seat.number > 0);
+        let may_step = |seat: &Seat<L>| {
+            !seat.over || seat.rests || (self.autoreset == Autoreset::NextStep && seat.number > 0)
+        };
         match self.seats.iter().position(|seat| !may_step(seat)) {
             Some(env) => Err(BatchError::Ended { env }),
             None => Ok(()),
@@ -135,9 +140,14 @@ impl<L: Lane> Engine<L> {
 }
 
 impl<L: Lane> Seat<L> {
-    /// The slot's next scenario; those without a fair start are passed over.
+    /// The slot's next scenario; those without a fair start are passed over. Where there is none it rests.
     fn restart(&mut self, feed: &dyn Feed) -> Result<(), BatchError> {
         self.over = true;
+        self.rests = !feed.has(self.slot);
+        if self.rests {
+            self.flies = None;
+            return Ok(());
+        }
         let mut passed_over = 0;
         loop {
             let (recipe, seed) = feed.scenario(self.slot, self.number);
@@ -162,14 +172,20 @@ impl<L: Lane> Seat<L> {
         row: Row<'_>,
     ) -> Result<(), BatchError> {
         if self.over {
-            // Only under NextStep: this step is the reset.
+            // Under NextStep this step is the reset; else the slot rests.
             row.rewards.fill(0.0);
             *row.team_reward = 0.0;
             row.truncated.fill(false);
             *row.done = false;
-            self.restart(feed)?;
-            self.lane.absent(row.terminated);
-            self.lane.observe(row.observation);
+            if autoreset != Autoreset::Disabled {
+                self.restart(feed)?;
+            }
+            self.observe(row.observation);
+            if self.rests {
+                row.terminated.fill(true);
+            } else {
+                self.lane.absent(row.terminated);
+            }
             return Ok(());
         }
         let Row { observation, last, rewards, team_reward, terminated, truncated, done } = row;
@@ -179,8 +195,12 @@ impl<L: Lane> Seat<L> {
             self.lane.observe(last);
             self.restart(feed)?;
         }
-        self.lane.observe(observation);
+        self.observe(observation);
         Ok(())
+    }
+
+    fn observe(&mut self, out: &mut [f32]) {
+        if self.rests { out.fill(0.0) } else { self.lane.observe(out) }
     }
 }
 
@@ -316,7 +336,7 @@ impl<L: Lane> Batch for Engine<L> {
                     if mask.is_none_or(|mask| mask[seat.slot]) {
                         let begun = seat.restart(feed);
                         if begun.is_ok() {
-                            seat.lane.observe(row);
+                            seat.observe(row);
                         }
                         first = first.and(begun);
                     }
@@ -350,6 +370,21 @@ impl<L: Lane> Batch for Engine<L> {
 
     fn state_hash(&self, env: usize) -> Option<[u8; 32]> {
         self.seats.get(env).map(|seat| seat.lane.state_hash())
+    }
+
+    fn absent(&self, env: usize, terminated: &mut [bool]) {
+        match self.seats.get(env) {
+            Some(seat) if !seat.rests => seat.lane.absent(terminated),
+            _ => terminated.fill(true),
+        }
+    }
+
+    fn rests(&self, env: usize) -> bool {
+        self.seats.get(env).is_some_and(|seat| seat.rests)
+    }
+
+    fn columns(&self) -> Vec<String> {
+        self.seats.first().map(|seat| seat.lane.columns()).unwrap_or_default()
     }
 
     fn bytes_per_env(&self) -> usize {

@@ -263,6 +263,65 @@ fn a_slot_that_cannot_start_holds_up_nobody() {
     }
 }
 
+/// As many scenarios as are left, whoever asks.
+struct Scarce {
+    good: Seeds,
+    left: Arc<std::sync::Mutex<[u32; 3]>>,
+}
+
+impl Feed for Scarce {
+    fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed) {
+        self.left.lock().unwrap()[slot] -= 1;
+        self.good.scenario(slot, number)
+    }
+
+    fn has(&self, slot: usize) -> bool {
+        self.left.lock().unwrap()[slot] > 0
+    }
+}
+
+#[test]
+fn a_slot_for_which_there_is_nothing_rests() {
+    let task = crate::task("kessler/survival").unwrap();
+    let recipe = Arc::new(Recipe::with_params(task, [("debris", 0.0)].into_iter()).unwrap());
+    for autoreset in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
+        // One more for slot 0: what the batch reads its first recipe from.
+        let left = Arc::new(std::sync::Mutex::new([2, 0, 2]));
+        let feed = Scarce { good: Seeds::new(Arc::clone(&recipe), 5), left: Arc::clone(&left) };
+        let mut batch = task.batch(Box::new(feed), BatchConfig { envs: 3, autoreset, observe: ALL }).unwrap();
+        let mut buffers = Buffers::new(batch.shape(), autoreset);
+        buffers.observations.fill(f32::NAN);
+        batch.reset(None, &mut buffers.observations).unwrap();
+        let (actions, width) = (vec![0.0; 3 * 6], batch.shape().observation);
+        assert_eq!([0, 1, 2].map(|env| batch.rests(env)), [false, true, false]);
+        assert!(
+            buffers.observations[width..2 * width].iter().all(|x| *x == 0.0) && batch.episode(1).is_none()
+        );
+        for step in 1..=50 {
+            batch.step(&actions, buffers.output()).unwrap();
+            assert_eq!(buffers.done, [step == 50, false, step == 50]);
+            assert_eq!((buffers.team_rewards[1], &buffers.terminated[3..6]), (0.0, &[true; 3][..]));
+        }
+        if autoreset == Autoreset::Disabled {
+            assert_eq!(batch.step(&actions, buffers.output()), Err(BatchError::Ended { env: 0 }));
+            batch.reset(None, &mut buffers.observations).unwrap();
+        } else {
+            batch.step(&actions, buffers.output()).unwrap();
+        }
+        assert_eq!([0, 1, 2].map(|env| batch.rests(env)), [true, true, false], "{autoreset:?}");
+        let mut gone = [false; 3];
+        batch.absent(0, &mut gone);
+        assert_eq!(gone, [true; 3]);
+        assert!(batch.step(&actions, buffers.output()).is_ok(), "who rests can be stepped");
+        // Where there is something again it is begun.
+        left.lock().unwrap()[1] = 1;
+        if autoreset != Autoreset::Disabled {
+            batch.step(&actions, buffers.output()).unwrap();
+            assert!(!batch.rests(1), "{autoreset:?}");
+        }
+    }
+}
+
 #[test]
 fn what_is_wrong_is_said_and_moves_nothing() {
     let task = crate::task("kessler/survival").unwrap();

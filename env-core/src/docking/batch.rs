@@ -121,6 +121,11 @@ impl Lane for DockingLane {
         self.flight.state_hash()
     }
 
+    fn columns(&self) -> Vec<String> {
+        let names = ["x", "y", "z", "vx", "vy", "vz", "speed", "speed_limit"];
+        (0..self.agents).flat_map(|deputy| names.map(|name| format!("deputy_{deputy}_{name}"))).collect()
+    }
+
     fn bytes(&self) -> usize {
         self.flight.bytes() + self.chance.bytes() + size_of::<Self>() - size_of::<Flight>()
     }

@@ -74,6 +74,28 @@ impl Observer {
             Self::Tracks(tracks) => tracks.total(),
         }
     }
+
+    fn columns(&self) -> Vec<String> {
+        match self {
+            Self::All(bodies) => {
+                let own = (0..SATELLITES).flat_map(|satellite| {
+                    ["x", "y", "vx", "vy", "fuel", "survival"]
+                        .map(move |name| format!("satellite_{satellite}_{name}"))
+                });
+                let debris = ["x", "y", "vx", "vy", "visible"]
+                    .into_iter()
+                    .flat_map(|name| (0..*bodies).map(move |body| format!("debris_{body}_{name}")));
+                own.chain(debris).collect()
+            }
+            Self::Tracks(tracks) => (0..SATELLITES)
+                .flat_map(|satellite| {
+                    let named =
+                        move |column: super::tracks::Column| format!("satellite_{satellite}_{}", column.name);
+                    tracks.columns().into_iter().map(named)
+                })
+                .collect(),
+        }
+    }
 }
 
 struct KesslerLane {
@@ -128,7 +150,15 @@ impl Lane for KesslerLane {
         self.flight.state_hash()
     }
 
+    fn columns(&self) -> Vec<String> {
+        self.observer.columns()
+    }
+
     fn bytes(&self) -> usize {
-        self.flight.bytes() + self.flight.chance().bytes()
+        let observer = match &self.observer {
+            Observer::All(_) => 0,
+            Observer::Tracks(tracks) => tracks.bytes(),
+        };
+        self.flight.bytes() + self.flight.chance().bytes() + observer
     }
 }

@@ -127,6 +127,15 @@ impl Forecast {
         Self { look_ahead, physics: Physics::PLAIN, rows: VecDeque::new(), arch: Arch::new() }
     }
 
+    /// Bytes of what is foreseen.
+    pub(super) fn bytes(&self) -> usize {
+        let row = |row: &Row| {
+            let cells = row.x.capacity() + row.y.capacity() + row.vx.capacity() + row.vy.capacity();
+            size_of::<Row>() + cells * size_of::<f64>()
+        };
+        self.rows.iter().map(row).sum()
+    }
+
     /// Takes what is there now.
     pub(super) fn move_on(&mut self, debris: &Debris, physics: Physics) {
         let known = physics == self.physics && self.rows.len() > self.look_ahead;

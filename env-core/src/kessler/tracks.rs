@@ -154,6 +154,12 @@ impl Tracks {
         own.chain(threats).collect()
     }
 
+    /// Bytes of what it carries along, beside itself.
+    pub(super) fn bytes(&self) -> usize {
+        let nearest = self.nearest.distance_2.capacity() + self.nearest.time.capacity();
+        self.forecast.bytes() + nearest * size_of::<f64>() + self.threats.capacity() * size_of::<Threat>()
+    }
+
     /// Writes one row per satellite, [`Tracks::len`] cells each, one after another. What does not fit into `out` is left
     /// out, what is left of it is zeroed. Allocates nothing once an episode of as much debris has been seen.
     pub fn write<C: Chance>(&mut self, flight: &Flight<C>, out: &mut [f32]) {

@@ -36,12 +36,18 @@ pub struct Args {
     /// database is there all the same
     #[arg(long)]
     openenv_public: bool,
-    /// Sessions that may fly on the server at once (OpenEnv's, over WebSockets and by requests)
+    /// Sessions that may fly on the server at once (of /v1/sessions, and OpenEnv's, over WebSockets and by requests)
     #[arg(long, default_value_t = 256, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions: u32,
     /// Seconds after which a silent session is closed; 0: never
     #[arg(long, default_value_t = 900, value_name = "SECONDS")]
     session_idle: u32,
+    /// Seconds for which a session of /v1/sessions whose connection dropped may be come back to
+    #[arg(long, default_value_t = 60, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(0..=86_400))]
+    session_resume: u32,
+    /// MiB of memory that the environments of all vector sessions of /v1/sessions may take together
+    #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    session_memory: u32,
     #[command(flatten)]
     llm: LlmArgs,
     #[command(flatten)]
@@ -59,7 +65,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let designers = args.llm.designers(&clock)?;
         let judges = args.judge.judges(&args.llm, &clock)?;
         let idle = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
-        let sessions = Limits { most: args.sessions as usize, idle, ..Limits::default() };
+        let sessions = Limits {
+            most: args.sessions as usize,
+            idle,
+            resume: Duration::from_secs(args.session_resume.into()),
+            memory_mib: args.session_memory,
+            ..Limits::default()
+        };
         let surface = if args.openenv_public { Surface::OpenEnv } else { Surface::Whole };
         let bind = args.bind;
         let config =

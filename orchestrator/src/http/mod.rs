@@ -6,6 +6,7 @@ mod health;
 mod openenv;
 mod planning;
 mod problem;
+mod socket;
 mod v1;
 
 use std::time::Duration;
@@ -50,6 +51,7 @@ const TIMEOUT: Duration = Duration::from_secs(60);
         (name = "failures", description = "Why episodes lose score: the critique, and the failure profile of a run."),
         (name = "designs", description = "Layouts designed for what the agent fails at, and asking for more."),
         (name = "scenarios", description = "Scenarios by hand: validate, bracket, replay."),
+        (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text, many by binary frames."),
         (name = "openenv", description = "OpenEnv: what openenv-core's clients ask, at the root; sessions over WebSockets at /ws and /mcp."),
         (name = "health", description = "Whether the server lives and is ready."),
     )

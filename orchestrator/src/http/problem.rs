@@ -56,6 +56,12 @@ impl Problem {
         self.field.as_ref().map_or_else(|| self.detail.clone(), |field| format!("{field}: {}", self.detail))
     }
 
+    /// The word for programs, the sentence, and the field at fault.
+    pub(super) fn parts(self) -> (String, String, Option<String>) {
+        let code = self.kind.rsplit(':').next().unwrap_or_default().to_owned();
+        (code, self.detail, self.field)
+    }
+
     /// When to come again, seconds.
     pub(super) const fn retry_after_s(&self) -> Option<u32> {
         self.retry_after_s

@@ -4,7 +4,6 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use env_core::log::Precision;
 use env_core::{ActionLog, Scenario};
 use tokio::sync::OnceCell;
 use tokio::task::JoinSet;
@@ -12,7 +11,6 @@ use tokio::time::Instant;
 
 use super::pool::{Group, Pool};
 use super::wish::Wished;
-use crate::frames::wire_step;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::judging::Judge;
 use crate::store::scenarios::Loader;
@@ -37,7 +35,7 @@ enum Together {
     Lease(RunId, LeaseId),
 }
 
-type Held = Arc<Mutex<Pool>>;
+pub(super) type Held = Arc<Mutex<Pool>>;
 
 /// Leases of sessions.
 #[derive(Debug)]
@@ -89,10 +87,7 @@ impl Leased {
                 (Arc::clone(cell.get_or_try_init(granted).await?), Some(group), None, false)
             }
             Wished::Lease { run, lease, group, episode } => {
-                let cell = self.cell(Together::Lease(run.clone(), lease.clone()));
-                let read =
-                    || async { Ok::<_, TrainingError>(Arc::new(Mutex::new(self.read(run, lease).await?))) };
-                (Arc::clone(cell.get_or_try_init(read).await?), group, episode, false)
+                (self.shared(run, lease).await?, group, episode, false)
             }
         };
         let (run, episode, judge, scenario) = {
@@ -111,6 +106,53 @@ impl Leased {
         };
         let ticket = Ticket { leased: Arc::clone(self), pool, run, episode, judge, alone, reported: false };
         Ok((ticket, scenario))
+    }
+
+    /// The episodes of a lease that somebody took, shared by all that fly them here.
+    pub(super) async fn shared(&self, run: RunId, lease: LeaseId) -> Result<Held, TrainingError> {
+        if !self.open {
+            return Err(TrainingError::invalid("run", "sessions of this server fly for no runs"));
+        }
+        let cell = self.cell(Together::Lease(run.clone(), lease.clone()));
+        let read = || async { Ok::<_, TrainingError>(Arc::new(Mutex::new(self.read(run, lease).await?))) };
+        Ok(Arc::clone(cell.get_or_try_init(read).await?))
+    }
+
+    /// Renews a lease where a third of its time is over.
+    pub(super) async fn renew(&self, pool: &Held) {
+        let (run, lease) = {
+            let mut pool = lock(pool);
+            if pool.held_since.elapsed() < pool.ttl / 3 {
+                return;
+            }
+            pool.held_since = Instant::now();
+            (pool.run.clone(), pool.lease.clone())
+        };
+        if let Err(error) = self.desk.writer.change(Renew { run, lease: lease.clone() }).await {
+            tracing::warn!(%lease, %error, "The lease of a session could not be renewed.");
+        }
+    }
+
+    /// Reports what was flown. While the server is busy it tries again for a while.
+    pub(super) async fn report(&self, run: &RunId, claims: &[Claim]) -> Result<Vec<Receipt>, TrainingError> {
+        let mut tries = 0;
+        loop {
+            match self.desk.report(run.clone(), None, claims.to_vec()).await {
+                Err(TrainingError::Busy | TrainingError::NotCommitted(_)) if tries < TRIES => {
+                    tries += 1;
+                    tokio::time::sleep(PAUSE).await;
+                }
+                told => return told.map(|(receipts, _)| receipts),
+            }
+        }
+    }
+
+    /// Does something that has to be done before the service is down.
+    pub(super) fn finish(&self, work: impl Future<Output = ()> + Send + 'static) {
+        let Ok(runtime) = tokio::runtime::Handle::try_current() else { return };
+        let mut returning = self.returning.lock().unwrap_or_else(PoisonError::into_inner);
+        while returning.try_join_next().is_some() {} // what is done is forgotten
+        returning.spawn_on(work, &runtime);
     }
 
     /// Keeps what a judge said. Where that cannot be, the log says so, and the episode goes on.
@@ -195,7 +237,7 @@ impl Leased {
     }
 }
 
-fn lock(pool: &Mutex<Pool>) -> MutexGuard<'_, Pool> {
+pub(super) fn lock(pool: &Mutex<Pool>) -> MutexGuard<'_, Pool> {
     // Nothing that holds it can panic; if something did, the pool is still a pool.
     pool.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -203,38 +245,18 @@ fn lock(pool: &Mutex<Pool>) -> MutexGuard<'_, Pool> {
 impl Ticket {
     /// Renews the lease where a third of its time is over.
     pub(super) async fn renew(&self) {
-        let (run, lease) = {
-            let mut pool = lock(&self.pool);
-            if pool.held_since.elapsed() < pool.ttl / 3 {
-                return;
-            }
-            pool.held_since = Instant::now();
-            (pool.run.clone(), pool.lease.clone())
-        };
-        if let Err(error) = self.leased.desk.writer.change(Renew { run, lease }).await {
-            tracing::warn!(episode = %self.episode, error = %error, "The lease of a session could not be renewed.");
-        }
+        self.leased.renew(&self.pool).await;
     }
 
     /// Reports the episode as flown. While the server is busy it tries again for a while.
     pub(super) async fn report(&mut self, log: &ActionLog) -> Result<Receipt, TrainingError> {
-        let steps = log.steps().map(|step| wire_step(log, step)).collect();
         let claim = Claim {
             episode: self.episode.to_string(),
-            what: Claimed::Finished { steps, precision: Precision::F64, stopped: None },
+            what: Claimed::Logged(log.clone()),
             policy_version: None,
             metrics: None,
         };
-        let mut tries = 0;
-        let (receipts, _) = loop {
-            match self.leased.desk.report(self.run.clone(), None, vec![claim.clone()]).await {
-                Err(TrainingError::Busy | TrainingError::NotCommitted(_)) if tries < TRIES => {
-                    tries += 1;
-                    tokio::time::sleep(PAUSE).await;
-                }
-                told => break told?,
-            }
-        };
+        let receipts = self.leased.report(&self.run, &[claim]).await?;
         self.reported = true;
         receipts.into_iter().next().ok_or_else(|| TrainingError::invalid("episode", "it was not answered"))
     }
@@ -246,19 +268,15 @@ impl Drop for Ticket {
             return;
         }
         lock(&self.pool).give_back(self.episode.index);
-        let Ok(runtime) = tokio::runtime::Handle::try_current() else { return };
         if !self.alone {
             return; // a sibling may fly it, or the lease ends by itself
         }
         let change = Release { run: self.run.clone(), lease: self.episode.lease.clone() };
         let (writer, episode) = (self.leased.desk.writer.clone(), self.episode.clone());
-        let release = async move {
+        self.leased.finish(async move {
             if let Err(error) = writer.change(change).await {
                 tracing::warn!(%episode, %error, "The lease of a session could not be given back; it ends by itself.");
             }
-        };
-        let mut returning = self.leased.returning.lock().unwrap_or_else(PoisonError::into_inner);
-        while returning.try_join_next().is_some() {} // what is done is forgotten
-        returning.spawn_on(release, &runtime);
+        });
     }
 }

@@ -1,22 +1,26 @@
 //! Environments that fly on the server, one a session: whoever has no `env-core` of its own steps here. There is one manager
 //! for all ways in; a session that flies for a run is an implicit lease.
 
+mod berth;
 mod judged;
 mod leased;
 mod pool;
 mod session;
+pub mod vector;
 mod wish;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::Instant;
 
+pub use self::berth::{Berths, Craft, LOOK, Lost, Mooring, Single};
 pub use self::judged::Standard;
 pub use self::leased::TTL_S;
 pub use self::session::{Report, Session, SessionError, Standing, Stepped};
+pub use self::vector::{Source, Tally, Vector, VectorError, VectorWish};
 pub use self::wish::{MOST_GROUP, Wish, WishError, Wished};
 use crate::judging::Judges;
 use crate::sessions::leased::Leased;
@@ -31,11 +35,21 @@ pub struct Limits {
     pub idle: Option<Duration>,
     /// Whether they may fly for runs.
     pub runs: bool,
+    /// How long one whose connection dropped may be come back to.
+    pub resume: Duration,
+    /// Memory that the environments of all vector sessions may take together, MiB.
+    pub memory_mib: u32,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { most: 256, idle: Some(Duration::from_secs(900)), runs: true }
+        Self {
+            most: 256,
+            idle: Some(Duration::from_secs(900)),
+            runs: true,
+            resume: Duration::from_secs(60),
+            memory_mib: 1024,
+        }
     }
 }
 
@@ -57,6 +71,12 @@ type Shared = Arc<tokio::sync::Mutex<Session>>;
 pub struct Sessions {
     limits: Limits,
     seats: Arc<Semaphore>,
+    /// What is free of the memory for environments, KiB.
+    memory: Arc<Semaphore>,
+    /// Where environments of vector sessions are stepped.
+    threads: Arc<rayon::ThreadPool>,
+    /// Those that may be come back to.
+    berths: Berths,
     leased: Arc<Leased>,
     judges: Arc<Judges>,
     /// By name, with when each was used last.
@@ -79,8 +99,11 @@ impl Closing {
 impl Sessions {
     /// None yet.
     #[must_use]
-    pub fn new(limits: Limits, desk: Desk, judges: Arc<Judges>) -> Self {
+    pub fn new(limits: Limits, desk: Desk, judges: Arc<Judges>, threads: Arc<rayon::ThreadPool>) -> Self {
         Self {
+            memory: Arc::new(Semaphore::new(limits.memory_mib as usize * 1024)),
+            threads,
+            berths: Berths::default(),
             limits,
             seats: Arc::new(Semaphore::new(limits.most.min(Semaphore::MAX_PERMITS))),
             leased: Arc::new(Leased::new(desk, limits.runs)),
@@ -107,13 +130,33 @@ impl Sessions {
     /// # Errors
     /// As many as may be are open.
     pub fn open(&self) -> Result<Session, Full> {
+        Ok(Session::new(self.seat()?, Arc::clone(&self.leased), Arc::clone(&self.judges)))
+    }
+
+    /// A place, free again when it is dropped.
+    fn seat(&self) -> Result<OwnedSemaphorePermit, Full> {
         let seat = || Arc::clone(&self.seats).try_acquire_owned();
         let seat = seat().or_else(|_| {
             self.sweep();
             seat()
         });
-        let full = |_| Full { active: self.active(), most: self.limits.most };
-        Ok(Session::new(seat.map_err(full)?, Arc::clone(&self.leased), Arc::clone(&self.judges)))
+        seat.map_err(|_| Full { active: self.active(), most: self.limits.most })
+    }
+
+    /// Memory for environments, free again when it is dropped.
+    fn memory(&self, bytes: usize) -> Result<OwnedSemaphorePermit, VectorError> {
+        let kib = u32::try_from(bytes.div_ceil(1024)).unwrap_or(u32::MAX);
+        Arc::clone(&self.memory).try_acquire_many_owned(kib).map_err(|_| VectorError::Memory {
+            needed_mib: bytes.div_ceil(1 << 20),
+            free_mib: self.memory.available_permits() / 1024,
+            most_mib: self.limits.memory_mib as usize,
+        })
+    }
+
+    /// Those that may be come back to.
+    #[must_use]
+    pub const fn berths(&self) -> &Berths {
+        &self.berths
     }
 
     /// The session of a name; opened where there is none.

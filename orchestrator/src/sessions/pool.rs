@@ -93,6 +93,19 @@ impl Pool {
         Ok((index, group.scenario.clone()))
     }
 
+    /// The first episode of this task that nobody flies.
+    pub(super) fn take_of(&mut self, task: &str) -> Option<(i64, Scenario)> {
+        let free = |group: &&mut Group| !group.free.is_empty() && group.scenario.task().id() == task;
+        let group = self.groups.iter_mut().find(free)?;
+        Some((group.free.pop_first()?, group.scenario.clone()))
+    }
+
+    /// The scenarios of groups of which there are episodes that nobody flies, in order.
+    pub(super) fn left(&self) -> impl Iterator<Item = (&Scenario, usize)> {
+        let free = self.groups.iter().filter(|group| !group.free.is_empty());
+        free.map(|group| (&group.scenario, group.free.len()))
+    }
+
     /// Gives an episode back that was not flown to its end.
     pub(super) fn give_back(&mut self, index: i64) {
         let of = index.checked_div(self.group_size).unwrap_or_default();

@@ -81,6 +81,8 @@ pub struct Stepped<'a> {
     pub reward: f64,
     /// The episode is over.
     pub done: bool,
+    /// What every agent that was there before the last step is told; nothing after a reset.
+    pub report: &'a StepReport,
     /// What a judge changes of it; none where nobody judges.
     pub judged: Option<&'a Standard>,
 }
@@ -195,6 +197,13 @@ impl Session {
         Ok(flying.shown())
     }
 
+    /// Renews its lease where a third of its time is over.
+    pub(super) async fn renew(&mut self) {
+        if let Some(ticket) = self.flying.as_mut().and_then(|flying| flying.ticket.as_mut()) {
+            ticket.renew().await;
+        }
+    }
+
     /// What the agents see now.
     ///
     /// # Errors
@@ -224,6 +233,7 @@ impl Flying {
             episode: &*self.episode,
             reward: judged.map_or(self.report.reward, Standard::reward),
             done: self.episode.done(),
+            report: &self.report,
             judged,
         }
     }

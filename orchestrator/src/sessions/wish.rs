@@ -38,6 +38,13 @@ pub struct Wish {
     pub policy_version: Option<u32>,
 }
 
+impl std::fmt::Debug for Wish {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let task = self.task.map(TaskSpec::id);
+        f.debug_struct("Wish").field("task", &task).field("run", &self.run).finish_non_exhaustive()
+    }
+}
+
 /// A wish that cannot be.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{field}: {reason}")]

@@ -41,6 +41,8 @@ pub enum Claimed {
         /// Why they end early, if they do.
         stopped: Option<Stopped>,
     },
+    /// It was flown here, by this log.
+    Logged(ActionLog),
     /// The infrastructure lost it.
     Failed {
         /// Why, in the trainer's words.
@@ -250,7 +252,10 @@ fn judge(claim: Claim, place: Place, stages: &HashMap<(i64, i64), Stage>, settin
                 (Claimed::Finished { steps, precision, stopped }, Some(stage)) => {
                     fly(stage, settings, &steps, precision, stopped)
                 }
-                (Claimed::Finished { .. }, None) => {
+                (Claimed::Logged(log), Some(stage)) => {
+                    judge_log(stage, settings, &log)
+                }
+                (Claimed::Finished { .. } | Claimed::Logged(_), None) => {
                     Verdict::Refused { code: "unknown_episode", detail: "its scenario is gone".to_owned() }
                 }
             };
@@ -267,14 +272,10 @@ fn fly(
     precision: Precision,
     stopped: Option<Stopped>,
 ) -> Verdict {
-    let Stage { scenario, bracket: Some(bracket) } = stage else {
-        return Verdict::Refused { code: "invalid_log", detail: "its scenario cannot be flown".to_owned() };
-    };
-    let log = match read_log(scenario, steps, precision, stopped) {
-        Ok(log) => log,
-        Err(error) => return invalid(error.into()),
-    };
-    judge_log(scenario, bracket, settings, &log).unwrap_or_else(invalid)
+    match read_log(&stage.scenario, steps, precision, stopped) {
+        Ok(log) => judge_log(stage, settings, &log),
+        Err(error) => invalid(error.into()),
+    }
 }
 
 fn invalid(error: ReplayError) -> Verdict {
@@ -285,15 +286,16 @@ fn invalid(error: ReplayError) -> Verdict {
     Verdict::Refused { code: "invalid_log", detail }
 }
 
-fn judge_log(
-    scenario: &Scenario,
-    bracket: &Bracket,
-    settings: &RunSettings,
-    log: &ActionLog,
-) -> Result<Verdict, ReplayError> {
-    let flown = replay(scenario, log)?;
+fn judge_log(stage: &Stage, settings: &RunSettings, log: &ActionLog) -> Verdict {
+    let Stage { scenario, bracket: Some(bracket) } = stage else {
+        return Verdict::Refused { code: "invalid_log", detail: "its scenario cannot be flown".to_owned() };
+    };
+    let flown = match replay(scenario, log) {
+        Ok(flown) => flown,
+        Err(error) => return invalid(error),
+    };
     let rule = settings.rule(scenario.task().id());
-    Ok(Verdict::Flown {
+    Verdict::Flown {
         skill: bracket.skill(flown.score),
         success: success(scenario, rule, bracket, &flown),
         floor: bracket.floor,
@@ -301,5 +303,5 @@ fn judge_log(
         planner: bracket.planner,
         log: log.encode(),
         flown,
-    })
+    }
 }

@@ -22,6 +22,7 @@ use env_core::TaskSpec;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+pub(super) use self::read::{known, named};
 use self::refusal::Refusal;
 pub use self::ui::Boards;
 use super::problem::Problem;
@@ -80,7 +81,7 @@ async fn ui_socket(state: State<App>, headers: axum::http::HeaderMap, upgrade: U
 }
 
 /// The task of an id that stands in this program.
-fn usual(id: &str) -> &'static dyn TaskSpec {
+pub(super) fn usual(id: &str) -> &'static dyn TaskSpec {
     let first = || env_core::tasks().next();
     // There is no world without a task, and an id that stands here is one.
     env_core::task(id).or_else(first).unwrap_or_else(|| unreachable!("there are tasks"))

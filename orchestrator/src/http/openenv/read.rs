@@ -177,7 +177,7 @@ pub(super) fn wish(fields: &mut Fields<'_>) -> Wish {
 }
 
 /// A task by its id, or by its name in the first world.
-pub(super) fn named(name: &str) -> Option<&'static dyn TaskSpec> {
+pub(in super::super) fn named(name: &str) -> Option<&'static dyn TaskSpec> {
     if name.contains('/') {
         return env_core::task(name);
     }
@@ -185,7 +185,7 @@ pub(super) fn named(name: &str) -> Option<&'static dyn TaskSpec> {
 }
 
 /// All tasks, for messages.
-pub(super) fn known() -> String {
+pub(in super::super) fn known() -> String {
     env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ")
 }
 

@@ -1,14 +1,14 @@
 //! `/ws`: a session over one WebSocket, in openenv-core's frames. Nothing that a client sends ends the session but `close`.
 
 use std::ops::ControlFlow;
-use std::time::Duration;
 
 use axum::extract::State;
-use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use env_core::wire::WireFault;
 use serde_json::{Map, Value, json};
 
+use super::super::socket::{Received, bounded, close, close_for_size, meanwhile, next, send};
 use super::answer;
 use super::mcp;
 use super::read::{Fields, WALK, wish};
@@ -16,17 +16,8 @@ use super::refusal::wish_fault;
 use crate::service::App;
 use crate::sessions::{Full, Session, SessionError};
 
-/// Largest frame that is read, bytes.
-const MAX_FRAME: usize = 4 * 1024 * 1024;
-/// Bytes that are read at once: a step has a few hundred, and every idle session holds a buffer.
-const READ_AT_ONCE: usize = 4 * 1024;
 /// Room for the first answer; later ones get what the last one took.
 const ROOM: usize = 4 * 1024;
-
-/// How sockets are read here.
-pub(super) fn bounded(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
-    upgrade.max_message_size(MAX_FRAME).max_frame_size(MAX_FRAME).read_buffer_size(READ_AT_ONCE)
-}
 
 /// A session over a WebSocket.
 pub(super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
@@ -62,7 +53,7 @@ async fn serve(mut socket: WebSocket, app: App) {
                     Some(ControlFlow::Continue(())) => {}
                 }
             }
-            Received::Binary => frame.extend(
+            Received::Binary(_) => frame.extend(
                 error("SESSION_ERROR", "binary frames are not read here; send text").to_string().bytes(),
             ),
             Received::Idle => {
@@ -76,106 +67,13 @@ async fn serve(mut socket: WebSocket, app: App) {
                 return close(socket).await;
             }
             Received::TooLarge => return close_for_size(socket).await,
-            Received::Gone => return,
+            Received::Left | Received::Gone => return,
         }
         room = frame.len() + frame.len() / 8 + 64; // observations grow a little from step to step
         if send(&mut socket, frame).await.is_err() {
             return;
         }
     }
-}
-
-/// What came.
-pub(super) enum Received {
-    /// A text frame.
-    Text(axum::extract::ws::Utf8Bytes),
-    /// A binary frame.
-    Binary,
-    /// A frame that is larger than is read.
-    TooLarge,
-    /// Nothing for too long.
-    Idle,
-    /// The service stops.
-    Stop,
-    /// The client is gone.
-    Gone,
-}
-
-/// Waits for what takes a while (a judge, a scenario that is prepared) and answers pings meanwhile; none where the client
-/// goes away. The one frame that it may send before it is answered is `early`.
-pub(super) async fn meanwhile<T>(
-    socket: &mut WebSocket,
-    early: &mut Option<Received>,
-    work: impl Future<Output = T>,
-) -> Option<T> {
-    tokio::pin!(work);
-    loop {
-        tokio::select! {
-            biased; // most work is done at once, and the socket is not looked at
-            done = &mut work => return Some(done),
-            received = next(socket, None), if early.is_none() => match received {
-                Received::Gone => return None,
-                received => *early = Some(received),
-            },
-        }
-    }
-}
-
-/// The next frame that is not about the connection.
-pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Received {
-    let frame = async {
-        loop {
-            match socket.recv().await {
-                Some(Ok(Message::Text(text))) => return Received::Text(text),
-                Some(Ok(Message::Binary(_))) => return Received::Binary,
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // answered by the library
-                Some(Err(error)) if is_too_large(&error) => return Received::TooLarge,
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return Received::Gone,
-            }
-        }
-    };
-    match idle {
-        Some(idle) => tokio::time::timeout(idle, frame).await.unwrap_or(Received::Idle),
-        None => frame.await,
-    }
-}
-
-/// How long a client may take to read what it asked for.
-const SLOW: Duration = Duration::from_secs(10);
-
-/// The client is gone, or does not read.
-pub(super) struct Gone;
-
-/// Sends a frame of text.
-pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), Gone> {
-    // Everything written here is JSON.
-    let text = String::from_utf8(frame).unwrap_or_default();
-    let sent = tokio::time::timeout(SLOW, socket.send(Message::Text(text.into()))).await;
-    sent.ok().and_then(Result::ok).ok_or(Gone)
-}
-
-fn is_too_large(error: &axum::Error) -> bool {
-    use tokio_tungstenite::tungstenite::Error;
-    let source = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Error>());
-    matches!(source, Some(Error::Capacity(_)))
-}
-
-/// Says goodbye as the original does: code 1000, no reason.
-pub(super) async fn close(socket: WebSocket) {
-    close_with(socket, close_code::NORMAL, "").await;
-}
-
-/// Says goodbye to who sent a frame that is too large: what comes after its beginning cannot be told apart.
-pub(super) async fn close_for_size(socket: WebSocket) {
-    close_with(socket, close_code::SIZE, "a frame has at most 4 MiB").await;
-}
-
-async fn close_with(mut socket: WebSocket, code: u16, reason: &'static str) {
-    let frame = CloseFrame { code, reason: reason.into() };
-    let _ = tokio::time::timeout(SLOW, socket.send(Message::Close(Some(frame)))).await;
-    // Until the client has answered, so that what was sent before is read.
-    let farewell = async { while let Some(Ok(_)) = socket.recv().await {} };
-    let _ = tokio::time::timeout(Duration::from_secs(1), farewell).await;
 }
 
 /// Answers one frame of text into `out`; breaks where the client wants to go.

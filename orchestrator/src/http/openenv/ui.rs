@@ -10,8 +10,9 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
+use super::super::socket;
 use super::refusal::Refusal;
-use super::{answer, socket, web};
+use super::{answer, web};
 use crate::clock::rfc3339;
 use crate::service::App;
 use crate::sessions::Session;

@@ -13,6 +13,7 @@ mod mastery;
 mod results;
 mod runs;
 mod scenarios;
+mod sessions;
 mod tasks;
 
 use utoipa_axum::router::OpenApiRouter;
@@ -54,6 +55,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(layouts::list))
         .routes(routes!(layouts::show))
         .routes(routes!(scenarios::check))
+        .routes(routes!(sessions::connect))
         .routes(routes!(tasks::list))
 }
 

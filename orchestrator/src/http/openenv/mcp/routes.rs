@@ -6,7 +6,7 @@ use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use serde_json::Value;
 
-use super::super::socket::{self, Received, bounded};
+use super::super::super::socket::{self, Received, bounded};
 use super::rpc::{self, Failure};
 use crate::service::App;
 
@@ -57,12 +57,12 @@ async fn serve(mut socket: WebSocket, app: App) {
                 }
                 Err(error) => rpc::failed(&Value::Null, &Failure::unread(Some(&error.to_string()))),
             },
-            Received::Binary => {
+            Received::Binary(_) => {
                 rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here")))
             }
             Received::Idle | Received::Stop => return socket::close(socket).await,
             Received::TooLarge => return socket::close_for_size(socket).await,
-            Received::Gone => return,
+            Received::Left | Received::Gone => return,
         };
         if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {
             return;

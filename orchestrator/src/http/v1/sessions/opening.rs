@@ -1,0 +1,124 @@
+//! The first message: a session is opened, or come back to.
+
+use axum::body::Bytes;
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use super::refusal::Refusal;
+use super::{answer, wish};
+use crate::reading::{Unread, read, value};
+use crate::service::App;
+use crate::sessions::vector::frame::VERSION;
+use crate::sessions::{Craft, Lost, Mooring, Single};
+
+/// A session, and what is said of it.
+pub(super) struct Opened {
+    pub(super) mooring: Mooring,
+    pub(super) text: Vec<u8>,
+    /// The first observations of a vector session.
+    pub(super) frame: Option<Bytes>,
+    /// Whether the client knows how to come back to it, told or not.
+    pub(super) known: bool,
+}
+
+/// A message: what it is, its number where it has one that can be read, and its other fields.
+pub(super) struct Message {
+    pub(super) kind: String,
+    pub(super) id: Option<u64>,
+    pub(super) fields: Map<String, Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Version {
+    version: u16,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Resume {
+    session: String,
+    version: Option<u16>,
+}
+
+/// Reads what all messages have.
+pub(super) fn message(text: &str) -> Result<Message, (Option<u64>, Refusal)> {
+    let read = value(text.as_bytes()).map_err(|unread| match unread {
+        Unread::Twice(fault) => (None, fault.into()),
+        Unread::NotJson(why) => {
+            let why: String = why.chars().take(200).collect();
+            (None, Refusal::new("malformed_json", format!("the message is not JSON: {why}")).at("message"))
+        }
+    })?;
+    let Value::Object(mut fields) = read else {
+        return Err((None, Refusal::invalid("message", "it must be an object")));
+    };
+    let id = fields.get("id").and_then(Value::as_u64);
+    match fields.remove("type") {
+        Some(Value::String(kind)) => Ok(Message { kind, id, fields }),
+        Some(_) => Err((id, Refusal::invalid("type", "it must be a text"))),
+        None => Err((id, Refusal::invalid("type", "it is missing"))),
+    }
+}
+
+/// What a message is that is not known.
+pub(super) fn unknown(kind: &str, known: &str) -> Refusal {
+    let kind: String = kind.chars().take(60).collect();
+    Refusal::new("unknown_type", format!("it is {kind:?}; known are {known}")).at("type")
+}
+
+fn spoken(version: u16) -> Result<(), Refusal> {
+    if version == VERSION {
+        return Ok(());
+    }
+    Err(Refusal::new("version", format!("it is {version}; {VERSION} is spoken here")).at("version"))
+}
+
+/// Opens a session, or comes back to one.
+pub(super) async fn begin(app: &App, text: &str) -> Result<Opened, (Option<u64>, Refusal)> {
+    let Message { kind, id, fields } = message(text)?;
+    let begun = match kind.as_str() {
+        "open" => open(app, fields).await,
+        "resume" => resume(app, fields).await,
+        other => Err(unknown(other, "open, resume: the first message opens a session")),
+    };
+    begun.map_err(|refusal| (id, refusal))
+}
+
+async fn open(app: &App, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
+    let version: Map<_, _> = fields.remove_entry("version").into_iter().collect();
+    spoken(read::<Version>(Value::Object(version))?.version)?;
+    fields.remove("id");
+    let vector = fields.remove("vector").filter(|vector| !vector.is_null());
+    let wish = wish::wish(fields)?;
+    let ttl_s = app.sessions.limits().resume.as_secs();
+    let (craft, text, frame) = if let Some(vector) = vector {
+        let how = wish::vector(vector)?;
+        let vector = app.sessions.open_vector(how, wish::sorted(wish)?).await?;
+        let (text, frame) = (answer::vector("opened", &vector, ttl_s, None), vector.last().1);
+        (Craft::Vector(Box::new(vector)), text, Some(frame))
+    } else {
+        let wished = wish::sorted(wish.clone())?;
+        let mut session = app.sessions.open()?;
+        session.reset(wished, wish.episode_id.clone()).await?;
+        let single = Single { session, wish, last: None };
+        let text = answer::standing("opened", &single, ttl_s, None);
+        (Craft::Single(Box::new(single)), text, None)
+    };
+    let mooring = app.sessions.berths().moor(craft).ok_or(Lost::Unknown)?;
+    Ok(Opened { mooring, text, frame, known: false })
+}
+
+async fn resume(app: &App, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
+    fields.remove("id");
+    let Resume { session, version } = read(Value::Object(fields))?;
+    spoken(version.unwrap_or(VERSION))?;
+    let mut mooring = app.sessions.berths().claim(&session).await?;
+    let ttl_s = app.sessions.limits().resume.as_secs();
+    let text = match mooring.craft() {
+        Some(Craft::Single(single)) => answer::standing("resumed", single, ttl_s, None),
+        Some(Craft::Vector(vector)) => answer::vector("resumed", vector, ttl_s, None),
+        None => return Err(Lost::Unknown.into()),
+    };
+    Ok(Opened { mooring, text, frame: None, known: true })
+}

@@ -1,0 +1,149 @@
+//! A lease, flown by the environments of a vector session.
+
+use serde_json::{Value, json};
+use system_tests::{Api, Server};
+
+use crate::client::{Socket, Stepped, Vector, draw};
+use crate::single::run;
+
+async fn episodes(api: &Api) -> Vec<Value> {
+    api.get("/v1/runs/run/episodes?limit=500").await.expect(200)["episodes"].as_array().unwrap().clone()
+}
+
+fn wish(lease: &str, envs: usize, autoreset: &str) -> Value {
+    json!({"run": "run", "lease_id": lease, "vector": {"envs": envs, "autoreset": autoreset, "observe": "tracks"}})
+}
+
+/// Flies until nothing is left; all that was told.
+async fn fly(vector: &mut Vector, first: Stepped) -> Vec<Stepped> {
+    let mut all = vec![first];
+    for step in 0..600 {
+        if all.last().unwrap().flags.iter().all(|flags| flags & 2 == 2) {
+            return all;
+        }
+        let actions: Vec<f32> = (0..vector.width()).map(|cell| draw(cell as u64, step) * 0.4 - 0.2).collect();
+        let told = vector.step(&actions).await;
+        all.push(told);
+    }
+    panic!("no end");
+}
+
+#[tokio::test]
+async fn every_episode_of_a_lease_is_flown_and_reported_once() {
+    for mode in ["next_step", "same_step"] {
+        let server = Server::start().await;
+        let api = server.api();
+        run(&api, "run").await;
+        let lease = api.lease("run", json!({"groups": 9, "policy_version": 3})).await;
+        let (mut vector, first) = Vector::open(&api, wish(lease.id(), 4, mode)).await;
+        assert_eq!(first.episodes, [0, 1, 2, 3], "{mode}");
+        let told = fly(&mut vector, first).await;
+        let last = told.last().unwrap();
+        assert_eq!((&last.episodes, last.observations.iter().all(|x| *x == 0.0)), (&vec![-1; 4], true));
+        let mut flown: Vec<i32> =
+            told.iter().flat_map(|told| told.episodes.clone()).filter(|e| *e >= 0).collect();
+        flown.sort_unstable();
+        flown.dedup();
+        assert_eq!(flown, (0..18).collect::<Vec<_>>(), "{mode}");
+        // An idle slot can be stepped, and stays idle.
+        let hold = vec![0.0; vector.width()];
+        let idle = vector.step(&hold).await;
+        assert!(
+            idle.flags.iter().all(|flags| *flags == 2) && idle.team_rewards.iter().all(|r| *r == 0.0),
+            "{idle:?}"
+        );
+        let closed = vector.socket.ask(json!({"type": "close", "id": 1})).await;
+        assert_eq!(
+            (&closed["reported"]["flown"], &closed["reported"]["counted"]),
+            (&json!(18), &json!(18)),
+            "{closed}"
+        );
+        assert_eq!(closed["reported"]["waiting"], 0);
+        let stored = episodes(&api).await;
+        assert_eq!(stored.len(), 18);
+        assert!(
+            stored.iter().all(|episode| episode["policy_version"] == 3 && episode["state"] == "finished")
+        );
+        // What was earned by the rewards that were told is what the replay says.
+        let mut scores = [0.0; 18];
+        for pair in told.windows(2) {
+            for env in 0..4 {
+                if let Ok(episode) = usize::try_from(pair[0].episodes[env]) {
+                    scores[episode] += f64::from(pair[1].team_rewards[env]);
+                }
+            }
+        }
+        for episode in &stored {
+            let index: usize =
+                episode["episode"].as_str().unwrap().rsplit('_').next().unwrap().parse().unwrap();
+            let (found, score) = (scores[index], episode["score"].as_f64().unwrap());
+            // Within the clamp of a score and fifty roundings.
+            assert!((found - score).abs() < 1.1e-3, "{mode} {index}: {found} {score}");
+        }
+        let id = lease.id();
+        assert_eq!(api.get(&format!("/v1/runs/run/leases/{id}")).await.expect(200)["status"], "done");
+        let mastery = api.get("/v1/runs/run/mastery").await.expect(200).to_string();
+        assert!(mastery.contains("\"episodes\":18"), "{mastery}");
+        let over = Socket::to(&api).await.ask(crate::client::opening(wish(id, 2, mode))).await;
+        assert_eq!((&over["field"], &over["code"]), (&json!("lease_id"), &json!("invalid")), "{over}");
+    }
+}
+
+#[tokio::test]
+async fn what_is_not_flown_to_its_end_is_given_back() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run").await;
+    let lease = api.lease("run", json!({"groups": 3})).await;
+    let (mut vector, first) = Vector::open(&api, wish(lease.id(), 8, "disabled")).await;
+    assert_eq!(first.episodes, [0, 1, 2, 3, 4, 5, -1, -1]);
+    assert_eq!(first.flags, [0, 0, 0, 0, 0, 0, 2, 2]);
+    let hold = vec![0.0; vector.width()];
+    let _ = vector.step(&hold).await;
+    // Reset before its end: given up, and flown again by the first that asks.
+    let told = vector.reset(&[1, 0, 0, 0, 0, 0, 0, 0]).await;
+    assert_eq!(told.episodes[..2], [0, 1]);
+    // Two sessions share a lease.
+    let mut other = Socket::to(&api).await;
+    let none = other.ask(crate::client::opening(wish(lease.id(), 1, "disabled"))).await;
+    assert_eq!((&none["code"], &none["field"]), (&json!("invalid"), &json!("lease_id")), "{none}");
+    let closed = vector.socket.ask(json!({"type": "close"})).await;
+    assert_eq!(closed["reported"]["flown"], 0, "{closed}");
+    let (mut vector, first) = Vector::open(&api, wish(lease.id(), 2, "next_step")).await;
+    assert_eq!(first.episodes, [0, 1]);
+    let _ = fly(&mut vector, first).await;
+    assert_eq!(vector.socket.ask(json!({"type": "close"})).await["reported"]["counted"], 6);
+    assert_eq!(episodes(&api).await.len(), 6);
+}
+
+#[tokio::test]
+async fn a_lease_of_several_tasks_is_flown_task_by_task() {
+    let server = Server::start().await;
+    let api = server.api();
+    let wish = json!({"id": "run", "seed": 3, "placement": false, "tasks": ["kessler/survival", "docking/multiagent"],
+                      "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let lease = api.lease("run", json!({"groups": 8})).await;
+    let open = |task: Option<&str>| {
+        let mut vector = json!({"envs": 4});
+        if let Some(task) = task {
+            vector["task"] = json!(task);
+        }
+        crate::client::opening(json!({"run": "run", "lease_id": lease.id(), "vector": vector}))
+    };
+    let mut socket = Socket::to(&api).await;
+    let told = socket.ask(open(None)).await;
+    assert_eq!(
+        (&told["field"], told["detail"].as_str().unwrap().contains("docking/multiagent")),
+        (&json!("vector.task"), true),
+        "{told}"
+    );
+    let told = socket.ask(open(Some("kessler/formation"))).await;
+    assert_eq!(told["field"], "vector.task", "{told}");
+    let told = socket.ask(open(Some("docking/multiagent"))).await;
+    assert_eq!(
+        (&told["type"], &told["task"], &told["agents"]),
+        (&json!("opened"), &json!("docking/multiagent"), &json!(5)),
+        "{told}"
+    );
+}
