@@ -265,7 +265,8 @@ impl Change for Expire {
     }
 }
 
-async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
+/// Ends a lease: what was not reported is offered again.
+pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
     leases::set_status(&mut work.conn, lease.id, status).await?;
     let mut moves = Vec::new();
     for group in leases::groups(&mut work.conn, lease.id).await? {

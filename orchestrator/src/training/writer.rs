@@ -9,7 +9,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use sqlx::{Connection, SqliteConnection, query};
-use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
 use super::TrainingError;
@@ -33,6 +33,8 @@ pub struct Work {
     wake_prepare: bool,
     wake_critique: bool,
     wake_design: bool,
+    wake_rollout: bool,
+    tell_feed: bool,
 }
 
 /// Who is woken after a commit that made work for them.
@@ -44,6 +46,10 @@ pub struct Wakes {
     pub critique: Arc<Notify>,
     /// The worker that asks designers.
     pub design: Arc<Notify>,
+    /// The worker that flies policies.
+    pub rollout: Arc<Notify>,
+    /// Moves whenever groups were pushed to a feed, for trainers that wait.
+    pub feed: watch::Sender<u64>,
 }
 
 impl Work {
@@ -77,6 +83,16 @@ impl Work {
     pub const fn wake_design(&mut self) {
         self.wake_design = true;
     }
+
+    /// Wakes the worker that flies policies, after the commit.
+    pub const fn wake_rollout(&mut self) {
+        self.wake_rollout = true;
+    }
+
+    /// Tells trainers that wait for groups, after the commit.
+    pub const fn tell_feed(&mut self) {
+        self.tell_feed = true;
+    }
 }
 
 /// Something that changes the database.
@@ -101,8 +117,17 @@ impl Writer {
         let (queue, inbox) = mpsc::channel(QUEUE);
         let now = clock.now();
         let (minds, touched) = (HashMap::new(), Vec::new());
-        let work =
-            Work { conn, now, minds, touched, wake_prepare: false, wake_critique: false, wake_design: false };
+        let work = Work {
+            conn,
+            now,
+            minds,
+            touched,
+            wake_prepare: false,
+            wake_critique: false,
+            wake_design: false,
+            wake_rollout: false,
+            tell_feed: false,
+        };
         let task = tokio::spawn(serve(work, inbox, clock, wakes));
         (Self { queue }, task)
     }
@@ -178,6 +203,12 @@ async fn serve(mut work: Work, mut inbox: mpsc::Receiver<Box<dyn Errand>>, clock
         }
         if std::mem::take(&mut work.wake_design) {
             wakes.design.notify_one();
+        }
+        if std::mem::take(&mut work.wake_rollout) {
+            wakes.rollout.notify_one();
+        }
+        if std::mem::take(&mut work.tell_feed) {
+            wakes.feed.send_modify(|pushes| *pushes += 1);
         }
     }
     farewell(work).await;

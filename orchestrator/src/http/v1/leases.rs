@@ -2,7 +2,6 @@
 
 use axum::extract::State;
 use axum::http::StatusCode;
-use env_core::bracket::panel_success;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sqlx::SqliteConnection;
@@ -17,6 +16,7 @@ use crate::service::App;
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
 use crate::store::{StoreError, brackets, leases};
+use crate::training::BracketView;
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
 
 /// A lease as it is asked for.
@@ -97,36 +97,6 @@ struct Group {
     episodes: Vec<String>,
     /// What the scenario is worth.
     bracket: BracketView,
-}
-
-/// What a scenario is worth.
-#[derive(Serialize, ToSchema)]
-pub(super) struct BracketView {
-    /// Version of the planner that made it.
-    planner: u32,
-    /// The score of acting blindly.
-    floor: f64,
-    /// The score of doing nothing.
-    hold: f64,
-    /// What the planner earned, with hindsight.
-    reference: f64,
-    /// How many of the blind plans succeed.
-    panel_success: usize,
-    /// How many blind plans there are.
-    panel: usize,
-}
-
-impl BracketView {
-    pub(super) fn of(scenario: &env_core::Scenario, bracket: &env_core::Bracket) -> Self {
-        Self {
-            planner: bracket.planner,
-            floor: bracket.floor,
-            hold: bracket.hold(),
-            reference: bracket.reference.score,
-            panel_success: panel_success(scenario, bracket),
-            panel: bracket.panel.len(),
-        }
-    }
 }
 
 /// A lease without its groups.

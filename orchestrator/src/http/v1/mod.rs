@@ -8,10 +8,12 @@ mod failures;
 mod layouts;
 mod leases;
 mod mastery;
+mod policy;
 mod results;
 mod runs;
 mod scenarios;
 mod tasks;
+mod trajectories;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -50,6 +52,9 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(layouts::list))
         .routes(routes!(layouts::show))
         .routes(routes!(scenarios::check))
+        .routes(routes!(policy::show, policy::put))
+        .routes(routes!(trajectories::pull::pull))
+        .routes(routes!(trajectories::ack::ack))
         .routes(routes!(tasks::list))
 }
 
