@@ -129,6 +129,7 @@ async fn a_spent_budget_stays_spent() {
     let mock = endpoint([says(HOLD)]).await;
     let mut config = model(&mock.uri());
     config.max_tokens = 100;
+    config.concurrency = 1; // one group at a time
     // One episode of 50 steps at 920 tokens.
     config.tokens_per_run = Some(47_500);
     let base = config;
