@@ -17,7 +17,7 @@ use crate::training::rollout::{PolicySettings, PolicyWish};
 
 /// The policy of a run, and how it goes.
 #[derive(Serialize, ToSchema)]
-pub(super) struct Policy {
+pub(super) struct PolicyView {
     /// `off`, `chat`, or a built-in policy by name.
     policy: String,
     /// Its version, which groups begun now carry.
@@ -40,14 +40,14 @@ pub(super) struct Policy {
     /// Tokens that it wrote.
     tokens_out: i64,
     /// How full the feed is.
-    feed: Feed,
+    feed: FeedView,
     /// The last thing that went wrong.
     trouble: Option<TroubleView>,
 }
 
 /// How full a feed is.
 #[derive(Serialize, ToSchema)]
-struct Feed {
+struct FeedView {
     /// Groups that wait to be delivered.
     waiting: i64,
     /// Groups delivered, their time not over.
@@ -72,13 +72,13 @@ struct TroubleView {
 /// Show the policy of a run: which, how it is set, and how it goes.
 #[utoipa::path(
     get, path = "/runs/{run}/policy", tag = "trajectories", params(("run" = String, Path, description = "The run's id.")),
-    responses((status = 200, body = Policy), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses((status = 200, body = PolicyView), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub(super) async fn show(
     _: NoQuery,
     State(app): State<App>,
     Path(run): Path<String>,
-) -> Result<axum::Json<Policy>, Problem> {
+) -> Result<axum::Json<PolicyView>, Problem> {
     Ok(axum::Json(look(&app, &run_id(&run)?).await?))
 }
 
@@ -88,7 +88,7 @@ pub(super) async fn show(
     put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyWish,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
-        (status = 200, body = Policy), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 200, body = PolicyView), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 413, body = Problem), (status = 415, body = Problem),
         (status = 422, body = Problem, description = "Among others: a version that is lower than the run's."),
         (status = 429, body = Problem), (status = 503, body = Problem)
@@ -99,7 +99,7 @@ pub(super) async fn put(
     State(app): State<App>,
     Path(run): Path<String>,
     Json(wish): Json<PolicyWish>,
-) -> Result<axum::Json<Policy>, Problem> {
+) -> Result<axum::Json<PolicyView>, Problem> {
     let run = run_id(&run)?;
     drop(reader_of(&app, &run).await?); // of a run that is not there nothing else is wrong
     app.writer.change(PutPolicy::read(run.clone(), &wish, app.endpoint.as_ref())?).await?;
@@ -107,7 +107,7 @@ pub(super) async fn put(
     Ok(axum::Json(look(&app, &run).await?))
 }
 
-async fn look(app: &App, run: &RunId) -> Result<Policy, Problem> {
+async fn look(app: &App, run: &RunId) -> Result<PolicyView, Problem> {
     let mut conn = reader_of(app, run).await?;
     let row = policies::get(&mut conn, run.as_str()).await?;
     let settings = row.as_ref().map(PolicySettings::of).transpose()?.unwrap_or_default();
@@ -121,7 +121,7 @@ async fn look(app: &App, run: &RunId) -> Result<Policy, Problem> {
     });
     let (groups, episodes, failed) =
         row.as_ref().map_or((0, 0, 0), |row| (row.groups, row.episodes, row.failed));
-    Ok(Policy {
+    Ok(PolicyView {
         policy,
         version: row.as_ref().map_or(0, |row| row.version),
         model,
@@ -131,7 +131,7 @@ async fn look(app: &App, run: &RunId) -> Result<Policy, Problem> {
         failed,
         tokens_in,
         tokens_out,
-        feed: Feed {
+        feed: FeedView {
             waiting: feed.waiting,
             delivered: feed.delivered,
             acked: feed.acked,

@@ -5,7 +5,7 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 use utoipa::ToSchema;
 
-use super::fly::{Metrics, Step};
+use super::fly::{ModelMetrics, TrajectoryStep};
 use crate::training::BracketView;
 
 /// Bytes of a body as JSON, beyond which observations are left out, then conversations.
@@ -72,9 +72,9 @@ pub struct TrajectoryEpisode {
     pub stopped: Option<&'static str>,
     /// What a language model took.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub metrics: Option<Metrics>,
+    pub metrics: Option<ModelMetrics>,
     /// Step by step.
-    pub steps: Vec<Step>,
+    pub steps: Vec<TrajectoryStep>,
     /// What the agents were told at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     fn group(observation: usize) -> TrajectoryGroup {
-        let step = |size: usize| Step {
+        let step = |size: usize| TrajectoryStep {
             observation: RawValue::from_string(format!("\"{}\"", "x".repeat(size))).ok(),
             action: None,
             reward: 0.5,

@@ -7,12 +7,12 @@ use utoipa::ToSchema;
 
 use super::settings::{Endpoint, PolicySettings};
 use super::tape::Tape;
-pub use super::tape::{AgentEnd, Flight, Room, Step};
+pub use super::tape::{AgentEnd, Flight, Room, TrajectoryStep};
 use crate::policy::{Actions, Briefing, ChatPolicy, ChatSettings, Lack, Telemetry, Turn};
 
 /// What is remembered of an episode, by the names under which trainers log it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, ToSchema)]
-pub struct Metrics {
+pub struct ModelMetrics {
     /// Sampling temperature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
@@ -26,7 +26,7 @@ pub struct Metrics {
     pub invalid_actions: u64,
 }
 
-impl Metrics {
+impl ModelMetrics {
     fn count(&mut self, turn: &Turn) {
         let (tokens_in, tokens_out, _) = turn.came_to();
         self.tokens_in = self.tokens_in.saturating_add(tokens_in);
@@ -42,7 +42,7 @@ pub struct Outcome {
     /// How it was flown, or why the infrastructure lost it.
     pub flight: Result<Flight, String>,
     /// What a language model took; none of a built-in policy.
-    pub metrics: Option<Metrics>,
+    pub metrics: Option<ModelMetrics>,
 }
 
 /// Flies an episode by a built-in policy.
@@ -68,7 +68,7 @@ pub async fn chat(
     settings: &PolicySettings,
     room: &Room,
 ) -> Outcome {
-    let mut metrics = Metrics { temperature: settings.temperature, ..Metrics::default() };
+    let mut metrics = ModelMetrics { temperature: settings.temperature, ..ModelMetrics::default() };
     let flight = converse(run, scenario, endpoint, settings, room, &mut metrics).await;
     Outcome { flight, metrics: Some(metrics) }
 }
@@ -79,7 +79,7 @@ async fn converse(
     endpoint: &Endpoint,
     settings: &PolicySettings,
     room: &Room,
-    metrics: &mut Metrics,
+    metrics: &mut ModelMetrics,
 ) -> Result<Flight, String> {
     let briefing = Briefing::new(Actions::new(scenario.task()), Telemetry::Compact);
     let settings = ChatSettings {

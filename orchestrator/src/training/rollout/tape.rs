@@ -16,7 +16,7 @@ use crate::policy::{Completion, Seen};
 
 /// One step of an episode.
 #[derive(Debug, Clone, Serialize, ToSchema)]
-pub struct Step {
+pub struct TrajectoryStep {
     /// What the agents were told before it, in the wire form.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
@@ -122,7 +122,7 @@ impl Room {
 #[derive(Debug)]
 pub struct Flight {
     /// Step by step.
-    pub steps: Vec<Step>,
+    pub steps: Vec<TrajectoryStep>,
     /// What the agents were told at its end.
     pub last: Option<Box<RawValue>>,
     /// What they did.
@@ -137,7 +137,7 @@ pub(super) struct Tape<'a> {
     /// Policies append to it.
     pub(super) log: ActionLog,
     report: StepReport,
-    steps: Vec<Step>,
+    steps: Vec<TrajectoryStep>,
 }
 
 impl<'a> Tape<'a> {
@@ -196,7 +196,15 @@ impl<'a> Tape<'a> {
         let action = Some(wire_step(&self.log, self.log.step(at)));
         let (reward, done) = (self.report.reward, self.report.done);
         let agents = self.ends();
-        self.steps.push(Step { observation, action, reward, agents, done, error: None, completions });
+        self.steps.push(TrajectoryStep {
+            observation,
+            action,
+            reward,
+            agents,
+            done,
+            error: None,
+            completions,
+        });
         Ok(())
     }
 
@@ -216,7 +224,15 @@ impl<'a> Tape<'a> {
         }
         self.room.keep(&mut completions);
         let (agents, completions) = (self.ends(), Some(completions));
-        self.steps.push(Step { observation, action: None, reward, agents, done: true, error, completions });
+        self.steps.push(TrajectoryStep {
+            observation,
+            action: None,
+            reward,
+            agents,
+            done: true,
+            error,
+            completions,
+        });
         Ok(())
     }
 
