@@ -1,5 +1,6 @@
 //! One group: taken, flown, replayed, counted and pushed.
 
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -120,11 +121,14 @@ impl Pilots {
         self.pool.spawn(move || {
             let policy = ground.policy.policy.as_str();
             let one = |index| built_in(&ground.scenario, policy, ground.seed(index), &room);
-            let outcomes: Vec<Outcome> = (0..ground.size()).into_par_iter().map(one).collect();
-            // Nobody listens any more where the service stops.
-            drop(told.send(outcomes));
+            let all = || (0..ground.size()).into_par_iter().map(one).collect::<Vec<Outcome>>();
+            // A policy that panics costs its group, and no other.
+            if let Ok(outcomes) = std::panic::catch_unwind(AssertUnwindSafe(all)) {
+                // Nobody listens any more where the service stops.
+                drop(told.send(outcomes));
+            }
         });
-        done.await.map_err(|_| FlyError::Thread("its thread gave nothing".to_owned()))
+        done.await.map_err(|_| FlyError::Thread("a policy panicked".to_owned()))
     }
 
     /// Holds the lease for as long as it is flown.
