@@ -20,7 +20,7 @@ pub(crate) fn model(base: &str) -> LlmConfig {
     config.key = Some(KEY.to_owned().into());
     config.retries = 0;
     config.backoff = Duration::from_millis(20);
-    config.timeout = Duration::from_secs(1);
+    config.timeout = Duration::from_secs(2);
     config.concurrency = 8;
     config
 }
@@ -165,7 +165,7 @@ async fn what_the_agent_caused_counts() {
 /// Late while the endpoint answers others: the agent's doing.
 #[tokio::test]
 async fn an_answer_that_is_late_while_others_are_not_is_the_agents() {
-    let slow = says(HOLD).set_delay(Duration::from_secs(3));
+    let slow = says(HOLD).set_delay(Duration::from_secs(6));
     let mock = endpoint([says(BURN), says(BURN), says(BURN), says(BURN), slow, says(BURN)]).await;
     let server = server(model(&mock.uri())).await;
     let api = server.api();
