@@ -50,7 +50,10 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let growth = mean(&memory[memory.len() - 2..]) / mean(&memory[1..3]);
     let told: Vec<String> = memory.iter().map(|mib| format!("{mib:.0}")).collect();
     Ok(vec![Row {
-        what: format!("memory of the server under results, columns, leases and events, MiB a minute: {}", told.join(" ")),
+        what: format!(
+            "memory of the server under results, columns, leases and events, MiB a minute: {}",
+            told.join(" ")
+        ),
         measured: format!("{growth:.2} of minutes 2-3"),
         goal: format!("≤ {FLAT}"),
         ratio: Some(FLAT / growth),

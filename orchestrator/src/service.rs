@@ -16,8 +16,9 @@ use crate::clock::Clock;
 use crate::http;
 use crate::judging::{Judges, ModelJudge};
 use crate::sessions::{Limits, Sessions};
-use crate::store::{Claim, OpenError, StoreError, asks, claim, reader, unsigned, verdicts, writer};
+use crate::store::{Claim, OpenError, StoreError, asks, claim, policies, reader, unsigned, verdicts, writer};
 use crate::training::design::{BuiltIn, Designers};
+use crate::training::rollout::Endpoint;
 use crate::training::{Desk, Wakes, Writer};
 use crate::workers;
 
@@ -43,6 +44,8 @@ pub struct Config {
     pub sessions: Limits,
     /// Who judges their steps.
     pub judges: Arc<Judges>,
+    /// The language model that flies for runs whose policy is `chat`, where there is one.
+    pub endpoint: Option<Endpoint>,
     /// What is shown. Others than this machine's may be shown OpenEnv's routes alone, since there are no tokens yet.
     pub surface: http::Surface,
 }
@@ -58,6 +61,7 @@ impl Config {
             designers: Arc::new(BuiltIn),
             sessions: Limits::default(),
             judges: Arc::default(),
+            endpoint: None,
             surface: http::Surface::Whole,
         }
     }
@@ -117,6 +121,10 @@ pub struct App {
     pub designers: Arc<dyn Designers>,
     /// Who judges the steps of sessions.
     pub judges: Arc<Judges>,
+    /// The language model that flies, where there is one.
+    pub endpoint: Option<Endpoint>,
+    /// Who waits for groups that were flown.
+    pub polls: http::Polls,
     /// The service is going down.
     pub stopping: Arc<AtomicBool>,
 }
@@ -158,10 +166,11 @@ impl Service {
         let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
         let events = Arc::clone(&wakes.events);
-        let jobs = employ(&config, &readers, &writer, (wakes, ready_tx))?;
-
         let stopping = Arc::new(AtomicBool::new(false));
+        let (stop, stopped) = watch::channel(false);
+        let polls = http::Polls::new(wakes.feed.subscribe(), stopped.clone());
         let desk = Desk { writer: writer.clone(), readers: readers.clone(), ready, gates: Arc::default() };
+        let jobs = employ(&config, &desk, (wakes, ready_tx))?;
         let limits = Limits {
             runs: config.sessions.runs && config.surface == http::Surface::Whole,
             ..config.sessions
@@ -181,9 +190,10 @@ impl Service {
             planning: http::Planning::default(),
             designers: config.designers,
             judges: config.judges,
+            endpoint: config.endpoint,
+            polls,
             stopping: Arc::clone(&stopping),
         };
-        let (stop, stopped) = watch::channel(false);
         let server = tokio::spawn(serve(listener, http::router(app, config.surface), stopped));
         Ok(Self {
             address,
@@ -259,16 +269,21 @@ async fn pick_up(config: &Config, connection: &mut SqliteConnection) -> Result<(
             judge.llm().restore(run, unsigned(row.tokens), row.cost, row.day);
         }
     }
+    if let Some(endpoint) = &config.endpoint {
+        for row in policies::spent(connection).await? {
+            endpoint.llm.restore(&row.run, unsigned(row.tokens), row.cost, row.day);
+        }
+    }
     Ok(())
 }
 
 /// Starts the workers.
 fn employ(
     config: &Config,
-    readers: &SqlitePool,
-    writer: &Writer,
+    desk: &Desk,
     (wakes, ready): (Wakes, watch::Sender<u64>),
 ) -> Result<JoinSet<()>, StartError> {
+    let Desk { writer, readers, .. } = desk;
     let mut jobs = JoinSet::new();
     let preparer = workers::prepare::Preparer {
         readers: readers.clone(),
@@ -300,6 +315,15 @@ fn employ(
         designers: Arc::clone(&config.designers),
     };
     jobs.spawn(studio.run());
+    let pilots = workers::rollout::Pilots {
+        desk: desk.clone(),
+        readers: readers.clone(),
+        clock: config.clock.clone(),
+        wake: wakes.rollout,
+        endpoint: config.endpoint.clone(),
+        pool: Arc::new(workers::rollout::threads().map_err(StartError::Threads)?),
+    };
+    jobs.spawn(pilots.run());
     Ok(jobs)
 }
 

@@ -67,8 +67,19 @@ pub(super) const fn guess_tokens(text: &str) -> u64 {
     (text.len() as u64).div_ceil(3)
 }
 
+/// Tokens as the endpoint's model has them, as far as the endpoint tells.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Tokens {
+    /// Of the conversation, as the model read it.
+    pub prompt: Option<Vec<u32>>,
+    /// Of the answer.
+    pub completion: Option<Vec<u32>>,
+    /// The natural logarithm of the probability with which each token of the answer was chosen.
+    pub logprobs: Option<Vec<f64>>,
+}
+
 /// One answer.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reply {
     /// What the model said.
     pub text: String,
@@ -78,6 +89,10 @@ pub struct Reply {
     pub tokens_out: Option<u64>,
     /// The answer ended because it may not be longer.
     pub cut: bool,
+    /// What was put to the end of the last message, where the endpoint is not held to a schema otherwise.
+    pub appended: Option<String>,
+    /// Its tokens, where they were asked for and are told.
+    pub tokens: Option<Tokens>,
 }
 
 /// What a call comes to, in time.

@@ -157,6 +157,13 @@ impl Llm {
         }
     }
 
+    /// Whether it answered anybody within the time that a call may take: then it is there, and a call that is late is late
+    /// by what was asked.
+    #[must_use]
+    pub fn answers(&self) -> bool {
+        self.0.meter.answered_within(self.0.config.timeout)
+    }
+
     /// Asks: waits for its turn, tries again where that helps, and keeps the books. What it came to, tries that failed
     /// included, is added to the bill.
     ///

@@ -76,6 +76,9 @@ pub struct LlmConfig {
     pub price_in: f64,
     /// Price of a million tokens out.
     pub price_out: f64,
+    /// Whether token ids and log-probabilities are asked for, by the names that vLLM has for it (`return_token_ids`,
+    /// `logprobs`): other endpoints may refuse what they do not know.
+    pub tokens: bool,
     /// The time of day.
     pub clock: WallClock,
 }
@@ -100,6 +103,7 @@ impl LlmConfig {
             cost_per_day: None,
             price_in: 0.0,
             price_out: 0.0,
+            tokens: false,
             clock,
         }
     }

@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use serde::Serialize;
+use tokio::time::Instant;
 
 use super::{LlmError, Spent};
 
@@ -77,6 +78,7 @@ struct Counts {
     retries: u64,
     last: Option<LastError>,
     latencies: VecDeque<f64>,
+    answered: Option<Instant>,
 }
 
 /// Counts what happens.
@@ -106,6 +108,7 @@ impl Meter {
         counts.calls += 1;
         match result {
             Ok(took) => {
+                counts.answered = Some(Instant::now());
                 if counts.latencies.len() == REMEMBERED {
                     counts.latencies.pop_front();
                 }
@@ -116,6 +119,11 @@ impl Meter {
                 counts.last = Some(LastError { kind: error.word(), words: error.to_string(), at_ms });
             }
         }
+    }
+
+    /// Whether a call succeeded within so long a time before now.
+    pub(super) fn answered_within(&self, time: Duration) -> bool {
+        self.counts().answered.is_some_and(|at| at.elapsed() <= time)
     }
 
     pub(super) fn read(&self) -> Counted {

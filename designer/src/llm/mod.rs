@@ -22,10 +22,11 @@ mod retry;
 #[cfg(test)]
 mod tests;
 mod tls;
+mod tokens;
 mod values;
 
 pub use self::budget::Spent;
-pub use self::chat::{Ask, Chat, Message, Reply, Role};
+pub use self::chat::{Ask, Chat, Message, Reply, Role, Tokens};
 pub use self::client::{Bill, Call, Llm};
 pub use self::config::{LlmConfig, WallClock};
 pub use self::designer::LlmDesigner;

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use super::chat::{Ask, Calling, Chat, Message, Reply};
 use super::error::one_line;
 use super::ordered::Ordered;
+use super::tokens;
 use super::{LlmConfig, LlmError, retry, tls};
 
 /// How answers are held to a schema, the best first.
@@ -145,7 +146,8 @@ impl OpenAi {
     }
 
     async fn once(&self, ask: &Ask, mode: u8, renamed: bool) -> Result<Reply, No> {
-        let body = body(&self.config.model, ask, mode, renamed)?;
+        let appended = appended(ask, mode)?;
+        let body = body(&self.config, ask, mode, (renamed, appended.as_deref()))?;
         let request =
             self.client.post(self.url.clone()).header("content-type", "application/json").body(body);
         let mut response = request.send().await.map_err(|error| self.broken(&error, false))?;
@@ -165,17 +167,21 @@ impl OpenAi {
             };
             return Err(No { error: LlmError::Refused { status: status.as_u16(), body }, said });
         }
-        parse(&read?).map(|reply| Reply { text: self.config.scrub(&reply.text), ..reply }).map_err(|error| {
-            match error {
-                LlmError::Nonsense { what, tokens_in, tokens_out } => {
-                    LlmError::Nonsense { what: self.told(&what), tokens_in, tokens_out }.into()
-                }
-                LlmError::Refused { status, body } => No {
-                    error: LlmError::Refused { status, body: self.told(&body) },
-                    said: self.config.scrub(&body),
-                },
-                other => other.into(),
+        let scrubbed = |reply: Reply| {
+            let text = self.config.scrub(&reply.text);
+            // Tokens would tell what is crossed out.
+            let tokens = reply.tokens.filter(|_| self.config.tokens && text == reply.text);
+            Reply { text, tokens, appended, ..reply }
+        };
+        parse(&read?).map(scrubbed).map_err(|error| match error {
+            LlmError::Nonsense { what, tokens_in, tokens_out } => {
+                LlmError::Nonsense { what: self.told(&what), tokens_in, tokens_out }.into()
             }
+            LlmError::Refused { status, body } => No {
+                error: LlmError::Refused { status, body: self.told(&body) },
+                said: self.config.scrub(&body),
+            },
+            other => other.into(),
         })
     }
 
@@ -244,6 +250,10 @@ struct Request<'a> {
     temperature: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     response_format: Option<Format<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    logprobs: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    return_token_ids: Option<bool>,
 }
 
 #[derive(Serialize)]
@@ -260,29 +270,43 @@ struct Named<'a> {
     schema: Ordered<'a>,
 }
 
-fn body(model: &str, ask: &Ask, mode: u8, renamed: bool) -> Result<Vec<u8>, LlmError> {
-    let fault = |error: serde_json::Error| LlmError::Config { field: "schema", reason: error.to_string() };
+fn fault(error: &serde_json::Error) -> LlmError {
+    LlmError::Config { field: "schema", reason: error.to_string() }
+}
+
+/// What is put to the end of the last message: the schema, where the endpoint is not held to it otherwise.
+fn appended(ask: &Ask, mode: u8) -> Result<Option<String>, LlmError> {
+    if mode == SCHEMA {
+        return Ok(None);
+    }
+    let schema = serde_json::to_string(&Ordered(&ask.schema)).map_err(|error| fault(&error))?;
+    let words = "\n\nAnswer with one JSON object and nothing else. It keeps to this JSON schema:\n";
+    Ok(Some(format!("{words}{schema}")))
+}
+
+fn body(
+    config: &LlmConfig,
+    ask: &Ask,
+    mode: u8,
+    (renamed, appended): (bool, Option<&str>),
+) -> Result<Vec<u8>, LlmError> {
     let json_schema =
         (mode == SCHEMA).then(|| Named { name: ask.name, strict: true, schema: Ordered(&ask.schema) });
     let mut messages = ask.messages.clone();
-    if mode != SCHEMA {
-        let schema = serde_json::to_string(&Ordered(&ask.schema)).map_err(fault)?;
-        if let Some(last) = messages.last_mut() {
-            last.content.push_str(
-                "\n\nAnswer with one JSON object and nothing else. It keeps to this JSON schema:\n",
-            );
-            last.content.push_str(&schema);
-        }
+    if let (Some(last), Some(appended)) = (messages.last_mut(), appended) {
+        last.content.push_str(appended);
     }
     let request = Request {
-        model,
+        model: &config.model,
         messages: &messages,
         max_tokens: (!renamed).then_some(ask.max_tokens),
         max_completion_tokens: renamed.then_some(ask.max_tokens),
         temperature: ask.temperature,
         response_format: (mode < TEXT).then(|| Format { r#type: MODES[usize::from(mode)], json_schema }),
+        logprobs: config.tokens.then_some(true),
+        return_token_ids: config.tokens.then_some(true),
     };
-    serde_json::to_vec(&request).map_err(fault)
+    serde_json::to_vec(&request).map_err(|error| fault(&error))
 }
 
 /// A chat completion. Only what is needed must be as it should be: nothing else in it is a reason to lose an answer.
@@ -308,15 +332,17 @@ fn parse(text: &str) -> Result<Reply, LlmError> {
     if let Some(refusal) = refusal.filter(|refusal| !refusal.is_empty()) {
         return nonsense(format!("the model refuses: {refusal}"));
     }
+    let cut = choice.get("finish_reason").and_then(Value::as_str) == Some("length");
     let text = match choice.pointer("/message/content") {
+        // A model that thought until it had no tokens left has said nothing.
+        None | Some(Value::Null) if cut => String::new(),
         Some(Value::String(text)) => text.clone(),
         Some(Value::Array(parts)) => {
             parts.iter().filter_map(|part| part.get("text").and_then(Value::as_str)).collect()
         }
         _ => return nonsense("it has no content".to_owned()),
     };
-    let cut = choice.get("finish_reason").and_then(Value::as_str) == Some("length");
-    Ok(Reply { text, tokens_in, tokens_out, cut })
+    Ok(Reply { text, tokens_in, tokens_out, cut, appended: None, tokens: tokens::read(&answer) })
 }
 
 /// A number of tokens: some endpoints say 12.0.

@@ -16,6 +16,7 @@ mod logs;
 pub mod options;
 mod output;
 pub mod play;
+pub mod policy;
 pub mod replay;
 pub mod serve;
 pub mod suite;

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use super::judge::JudgeArgs;
 use super::llm::LlmArgs;
+use super::policy::PolicyArgs;
 use crate::clock::Clock;
 use crate::http::Surface;
 use crate::service::{Config, Service};
@@ -23,6 +24,7 @@ Examples:
   sparring serve --db training.sqlite3 --bind 127.0.0.1:9000
   sparring serve --bind 0.0.0.0:8000 --openenv-public
   SPARRING_LLM_KEY=... sparring serve --judge llm --llm-url https://llm.example.com/v1 --llm-model name
+  sparring serve --policy-url http://127.0.0.1:8000/v1 --policy-model name --policy-tokens
   SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
   curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
 pub struct Args {
@@ -52,6 +54,8 @@ pub struct Args {
     llm: LlmArgs,
     #[command(flatten)]
     judge: JudgeArgs,
+    #[command(flatten)]
+    policy: PolicyArgs,
 }
 
 /// Serves.
@@ -64,6 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let clock = Clock::system();
         let designers = args.llm.designers(&clock)?;
         let judges = args.judge.judges(&args.llm, &clock)?;
+        let endpoint = args.policy.endpoint(&args.llm, &clock)?;
         let idle = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
         let sessions = Limits {
             most: args.sessions as usize,
@@ -74,8 +79,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         };
         let surface = if args.openenv_public { Surface::OpenEnv } else { Surface::Whole };
         let bind = args.bind;
-        let config =
-            Config { bind, clock, designers, sessions, judges, surface, ..Config::local(args.db.clone()) };
+        let db = args.db.clone();
+        let config = Config { db, bind, clock, designers, sessions, judges, endpoint, surface };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;

@@ -1,10 +1,12 @@
 //! HTTP: a handler parses, calls one use case, and maps the answer.
 
+mod answers;
 mod column;
 mod extract;
 mod health;
 mod openenv;
 mod planning;
+mod polls;
 mod problem;
 mod socket;
 mod v1;
@@ -13,7 +15,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::{StatusCode, header};
+use axum::http::{Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
@@ -25,6 +27,7 @@ use utoipa_swagger_ui::SwaggerUi;
 
 pub use self::openenv::Boards;
 pub use self::planning::Planning;
+pub use self::polls::Polls;
 pub use self::problem::Problem;
 use crate::service::App;
 
@@ -32,6 +35,8 @@ use crate::service::App;
 const MAX_BODY: usize = 16 * 1024 * 1024;
 /// Longest time one request may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
+/// How much longer one may take that waits by itself, for up to a minute.
+const WAITING: Duration = Duration::from_secs(30);
 
 /// What the API is, for its document.
 #[derive(OpenApi)]
@@ -46,6 +51,7 @@ const TIMEOUT: Duration = Duration::from_secs(60);
         (name = "runs", description = "One agent's training effort each."),
         (name = "leases", description = "Groups of scenarios handed to a trainer for a time."),
         (name = "results", description = "What was flown, scored by replay."),
+        (name = "trajectories", description = "What the server itself flies for a run: its policy, and the feed of finished groups."),
         (name = "mastery", description = "What the agent has mastered, and on what evidence."),
         (name = "episodes", description = "Single attempts, and their replay."),
         (name = "failures", description = "Why episodes lose score: the critique, and the failure profile of a run."),
@@ -96,6 +102,7 @@ pub fn router(app: App, surface: Surface) -> Router {
         .layer(CatchPanicLayer::custom(panicked))
         .layer(axum::extract::DefaultBodyLimit::max(MAX_BODY))
         .layer(axum::middleware::from_fn(bounded))
+        .layer(axum::middleware::from_fn(answers::as_asked))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(TraceLayer::new_for_http().make_span_with(span).on_failure(()))
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
@@ -108,7 +115,9 @@ async fn bounded(request: Request, next: Next) -> Response {
     if length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY) {
         return Problem::too_large().into_response();
     }
-    match tokio::time::timeout(TIMEOUT, next.run(request)).await {
+    let waits = request.method() == Method::GET && request.uri().path().ends_with("/trajectories");
+    let timeout = if waits { TIMEOUT + WAITING } else { TIMEOUT };
+    match tokio::time::timeout(timeout, next.run(request)).await {
         Ok(response) => response,
         Err(_) => Problem::timed_out().into_response(),
     }

@@ -96,6 +96,12 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail).again_in(5)
     }
 
+    /// More wait for groups than may.
+    pub(super) fn too_many_polls(most: usize) -> Self {
+        let detail = format!("{most} requests wait for groups already; come again when some are answered");
+        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_many_polls", detail).again_in(5)
+    }
+
     /// Something unexpected. The details are in the log, not in the answer.
     pub(super) fn internal() -> Self {
         Self::new(

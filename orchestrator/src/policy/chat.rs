@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use designer::llm::{Ask, Bill, Call, Llm, LlmError, Message, Role};
+use designer::llm::{Ask, Bill, Call, Llm, LlmError, Message, Role, Tokens};
 use serde::Serialize;
 use serde_json::Value;
 use tokio::time::Instant;
@@ -68,6 +68,22 @@ pub struct Completion {
     pub tokens_out: u64,
     /// How long it took, further tries included.
     pub latency_ms: u64,
+    /// Its tokens, where the endpoint was asked for them and tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tokens: Option<Tokens>,
+}
+
+/// Why a model gave no action.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lack {
+    /// What it said is none, even when asked again.
+    NoAction,
+    /// The same, and the last answer was cut off for its length.
+    CutOff,
+    /// Its answer did not come in time.
+    Late,
+    /// The endpoint's answer was no chat completion.
+    Nonsense,
 }
 
 /// One step: what was decided, and how that came about.
@@ -79,6 +95,9 @@ pub struct Turn {
     pub action: Value,
     /// Why the model gave none.
     pub error: Option<String>,
+    /// The same as a word; none where it gave one.
+    #[serde(skip)]
+    pub lack: Option<Lack>,
     /// How many of its answers were no action.
     pub invalid: u32,
     /// The calls: one, or two where the first answer was repaired.
@@ -130,12 +149,14 @@ impl ChatPolicy {
         messages.extend(self.history.messages());
         messages.push(Message::new(Role::User, &asked));
         let mut turn =
-            Turn { step, action: Value::Null, error: None, invalid: 0, completions: Vec::new() };
+            Turn { step, action: Value::Null, error: None, lack: None, invalid: 0, completions: Vec::new() };
         let action = match self.decide(messages, &mut turn).await {
             Ok(action) => action,
             // The model's own: everything else is the endpoint's.
             Err(error @ (LlmError::Timeout { .. } | LlmError::Nonsense { .. })) => {
                 turn.error = Some(error.to_string());
+                let late = matches!(error, LlmError::Timeout { .. });
+                turn.lack = Some(if late { Lack::Late } else { Lack::Nonsense });
                 None
             }
             Err(error) => return Err(error),
@@ -152,13 +173,15 @@ impl ChatPolicy {
             let (text, read) = self.ask(messages.clone(), turn).await?;
             let reason = match read {
                 Ok(action) => {
-                    turn.error = None;
+                    (turn.error, turn.lack) = (None, None);
                     return Ok(Some(action));
                 }
                 Err(reason) => reason,
             };
             turn.invalid += 1;
             turn.error = Some(format!("the answer is no action: {reason}"));
+            let cut = turn.completions.last().is_some_and(|completion| completion.cut);
+            turn.lack = Some(if cut { Lack::CutOff } else { Lack::NoAction });
             let shown: String = text.chars().take(SHOWN_AGAIN).collect();
             // Some endpoints refuse a message without words.
             let shown = if shown.trim().is_empty() { "(nothing)".to_owned() } else { shown };
@@ -195,6 +218,7 @@ impl ChatPolicy {
             tokens_in,
             tokens_out,
             latency_ms,
+            tokens: None,
         };
         match answer {
             Ok(reply) => {
@@ -202,6 +226,10 @@ impl ChatPolicy {
                     if reply.cut { format!("{reason}; it was cut off for its length") } else { reason }
                 });
                 completion.cut = reply.cut;
+                completion.tokens = reply.tokens;
+                if let (Some(last), Some(appended)) = (completion.messages.last_mut(), reply.appended) {
+                    last.content.push_str(&appended);
+                }
                 completion.error = read.as_ref().err().cloned();
                 completion.text = Some(reply.text.clone());
                 turn.completions.push(completion);

@@ -14,5 +14,5 @@ pub mod prompt;
 mod tests;
 
 pub use self::actions::Actions;
-pub use self::chat::{ChatPolicy, ChatSettings, Completion, Seen, Turn};
+pub use self::chat::{ChatPolicy, ChatSettings, Completion, Lack, Seen, Turn};
 pub use self::prompt::{Briefing, Telemetry};

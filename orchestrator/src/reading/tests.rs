@@ -153,7 +153,15 @@ mod packed {
         let on = vec![0xc0, 0xc0];
         let claimed = vec![0xdd, 0xff, 0xff, 0xff, 0xff, 0xc0];
         let twice = [&[0x82, 0xa1, b'a', 1, 0xa1, b'a', 2][..]].concat();
-        for bytes in [many, deep, on, claimed, vec![0xc4, 1, 0], vec![0x81, 1, 2], vec![0xcb, 0x7f, 0xf8, 0, 0, 0, 0, 0, 0]] {
+        for bytes in [
+            many,
+            deep,
+            on,
+            claimed,
+            vec![0xc4, 1, 0],
+            vec![0x81, 1, 2],
+            vec![0xcb, 0x7f, 0xf8, 0, 0, 0, 0, 0, 0],
+        ] {
             assert!(matches!(packed_value(&bytes), Err(Unread::Malformed(_))));
         }
         assert!(matches!(packed_value(&twice), Err(Unread::Twice(_))));

@@ -164,7 +164,9 @@ impl Wish {
                 let why = "the name of a group decides it, so that all who name it fly the same; leave one of the two out";
                 return Err(WishError::new("seed", why));
             }
-            (Some(seed), None) => Seed::user(seed).map_err(|error| WishError::new("seed", error.to_string()))?,
+            (Some(seed), None) => {
+                Seed::user(seed).map_err(|error| WishError::new("seed", error.to_string()))?
+            }
             (None, Some(group)) => seed_of(group),
             (None, None) => any_seed(),
         };

@@ -15,12 +15,14 @@ pub mod layouts;
 pub mod leases;
 pub mod marks;
 mod open;
+pub mod policies;
 pub mod progress;
 pub mod proposals;
 pub mod runs;
 pub mod scenarios;
 pub mod serving;
 pub mod sums;
+pub mod trajectories;
 pub mod verdicts;
 
 pub use open::{Claim, OpenError, claim, reader, writer};

@@ -71,7 +71,11 @@ impl Loader {
     ///
     /// # Errors
     /// The database's, or a recipe that cannot be read.
-    pub async fn recipe(&mut self, conn: &mut SqliteConnection, id: &[u8]) -> Result<Arc<Recipe>, StoreError> {
+    pub async fn recipe(
+        &mut self,
+        conn: &mut SqliteConnection,
+        id: &[u8],
+    ) -> Result<Arc<Recipe>, StoreError> {
         if let Some(recipe) = self.recipes.get(id) {
             return Ok(Arc::clone(recipe));
         }

@@ -252,9 +252,7 @@ fn judge(claim: Claim, place: Place, stages: &HashMap<(i64, i64), Stage>, settin
                 (Claimed::Finished { steps, precision, stopped }, Some(stage)) => {
                     fly(stage, settings, &steps, precision, stopped)
                 }
-                (Claimed::Logged(log), Some(stage)) => {
-                    judge_log(stage, settings, &log)
-                }
+                (Claimed::Logged(log), Some(stage)) => judge_log(stage, settings, &log),
                 (Claimed::Finished { .. } | Claimed::Logged(_), None) => {
                     Verdict::Refused { code: "unknown_episode", detail: "its scenario is gone".to_owned() }
                 }

@@ -84,7 +84,8 @@ pub(super) async fn observe(
     }
     for status in &after {
         // Their words have counts in them: what is told is that there is one more.
-        let known = before.iter().find(|known| known.task == status.task).map_or(0, |known| known.warnings.len());
+        let known =
+            before.iter().find(|known| known.task == status.task).map_or(0, |known| known.warnings.len());
         for words in status.warnings.iter().skip(known) {
             work.tell(run, &Happening::Health { task: Some(&status.task), words }).await?;
         }

@@ -89,6 +89,7 @@ impl Change for SetPaused {
         runs::set_status(conn, run, if self.paused { "paused" } else { "active" }).await?;
         let row = runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
         work.wake_prepare();
+        work.wake_rollout();
         let state = if self.paused { "paused" } else { "resumed" };
         work.tell(run, &Happening::Run { state }).await?;
         Ok(row)

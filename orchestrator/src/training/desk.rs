@@ -8,13 +8,15 @@ use std::time::Duration;
 use sqlx::SqlitePool;
 use tokio::sync::watch;
 
-use super::audit::{Claim, audit};
+use super::audit::{Audited, Claim, Found, audit};
 use super::eval_lease::take_eval;
 use super::lease::{Purpose, TakeLease, Taken};
 use super::report::{Receipt, Report};
+use super::rollout::take::TakeGroup;
 use super::{RunSettings, TrainingError, Writer};
 use crate::curriculum::Move;
 use crate::ids::{LeaseId, RunId};
+use crate::store::policies::PolicyRow;
 use crate::store::{from_json, runs};
 
 /// How long a lease waits for scenarios to be prepared before whoever asks is told to come again.
@@ -58,14 +60,37 @@ impl Desk {
         if wish.purpose == Purpose::Eval {
             return take_eval(&self.writer, wish).await;
         }
-        let gate = self.gates.of(&wish.run);
+        let run = wish.run.clone();
+        self.when_ready(&run, || async {
+            Ok(match self.writer.change(wish.clone()).await? {
+                Taken::Granted(lease) => Some(lease),
+                Taken::NotReady => None,
+            })
+        })
+        .await
+    }
+
+    /// Grants a lease of one group to a worker that flies the run's policy, with that policy; waits likewise.
+    ///
+    /// # Errors
+    /// As [`Desk::lease`]; `Paused` where there is no policy any more.
+    pub async fn rollout(&self, run: &RunId) -> Result<(LeaseId, PolicyRow), TrainingError> {
+        self.when_ready(run, || self.writer.change(TakeGroup { run: run.clone() })).await
+    }
+
+    /// Tries until scenarios are prepared, in turn with all who want some of this run.
+    async fn when_ready<T, F>(&self, run: &RunId, attempt: impl Fn() -> F) -> Result<T, TrainingError>
+    where
+        F: Future<Output = Result<Option<T>, TrainingError>>,
+    {
+        let gate = self.gates.of(run);
         let mut ready = self.ready.clone();
         let waiting = async {
             let _turn = gate.lock().await;
             loop {
                 ready.mark_unchanged();
-                if let Taken::Granted(lease) = self.writer.change(wish.clone()).await? {
-                    return Ok(lease);
+                if let Some(granted) = attempt().await? {
+                    return Ok(granted);
                 }
                 ready.changed().await.map_err(|_| TrainingError::Stopping)?;
             }
@@ -84,13 +109,7 @@ impl Desk {
         policy_version: Option<u32>,
         claims: Vec<Claim>,
     ) -> Result<(Vec<Receipt>, Vec<Move>), TrainingError> {
-        let (results, mut found) = {
-            let mut conn = self.readers.acquire().await?;
-            let row = runs::get(&mut conn, run.as_str()).await?;
-            let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
-            let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-            audit(&mut conn, &run, settings, claims).await?
-        };
+        let (results, mut found) = self.audited(&run, claims).await?;
         let (mut receipts, mut moves) = (Vec::with_capacity(results.len()), Vec::new());
         let mut results = results.into_iter();
         loop {
@@ -105,5 +124,21 @@ impl Desk {
                 return Ok((receipts, moves));
             }
         }
+    }
+
+    /// Replays what is claimed, and stores nothing.
+    ///
+    /// # Errors
+    /// No such run, or the store's.
+    pub async fn audited(
+        &self,
+        run: &RunId,
+        claims: Vec<Claim>,
+    ) -> Result<(Vec<Audited>, Vec<Found>), TrainingError> {
+        let mut conn = self.readers.acquire().await?;
+        let row = runs::get(&mut conn, run.as_str()).await?;
+        let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+        let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+        audit(&mut conn, run, settings, claims).await
     }
 }

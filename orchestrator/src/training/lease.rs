@@ -269,7 +269,8 @@ impl Change for Expire {
     }
 }
 
-async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
+/// Ends a lease: what was not reported is offered again.
+pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
     leases::set_status(&mut work.conn, lease.id, status).await?;
     work.tell(&lease.run, &Happening::lease(lease, status)).await?;
     if lease.is_columns() {

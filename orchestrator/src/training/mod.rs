@@ -2,6 +2,7 @@
 //! [`writer`]; what only computes (replay, brackets) happens before it, in parallel.
 
 pub mod audit;
+mod bracket_view;
 mod close;
 pub mod columns;
 pub mod create_run;
@@ -16,12 +17,14 @@ pub mod prepare;
 pub mod profile;
 mod queue;
 pub mod report;
+pub mod rollout;
 pub mod sample;
 pub mod settings;
 pub mod status;
 pub mod verdict;
 pub mod writer;
 
+pub use bracket_view::BracketView;
 pub use desk::Desk;
 pub use happening::Happening;
 pub use mind::Mind;

@@ -39,6 +39,8 @@ pub struct Work {
     wake_prepare: bool,
     wake_critique: bool,
     wake_design: bool,
+    wake_rollout: bool,
+    tell_feed: bool,
 }
 
 /// Who is woken after a commit that made work for them.
@@ -52,6 +54,10 @@ pub struct Wakes {
     pub design: Arc<Notify>,
     /// Whoever listens to what happens: moves with each commit that told something.
     pub events: Arc<watch::Sender<u64>>,
+    /// The worker that flies policies.
+    pub rollout: Arc<Notify>,
+    /// Moves whenever groups were pushed to a feed, for trainers that wait.
+    pub feed: watch::Sender<u64>,
 }
 
 impl Work {
@@ -102,6 +108,16 @@ impl Work {
     /// Wakes the worker that asks designers, after the commit.
     pub const fn wake_design(&mut self) {
         self.wake_design = true;
+    }
+
+    /// Wakes the worker that flies policies, after the commit.
+    pub const fn wake_rollout(&mut self) {
+        self.wake_rollout = true;
+    }
+
+    /// Tells trainers that wait for groups, after the commit.
+    pub const fn tell_feed(&mut self) {
+        self.tell_feed = true;
     }
 }
 
@@ -180,6 +196,8 @@ impl Writer {
             wake_prepare: false,
             wake_critique: false,
             wake_design: false,
+            wake_rollout: false,
+            tell_feed: false,
         };
         let task = tokio::spawn(serve(work, inbox, clock, wakes));
         (Self { urgent, bulk }, task)
@@ -264,6 +282,12 @@ async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
         }
         if std::mem::take(&mut work.wake_design) {
             wakes.design.notify_one();
+        }
+        if std::mem::take(&mut work.wake_rollout) {
+            wakes.rollout.notify_one();
+        }
+        if std::mem::take(&mut work.tell_feed) {
+            wakes.feed.send_modify(|pushes| *pushes += 1);
         }
     }
     farewell(work).await;

@@ -4,6 +4,7 @@ pub mod critique;
 pub mod design;
 pub mod expire;
 pub mod prepare;
+pub mod rollout;
 
 /// Puts this thread at the lowest priority, where the system has one for threads (Linux): results are replayed and
 /// answered first.

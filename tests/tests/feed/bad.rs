@@ -96,7 +96,10 @@ async fn columns_that_cannot_be_are_told_by_their_field() {
     // Of another run, of a lease of groups, of none.
     let body = json!({"score": fine});
     let foreign = path.replace("/run/", "/other/");
-    assert_eq!(api.post(&foreign, body.clone()).await.expect(404)["type"], "urn:sparring:problem:unknown_lease");
+    assert_eq!(
+        api.post(&foreign, body.clone()).await.expect(404)["type"],
+        "urn:sparring:problem:unknown_lease"
+    );
     let groups = api.lease("run", json!({"groups": 2})).await;
     let wrong = format!("/v1/runs/run/leases/{}/columns", groups.id());
     assert_eq!(api.post(&wrong, body.clone()).await.expect(422)["field"], "lease");
@@ -149,7 +152,12 @@ async fn requests_may_be_packed() {
     let twice = packed(&[("id", b"\xa3abd".to_vec()), ("id", b"\xa3abe".to_vec())]);
     let refused = api.raw("POST", "/v1/runs", "application/msgpack", twice).await.expect(422);
     assert_eq!(refused["field"], "id");
-    for bytes in [vec![0xc1], vec![0x81, 0x01, 0x02], packed(&[("id", vec![0xc4, 1, 0])]), vec![0xdf, 255, 255, 255, 255]] {
+    for bytes in [
+        vec![0xc1],
+        vec![0x81, 0x01, 0x02],
+        packed(&[("id", vec![0xc4, 1, 0])]),
+        vec![0xdf, 255, 255, 255, 255],
+    ] {
         let refused = api.raw("POST", "/v1/runs", "application/msgpack", bytes).await;
         assert!([400, 422].contains(&refused.status), "{refused:?}");
     }

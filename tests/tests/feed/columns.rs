@@ -51,7 +51,10 @@ async fn what_is_audited_moves_mastery_and_the_rest_is_a_statistic() {
     let groups = lease["groups"].as_array().unwrap();
     let contested = groups.iter().filter(|group| group["contested"] == true).count();
     assert!(groups.iter().all(|group| group["state"] == "complete" && group["bracket"].is_object()));
-    assert!(contested > 0 && after["mastery"]["seen"].as_u64().unwrap() as usize >= contested.min(1), "{after}");
+    assert!(
+        contested > 0 && after["mastery"]["seen"].as_u64().unwrap() as usize >= contested.min(1),
+        "{after}"
+    );
     // A replay of an audited episode is there to be looked at; of another there is none.
     let episode = groups[0]["episodes"][0].as_str().unwrap();
     let _ = api.get(&format!("/v1/runs/run/episodes/{episode}/replay")).await.expect(200);
@@ -93,7 +96,8 @@ async fn a_forged_score_refuses_all_of_it() {
     // An episode that was claimed to be finished cannot be lost when its log is due.
     let flight = Flight::new(&api, "run", json!({"groups": 30}), "hold").await;
     let claim = flight.claim(&api).await;
-    let lost = json!({"episode": claim["audit"][0]["episodes"][0], "status": "failed", "reason": "disk full"});
+    let lost =
+        json!({"episode": claim["audit"][0]["episodes"][0], "status": "failed", "reason": "disk full"});
     assert_eq!(api.report("run", vec![lost]).await["results"][0]["code"], "not_as_claimed");
     assert_eq!(flight.standing(&api).await["state"], "refused");
 }
@@ -205,7 +209,9 @@ async fn the_same_claim_is_audited_otherwise_each_time() {
         run(&server.api(), "run", json!({"audit_groups": 8})).await;
         let flight = Flight::new(&server.api(), "run", json!({"groups": 300}), "hold").await;
         let claim = flight.claim(&server.api()).await;
-        audits.insert(claim["audit"].as_array().unwrap().iter().map(|a| a["group"].to_string()).collect::<Vec<_>>());
+        audits.insert(
+            claim["audit"].as_array().unwrap().iter().map(|a| a["group"].to_string()).collect::<Vec<_>>(),
+        );
     }
     assert_eq!(audits.len(), 3);
 }

@@ -41,7 +41,11 @@ async fn columns_are_accepted_where_they_are_true_and_refused_where_not() {
     for python in pythons() {
         let line = ["--url", &url, "--rounds", "2", "--groups", "30"];
         let told = said(&example(&python, "columns.py", &line).await);
-        assert_eq!(told.lines().filter(|line| line.ends_with("30 claimed, 16 audited, accepted")).count(), 2, "{told}");
+        assert_eq!(
+            told.lines().filter(|line| line.ends_with("30 claimed, 16 audited, accepted")).count(),
+            2,
+            "{told}"
+        );
         assert!(told.contains("\"episodes\": 60") && told.contains("replayed 32"), "{told}");
     }
     let line = ["--url", &url, "--rounds", "1", "--groups", "20", "--forge"];
@@ -85,7 +89,9 @@ fn validate_plain_python_survival_scores() {
             log.end_step();
             log.stopped = Some(Stopped::TooLate);
             let steps = wire(&log)["steps"][0].clone();
-            asked.push(json!({"recipe": scenario.recipe().to_json(), "seed": scenario.seed().get(), "burns": steps}));
+            asked.push(
+                json!({"recipe": scenario.recipe().to_json(), "seed": scenario.seed().get(), "burns": steps}),
+            );
             wanted.push(replay(&scenario, &log).unwrap().score);
         }
     }

@@ -116,7 +116,8 @@ async fn looking_and_being_refused_take_nobodys_place() {
     let server = Server::set_up(move |config| Config { sessions, ..config }).await;
     let api = server.api();
     for name in 0..8 {
-        let named = |request: reqwest::RequestBuilder| request.header("x-session-id", format!("n{name}")).send();
+        let named =
+            |request: reqwest::RequestBuilder| request.header("x-session-id", format!("n{name}")).send();
         let state = named(http_client().get(format!("{}/state", api.base()))).await.unwrap();
         assert_eq!(state.json::<Value>().await.unwrap()["step_count"], 0);
         for wish in [json!({"seed": -1}), json!({"run": "none"}), json!({"params": {"debris": -4}})] {

@@ -145,7 +145,7 @@ pub(super) struct Puppet {
 }
 
 pub(super) fn reply(text: &str) -> Reply {
-    Reply { text: text.to_owned(), tokens_in: Some(100), tokens_out: Some(50), cut: false }
+    Reply { text: text.to_owned(), tokens_in: Some(100), tokens_out: Some(50), ..Reply::default() }
 }
 
 impl Puppet {

@@ -99,11 +99,7 @@ impl Wish {
 const PAUSES: u32 = 2;
 
 /// Asks; where the endpoint is left alone for a while, which failures of other episodes may have led to, waits for that.
-async fn patiently(
-    policy: &mut ChatPolicy,
-    seen: &Seen,
-    answered: &AtomicBool,
-) -> Result<Turn, LlmError> {
+async fn patiently(policy: &mut ChatPolicy, seen: &Seen, answered: &AtomicBool) -> Result<Turn, LlmError> {
     let mut left = if answered.load(Ordering::Relaxed) { PAUSES } else { 0 };
     loop {
         match policy.act(seen).await {

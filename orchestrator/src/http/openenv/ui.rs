@@ -101,8 +101,11 @@ pub(super) async fn connect(
     upgrade: WebSocketUpgrade,
 ) -> Response {
     let Ok(seat) = Arc::clone(&app.boards.seats).try_acquire_owned() else {
-        return Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "as many look as may; try again in a moment".to_owned())
-            .into_response();
+        return Refusal::new(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "as many look as may; try again in a moment".to_owned(),
+        )
+        .into_response();
     };
     match web::name(&headers) {
         Ok(name) => socket::bounded(upgrade).on_upgrade(move |socket| serve(socket, app, (name, seat))),

@@ -39,7 +39,8 @@ pub(super) struct ColumnsWish {
 macro_rules! named {
     ($name:ident, $of:ty) => {
         fn $name<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<Column<$of>, D::Error> {
-            Column::deserialize(reader).map_err(|error| super::super::column::within(stringify!($name), error))
+            Column::deserialize(reader)
+                .map_err(|error| super::super::column::within(stringify!($name), error))
         }
     };
 }
@@ -148,6 +149,7 @@ pub(super) async fn show(
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
-    let none = || Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "No columns came for this lease.");
+    let none =
+        || Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "No columns came for this lease.");
     Ok(axum::Json(Claim::of(columns::standing(&mut conn, row).await?.ok_or_else(none)?)))
 }

@@ -9,7 +9,6 @@ use utoipa::ToSchema;
 
 use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
-use super::leases::BracketView;
 use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::frames::{FramesError, MOST_BYTES, Show, frames, wire_step};
@@ -20,6 +19,7 @@ use crate::store::episodes::{EpisodeRow, Listed};
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
 use crate::store::{brackets, episodes, from_json, leases};
+use crate::training::BracketView;
 use crate::training::TrainingError;
 use crate::training::lease::find;
 

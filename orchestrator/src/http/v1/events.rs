@@ -61,14 +61,15 @@ pub(super) async fn listen(
     let run = run_id(&run)?;
     let changes = app.events.subscribe();
     let mut conn = reader_of(&app, &run).await?;
-    let last = match headers.get("last-event-id").map(|id| id.to_str().ok().and_then(|id| id.trim().parse().ok())) {
-        Some(Some(id)) => Some(id),
-        Some(None) => {
-            let words = "It is not the id of an event: those are whole numbers.";
-            return Err(Problem::new(StatusCode::BAD_REQUEST, "bad_header", words).at("Last-Event-ID"));
-        }
-        None => from.after,
-    };
+    let last =
+        match headers.get("last-event-id").map(|id| id.to_str().ok().and_then(|id| id.trim().parse().ok())) {
+            Some(Some(id)) => Some(id),
+            Some(None) => {
+                let words = "It is not the id of an event: those are whole numbers.";
+                return Err(Problem::new(StatusCode::BAD_REQUEST, "bad_header", words).at("Last-Event-ID"));
+            }
+            None => from.after,
+        };
     let after = match last {
         Some(id) => id.max(0),
         None => events::newest(&mut conn, run.as_str()).await?,

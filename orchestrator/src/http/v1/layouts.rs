@@ -9,13 +9,13 @@ use utoipa::{IntoParams, ToSchema};
 use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::designs::view::{DesignHead, Designs, before, design, known_mode, one_of};
-use super::leases::BracketView;
 use super::{Page, id};
 use crate::ids::LayoutId;
 use crate::service::App;
 use crate::store::brackets::{self, StoredFlown};
 use crate::store::layouts::{self, Wanted};
 use crate::store::scenarios::Loader;
+use crate::training::BracketView;
 use crate::training::TrainingError;
 
 /// States of a layout.

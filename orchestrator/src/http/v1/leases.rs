@@ -2,7 +2,6 @@
 
 use axum::extract::State;
 use axum::http::StatusCode;
-use env_core::bracket::panel_success;
 use env_core::{Recipe, RecipeId};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -15,10 +14,11 @@ use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::service::App;
+use crate::store::columns::RangeRow;
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
-use crate::store::columns::RangeRow;
 use crate::store::{StoreError, brackets, columns, leases, unsigned};
+use crate::training::BracketView;
 use crate::training::columns::TakeColumns;
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
 
@@ -138,36 +138,6 @@ struct Group {
     episodes: Vec<String>,
     /// What the scenario is worth; none where it is audited and no log of it came yet.
     bracket: Option<BracketView>,
-}
-
-/// What a scenario is worth.
-#[derive(Serialize, ToSchema)]
-pub(super) struct BracketView {
-    /// Version of the planner that made it.
-    planner: u32,
-    /// The score of acting blindly.
-    floor: f64,
-    /// The score of doing nothing.
-    hold: f64,
-    /// What the planner earned, with hindsight.
-    reference: f64,
-    /// How many of the blind plans succeed.
-    panel_success: usize,
-    /// How many blind plans there are.
-    panel: usize,
-}
-
-impl BracketView {
-    pub(super) fn of(scenario: &env_core::Scenario, bracket: &env_core::Bracket) -> Self {
-        Self {
-            planner: bracket.planner,
-            floor: bracket.floor,
-            hold: bracket.hold(),
-            reference: bracket.reference.score,
-            panel_success: panel_success(scenario, bracket),
-            panel: bracket.panel.len(),
-        }
-    }
 }
 
 /// A lease without its groups.
@@ -325,7 +295,8 @@ async fn describe(conn: &mut SqliteConnection, row: LeaseRow) -> Result<Lease, P
     let lease = LeaseId { number: row.id, token: row.token.clone() };
     let mut recipes = Recipes::default();
     let mut loader = Loader::default();
-    let ranges = if row.is_columns() { Some(ranges(conn, &mut loader, &mut recipes, row.id).await?) } else { None };
+    let ranges =
+        if row.is_columns() { Some(ranges(conn, &mut loader, &mut recipes, row.id).await?) } else { None };
     let mut groups = Vec::new();
     for group in leases::groups(conn, row.id).await? {
         let scenario = loader.get(conn, &group.scenario).await?;

@@ -10,11 +10,13 @@ mod failures;
 mod layouts;
 mod leases;
 mod mastery;
+mod policy;
 mod results;
 mod runs;
 mod scenarios;
 mod sessions;
 mod tasks;
+mod trajectories;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -56,6 +58,9 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(layouts::show))
         .routes(routes!(scenarios::check))
         .routes(routes!(sessions::connect))
+        .routes(routes!(policy::show, policy::put))
+        .routes(routes!(trajectories::pull::pull))
+        .routes(routes!(trajectories::ack::ack))
         .routes(routes!(tasks::list))
 }
 

@@ -12,11 +12,11 @@ use utoipa::ToSchema;
 use super::super::extract::{Json, NoQuery, read};
 use super::super::problem::Problem;
 use super::critique::CritiqueView;
-use super::leases::BracketView;
 use super::results::Actions;
 use crate::frames::{MOST_BYTES, Show, frames};
 use crate::service::App;
 use crate::store::brackets::StoredFlown;
+use crate::training::BracketView;
 
 /// A scenario to look at, and actions to fly on it.
 #[derive(Debug, Deserialize, ToSchema)]

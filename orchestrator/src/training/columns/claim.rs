@@ -102,7 +102,8 @@ fn in_range(
         let score = f64::from(columns.scores[at]);
         let fine = (scores.min - room..=scores.max + room).contains(&score);
         if !fine && !columns.has_failed(at) {
-            let why = format!("it is {score}, but scores of {} are {} to {}", range.task, scores.min, scores.max);
+            let why =
+                format!("it is {score}, but scores of {} are {} to {}", range.task, scores.min, scores.max);
             return Err(TrainingError::invalid(format!("score.{at}"), why));
         }
     }
@@ -123,9 +124,9 @@ fn draw(
     wanted: usize,
 ) -> Result<Vec<Pick>, TrainingError> {
     let mut seed = [0; 32];
-    rand::rngs::SysRng
-        .try_fill_bytes(&mut seed)
-        .map_err(|error| TrainingError::NotCommitted(format!("no randomness to draw audits with: {error}")))?;
+    rand::rngs::SysRng.try_fill_bytes(&mut seed).map_err(|error| {
+        TrainingError::NotCommitted(format!("no randomness to draw audits with: {error}"))
+    })?;
     let mut rng = ChaCha12Rng::from_seed(seed);
     // Where fewer are wanted than there are ranges, chance says which have one.
     let mut share = vec![wanted / ranges.len().max(1); ranges.len()];

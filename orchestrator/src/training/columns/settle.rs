@@ -163,7 +163,8 @@ pub(in crate::training) async fn abandon(work: &mut Work, lease: &LeaseRow) -> R
         }
         Some(_) => Ok(()),
         None => {
-            add_lost(work, lease, |episodes| ClaimedSums { expired: episodes, ..ClaimedSums::default() }).await
+            add_lost(work, lease, |episodes| ClaimedSums { expired: episodes, ..ClaimedSums::default() })
+                .await
         }
     }
 }

@@ -7,7 +7,6 @@ use utoipa::ToSchema;
 
 use super::super::super::extract::{NoQuery, Path};
 use super::super::super::problem::Problem;
-use super::super::leases::BracketView;
 use super::super::{id, reader_of, run_id};
 use super::view::{DesignHead, design};
 use crate::clock::rfc3339;
@@ -15,6 +14,7 @@ use crate::ids::{EpisodeId, LeaseId};
 use crate::service::App;
 use crate::store::scenarios::Loader;
 use crate::store::{brackets, layouts};
+use crate::training::BracketView;
 use crate::training::design::hand::find;
 
 /// Episodes that are named.

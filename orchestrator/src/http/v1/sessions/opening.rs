@@ -45,7 +45,7 @@ struct Resume {
 pub(super) fn message(text: &str) -> Result<Message, (Option<u64>, Refusal)> {
     let read = value(text.as_bytes()).map_err(|unread| match unread {
         Unread::Twice(fault) => (None, fault.into()),
-        Unread::NotJson(why) => {
+        Unread::Malformed(why) => {
             let why: String = why.chars().take(200).collect();
             (None, Refusal::new("malformed_json", format!("the message is not JSON: {why}")).at("message"))
         }
