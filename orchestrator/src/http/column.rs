@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::Deserialize;
-use serde::de::{self, DeserializeOwned, SeqAccess, Visitor};
+use serde::de::{self, DeserializeOwned, IgnoredAny, SeqAccess, Visitor};
 
 use super::extract::Form;
 use super::problem::Problem;
@@ -175,27 +175,22 @@ impl<'de> Deserialize<'de> for Number {
 
 /// Reads an object with columns.
 pub(super) fn read<T: DeserializeOwned>(form: Form, body: &[u8]) -> Result<T, Problem> {
-    let (told, of_the_text) = match form {
+    let (told, unread) = match form {
         Form::Json => match serde_json::from_slice(body) {
             Ok(read) => return Ok(read),
-            Err(error) => (error.to_string(), !error.is_data()),
+            Err(error) => (error.to_string(), serde_json::from_slice::<IgnoredAny>(body).is_err()),
         },
         Form::MessagePack => match crate::reading::packed(body) {
             Ok(read) => return Ok(read),
-            Err(error) => {
-                let of_the_text = !matches!(error, rmp_serde::decode::Error::Syntax(_));
-                (error.to_string(), of_the_text)
-            }
+            Err(error) => (error.to_string(), crate::reading::packed::<IgnoredAny>(body).is_err()),
         },
     };
-    if of_the_text && !told.contains(MARK) {
-        return Err(Problem::malformed(form, &told));
-    }
     // What serde_json adds about lines and columns says nothing to whoever sent numbers.
-    let told = told.split(" at line ").next().unwrap_or_default();
-    match told.split_once(MARK) {
+    let words = told.split(" at line ").next().unwrap_or_default();
+    match words.split_once(MARK) {
+        _ if unread => Err(Problem::malformed(form, told.rsplit(MARK).next().unwrap_or_default())),
         Some((field, words)) => Err(Problem::invalid(field, words)),
-        None => Err(Problem::invalid("body", told)),
+        None => Err(Problem::invalid("body", words)),
     }
 }
 

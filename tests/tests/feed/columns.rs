@@ -15,7 +15,10 @@ use crate::trainer::{Flight, mastery, run, scenarios, words};
 async fn what_is_audited_moves_mastery_and_the_rest_is_a_statistic() {
     let server = Server::start().await;
     let api = server.api();
-    run(&api, "run", json!({"audit_groups": 40, "group_size": 2})).await;
+    // Levels at which acting well often matters.
+    let table = json!({"columns": ["debris", "spread", "fuel"], "rows": [[100, 1, 20], [125, 1, 10]]});
+    let levels = json!({"kessler/survival": {"levels": table}});
+    run(&api, "run", json!({"audit_groups": 40, "group_size": 2, "task_settings": levels})).await;
     let flight = Flight::new(&api, "run", json!({"groups": 150}), "heuristic").await;
     assert_eq!(flight.scores.len(), 300);
     let seeds: BTreeSet<u64> = scenarios(&flight.lease).iter().map(|s| s.seed().get()).collect();
@@ -51,10 +54,9 @@ async fn what_is_audited_moves_mastery_and_the_rest_is_a_statistic() {
     let groups = lease["groups"].as_array().unwrap();
     let contested = groups.iter().filter(|group| group["contested"] == true).count();
     assert!(groups.iter().all(|group| group["state"] == "complete" && group["bracket"].is_object()));
-    assert!(
-        contested > 0 && after["mastery"]["seen"].as_u64().unwrap() as usize >= contested.min(1),
-        "{after}"
-    );
+    let levels = after["levels"].as_array().unwrap();
+    let seen: u64 = levels.iter().map(|level| level["seen"].as_u64().unwrap()).sum();
+    assert!(contested > 5 && seen as usize == contested, "{after}");
     // A replay of an audited episode is there to be looked at; of another there is none.
     let episode = groups[0]["episodes"][0].as_str().unwrap();
     let _ = api.get(&format!("/v1/runs/run/episodes/{episode}/replay")).await.expect(200);

@@ -258,8 +258,7 @@ async fn no_endpoint_can_do_harm() {
 async fn a_slow_judge_keeps_nobody_else_waiting() {
     let model = endpoint([says(FINE).set_delay(Duration::from_millis(900))]).await;
     let server = server(judges(Judge::Llm, &model.uri())).await;
-    let wish =
-        json!({"id": "run", "tasks": ["kessler/survival"], "judge": "off", "design": {"designer": "off"}});
+    let wish = json!({"id": "run", "seed": 2, "tasks": ["kessler/survival"], "judge": "off", "design": {"designer": "off"}});
     let _ = server.api().post("/v1/runs", wish).await.expect(201);
     let mut waiting = Socket::to(&server.api(), "/ws").await;
     let mut free = Socket::to(&server.api(), "/ws").await;

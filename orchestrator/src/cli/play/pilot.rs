@@ -26,7 +26,7 @@ pub(super) enum Wish {
         settings: ChatSettings,
         /// How observations are told.
         telemetry: crate::policy::Telemetry,
-        /// It has answered at least once.
+        /// It has given an action at least once.
         answered: Arc<AtomicBool>,
     },
     /// A built-in policy, by name, and what it draws from.
@@ -132,7 +132,7 @@ impl Pilot {
         match self {
             Self::Model { policy, answered } => {
                 let turn = patiently(policy, seen, answered).await?;
-                answered.fetch_or(turn.completions.iter().any(|said| said.text.is_some()), Ordering::Relaxed);
+                answered.fetch_or(turn.error.is_none(), Ordering::Relaxed);
                 Ok(Decision { action: turn.action.clone(), error: turn.error.clone(), turn: Some(turn) })
             }
             Self::BuiltIn { policy, task, actions } => {
