@@ -66,6 +66,19 @@ async fn columns_that_cannot_be_are_told_by_their_field() {
         let answer = api.raw("POST", &path, "application/json", text.to_owned()).await;
         assert!([400, 422].contains(&answer.status), "{text}: {answer:?}");
     }
+    let plain = api.raw("POST", &path, "text/plain", "score").await;
+    assert_eq!(plain.status, 415);
+}
+
+#[tokio::test]
+async fn packed_columns_that_cannot_be_are_told_by_their_field() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run", json!({"audit_groups": 4})).await;
+    run(&api, "other", json!({})).await;
+    let flight = Flight::new(&api, "run", json!({"groups": 6}), "hold").await;
+    let path = flight.path();
+    let fine = flight.scores.clone();
     let single: Vec<f32> = fine.iter().map(|score| *score as f32).collect();
     let mut nan = single.clone();
     nan[4] = f32::NAN;
@@ -91,8 +104,6 @@ async fn columns_that_cannot_be_are_told_by_their_field() {
         assert!(found == status || (status == 400 && found == 422), "{at}: {answer:?}");
         assert!(named.starts_with(field) || status == 400, "{at}: {named}: {detail}");
     }
-    let plain = api.raw("POST", &path, "text/plain", "score").await;
-    assert_eq!(plain.status, 415);
     // Of another run, of a lease of groups, of none.
     let body = json!({"score": fine});
     let foreign = path.replace("/run/", "/other/");

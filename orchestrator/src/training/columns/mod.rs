@@ -8,14 +8,14 @@
 //! nothing either: who withholds what does not replay gains nothing by it.
 
 mod claim;
-mod columns;
 mod lease;
 mod settle;
+mod table;
 
 pub use self::claim::{Claimed, claim, standing};
-pub use self::columns::{Columns, MOST_SCORE_GAP, decode};
 pub use self::lease::{MAX_GROUPS, TakeColumns, recipe_and_seed};
 pub(super) use self::settle::{Check, abandon, check, refuse, settle};
+pub use self::table::{Columns, MOST_SCORE_GAP, decode};
 
 /// Ranges of a lease: as many proposals are asked of the curriculum for it.
 const RANGES: u32 = 64;
