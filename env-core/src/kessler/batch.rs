@@ -42,7 +42,7 @@ pub(super) fn batch(
         }
         Observe::Tracks { threats, look_ahead } => {
             let tracks = Tracks::new(threats as usize, look_ahead as usize);
-            Observer::Tracks(tracks.map_err(|e| BatchError::Config {
+            Observer::Tracks(tracks.map(Box::new).map_err(|e| BatchError::Config {
                 field: if e.field == "k" { "threats" } else { "look_ahead" },
                 value: e.value,
                 min: e.min,
@@ -64,7 +64,7 @@ pub(super) fn batch(
 enum Observer {
     /// Columns, of so many bodies.
     All(usize),
-    Tracks(Tracks),
+    Tracks(Box<Tracks>),
 }
 
 impl Observer {

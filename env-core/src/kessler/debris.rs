@@ -4,7 +4,7 @@
 
 use pulp::Arch;
 
-use super::cloud::{Cloud, NOWHERE};
+use super::cloud::{Block, Cloud, NOWHERE};
 use super::constants::{CONTACT_2, EARTH_RADIUS_2, SATELLITES};
 use super::kernel::{Body, Gravity, distance_2, swept_2};
 use super::pass::{self, Found, Narrow};
@@ -72,6 +72,11 @@ impl Debris {
     #[must_use]
     pub fn id(&self, i: usize) -> u32 {
         self.id[i]
+    }
+
+    /// All, block by block, padded with nobody.
+    pub(super) fn blocks(&self) -> &[Block] {
+        self.cloud.blocks()
     }
 
     /// Where the bodies of a start are put; [`Debris::begin`] comes after.

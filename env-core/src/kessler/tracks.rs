@@ -2,14 +2,15 @@
 //! debris that threatens it most, in its own radial/in-track frame, so that nothing changes when everything is turned
 //! about the Earth.
 //!
-//! Debris is foreseen by the episode's own dynamics, the satellite under hold. What threatens most is what comes nearest
-//! within the look-ahead; ties by the distance now, then by age. Only visible debris counts. Relative velocities are
+//! Debris is foreseen by the episode's own dynamics, in single precision, the satellite under hold. What threatens most is what comes nearest
+//! within the look-ahead; ties by age. Only visible debris counts. Relative velocities are
 //! differences of velocities laid out along the satellite's radial and in-track directions of the moment.
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::constants::{EARTH_RADIUS, FORMATION_SIDE, GM, HORIZON, SATELLITES, TARGET_RADIUS};
 use super::flight::{Flight, Satellite};
-use super::forecast::{Forecast, Nearest};
-use super::kernel::{Body, distance_2};
+use super::forecast::{Nearest, nearest};
 use super::reward::Objective;
 use super::spaces::MAX_DEBRIS;
 use crate::chance::Chance;
@@ -29,6 +30,9 @@ const SPEED: f64 = 4.0;
 const DRIFT: f64 = 2.0;
 /// How far satellite 0 may have to climb, LU.
 const CLIMB: f64 = 50.0;
+/// Up to so many threats are found by one pass without branches, over vectors of one size or of twice that.
+const FEW: usize = 8;
+const SOME: usize = 16;
 /// As far as debris comes from in the look-ahead, LU.
 const FAR: f64 = 50.0;
 /// Relative speeds of debris, LU/TU.
@@ -65,30 +69,27 @@ pub struct TracksError {
     pub max: usize,
 }
 
-/// Writes tracks of one episode after another, each step or now and then; what it carries along makes it faster and
-/// changes no bit.
+/// Writes tracks of one episode after another, each step or now and then; what it carries along is room, and changes no bit.
 #[derive(Debug, Clone)]
 pub struct Tracks {
     k: usize,
     look_ahead: usize,
-    forecast: Forecast,
-    nearest: Nearest,
-    /// The most threatening so far, worst first.
-    threats: Vec<Threat>,
+    nearest: [Nearest; SATELLITES],
+    /// The most threatening of each satellite, worst first: [`key`]s.
+    worst: [Vec<u64>; SATELLITES],
+    arch: Arch,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Threat {
-    index: usize,
-    miss_2: f64,
-    now_2: f64,
+/// A piece of debris by how near it comes, then by age: misses squared are positive, and the bits of such numbers are in their
+/// order.
+const fn key(miss_2: f32, index: usize) -> u64 {
+    (miss_2.to_bits() as u64) << 32 | index as u64
 }
 
-impl Threat {
-    fn before(&self, other: &Self) -> bool {
-        let order = self.miss_2.total_cmp(&other.miss_2).then(self.now_2.total_cmp(&other.now_2));
-        order.then(self.index.cmp(&other.index)).is_lt()
-    }
+/// Which piece it is.
+#[expect(clippy::cast_possible_truncation, reason = "the lower half is the index")]
+const fn index(key: u64) -> usize {
+    key as u32 as usize
 }
 
 impl Default for Tracks {
@@ -112,13 +113,7 @@ impl Tracks {
     }
 
     fn sized(k: usize, look_ahead: usize) -> Self {
-        Self {
-            k,
-            look_ahead,
-            forecast: Forecast::new(look_ahead),
-            nearest: Nearest::default(),
-            threats: Vec::with_capacity(k),
-        }
+        Self { k, look_ahead, nearest: Default::default(), arch: Arch::new(), worst: Default::default() }
     }
 
     /// Cells per satellite.
@@ -156,60 +151,117 @@ impl Tracks {
 
     /// Bytes of what it carries along, beside itself.
     pub(super) fn bytes(&self) -> usize {
-        let nearest = self.nearest.distance_2.capacity() + self.nearest.time.capacity();
-        self.forecast.bytes() + nearest * size_of::<f64>() + self.threats.capacity() * size_of::<Threat>()
+        let nearest = self.nearest.iter().map(|found| found.distance_2.capacity() + found.time.capacity());
+        let worst: usize = self.worst.iter().map(Vec::capacity).sum();
+        nearest.sum::<usize>() * size_of::<f32>() + worst * size_of::<u64>()
     }
 
     /// Writes one row per satellite, [`Tracks::len`] cells each, one after another. What does not fit into `out` is left
     /// out, what is left of it is zeroed. Allocates nothing once an episode of as much debris has been seen.
     pub fn write<C: Chance>(&mut self, flight: &Flight<C>, out: &mut [f32]) {
         out.fill(0.0);
-        self.forecast.move_on(flight.debris(), flight.setup().physics);
+        if self.k > 0 {
+            self.look(flight);
+        }
         let rows = out.chunks_mut(self.len());
         for ((number, satellite), row) in flight.satellites().iter().enumerate().zip(rows) {
             if satellite.active() {
                 let mut cells = Cells { frame: satellite.body.frame(), cells: row.iter_mut() };
                 own(&mut cells, flight, number);
-                self.write_threats(&mut cells, flight, &satellite.body);
+                self.write_threats(&mut cells, flight, number);
             }
         }
     }
 
-    fn write_threats<C: Chance>(&mut self, cells: &mut Cells<'_>, flight: &Flight<C>, satellite: &Body) {
-        self.rank(flight, satellite);
-        for threat in &self.threats {
-            let debris = flight.debris().body(threat.index);
+    fn write_threats<C: Chance>(&self, cells: &mut Cells<'_>, flight: &Flight<C>, number: usize) {
+        let satellite = flight.satellites()[number].body;
+        for index in self.worst[number].iter().map(|key| index(*key)) {
+            let debris = flight.debris().body(index);
+            let (miss_2, time) = (self.nearest[number].distance_2[index], self.nearest[number].time[index]);
             cells.put(1.0, 0.0, 1.0);
             cells.vector(debris.x - satellite.x, debris.y - satellite.y, FAR);
             cells.vector(debris.vx - satellite.vx, debris.vy - satellite.vy, CLOSING);
-            cells.put(threat.miss_2.sqrt(), 0.0, MISS);
-            cells.put(self.nearest.time[threat.index], 0.0, self.look_ahead as f64);
+            cells.put(f64::from(miss_2.sqrt()), 0.0, MISS);
+            cells.put(f64::from(time), 0.0, self.look_ahead as f64);
         }
     }
 
-    /// The K most threatening pieces, worst first.
-    fn rank<C: Chance>(&mut self, flight: &Flight<C>, satellite: &Body) {
-        self.threats.clear();
-        if self.k == 0 {
-            return;
-        }
-        self.forecast.nearest(*satellite, &mut self.nearest);
+    /// Looks ahead, and for the K worst of each satellite.
+    fn look<C: Chance>(&mut self, flight: &Flight<C>) {
+        let flying =
+            flight.satellites().each_ref().map(|satellite| satellite.active().then_some(satellite.body));
         let debris = flight.debris();
-        for (index, &miss_2) in self.nearest.distance_2.iter().enumerate() {
-            let full = self.threats.len() == self.k;
-            if full && self.threats.last().is_some_and(|last| miss_2 > last.miss_2) {
-                continue;
-            }
-            let Body { x, y, .. } = debris.body(index);
-            let threat = Threat { index, miss_2, now_2: distance_2(satellite.x, satellite.y, x, y) };
-            let place = self.threats.partition_point(|known| known.before(&threat));
-            if place < self.k && flight.sees(x, y) {
-                if full {
-                    self.threats.pop();
-                }
-                self.threats.insert(place, threat);
+        let physics = flight.setup().physics;
+        nearest(self.arch, (debris, physics), (flying, self.look_ahead), &mut self.nearest);
+        if flight.setup().radar_range.is_some() {
+            let hidden = debris.bodies().enumerate().filter(|(_, body)| !flight.sees(body.x, body.y));
+            for (index, _) in hidden {
+                self.nearest.iter_mut().for_each(|found| found.distance_2[index] = f32::INFINITY);
             }
         }
+        let of = self.nearest.each_ref().map(|found| &found.distance_2[..debris.len()]);
+        let (k, worst) = (self.k, &mut self.worst);
+        if k <= FEW {
+            self.arch.dispatch(Least::<FEW> { of, k, worst });
+        } else if k <= SOME {
+            self.arch.dispatch(Least::<SOME> { of, k, worst });
+        } else {
+            of.into_iter().zip(worst).for_each(|(of, worst)| sort(of, k, worst));
+        }
+    }
+}
+
+/// Keys of what is there and seen.
+fn keep(worst: &mut Vec<u64>, keys: impl Iterator<Item = u64>) {
+    worst.clear();
+    worst.extend(keys.filter(|known| *known < key(f32::INFINITY, 0)));
+}
+
+/// The `k` worst, by putting all in order.
+fn sort(of: &[f32], k: usize, worst: &mut Vec<u64>) {
+    keep(worst, of.iter().enumerate().map(|(index, miss_2)| key(*miss_2, index)));
+    if worst.len() > k {
+        worst.select_nth_unstable(k);
+        worst.truncate(k);
+    }
+    worst.sort_unstable();
+}
+
+/// The `k` worst of each satellite, at most `ROOM`.
+///
+/// The worst so far are held in order; one more goes to its place and moves on those after it. No branch: which of fifty pieces
+/// are among the eight worst nobody can foresee. All satellites at once, since each piece waits for the one before it.
+struct Least<'a, const ROOM: usize> {
+    of: [&'a [f32]; SATELLITES],
+    k: usize,
+    worst: &'a mut [Vec<u64>; SATELLITES],
+}
+
+impl<const ROOM: usize> WithSimd for Least<'_, ROOM> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let mut least = [[u64::MAX; ROOM]; SATELLITES];
+        let [a, b, c] = self.of;
+        for (index, ((a, b), c)) in a.iter().zip(b).zip(c).enumerate() {
+            put(&mut least[0], key(*a, index));
+            put(&mut least[1], key(*b, index));
+            put(&mut least[2], key(*c, index));
+        }
+        for (least, worst) in least.iter().zip(self.worst) {
+            keep(worst, least[..self.k].iter().copied());
+        }
+    }
+}
+
+/// Puts one more among the least in order.
+#[inline(always)]
+fn put<const ROOM: usize>(least: &mut [u64; ROOM], key: u64) {
+    let mut before = [0; ROOM];
+    before[1..].copy_from_slice(&least[..ROOM - 1]);
+    for place in 0..ROOM {
+        least[place] = least[place].min(key.max(before[place]));
     }
 }
 
@@ -222,10 +274,11 @@ struct Cells<'a> {
 
 impl Cells<'_> {
     #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
+    #[inline(always)]
     fn put(&mut self, value: f64, offset: f64, scale: f64) {
         if let Some(cell) = self.cells.next() {
-            // Adding zero leaves no minus zero behind.
-            *cell = (((value - offset) / scale) as f32).clamp(-LIMIT, LIMIT) + 0.0;
+            // By the reciprocal, which most often is known when this is compiled; adding zero leaves no minus zero behind.
+            *cell = (((value - offset) * (1.0 / scale)) as f32).clamp(-LIMIT, LIMIT) + 0.0;
         }
     }
 

@@ -9,61 +9,60 @@ use crate::chance::{Chance, Seeded, Stream};
 use crate::kessler::TASKS;
 use crate::kessler::constants::EARTH_RADIUS_2;
 use crate::kessler::flight::Flight;
-use crate::kessler::kernel::{Body, Gravity, distance_2, swept_2};
-use crate::kessler::tracks::{LIMIT, Tracks};
+use crate::kessler::kernel::{Body, Gravity, swept_2};
+use crate::kessler::tracks::{Column, LIMIT, Tracks};
 use crate::kessler::warnings::debris_moved;
 use crate::log::JointAction;
 use crate::scenario::Scenario;
 use crate::seed::Seed;
 use crate::task::TaskSpec;
 
-/// Nearest approach of debris within the look-ahead, and when, one body at a time.
-fn nearest(mut s: Body, mut d: Body, flight: &Flight<Seeded>, look_ahead: usize) -> (f64, f64) {
-    let physics = flight.setup().physics;
-    let mut best = (distance_2(s.x, s.y, d.x, d.y), 0.0);
-    for step in 1..=look_ahead {
-        let Some(moved) = debris_moved(d, physics) else { break };
-        if s.radius_2() < EARTH_RADIUS_2 {
-            break;
-        }
-        (s, d) = (s.coasted(physics.gravity), moved);
-        let (dx, dy, wx, wy) = (s.x - d.x, s.y - d.y, s.vx - d.vx, s.vy - d.vy);
-        let near = swept_2(dx, dy, wx, wy);
-        if near < best.0 {
-            let back = ((dx * wx + dy * wy) / (wx * wx + wy * wy)).clamp(0.0, 1.0);
-            best = (near, step as f64 - back);
-        }
-    }
-    best
+/// How far what is foreseen in single precision may be off, LU: 25 steps of places up to 100 LU, of which f32 knows 4e-6, the
+/// errors of velocities growing with time, a pull that is steep near the Earth.
+const FORESEEN: f64 = 2e-3;
+
+/// How far debris is from a satellite, one body at a time, within a look-ahead.
+struct Course {
+    /// Where it is seen from the satellite, now and after each step.
+    places: Vec<(f64, f64)>,
 }
 
-/// The most threatening by a full sort.
-fn threats(flight: &Flight<Seeded>, s: Body, k: usize, look_ahead: usize) -> Vec<(Body, f64, f64)> {
-    let mut all: Vec<(f64, f64, usize, f64)> = (0..flight.debris().len())
-        .filter(|&i| flight.sees(flight.debris().body(i).x, flight.debris().body(i).y))
-        .map(|i| {
-            let d = flight.debris().body(i);
-            let (miss_2, time) = nearest(s, d, flight, look_ahead);
-            (miss_2, distance_2(s.x, s.y, d.x, d.y), i, time)
+impl Course {
+    fn of(mut s: Body, mut d: Body, flight: &Flight<Seeded>, look_ahead: usize) -> Self {
+        let physics = flight.setup().physics;
+        let mut places = vec![(s.x - d.x, s.y - d.y)];
+        for _ in 0..look_ahead {
+            let Some(moved) = debris_moved(d, physics) else { break };
+            if s.radius_2() < EARTH_RADIUS_2 {
+                break;
+            }
+            (s, d) = (s.coasted(physics.gravity), moved);
+            places.push((s.x - d.x, s.y - d.y));
+        }
+        Self { places }
+    }
+
+    /// The least distance: straight from place to place.
+    fn miss(&self) -> f64 {
+        let first = self.places[0];
+        self.places.windows(2).fold(first.0.hypot(first.1), |least, step| {
+            let ((ax, ay), (bx, by)) = (step[0], step[1]);
+            least.min(swept_2(bx, by, bx - ax, by - ay).sqrt())
         })
-        .collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-    all.iter().take(k).map(|&(miss_2, _, i, time)| (flight.debris().body(i), miss_2.sqrt(), time)).collect()
+    }
+
+    /// The distance at a time.
+    fn at(&self, time: f64) -> f64 {
+        let step = (time.floor() as usize).min(self.places.len() - 1);
+        let (from, to) = (self.places[step], self.places[(step + 1).min(self.places.len() - 1)]);
+        let share = time - step as f64;
+        (from.0 + share * (to.0 - from.0)).hypot(from.1 + share * (to.1 - from.1))
+    }
 }
 
-/// One satellite's row by the columns' own account.
-fn expected(
-    flight: &Flight<Seeded>,
-    number: usize,
-    tracks: &Tracks,
-    k: usize,
-    look_ahead: usize,
-) -> Vec<f32> {
+/// A satellite's own columns, by their own account.
+fn expected(flight: &Flight<Seeded>, number: usize, tracks: &Tracks) -> Vec<f32> {
     let s = flight.satellites()[number];
-    let columns = tracks.columns();
-    if !s.active() {
-        return vec![0.0; columns.len()];
-    }
     let ((rx, ry), (tx, ty)) = s.body.frame();
     let parts = |x: f64, y: f64| [x * rx + y * ry, x * tx + y * ty];
     let r = s.body.radius();
@@ -75,8 +74,8 @@ fn expected(
         r,
         vr,
         vt - (1000.0 / r.max(20.0)).sqrt(),
-        s.fuel / flight.setup().fuel,
-        f64::from(flight.steps()) / 50.0,
+        s.fuel,
+        f64::from(flight.steps()),
         s.survival,
         if goal { r - 100.0 } else { 0.0 },
     ];
@@ -86,27 +85,77 @@ fn expected(
         values.extend(parts(o.x - s.body.x, o.y - s.body.y));
         values.extend(parts(o.vx - s.body.vx, o.vy - s.body.vy));
     }
-    for (d, miss, time) in threats(flight, s.body, k, look_ahead) {
-        values.push(1.0);
-        values.extend(parts(d.x - s.body.x, d.y - s.body.y));
-        values.extend(parts(d.vx - s.body.vx, d.vy - s.body.vy));
-        values.extend([miss, time]);
-    }
-    let told = values.len();
-    let mut cells: Vec<f32> = values
-        .iter()
-        .zip(&columns)
-        .map(|(value, column)| (((value - column.offset) / column.scale) as f32).clamp(-LIMIT, LIMIT))
-        .collect();
-    cells.resize(columns.len().max(told), 0.0);
+    let scale = |(at, column): (usize, &Column)| match at {
+        4 => flight.setup().fuel,
+        5 => 50.0,
+        _ => column.scale,
+    };
+    let columns = tracks.columns();
+    let columns = columns.iter().enumerate().map(|at| (at.1.offset, scale(at)));
+    let cells = values.iter().zip(columns);
     cells
+        .map(|(value, (offset, scale))| (((value - offset) * (1.0 / scale)) as f32).clamp(-LIMIT, LIMIT))
+        .collect()
+}
+
+/// Whether these cells tell of the K pieces that come nearest, each as it is.
+fn are_the_worst(
+    cells: &[f32],
+    flight: &Flight<Seeded>,
+    s: Body,
+    (k, look_ahead): (usize, usize),
+) -> Result<(), TestCaseError> {
+    let ((rx, ry), (tx, ty)) = s.frame();
+    let scaled = |value: f64, scale: f64| (value * (1.0 / scale)) as f32;
+    let parts = |x: f64, y: f64, scale: f64| {
+        [x * rx + y * ry, x * tx + y * ty].map(|part| scaled(part, scale).clamp(-LIMIT, LIMIT))
+    };
+    let mut left: Vec<([f32; 4], Course)> = (0..flight.debris().len())
+        .map(|i| flight.debris().body(i))
+        .filter(|d| flight.sees(d.x, d.y))
+        .map(|d| {
+            let place = parts(d.x - s.x, d.y - s.y, 50.0);
+            let speed = parts(d.vx - s.vx, d.vy - s.vy, 5.0);
+            ([place[0], place[1], speed[0], speed[1]], Course::of(s, d, flight, look_ahead))
+        })
+        .collect();
+    let told = left.len().min(k);
+    let (threats, nothing) = cells.split_at(told * 7);
+    prop_assert!(nothing.iter().all(|cell| *cell == 0.0));
+    let mut before = 0.0;
+    for threat in threats.chunks(7) {
+        prop_assert_eq!(threat[0], 1.0);
+        let is = |(seen, course): &([f32; 4], Course)| {
+            let miss = f64::from(scaled(course.miss(), 10.0).min(LIMIT)) * 10.0;
+            *seen == threat[1..5] && (miss - f64::from(threat[5]) * 10.0).abs() < FORESEEN
+        };
+        let found = left.iter().position(is);
+        prop_assert!(found.is_some(), "there is no debris like {:?}", threat);
+        let (_, course) = left.swap_remove(found.unwrap());
+        prop_assert!(threat[5] >= before, "in order");
+        before = threat[5];
+        // Where it stays as near for long, any time of these will do.
+        let when = f64::from(threat[6]) * look_ahead as f64;
+        prop_assert!(
+            (course.at(when) - course.miss()).abs() < 2.0 * FORESEEN,
+            "when: {} of {:?}",
+            when,
+            threat
+        );
+    }
+    if let Some(last) = threats.chunks(7).last() {
+        let least = left.iter().map(|(_, course)| course.miss()).fold(f64::INFINITY, f64::min);
+        let last = f64::from(last[5]) * 10.0;
+        prop_assert!(least > last.min(2.0 * 10.0) - FORESEEN, "{} is nearer than {}", least, last);
+    }
+    Ok(())
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// At every step of flights with rogues, fragments, decay and radar: what is written is what the columns say, and a
-    /// forecast carried along, one begun afresh and one carried over from another episode give the same bits.
+    /// At every step of flights with rogues, fragments, decay and radar: what is written is what the columns say, and one that
+    /// wrote before, one begun afresh and one that wrote another episode give the same bits.
     #[test]
     fn tracks_are_what_their_columns_say_warm_or_cold(
         task in 0..TASKS.len(),
@@ -136,7 +185,14 @@ proptest! {
                 prop_assert!(out.iter().zip(&cells).all(|(a, b)| a.to_bits() == b.to_bits()));
             }
             for (number, row) in cells.chunks(warm.len()).enumerate() {
-                prop_assert_eq!(row, &expected(&flight, number, &warm, k, look_ahead)[..]);
+                let satellite = flight.satellites()[number];
+                if satellite.active() {
+                    let (own, threats) = row.split_at(16);
+                    prop_assert_eq!(own, &expected(&flight, number, &warm)[..]);
+                    are_the_worst(threats, &flight, satellite.body, (k, look_ahead))?;
+                } else {
+                    prop_assert!(row.iter().all(|cell| *cell == 0.0));
+                }
             }
             prop_assert!(cells.iter().all(|cell| cell.abs() <= LIMIT && !(*cell == 0.0 && cell.is_sign_negative())));
             if flight.done() { break }
@@ -160,10 +216,11 @@ fn validate_tracks_of_a_pass_by_hand() {
         let i = columns.iter().position(|c| c.name == name).unwrap();
         f64::from(cells[i]) * columns[i].scale + columns[i].offset
     };
-    // Satellite 0 is at (60, 0) and moves along y: radial is x, in-track is y. f32 keeps seven digits.
+    // Satellite 0 is at (60, 0) and moves along y: radial is x, in-track is y. f32 keeps seven digits, of what is foreseen six.
     let near = |name: &str, expected: f64| {
         let found = value(name);
-        assert!((found - expected).abs() < 1e-5, "{name} is {found}, not {expected}");
+        let off = if name.ends_with("_miss") || name.ends_with("_time") { 1e-4 } else { 1e-5 };
+        assert!((found - expected).abs() < off, "{name} is {found}, not {expected}");
     };
     for (name, expected) in
         [("active", 1.0), ("radius", 60.0), ("radial_speed", 0.0), ("in_track_excess", 0.0)]
