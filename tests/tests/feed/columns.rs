@@ -160,8 +160,20 @@ async fn what_failed_is_no_low_score_and_too_much_of_it_is_no_evidence() {
     run(&api, "run", json!({"audit_groups": 30})).await;
     let flight = Flight::new(&api, "run", json!({"groups": 60}), "heuristic").await;
     let failed: Vec<u8> = (0..60).map(|at| u8::from(at % 5 == 0)).collect();
+    let entries = format!("{}/entries", flight.path());
+    assert_eq!(api.get(&entries).await.expect(404)["type"], "urn:sparring:problem:no_columns");
     let claim = api.post(&flight.path(), json!({"score": flight.scores, "failed": failed})).await.expect(200);
     assert_eq!(claim["failed"], 12);
+    // They read back as they came, in single precision.
+    let kept = api.get(&entries).await.expect(200);
+    let single = |score: f64| score as f32;
+    let scores: Vec<f32> =
+        kept["score"].as_array().unwrap().iter().map(|score| single(score.as_f64().unwrap())).collect();
+    assert_eq!(scores, flight.scores.iter().map(|score| single(*score)).collect::<Vec<_>>());
+    assert_eq!(
+        (&kept["state"], &kept["failed"], &kept["steps"]),
+        (&json!("claimed"), &json!(failed), &json!([]))
+    );
     let audited: Vec<u64> =
         claim["audit"].as_array().unwrap().iter().map(|a| a["first"].as_u64().unwrap()).collect();
     assert!(audited.iter().all(|at| at % 5 != 0), "what failed has no log: {audited:?}");

@@ -135,6 +135,43 @@ pub(super) async fn claim(
     Ok(axum::Json(Claim::of(columns::claim(&app.desk, place, policy_version, columns).await?)))
 }
 
+/// What was claimed, as it came.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Entries {
+    /// `claimed`, `accepted`, `refused` or `unproven`.
+    state: String,
+    /// The score of each episode of the lease.
+    score: Vec<f32>,
+    /// 1 where it failed; empty where none did.
+    failed: Vec<u8>,
+    /// Steps flown; empty where nothing was said of them.
+    steps: Vec<u32>,
+}
+
+/// Read the columns of a lease back, whatever became of them.
+#[utoipa::path(
+    get, path = "/runs/{run}/leases/{lease}/columns/entries", tag = "results",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses((status = 200, body = Entries), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(super) async fn entries(
+    _: NoQuery,
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<Entries>, Problem> {
+    let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
+    let mut conn = app.readers.acquire().await?;
+    let row = find(&mut conn, &run, &lease).await?;
+    let (state, columns) = columns::entries(&mut conn, row.id).await?.ok_or_else(none)?;
+    let Columns { scores, failed, steps } = columns;
+    let failed = failed.into_iter().map(u8::from).collect();
+    Ok(axum::Json(Entries { state, score: scores, failed, steps }))
+}
+
+fn none() -> Problem {
+    Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "No columns came for this lease.")
+}
+
 /// Show what was claimed of a lease, and what became of it.
 #[utoipa::path(
     get, path = "/runs/{run}/leases/{lease}/columns", tag = "results",
@@ -149,7 +186,5 @@ pub(super) async fn show(
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
-    let none =
-        || Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "No columns came for this lease.");
     Ok(axum::Json(Claim::of(columns::standing(&mut conn, row).await?.ok_or_else(none)?)))
 }

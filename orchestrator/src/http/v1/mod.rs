@@ -37,6 +37,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(leases::release))
         .routes(routes!(results::report))
         .routes(routes!(columns::claim, columns::show))
+        .routes(routes!(columns::entries))
         .routes(routes!(events::listen))
         .routes(routes!(mastery::show))
         .routes(routes!(mastery::history))

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha12Rng;
 
 use super::lease::recipe_and_seed;
 use super::settle;
-use super::{Columns, MOST_SCORE_GAP};
+use super::{Columns, MOST_SCORE_GAP, decode};
 use crate::ids::{LeaseId, RunId};
 use crate::store::columns::{self, ClaimRow, RangeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
@@ -215,7 +215,7 @@ impl Change for Enter {
             audited: audited.len() as i64,
             why: None,
         };
-        work.tell(&lease.run, &told).await?;
+        work.tell(&lease.run, &told)?;
         if self.picks.is_empty() {
             settle::settle(work, &lease).await?; // nothing of it can be flown again: all of it failed
         }
@@ -266,6 +266,19 @@ pub async fn standing(
         Some(claim) => standing_of(conn, lease, claim).await.map(Some),
         None => Ok(None),
     }
+}
+
+/// What was claimed of a lease, with what became of it; none where nothing was.
+///
+/// # Errors
+/// The store's.
+pub async fn entries(
+    conn: &mut sqlx::SqliteConnection,
+    lease: i64,
+) -> Result<Option<(String, Columns)>, TrainingError> {
+    let Some(claim) = columns::claim(conn, lease).await? else { return Ok(None) };
+    let body = columns::body(conn, lease).await?.unwrap_or_default();
+    Ok(Some((claim.state, decode(&body)?)))
 }
 
 async fn standing_of(

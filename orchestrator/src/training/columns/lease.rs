@@ -62,7 +62,7 @@ impl Change for TakeColumns {
             first += groups;
         }
         let row = LeaseRow { id, ..row };
-        work.tell(run, &Happening::lease(&row, "taken")).await?;
+        work.tell(run, &Happening::lease(&row, "taken"))?;
         Ok(LeaseId { number: id, token: row.token })
     }
 }

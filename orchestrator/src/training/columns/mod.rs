@@ -12,10 +12,11 @@ mod lease;
 mod settle;
 mod table;
 
-pub use self::claim::{Claimed, claim, standing};
+pub use self::claim::{Claimed, claim, entries, standing};
 pub use self::lease::{MAX_GROUPS, TakeColumns, recipe_and_seed};
 pub(super) use self::settle::{Check, abandon, check, refuse, settle};
-pub use self::table::{Columns, MOST_SCORE_GAP, decode};
+use self::table::decode;
+pub use self::table::{Columns, MOST_SCORE_GAP};
 
 /// Ranges of a lease: as many proposals are asked of the curriculum for it.
 const RANGES: u32 = 64;

@@ -148,7 +148,7 @@ pub(in crate::training) async fn refuse(
     let lost = |episodes| ClaimedSums { refused: episodes, ..ClaimedSums::default() };
     add_lost(work, lease, lost).await?;
     end(work, lease, (&claim, "refused", Some(why)), groups).await?;
-    work.tell(&lease.run, &Happening::Health { task: None, words: &words }).await
+    work.tell(&lease.run, &Happening::Health { task: None, words: &words })
 }
 
 /// Ends a lease whose time is over, or that was given back: what was claimed and not proven counts for nothing.
@@ -201,7 +201,7 @@ async fn end(
     columns::settle(&mut work.conn, lease.id, state, why).await?;
     leases::set_status(&mut work.conn, lease.id, "done").await?;
     tell(work, lease, (claim, state, why), audited).await?;
-    work.tell(&lease.run, &Happening::lease(lease, "done")).await
+    work.tell(&lease.run, &Happening::lease(lease, "done"))
 }
 
 async fn tell(
@@ -218,5 +218,5 @@ async fn tell(
         audited: audited as i64,
         why,
     };
-    work.tell(&lease.run, &told).await
+    work.tell(&lease.run, &told)
 }

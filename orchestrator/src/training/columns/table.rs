@@ -84,7 +84,7 @@ impl Columns {
 ///
 /// # Errors
 /// Bytes that are none.
-pub fn decode(stored: &[u8]) -> Result<Columns, StoreError> {
+pub(super) fn decode(stored: &[u8]) -> Result<Columns, StoreError> {
     let broken = |why: &str| StoreError::unreadable("columns", why);
     let Some((&CODEC, packed)) = stored.split_first() else { return Err(broken("their codec is unknown")) };
     let most = 12 + MAX_GROUPS as usize * 9;
