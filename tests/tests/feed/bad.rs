@@ -29,15 +29,20 @@ fn told(answer: &Answer) -> (u16, String, String) {
     (answer.status, word("field"), word("detail"))
 }
 
-#[tokio::test]
-async fn columns_that_cannot_be_are_told_by_their_field() {
+/// A server with two runs, and six episodes that were flown for one of them.
+async fn flown() -> (Server, Flight) {
     let server = Server::start().await;
     let api = server.api();
     run(&api, "run", json!({"audit_groups": 4})).await;
     run(&api, "other", json!({})).await;
     let flight = Flight::new(&api, "run", json!({"groups": 6}), "hold").await;
-    let path = flight.path();
-    let fine = flight.scores.clone();
+    (server, flight)
+}
+
+#[tokio::test]
+async fn columns_that_cannot_be_are_told_by_their_field() {
+    let (server, flight) = flown().await;
+    let (api, path, fine) = (server.api(), flight.path(), flight.scores.clone());
     let mut high = fine.clone();
     high[2] = 1.5;
     let cases = [
@@ -72,13 +77,8 @@ async fn columns_that_cannot_be_are_told_by_their_field() {
 
 #[tokio::test]
 async fn packed_columns_that_cannot_be_are_told_by_their_field() {
-    let server = Server::start().await;
-    let api = server.api();
-    run(&api, "run", json!({"audit_groups": 4})).await;
-    run(&api, "other", json!({})).await;
-    let flight = Flight::new(&api, "run", json!({"groups": 6}), "hold").await;
-    let path = flight.path();
-    let fine = flight.scores.clone();
+    let (server, flight) = flown().await;
+    let (api, path, fine) = (server.api(), flight.path(), flight.scores.clone());
     let single: Vec<f32> = fine.iter().map(|score| *score as f32).collect();
     let mut nan = single.clone();
     nan[4] = f32::NAN;

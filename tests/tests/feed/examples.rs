@@ -55,6 +55,23 @@ async fn columns_are_accepted_where_they_are_true_and_refused_where_not() {
 }
 
 #[tokio::test]
+async fn groups_are_flown_reported_and_learnt_from() {
+    let server = Server::start().await;
+    let api = server.api();
+    // A lease of a second is renewed between groups.
+    let line = ["--url", api.base(), "--rounds", "2", "--groups", "4", "--group-size", "3", "--ttl", "1"];
+    let told = said(&example(Path::new("python3"), "groups.py", &line).await);
+    assert_eq!(told.lines().filter(|line| line.contains("12 episodes earn 0.")).count(), 2, "{told}");
+    let last = told.lines().last().unwrap();
+    assert!(last.contains(": level 0, 24 episodes, "), "{told}");
+    let run = last.split(' ').nth(1).unwrap().trim_end_matches(':');
+    let leases = api.get(&format!("/v1/runs/{run}/leases")).await.expect(200);
+    let states: Vec<&Value> =
+        leases["leases"].as_array().unwrap().iter().map(|lease| &lease["status"]).collect();
+    assert_eq!(states, ["done", "done"], "{leases}");
+}
+
+#[tokio::test]
 async fn events_are_listened_to() {
     let server = Server::start().await;
     let api = server.api();
