@@ -13,6 +13,7 @@ mod soak;
 mod sockets;
 mod stepping;
 mod steps;
+mod stolen;
 
 use std::io::Write;
 
@@ -47,7 +48,6 @@ pub(crate) struct Row {
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
-    let wanted = |name: &str| args.what.is_empty() || args.what.iter().any(|w| w == name);
     let mut out = std::io::stdout().lock();
     if let Some(file) = &args.again {
         return Ok(writeln!(out, "{}", designer::check_again(file)?)?);
@@ -60,41 +60,30 @@ fn main() -> anyhow::Result<()> {
         out.flush()
     };
     show(vec![Row { what: "what".into(), measured: "measured".into(), goal: "goal".into(), ratio: None }])?;
-    if wanted("engine") {
-        show(engine::measure()?)?;
-    }
-    if wanted("bracket") {
-        show(bracket::measure()?)?;
-    }
-    if wanted("critique") {
-        show(critique::measure()?)?;
-    }
-    if wanted("steps") {
-        show(steps::measure()?)?;
-    }
-    if wanted("results") {
-        show(results::measure()?)?;
-    }
-    if wanted("columns") {
-        show(columns::measure()?)?;
-    }
-    if wanted("sockets") {
-        show(sockets::measure(&args.peer)?)?;
-    }
-    if wanted("stepping") {
-        show(stepping::measure()?)?;
-    }
-    if wanted("designer") {
-        show(designer::measure()?)?;
-    }
-    if args.what.iter().any(|what| what == "soak") {
-        show(soak::measure(args.minutes)?)?;
-    }
-    if args.what.iter().any(|what| what == "learner") {
-        show(designer::learner::measure()?)?;
-    }
-    if args.what.iter().any(|what| what == "levels") {
-        show(levels::measure()?)?;
+    type Measure<'a> = &'a dyn Fn() -> anyhow::Result<Vec<Row>>;
+    let all: [(&str, Measure<'_>); 9] = [
+        ("engine", &engine::measure),
+        ("bracket", &bracket::measure),
+        ("critique", &critique::measure),
+        ("steps", &steps::measure),
+        ("results", &results::measure),
+        ("columns", &columns::measure),
+        ("sockets", &|| sockets::measure(&args.peer)),
+        ("stepping", &stepping::measure),
+        ("designer", &designer::measure),
+    ];
+    // These take minutes, and are measured only where they are named.
+    let long: [(&str, Measure<'_>); 3] = [
+        ("soak", &|| soak::measure(args.minutes)),
+        ("learner", &designer::learner::measure),
+        ("levels", &levels::measure),
+    ];
+    let named = |name: &str| args.what.iter().any(|what| what == name);
+    let all = all.into_iter().filter(|(name, _)| args.what.is_empty() || named(name));
+    for (_, measure) in all.chain(long.into_iter().filter(|(name, _)| named(name))) {
+        let before = stolen::Ticks::now();
+        show(measure()?)?;
+        show(stolen::Ticks::since(before))?;
     }
     Ok(())
 }

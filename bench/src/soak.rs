@@ -8,6 +8,7 @@ use system_tests::{Api, Process, http_client};
 use tokio::task::JoinSet;
 
 use crate::sockets::process;
+use crate::stepping::Session;
 use crate::{Row, columns, results};
 
 /// Memory of the last minutes over that of the first ones, at most.
@@ -21,9 +22,9 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let server = Process::start(&folder.path().join("bench.sqlite3"));
     let api = server.api();
-    for (id, tasks) in [("rows", json!(["kessler/survival"])), ("columns", json!(["kessler/survival"]))] {
-        let wish = json!({"id": id, "seed": 1, "group_size": if id == "rows" { 8 } else { 1 }, "placement": false,
-                          "tasks": tasks, "design": {"designer": "off"}});
+    for (id, size) in [("rows", 8), ("columns", 1), ("flown", 8)] {
+        let wish = json!({"id": id, "seed": 1, "group_size": size, "placement": false,
+                          "tasks": ["kessler/survival"], "design": {"designer": "off"}});
         let created = api.post("/v1/runs", wish).await;
         anyhow::ensure!(created.status == 201, "no run: {}", created.body);
     }
@@ -32,6 +33,8 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     work.spawn(rows(api.clone()));
     work.spawn(claims(api.clone()));
     work.spawn(listen(format!("{}/v1/runs/rows/events", api.base())));
+    work.spawn(steps(api.clone()));
+    work.spawn(pulls(api.clone()));
     let (begun, mut memory) = (Instant::now(), Vec::new());
     for minute in 1..=minutes {
         let until = begun + Duration::from_secs(60) * minute;
@@ -51,7 +54,7 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let told: Vec<String> = memory.iter().map(|mib| format!("{mib:.0}")).collect();
     Ok(vec![Row {
         what: format!(
-            "memory of the server under results, columns, leases and events, MiB a minute: {}",
+            "memory of the server under results, columns, trajectories, vector steps and events, MiB a minute: {}",
             told.join(" ")
         ),
         measured: format!("{growth:.2} of minutes 2-3"),
@@ -72,6 +75,36 @@ async fn claims(api: Api) -> anyhow::Result<Infallible> {
     loop {
         let ready = columns::prepare(&api, "columns", 20_000).await?;
         columns::claim(&api, "columns", &ready).await?;
+    }
+}
+
+/// Vector sessions that come and go, stepped now and then: who steps without a pause leaves nothing to the others.
+async fn steps(api: Api) -> anyhow::Result<Infallible> {
+    for seed in 0.. {
+        let mut session = Session::open(api.base(), 256, seed).await?;
+        for _ in 0..200 {
+            session.step().await?;
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+    unreachable!("there is always another seed")
+}
+
+/// A trainer that learns from what the server flies.
+async fn pulls(api: Api) -> anyhow::Result<Infallible> {
+    let run = "/v1/runs/flown";
+    let wish = json!({"policy": "random", "version": 1}).to_string();
+    let policy = api.raw("PUT", &format!("{run}/policy"), "application/json", wish).await;
+    anyhow::ensure!(policy.status == 200, "no policy: {}", policy.body);
+    loop {
+        let pulled = api.get(&format!("{run}/trajectories?limit=4&wait_s=10")).await;
+        anyhow::ensure!(pulled.status == 200, "nothing pulled: {}", pulled.body);
+        let groups = pulled.body["groups"].as_array().cloned().unwrap_or_default();
+        let ids: Vec<_> = groups.iter().map(|group| &group["id"]).collect();
+        let told = api.post(&format!("{run}/trajectories/ack"), json!({"ids": ids})).await;
+        anyhow::ensure!(ids.is_empty() || told.status == 200, "not acknowledged: {}", told.body);
+        // As fast as is polite: it shares the machine with what else is measured.
+        tokio::time::sleep(Duration::from_millis(100)).await;
     }
 }
 

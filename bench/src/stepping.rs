@@ -29,7 +29,7 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
 }
 
 /// A vector session, as cheap for the client as can be.
-struct Session {
+pub(crate) struct Session {
     socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
     frames: Vec<Vec<u8>>,
     sequence: u32,
@@ -37,7 +37,7 @@ struct Session {
 }
 
 impl Session {
-    async fn open(base: &str, envs: usize, seed: u64) -> anyhow::Result<Self> {
+    pub(crate) async fn open(base: &str, envs: usize, seed: u64) -> anyhow::Result<Self> {
         let url = format!("{}/v1/sessions", base.replacen("http", "ws", 1));
         let (mut socket, _) = connect_async_with_config(url, None, true).await?;
         let wish = json!({"type": "open", "version": 1, "task": "survival", "params": {"debris": DEBRIS}, "seed": seed,
@@ -74,7 +74,7 @@ impl Session {
         }
     }
 
-    async fn step(&mut self) -> anyhow::Result<()> {
+    pub(crate) async fn step(&mut self) -> anyhow::Result<()> {
         self.sequence += 1;
         let frame = &mut self.frames[self.sequence as usize % VARIETY];
         frame[8..12].copy_from_slice(&self.sequence.to_le_bytes());
