@@ -16,7 +16,9 @@ use crate::clock::Clock;
 use crate::http;
 use crate::judging::{Judges, ModelJudge};
 use crate::sessions::{Limits, Sessions};
-use crate::store::{Claim, OpenError, StoreError, asks, claim, policies, reader, unsigned, verdicts, writer};
+use crate::store::{
+    Claim, OpenError, StoreError, asks, claim, folder, policies, reader, unsigned, verdicts, writer,
+};
 use crate::training::design::{BuiltIn, Designers};
 use crate::training::rollout::Endpoint;
 use crate::training::{Desk, Wakes, Writer};
@@ -138,6 +140,7 @@ pub struct Service {
     sessions: Arc<Sessions>,
     server: JoinHandle<()>,
     workers: JoinSet<()>,
+    fold: JoinHandle<()>,
     writer: JoinHandle<()>,
     readers: SqlitePool,
     claim: Claim,
@@ -194,6 +197,7 @@ impl Service {
             polls,
             stopping: Arc::clone(&stopping),
         };
+        let fold = tokio::spawn(workers::fold::run(folder(&config.db).await?, stopped.clone()));
         let server = tokio::spawn(serve(listener, http::router(app, config.surface), stopped));
         Ok(Self {
             address,
@@ -202,6 +206,7 @@ impl Service {
             sessions,
             server,
             workers: jobs,
+            fold,
             writer: writer_task,
             readers,
             claim,
@@ -232,6 +237,9 @@ impl Service {
         }
         // Workers hold nothing that is not in the store: they are cut off, and what they did twice is done once.
         self.workers.shutdown().await;
+        if let Err(error) = self.fold.await {
+            tracing::error!(error = %error, "The worker that folds the log did not end well.");
+        }
         // The writer ends when nobody is left who could ask it for something.
         drop(self.sessions);
         if let Err(error) = self.writer.await {

@@ -2,7 +2,7 @@
 
 use sqlx::{SqliteConnection, query};
 
-use super::StoreError;
+use super::{StoreError, to_json};
 use crate::clock::Millis;
 
 /// A level move as stored.
@@ -24,20 +24,23 @@ pub struct MoveRow {
     pub at: Millis,
 }
 
-/// Appends an event.
+/// An event to be stored: its seq, its JSON, when.
+pub type Event = (i64, String, Millis);
+
+/// Appends events.
 ///
 /// # Errors
 /// The database's; a seq that is taken among them.
-pub async fn append(
-    conn: &mut SqliteConnection,
-    run: &str,
-    seq: i64,
-    body: &str,
-    at: Millis,
-) -> Result<(), StoreError> {
-    query!("INSERT INTO curriculum_events (run, seq, body, at) VALUES (?, ?, ?, ?)", run, seq, body, at)
-        .execute(conn)
-        .await?;
+pub async fn append(conn: &mut SqliteConnection, run: &str, events: &[Event]) -> Result<(), StoreError> {
+    let events = to_json(&events)?;
+    query!(
+        "INSERT INTO curriculum_events (run, seq, body, at)
+         SELECT ?, value ->> 0, value ->> 1, value ->> 2 FROM json_each(?)",
+        run,
+        events
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }
 

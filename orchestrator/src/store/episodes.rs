@@ -1,8 +1,8 @@
 //! Reported episodes and their action logs.
 
-use sqlx::{SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::StoreError;
+use super::{StoreError, to_json};
 use crate::clock::Millis;
 
 /// An episode as stored.
@@ -40,50 +40,75 @@ pub struct EpisodeRow {
     pub at: Millis,
 }
 
-/// Stores an episode.
+/// Rows of a statement: each statement is a turn of two threads, which costs more than a row.
+const ROWS: usize = 25;
+
+/// Stores episodes, those that were flown with their action logs.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, row: &EpisodeRow) -> Result<(), StoreError> {
-    query!(
-        "INSERT INTO episodes (lease, number, state, digest, score, success, skill, floor, reference, planner, flown,
-                               policy_version, reason, metrics, at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        row.lease,
-        row.number,
-        row.state,
-        row.digest,
-        row.score,
-        row.success,
-        row.skill,
-        row.floor,
-        row.reference,
-        row.planner,
-        row.flown,
-        row.policy_version,
-        row.reason,
-        row.metrics,
-        row.at
-    )
-    .execute(conn)
-    .await?;
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    rows: &[(EpisodeRow, Option<Vec<u8>>)],
+) -> Result<(), StoreError> {
+    for rows in rows.chunks(ROWS) {
+        let mut statement = QueryBuilder::new(
+            "INSERT INTO episodes (lease, number, state, digest, score, success, skill, floor, reference, planner,
+                                   flown, policy_version, reason, metrics, at) ",
+        );
+        statement.push_values(rows, |mut values, (row, _)| {
+            values.push_bind(row.lease).push_bind(row.number).push_bind(&row.state).push_bind(&row.digest);
+            values.push_bind(row.score).push_bind(row.success).push_bind(row.skill).push_bind(row.floor);
+            values.push_bind(row.reference).push_bind(row.planner).push_bind(&row.flown);
+            values.push_bind(row.policy_version).push_bind(&row.reason).push_bind(&row.metrics);
+            values.push_bind(row.at);
+        });
+        statement.build().execute(&mut *conn).await?;
+        let flown: Vec<_> = rows.iter().filter(|(_, log)| log.is_some()).collect();
+        if !flown.is_empty() {
+            let mut statement = QueryBuilder::new("INSERT INTO action_logs (lease, number, body) ");
+            statement.push_values(flown, |mut values, (row, log)| {
+                values.push_bind(row.lease).push_bind(row.number).push_bind(log);
+            });
+            statement.build().execute(&mut *conn).await?;
+        }
+    }
     Ok(())
 }
 
-/// Stores an action log.
+/// What tells a report of an episode from the one before, and what that was answered with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Before {
+    /// Its lease.
+    pub lease: i64,
+    /// Its index in the lease.
+    pub number: i64,
+    /// Of what was reported.
+    pub digest: Vec<u8>,
+    /// The world's score.
+    pub score: Option<f64>,
+    /// Skill.
+    pub skill: Option<f64>,
+    /// Whether it counts as a success.
+    pub success: Option<i64>,
+}
+
+/// Which of these episodes, by lease and index, were reported.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert_log(
-    conn: &mut SqliteConnection,
-    lease: i64,
-    number: i64,
-    body: &[u8],
-) -> Result<(), StoreError> {
-    query!("INSERT INTO action_logs (lease, number, body) VALUES (?, ?, ?)", lease, number, body)
-        .execute(conn)
-        .await?;
-    Ok(())
+pub async fn before(conn: &mut SqliteConnection, places: &[(i64, i64)]) -> Result<Vec<Before>, StoreError> {
+    let places = to_json(&places)?;
+    Ok(sqlx::query_as!(
+        Before,
+        r#"SELECT e.lease AS "lease!", e.number AS "number!", e.digest AS "digest!", e.score AS "score?: f64",
+                  e.skill AS "skill?: f64", e.success AS "success?: i64"
+           FROM json_each(?) AS place CROSS JOIN episodes e
+           ON e.lease = place.value ->> 0 AND e.number = place.value ->> 1"#,
+        places
+    )
+    .fetch_all(conn)
+    .await?)
 }
 
 /// One episode.

@@ -2,7 +2,7 @@
 
 use sqlx::{SqliteConnection, query};
 
-use super::StoreError;
+use super::{StoreError, to_json};
 use crate::clock::Millis;
 
 /// Events that are kept of a run, at least.
@@ -21,25 +21,23 @@ pub struct EventRow {
     pub at: Millis,
 }
 
-/// Stores an event; its number.
+/// An event to be stored: of which run, its kind, its JSON, when.
+pub type Told = (String, &'static str, String, Millis);
+
+/// Stores events, in order.
 ///
 /// # Errors
 /// The database's.
-pub async fn append(
-    conn: &mut SqliteConnection,
-    run: &str,
-    (kind, body): (&str, &str),
-    at: Millis,
-) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar!(
-        r#"INSERT INTO run_events (run, kind, body, at) VALUES (?, ?, ?, ?) RETURNING id AS "id!""#,
-        run,
-        kind,
-        body,
-        at
+pub async fn append(conn: &mut SqliteConnection, told: &[Told]) -> Result<(), StoreError> {
+    let told = to_json(&told)?;
+    query!(
+        "INSERT INTO run_events (run, kind, body, at)
+         SELECT value ->> 0, value ->> 1, value ->> 2, value ->> 3 FROM json_each(?) ORDER BY key",
+        told
     )
-    .fetch_one(conn)
-    .await?)
+    .execute(conn)
+    .await?;
+    Ok(())
 }
 
 /// Forgets what is past the ring.

@@ -2,7 +2,7 @@
 
 use sqlx::{SqliteConnection, query};
 
-use super::StoreError;
+use super::{StoreError, to_json};
 use crate::clock::Millis;
 
 /// A lease as stored.
@@ -261,6 +261,28 @@ pub async fn group(
         number
     )
     .fetch_optional(conn)
+    .await?)
+}
+
+/// Some groups of a lease, by their numbers.
+///
+/// # Errors
+/// The database's.
+pub async fn groups_of(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    numbers: &[i64],
+) -> Result<Vec<GroupRow>, StoreError> {
+    let numbers = to_json(&numbers)?;
+    Ok(sqlx::query_as!(
+        GroupRow,
+        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
+                evidence
+         FROM groups WHERE lease = ? AND number IN (SELECT value FROM json_each(?))",
+        lease,
+        numbers
+    )
+    .fetch_all(conn)
     .await?)
 }
 

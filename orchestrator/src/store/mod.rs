@@ -25,7 +25,7 @@ pub mod sums;
 pub mod trajectories;
 pub mod verdicts;
 
-pub use open::{Claim, OpenError, claim, reader, writer};
+pub use open::{Claim, OpenError, claim, fold, folder, reader, writer};
 
 use env_core::{LogError, ScenarioError};
 

@@ -14,6 +14,11 @@ static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Connections that read.
 const READERS: u32 = 4;
+/// Pages that are kept in memory: of the writer 64 MiB, of a reader 8 (negative: KiB).
+const CACHES: [&str; 2] = ["-65536", "-8192"];
+/// Pages of the write-ahead log from which on the writer folds it in by itself, and waits for that: 32 MiB. It comes to that
+/// only where [`fold`] falls behind, and finds little left to do.
+const LOG_PAGES: &str = "8192";
 
 /// A database that cannot be opened, each with what to do.
 #[derive(Debug, thiserror::Error)]
@@ -118,9 +123,11 @@ pub fn claim(path: &Path) -> Result<Claim, OpenError> {
 pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
     let name = path.display().to_string();
     let fault = |error: &sqlx::Error| explain(&name, error);
-    let mut connection = SqliteConnection::connect_with(&options(path)?.create_if_missing(true))
-        .await
-        .map_err(|error| fault(&error))?;
+    let options = options(path)?
+        .create_if_missing(true)
+        .pragma("cache_size", CACHES[0])
+        .pragma("wal_autocheckpoint", LOG_PAGES);
+    let mut connection = SqliteConnection::connect_with(&options).await.map_err(|error| fault(&error))?;
     if foreign(&mut connection).await.map_err(|error| fault(&error))? {
         return Err(OpenError::Foreign(name));
     }
@@ -145,9 +152,26 @@ pub async fn reader(path: &Path) -> Result<SqlitePool, OpenError> {
     let name = path.display().to_string();
     SqlitePoolOptions::new()
         .max_connections(READERS)
-        .connect_with(options(path)?.pragma("query_only", "ON"))
+        .connect_with(options(path)?.pragma("query_only", "ON").pragma("cache_size", CACHES[1]))
         .await
         .map_err(|error| explain(&name, &error))
+}
+
+/// A connection for [`fold`].
+///
+/// # Errors
+/// A file that cannot be opened.
+pub async fn folder(path: &Path) -> Result<SqliteConnection, OpenError> {
+    let opened = SqliteConnection::connect_with(&options(path)?).await;
+    opened.map_err(|error| explain(&path.display().to_string(), &error))
+}
+
+/// Folds as much of the write-ahead log into the database as can be without making anybody wait.
+///
+/// # Errors
+/// The database's.
+pub async fn fold(connection: &mut SqliteConnection) -> Result<(), sqlx::Error> {
+    sqlx::query("PRAGMA wal_checkpoint(PASSIVE)").execute(connection).await.map(drop)
 }
 
 /// Tables, but not ours.

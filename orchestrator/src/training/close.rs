@@ -27,7 +27,7 @@ pub(super) async fn close_group(
     }
     .to_owned();
     leases::update_group(conn, lease.id, &group, Some(now)).await?;
-    work.tell(&lease.run, &Happening::group(lease, &group, expired)).await?;
+    work.tell(&lease.run, &Happening::group(lease, &group, expired))?;
     let (mind, conn) = work.mind(&lease.run).await?;
     if expired > 0 && group.counts() {
         let lost = Sums { expired, ..Sums::default() };
@@ -80,14 +80,14 @@ pub(super) async fn observe(
     let moves = mind.observe(conn, outcome, now).await?;
     let after = mind.curriculum.status();
     for moved in &moves {
-        work.tell(run, &Happening::Move(moved)).await?;
+        work.tell(run, &Happening::Move(moved))?;
     }
     for status in &after {
         // Their words have counts in them: what is told is that there is one more.
         let known =
             before.iter().find(|known| known.task == status.task).map_or(0, |known| known.warnings.len());
         for words in status.warnings.iter().skip(known) {
-            work.tell(run, &Happening::Health { task: Some(&status.task), words }).await?;
+            work.tell(run, &Happening::Health { task: Some(&status.task), words })?;
         }
     }
     if !before.iter().map(|status| status.epoch).eq(after.iter().map(|status| status.epoch)) {

@@ -65,7 +65,7 @@ impl Change for CreateRun {
             return Err(TrainingError::RunExists(row.id));
         }
         queue::fill(work, &row.id, queue::AHEAD).await?;
-        work.tell(&row.id, &Happening::Run { state: "created" }).await?;
+        work.tell(&row.id, &Happening::Run { state: "created" })?;
         Ok(row)
     }
 }
@@ -91,7 +91,7 @@ impl Change for SetPaused {
         work.wake_prepare();
         work.wake_rollout();
         let state = if self.paused { "paused" } else { "resumed" };
-        work.tell(run, &Happening::Run { state }).await?;
+        work.tell(run, &Happening::Run { state })?;
         Ok(row)
     }
 }

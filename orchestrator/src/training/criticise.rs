@@ -172,7 +172,7 @@ impl Change for Enter {
                 *modes.entry(failing.key.mode.as_str()).or_default() += 1;
             }
             let criticised = notes().count();
-            work.tell(&run, &Happening::Failures { task: &task, criticised, modes }).await?;
+            work.tell(&run, &Happening::Failures { task: &task, criticised, modes })?;
         }
         Ok(())
     }

@@ -77,7 +77,7 @@ impl Change for Reserve {
             }
         });
         let (run_seed, proposals) = (mind.seed, proposals.collect());
-        work.tell(&row.run, &Happening::lease(&row, "taken")).await?;
+        work.tell(&row.run, &Happening::lease(&row, "taken"))?;
         Ok(Reserved { lease: LeaseId { number, token: row.token }, run_seed, proposals, run: wish.run })
     }
 }

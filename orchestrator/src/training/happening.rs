@@ -161,13 +161,25 @@ impl Work {
     /// Tells the listeners of a run, once what it is about is committed.
     ///
     /// # Errors
-    /// The database's.
-    pub async fn tell(&mut self, run: &str, happening: &Happening<'_>) -> Result<(), TrainingError> {
+    /// What happened cannot be written as JSON.
+    pub fn tell(&mut self, run: &str, happening: &Happening<'_>) -> Result<(), TrainingError> {
         let body = to_json(happening)?;
-        events::append(&mut self.conn, run, (happening.kind(), &body), self.now).await?;
-        if self.told(run) >= TRIM_EVERY {
-            events::trim(&mut self.conn, run).await?;
-            self.trimmed(run);
+        self.telling.push((run.to_owned(), happening.kind(), body, self.now));
+        Ok(())
+    }
+
+    /// Writes what a change told, and forgets what is past the rings.
+    pub(super) async fn write_told(&mut self) -> Result<(), TrainingError> {
+        if self.telling.is_empty() {
+            return Ok(());
+        }
+        let telling = std::mem::take(&mut self.telling);
+        events::append(&mut self.conn, &telling).await?;
+        for (run, ..) in &telling {
+            if self.told(run) >= TRIM_EVERY {
+                events::trim(&mut self.conn, run).await?;
+                self.trimmed(run);
+            }
         }
         Ok(())
     }

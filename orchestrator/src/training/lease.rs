@@ -161,7 +161,7 @@ impl Change for TakeLease {
         }
         queue::fill(work, run, AHEAD).await?;
         let row = LeaseRow { id, ..row };
-        work.tell(run, &Happening::lease(&row, "taken")).await?;
+        work.tell(run, &Happening::lease(&row, "taken"))?;
         Ok(Taken::Granted(LeaseId { number: id, token: row.token }))
     }
 }
@@ -220,7 +220,7 @@ impl Change for Renew {
         }
         row.expires_at = work.now + row.ttl_ms;
         leases::set_expiry(&mut work.conn, row.id, row.expires_at).await?;
-        work.tell(&row.run, &Happening::lease(&row, "renewed")).await?;
+        work.tell(&row.run, &Happening::lease(&row, "renewed"))?;
         Ok(row)
     }
 }
@@ -272,7 +272,7 @@ impl Change for Expire {
 /// Ends a lease: what was not reported is offered again.
 pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
     leases::set_status(&mut work.conn, lease.id, status).await?;
-    work.tell(&lease.run, &Happening::lease(lease, status)).await?;
+    work.tell(&lease.run, &Happening::lease(lease, status))?;
     if lease.is_columns() {
         columns::abandon(work, lease).await?;
         return Ok(Vec::new());

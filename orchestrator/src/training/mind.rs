@@ -6,6 +6,7 @@ use super::TrainingError;
 use super::settings::RunSettings;
 use crate::clock::Millis;
 use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Snapshot};
+use crate::store::curriculum::Event;
 use crate::store::{self, StoreError, from_json, signed, to_json, unsigned};
 
 /// Events between snapshots.
@@ -30,6 +31,8 @@ pub struct Mind {
     /// The curriculum: a fold over the run's events.
     pub curriculum: Curriculum,
     snapshot_at: u64,
+    /// Events of the curriculum that are not written yet.
+    unwritten: Vec<Event>,
 }
 
 impl Mind {
@@ -65,7 +68,20 @@ impl Mind {
             policy_version: row.policy_version,
             curriculum,
             snapshot_at,
+            unwritten: Vec::new(),
         })
+    }
+
+    /// Writes the events of a change: all at once at its end.
+    ///
+    /// # Errors
+    /// The database's.
+    pub async fn write(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
+        if !self.unwritten.is_empty() {
+            store::curriculum::append(conn, &self.run, &self.unwritten).await?;
+            self.unwritten.clear();
+        }
+        Ok(())
     }
 
     /// Proposes, and stores the event; the proposal with its seq.
@@ -80,7 +96,7 @@ impl Mind {
         let (seq, proposal) = self.curriculum.propose();
         let body = to_json(&proposal)?;
         let event = to_json(&CurriculumEvent::Proposed(proposal.clone()))?;
-        store::curriculum::append(conn, &self.run, signed(seq), &event, now).await?;
+        self.unwritten.push((signed(seq), event, now));
         store::proposals::insert(conn, &self.run, signed(seq), &body).await?;
         self.snapshot_if_due(conn).await?;
         Ok((seq, proposal))
@@ -98,7 +114,7 @@ impl Mind {
     ) -> Result<Vec<Move>, StoreError> {
         let (seq, moves) = self.curriculum.observe(&outcome);
         let event = to_json(&CurriculumEvent::Outcome(outcome))?;
-        store::curriculum::append(conn, &self.run, signed(seq), &event, now).await?;
+        self.unwritten.push((signed(seq), event, now));
         for moved in &moves {
             let row = store::curriculum::MoveRow {
                 seq: signed(seq),

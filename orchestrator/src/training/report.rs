@@ -1,7 +1,6 @@
 //! Taking results: each episode once, by its replay, with the curriculum told when a group is whole.
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::audit::{Audited, Found, Verdict};
 use super::close::close_group;
@@ -11,7 +10,7 @@ use super::{Change, Happening, TrainingError, columns};
 use crate::curriculum::Move;
 use crate::ids::RunId;
 use crate::store::brackets::{self, StoredFlown};
-use crate::store::episodes::{self, EpisodeRow};
+use crate::store::episodes::{self, Before, EpisodeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
 use crate::store::{critiques, runs, to_json};
@@ -79,7 +78,7 @@ impl Change for Report {
             brackets::insert(&mut work.conn, &scenario.id().0, bracket).await?;
             leases::set_contested(&mut work.conn, *group, *contested).await?;
         }
-        let mut books = Books::default();
+        let mut books = Books::open(work, &self.results).await?;
         let mut receipts = Vec::with_capacity(self.results.len());
         for result in self.results {
             receipts.push(books.enter(work, self.policy_version, result).await?);
@@ -92,7 +91,13 @@ impl Change for Report {
 /// What one batch touches, read once and written once.
 #[derive(Default)]
 struct Books {
+    /// What was reported before, of what is reported now.
+    before: BTreeMap<(i64, i64), Before>,
+    /// What is new, with its action log: written when all has been entered.
+    fresh: Vec<(EpisodeRow, Option<Vec<u8>>)>,
     leases: BTreeMap<i64, LeaseRow>,
+    /// Groups of what is reported, until something of them counts.
+    known: BTreeMap<(i64, i64), GroupRow>,
     groups: BTreeMap<(i64, i64), GroupRow>,
     sums: BTreeMap<sums::Key, Sums>,
     /// Indices of episodes that the critique has to look at, by lease and task.
@@ -103,6 +108,27 @@ struct Books {
 }
 
 impl Books {
+    /// Reads what these results are about: a few statements, however many they are.
+    async fn open(work: &mut Work, results: &[Audited]) -> Result<Self, TrainingError> {
+        let mut books = Self::default();
+        let places: Vec<_> = results.iter().filter_map(|result| result.place).collect();
+        for before in episodes::before(&mut work.conn, &places).await? {
+            books.before.insert((before.lease, before.number), before);
+        }
+        let mut wanted: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
+        for (lease, number) in places {
+            let size = books.lease(work, lease).await?.group_size.max(1);
+            wanted.entry(lease).or_default().insert(number / size);
+        }
+        for (lease, numbers) in wanted {
+            let numbers: Vec<i64> = numbers.into_iter().collect();
+            for group in leases::groups_of(&mut work.conn, lease, &numbers).await? {
+                books.known.insert((lease, group.number), group);
+            }
+        }
+        Ok(books)
+    }
+
     async fn enter(
         &mut self,
         work: &mut Work,
@@ -117,38 +143,47 @@ impl Books {
             return Ok(Receipt::refused(episode, "unknown_episode", "it has no place".to_owned()));
         };
         let digest = digest(&verdict);
-        if let Some(before) = episodes::get(&mut work.conn, lease_id, number).await? {
-            return Ok(again(episode, &before, &digest));
+        if let Some(before) = self.before.get(&(lease_id, number)) {
+            return Ok(again(episode, before, &digest));
         }
         let lease = self.lease(work, lease_id).await?;
         let late = lease.status != "active" || lease.expires_at <= work.now;
         let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);
         let row = row(lease_id, number, late, &verdict, digest, version, metrics, work.now)?;
-        episodes::insert(&mut work.conn, &row).await?;
-        if let Verdict::Flown { log, .. } = &verdict {
-            episodes::insert_log(&mut work.conn, lease_id, number, log).await?;
-        }
         let status = match (late, lease.is_columns()) {
-            (true, _) => "late",
-            (false, false) => self.count(work, &lease, &row).await?,
+            (true, _) => Ok("late"),
+            (false, false) => Ok(self.count(work, &lease, &row).await?),
             (false, true) => match self.compare(work, &lease, &row).await? {
-                columns::Check::Fine => "audited",
-                columns::Check::Differs(why) => {
-                    let refused = Receipt::refused(episode.clone(), "not_as_claimed", why.clone());
-                    self.refuted.entry(lease.id).or_insert_with(|| format!("{episode}: {why}"));
-                    return Ok(Receipt { score: row.score, ..refused });
-                }
+                columns::Check::Fine => Ok("audited"),
+                columns::Check::Differs(why) => Err(why),
             },
         };
-        Ok(Receipt {
-            episode,
-            status,
-            code: None,
-            detail: None,
-            score: row.score,
-            skill: row.skill,
-            success: row.success.map(|s| s != 0),
-        })
+        let receipt = match status {
+            Ok(status) => Receipt {
+                episode,
+                status,
+                code: None,
+                detail: None,
+                score: row.score,
+                skill: row.skill,
+                success: row.success.map(|s| s != 0),
+            },
+            Err(why) => {
+                self.refuted.entry(lease.id).or_insert_with(|| format!("{episode}: {why}"));
+                Receipt { score: row.score, ..Receipt::refused(episode, "not_as_claimed", why) }
+            }
+        };
+        self.keep(row, verdict);
+        Ok(receipt)
+    }
+
+    /// Notes what is new, to be written with the rest, and told apart from what comes after it.
+    fn keep(&mut self, row: EpisodeRow, verdict: Verdict) {
+        let EpisodeRow { lease, number, score, skill, success, .. } = row;
+        let before = Before { lease, number, digest: row.digest.clone(), score, skill, success };
+        self.before.insert((lease, number), before);
+        let log = if let Verdict::Flown { log, .. } = verdict { Some(log) } else { None };
+        self.fresh.push((row, log));
     }
 
     async fn lease(&mut self, work: &mut Work, id: i64) -> Result<LeaseRow, TrainingError> {
@@ -162,21 +197,14 @@ impl Books {
         Ok(row)
     }
 
-    /// The group of an episode, read once.
-    async fn group(
-        &mut self,
-        work: &mut Work,
-        lease: &LeaseRow,
-        number: i64,
-    ) -> Result<&mut GroupRow, TrainingError> {
-        let key = (lease.id, number / lease.group_size);
-        match self.groups.entry(key) {
-            Entry::Occupied(known) => Ok(known.into_mut()),
-            Entry::Vacant(place) => {
-                let found = leases::group(&mut work.conn, key.0, key.1).await?;
-                Ok(place.insert(found.ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))?))
-            }
+    /// The group of an episode, to count into.
+    fn group(&mut self, lease: &LeaseRow, number: i64) -> Result<&mut GroupRow, TrainingError> {
+        let key = (lease.id, number / lease.group_size.max(1));
+        if let Some(group) = self.known.remove(&key) {
+            self.groups.insert(key, group);
         }
+        let found = self.groups.get_mut(&key);
+        found.ok_or_else(|| TrainingError::UnknownLease(lease.id.to_string()))
     }
 
     /// Compares an audited episode with what its columns claim; it is counted when all that is audited is in.
@@ -186,7 +214,7 @@ impl Books {
         lease: &LeaseRow,
         row: &EpisodeRow,
     ) -> Result<columns::Check, TrainingError> {
-        let group = self.group(work, lease, row.number).await?;
+        let group = self.group(lease, row.number)?;
         let check = columns::check(work, group, row).await?;
         if check == columns::Check::Fine {
             group.finished += 1;
@@ -205,7 +233,7 @@ impl Books {
         let (mind, _) = work.mind(&lease.run).await?;
         let newest = mind.policy_version.max(self.newest_policy).max(row.policy_version);
         let max_staleness = mind.settings.max_staleness;
-        let group = self.group(work, lease, row.number).await?;
+        let group = self.group(lease, row.number)?;
         let counts = group.counts();
         let stale = max_staleness.is_some_and(|most| newest - row.policy_version > i64::from(most));
         let mut sums = Sums::default();
@@ -244,6 +272,7 @@ impl Books {
     /// Writes groups and sums, closes groups that are whole and leases that are done.
     async fn close(self, work: &mut Work, run: &str) -> Result<Vec<Move>, TrainingError> {
         let mut moves = Vec::new();
+        episodes::insert(&mut work.conn, &self.fresh).await?;
         for (key, sums) in &self.sums {
             sums::add(&mut work.conn, run, key, sums).await?;
         }
@@ -277,7 +306,7 @@ impl Books {
         for lease in self.leases.values().filter(|lease| !lease.is_columns()) {
             if lease.status == "active" && leases::open_groups(&mut work.conn, lease.id).await? == 0 {
                 leases::set_status(&mut work.conn, lease.id, "done").await?;
-                work.tell(&lease.run, &Happening::lease(lease, "done")).await?;
+                work.tell(&lease.run, &Happening::lease(lease, "done"))?;
             }
         }
         Ok(moves)
@@ -331,7 +360,7 @@ fn row(
     Ok(row)
 }
 
-fn again(episode: String, before: &EpisodeRow, digest: &[u8]) -> Receipt {
+fn again(episode: String, before: &Before, digest: &[u8]) -> Receipt {
     if before.digest == digest {
         Receipt {
             episode,

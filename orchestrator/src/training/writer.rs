@@ -12,12 +12,14 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use sqlx::{Connection, SqliteConnection, query};
+use tokio::runtime::Handle;
 use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
 use super::TrainingError;
 use super::mind::Mind;
 use crate::clock::{Clock, Millis};
+use crate::store::events::Told;
 
 /// Changes that may wait.
 const QUEUE: usize = 1024;
@@ -33,6 +35,8 @@ pub struct Work {
     pub now: Millis,
     minds: HashMap<String, Mind>,
     touched: Vec<String>,
+    /// What a change tells the listeners, written at its end.
+    pub(super) telling: Vec<Told>,
     /// Events told of each run since its ring was looked at.
     told: HashMap<String, u32>,
     wake_events: bool,
@@ -70,11 +74,24 @@ impl Work {
             let mind = Mind::load(&mut self.conn, run).await?;
             self.minds.insert(run.to_owned(), mind);
         }
-        self.touched.push(run.to_owned());
+        if !self.touched.iter().any(|touched| touched == run) {
+            self.touched.push(run.to_owned());
+        }
         match self.minds.get_mut(run) {
             Some(mind) => Ok((mind, &mut self.conn)),
             None => Err(TrainingError::UnknownRun(run.to_owned())), // cannot be: it was inserted above
         }
+    }
+
+    /// Writes what a change leaves to its end.
+    async fn write_rest(&mut self) -> Result<(), TrainingError> {
+        let Self { touched, minds, conn, .. } = self;
+        for run in touched.iter() {
+            if let Some(mind) = minds.get_mut(run) {
+                mind.write(conn).await?;
+            }
+        }
+        self.write_told().await
     }
 
     /// Notes that something is told of a run, and wakes who listens after the commit; how much since its ring was looked at.
@@ -191,6 +208,7 @@ impl Writer {
             now,
             minds: HashMap::new(),
             touched: Vec::new(),
+            telling: Vec::new(),
             told: HashMap::new(),
             wake_events: false,
             wake_prepare: false,
@@ -199,7 +217,10 @@ impl Writer {
             wake_rollout: false,
             tell_feed: false,
         };
-        let task = tokio::spawn(serve(work, inbox, clock, wakes));
+        // A thread of its own: it and the database's take turns many times for each change, and must not wait in between
+        // for a thread that reads a body.
+        let runtime = Handle::current();
+        let task = tokio::task::spawn_blocking(move || runtime.block_on(serve(work, inbox, clock, wakes)));
         (Self { urgent, bulk }, task)
     }
 
@@ -239,7 +260,10 @@ impl<C: Change> Errand for Parcel<C> {
     fn run<'a>(self: Box<Self>, work: &'a mut Work) -> Running<'a> {
         Box::pin(async move {
             let Self { change, reply } = *self;
-            let answer = change.apply(work).await;
+            let answer = match change.apply(work).await {
+                Ok(answer) => work.write_rest().await.map(|()| answer),
+                Err(error) => Err(error),
+            };
             let stands = answer.is_ok();
             let delivery: Delivery = Box::new(move |committed| {
                 let answer = committed.map_err(TrainingError::not_committed).and(answer);
@@ -267,6 +291,7 @@ async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
             tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
             drop(query("ROLLBACK").execute(&mut work.conn).await);
             work.minds.clear();
+            work.telling.clear();
         }
         for delivery in deliveries {
             delivery(committed.as_ref().copied());
@@ -331,6 +356,7 @@ async fn attempt(
     deliveries.push(delivery);
     if !stands {
         query("ROLLBACK TO change").execute(&mut work.conn).await?;
+        work.telling.clear();
         for run in work.touched.drain(..) {
             work.minds.remove(&run);
         }

@@ -3,6 +3,7 @@
 pub mod critique;
 pub mod design;
 pub mod expire;
+pub mod fold;
 pub mod prepare;
 pub mod rollout;
 

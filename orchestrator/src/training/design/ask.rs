@@ -315,7 +315,7 @@ impl Change for Finish {
             refused: ended.refused,
             error: ended.error.as_deref(),
         };
-        work.tell(&self.run, &told).await?;
+        work.tell(&self.run, &told)?;
         Ok(counts[1])
     }
 }

@@ -77,7 +77,7 @@ impl Change for Push {
         let late = late.then(|| "its lease was over before the group was flown".to_owned());
         if let Some(words) = trouble.or(late) {
             policies::trouble(conn, &run, &words, now).await?;
-            work.tell(&run, &Happening::Health { task: None, words: &words }).await?;
+            work.tell(&run, &Happening::Health { task: None, words: &words })?;
         }
         LetGo(lease).apply(work).await?;
         if id.is_some() {

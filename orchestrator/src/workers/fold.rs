@@ -1,0 +1,23 @@
+//! Folds the write-ahead log into the database, so that the writer, and whoever waits for it, need not.
+
+use std::time::Duration;
+
+use sqlx::{Connection, SqliteConnection};
+use tokio::sync::watch;
+
+use crate::store;
+
+/// How often.
+const EVERY: Duration = Duration::from_millis(500);
+
+/// Works until the server stops; then closes its connection, so that whoever closes the last one folds the rest.
+pub async fn run(mut connection: SqliteConnection, mut stopped: watch::Receiver<bool>) {
+    while tokio::time::timeout(EVERY, stopped.wait_for(|stop| *stop)).await.is_err() {
+        if let Err(error) = store::fold(&mut connection).await {
+            tracing::warn!(error = %error, "The write-ahead log could not be folded in; trying again soon.");
+        }
+    }
+    if let Err(error) = connection.close().await {
+        tracing::warn!(error = %error, "A connection to the database did not close cleanly.");
+    }
+}
