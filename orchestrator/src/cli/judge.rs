@@ -2,7 +2,6 @@
 
 use std::env::VarError;
 use std::sync::Arc;
-use std::time::Duration;
 
 use anyhow::{Context, bail};
 use designer::llm::{Llm, LlmConfig};
@@ -104,9 +103,7 @@ impl JudgeArgs {
         if let (Some(name), None) = (&self.judge_key_env, &config.key) {
             bail!("--judge-key-env {name}: the variable holds nothing");
         }
-        config.timeout = Duration::from_secs(self.judge_timeout);
-        config.connect_timeout = config.connect_timeout.min(config.timeout);
-        config.concurrency = self.judge_concurrency.into();
+        llm::pace(&mut config, self.judge_timeout, self.judge_concurrency);
         Ok(Some(config))
     }
 }

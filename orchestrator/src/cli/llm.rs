@@ -92,8 +92,7 @@ impl LlmArgs {
         let model = self.llm_model.as_deref().context("--llm-url needs --llm-model")?;
         let mut config = self.limits(LlmConfig::new(url, model, wall_clock(clock)));
         config.key = key(&[self.llm_key_env.as_str()], read)?;
-        config.timeout = Duration::from_secs(self.llm_timeout);
-        config.concurrency = self.llm_concurrency.into();
+        pace(&mut config, self.llm_timeout, self.llm_concurrency);
         Ok(Some(config))
     }
 
@@ -119,6 +118,24 @@ impl LlmArgs {
 pub(super) fn wall_clock(clock: &Clock) -> WallClock {
     let clock = clock.clone();
     WallClock::new(move || clock.now())
+}
+
+/// How long an answer may take, and how many are asked for at once.
+pub(super) fn pace(config: &mut LlmConfig, timeout_s: u64, at_once: u16) {
+    config.timeout = Duration::from_secs(timeout_s);
+    config.connect_timeout = config.connect_timeout.min(config.timeout);
+    config.concurrency = at_once.into();
+}
+
+/// A sampling temperature on the command line.
+///
+/// # Errors
+/// What is none, in words.
+pub(super) fn temperature(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if (0.0..=5.0).contains(&number) => Ok(number),
+        _ => Err("a number from 0 to 5 is wanted".to_owned()),
+    }
 }
 
 /// The key in the first of these environment variables that holds one.

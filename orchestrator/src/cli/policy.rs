@@ -2,7 +2,6 @@
 //! another.
 
 use std::env::VarError;
-use std::time::Duration;
 
 use anyhow::{Context, bail};
 use designer::llm::{Llm, LlmConfig};
@@ -35,7 +34,7 @@ pub struct PolicyArgs {
     #[arg(long, value_name = "VARIABLE")]
     policy_key_env: Option<String>,
     /// Its sampling temperature, where a run does not say; left out the endpoint decides
-    #[arg(long, value_name = "T", value_parser = temperature)]
+    #[arg(long, value_name = "T", value_parser = llm::temperature)]
     policy_temperature: Option<f64>,
     /// Tokens of one answer, at most, where a run does not say
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=131_072))]
@@ -50,11 +49,6 @@ pub struct PolicyArgs {
     /// trajectories. Other endpoints may refuse to be asked
     #[arg(long, requires = "policy_url")]
     policy_tokens: bool,
-}
-
-fn temperature(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "a number is wanted".to_owned())?;
-    if (0.0..=5.0).contains(&value) { Ok(value) } else { Err("it must be from 0 to 5".to_owned()) }
 }
 
 impl PolicyArgs {
@@ -90,9 +84,7 @@ impl PolicyArgs {
             }
         }
         config.max_tokens = self.policy_max_tokens;
-        config.timeout = Duration::from_secs(self.policy_timeout);
-        config.connect_timeout = config.connect_timeout.min(config.timeout);
-        config.concurrency = self.policy_concurrency.into();
+        llm::pace(&mut config, self.policy_timeout, self.policy_concurrency);
         config.tokens = self.policy_tokens;
         if config.tokens {
             config.max_body = MAX_BODY;

@@ -53,7 +53,7 @@ fn bad_arguments_are_usage_errors() {
         "sparring eval --policy hold --rollouts 0",
         "sparring play --task golf",
         "sparring play --policy nobody",
-        "sparring play --temperature 3",
+        "sparring play --temperature 6",
         "sparring play --temperature NaN",
         "sparring play --episodes 0",
         "sparring play --concurrency 0",

@@ -27,7 +27,7 @@ use self::pilot::Wish;
 use self::record::{Format, Output};
 use self::session::Address;
 use self::tasks::Task;
-use super::worlds;
+use super::{llm, worlds};
 use crate::policy::{Actions, ChatSettings, Telemetry};
 
 /// Let a language model fly episodes on an OpenEnv server, this project's or the public kessler-env.
@@ -97,7 +97,7 @@ pub struct Args {
     #[arg(long, value_name = "VARIABLE", help_heading = "Language model")]
     key_env: Option<String>,
     /// How freely the model chooses its words; the API decides unless told
-    #[arg(long, value_name = "T", value_parser = temperature, help_heading = "Language model")]
+    #[arg(long, value_name = "T", value_parser = llm::temperature, help_heading = "Language model")]
     temperature: Option<f64>,
     /// Tokens of one answer, at most
     #[arg(long, value_name = "N", default_value_t = 1024, help_heading = "Language model",
@@ -123,13 +123,6 @@ enum Told {
     Compact,
     /// As the JSON that the server says
     Raw,
-}
-
-fn temperature(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(number) if (0.0..=2.0).contains(&number) => Ok(number),
-        _ => Err("a number from 0 to 2 is wanted".to_owned()),
-    }
 }
 
 fn after_help() -> String {

@@ -1,7 +1,6 @@
 //! Where the model is, from the command line and the environment.
 
 use std::env::VarError;
-use std::time::Duration;
 
 use anyhow::{Context, bail};
 use designer::llm::{Llm, LlmConfig};
@@ -26,9 +25,7 @@ fn config(args: &Args, read: impl Fn(&str) -> Result<String, VarError>) -> anyho
     if let (Some(name), None) = (named, &config.key) {
         bail!("--key-env {name}: the variable holds nothing");
     }
-    config.timeout = Duration::from_secs(args.timeout);
-    config.connect_timeout = config.connect_timeout.min(config.timeout);
-    config.concurrency = args.concurrency.into();
+    llm::pace(&mut config, args.timeout, args.concurrency);
     config.retries = args.retries;
     config.max_tokens = args.max_tokens;
     Ok(config)
