@@ -73,9 +73,9 @@ def main():
         claim = call(columns, {"score": column, "steps": steps, "policy_version": version}, packed)
         # Only now is it known whose logs are wanted.
         due = [
-            {"episode": name, "actions": {"steps": logs[group["first"] + at]}}
+            {"episode": name, "actions": {"steps": logs[entry]}}
             for group in claim["audit"]
-            for at, name in enumerate(group["episodes"])
+            for entry, name in zip(group["entries"], group["episodes"])
         ]
         told = call(f"{api}/{run}/results", {"results": due})["results"]
         refused = [result["detail"] for result in told if result["status"] == "refused"]

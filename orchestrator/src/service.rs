@@ -111,8 +111,8 @@ pub struct App {
     pub sessions: Arc<Sessions>,
     /// What web sessions show to whoever looks.
     pub boards: Arc<http::Boards>,
-    /// Batches of results that are parsed and replayed at once.
-    pub large_bodies: Arc<Semaphore>,
+    /// For batches of results and columns.
+    pub room: http::Room,
     /// Moves whenever something that is told of a run was committed.
     pub events: Arc<watch::Sender<u64>>,
     /// How many may still listen to that.
@@ -187,7 +187,7 @@ impl Service {
             desk,
             sessions: Arc::clone(&sessions),
             boards: Arc::default(),
-            large_bodies: Arc::new(Semaphore::new(LARGE_BODIES)),
+            room: http::Room::new(LARGE_BODIES),
             events,
             listeners: Arc::new(Semaphore::new(LISTENERS)),
             planning: http::Planning::default(),

@@ -25,6 +25,7 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_swagger_ui::SwaggerUi;
 
+pub use self::extract::Room;
 pub use self::openenv::Boards;
 pub use self::planning::Planning;
 pub use self::polls::Polls;

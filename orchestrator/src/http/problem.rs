@@ -141,6 +141,7 @@ impl From<TrainingError> for Problem {
             E::RunExists(_) => problem(StatusCode::CONFLICT, "run_exists").at("id"),
             E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
             E::ClaimedOtherwise(_) => problem(StatusCode::CONFLICT, "claimed_otherwise"),
+            E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
             E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
             E::TooManyLeases(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5),
             E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").again_in(1),

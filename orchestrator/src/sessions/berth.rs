@@ -9,8 +9,8 @@ use tokio::sync::{OwnedMutexGuard, watch};
 
 use super::{Closing, Session, Vector, Wish};
 
-/// How often a session that is silent looks whether its lease has to be renewed.
-pub const LOOK: Duration = Duration::from_secs(15);
+/// How often a session that is silent looks whether its lease has to be renewed: leases of a second are.
+pub const LOOK: Duration = Duration::from_millis(300);
 
 /// What a client steps by.
 #[derive(Debug)]

@@ -114,21 +114,36 @@ impl Leased {
             return Err(TrainingError::invalid("run", "sessions of this server fly for no runs"));
         }
         let cell = self.cell(Together::Lease(run.clone(), lease.clone()));
-        let read = || async { Ok::<_, TrainingError>(Arc::new(Mutex::new(self.read(run, lease).await?))) };
-        Ok(Arc::clone(cell.get_or_try_init(read).await?))
+        let read = || async {
+            let pool = self.read(run.clone(), lease.clone()).await?;
+            Ok::<_, TrainingError>(Arc::new(Mutex::new(pool)))
+        };
+        let held = Arc::clone(cell.get_or_try_init(read).await?);
+        // It may have ended since others began to fly of it, or be reported in part by other ways.
+        let mut conn = self.desk.readers.acquire().await.map_err(crate::store::StoreError::from)?;
+        let row = find(&mut conn, &run, &lease).await?;
+        if row.status != "active" {
+            return Err(TrainingError::LeaseOver { lease: lease.to_string(), status: row.status });
+        }
+        let reported = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
+        lock(&held).forget(&reported);
+        Ok(held)
     }
 
     /// Renews a lease where a third of its time is over.
     pub(super) async fn renew(&self, pool: &Held) {
-        let (run, lease) = {
+        let (run, lease, before) = {
             let mut pool = lock(pool);
             if pool.held_since.elapsed() < pool.ttl / 3 {
                 return;
             }
-            pool.held_since = Instant::now();
-            (pool.run.clone(), pool.lease.clone())
+            let before = std::mem::replace(&mut pool.held_since, Instant::now());
+            (pool.run.clone(), pool.lease.clone(), before)
         };
         if let Err(error) = self.desk.writer.change(Renew { run, lease: lease.clone() }).await {
+            if matches!(error, TrainingError::Busy | TrainingError::NotCommitted(_)) {
+                lock(pool).held_since = before; // it is tried again soon
+            }
             tracing::warn!(%lease, %error, "The lease of a session could not be renewed.");
         }
     }
@@ -243,6 +258,15 @@ pub(super) fn lock(pool: &Mutex<Pool>) -> MutexGuard<'_, Pool> {
 }
 
 impl Ticket {
+    /// Whether what is wished for is of the same lease or group.
+    pub(super) fn is_of(&self, wished: &Wished) -> bool {
+        match wished {
+            Wished::Lease { run, lease, .. } => *run == self.run && *lease == self.episode.lease,
+            Wished::Run { run, group: Some(_), .. } => *run == self.run,
+            Wished::Run { .. } | Wished::Free(_) => false,
+        }
+    }
+
     /// Renews the lease where a third of its time is over.
     pub(super) async fn renew(&self) {
         self.leased.renew(&self.pool).await;

@@ -106,6 +106,13 @@ impl Pool {
         free.map(|group| (&group.scenario, group.free.len()))
     }
 
+    /// What was reported is not to be flown.
+    pub(super) fn forget(&mut self, reported: &BTreeSet<i64>) {
+        for group in &mut self.groups {
+            group.free.retain(|index| !reported.contains(index));
+        }
+    }
+
     /// Gives an episode back that was not flown to its end.
     pub(super) fn give_back(&mut self, index: i64) {
         let of = index.checked_div(self.group_size).unwrap_or_default();

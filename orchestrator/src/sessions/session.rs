@@ -142,13 +142,12 @@ impl Session {
     /// Begins an episode. What flew before is given up; where that was for a run, its episode is given back.
     ///
     /// # Errors
-    /// A scenario that cannot start, a run or lease that has no episode to fly. What flew before is gone then.
+    /// A scenario that cannot start, a run or lease that has no episode to fly. What flew before flies on then.
     pub async fn reset(&mut self, wished: Wished, name: Option<String>) -> Result<Stepped<'_>, SessionError> {
-        self.flying = None;
         let (ticket, scenario) = match wished {
             Wished::Free(scenario) => (None, scenario),
             wished => {
-                let (ticket, scenario) = self.leased.take(wished).await?;
+                let (ticket, scenario) = self.take(wished).await?;
                 (Some(ticket), scenario)
             }
         };
@@ -162,6 +161,15 @@ impl Session {
         let standard = (judge != Judge::Off).then(|| Standard::new(judge));
         let flying = Flying { scenario, episode, log, report, ticket, reported: None, standard };
         Ok(self.flying.insert(flying).shown())
+    }
+
+    /// An episode of a run. Of the lease that it flies for now a session may begin the very episode that it gives up.
+    async fn take(&mut self, wished: Wished) -> Result<(Ticket, Scenario), TrainingError> {
+        let flown = self.flying.as_ref().and_then(|flying| flying.ticket.as_ref());
+        if flown.is_some_and(|ticket| ticket.is_of(&wished)) {
+            self.flying = None;
+        }
+        self.leased.take(wished).await
     }
 
     /// One step with an action in the task's wire form. Where the episode is flown for a run, the last step is answered once

@@ -205,6 +205,16 @@ pub async fn insert_score(
     Ok(())
 }
 
+/// Indices of the episodes of a lease that are audited, in order.
+///
+/// # Errors
+/// The database's.
+pub async fn audited(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<i64>, StoreError> {
+    Ok(sqlx::query_scalar!("SELECT number FROM audited_scores WHERE lease = ? ORDER BY number", lease)
+        .fetch_all(conn)
+        .await?)
+}
+
 /// The score claimed of an audited episode.
 ///
 /// # Errors

@@ -1,5 +1,7 @@
 //! Reported episodes and their action logs.
 
+use std::collections::BTreeMap;
+
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::{StoreError, to_json};
@@ -262,24 +264,28 @@ pub async fn of_group(
     Ok(fared.collect())
 }
 
-/// Means over the finished episodes of one group: score, and skill where defined.
+/// Means over the finished episodes of groups, by their numbers: score, and skill where defined. None of a group of which
+/// nothing finished.
 ///
 /// # Errors
 /// The database's.
 pub async fn group_means(
     conn: &mut SqliteConnection,
-    lease: i64,
-    from: i64,
-    to: i64,
-) -> Result<(Option<f64>, Option<f64>), StoreError> {
-    let row = query!(
-        r#"SELECT avg(score) AS "score: f64", avg(skill) AS "skill: f64" FROM episodes
-           WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished'"#,
+    (lease, group_size): (i64, i64),
+    groups: &[i64],
+) -> Result<BTreeMap<i64, (f64, Option<f64>)>, StoreError> {
+    let groups = to_json(&groups)?;
+    let rows = query!(
+        r#"SELECT wanted.value + 0 AS "number!: i64", avg(e.score) AS "score!: f64", avg(e.skill) AS "skill?: f64"
+           FROM json_each(?) AS wanted CROSS JOIN episodes e
+           ON e.lease = ? AND e.number >= wanted.value * ? AND e.number < (wanted.value + 1) * ?
+           WHERE e.state = 'finished' GROUP BY wanted.value"#,
+        groups,
         lease,
-        from,
-        to
+        group_size,
+        group_size
     )
-    .fetch_one(conn)
+    .fetch_all(conn)
     .await?;
-    Ok((row.score, row.skill))
+    Ok(rows.into_iter().map(|row| (row.number, (row.score, row.skill))).collect())
 }

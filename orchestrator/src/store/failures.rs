@@ -1,6 +1,6 @@
 //! The failure profile: cells of (mode, bearing sector, speed band), and the newest failures of each.
 
-use sqlx::{SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::StoreError;
 use crate::clock::Millis;
@@ -74,42 +74,6 @@ pub struct Example {
     pub avoidable: Option<bool>,
 }
 
-/// A cell by its key, with the number that its examples are under.
-///
-/// # Errors
-/// The database's.
-pub async fn cell(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    key: &CellKey,
-) -> Result<Option<(i64, CellSums)>, StoreError> {
-    let (sector, band) = key.columns();
-    let row = query!(
-        "SELECT cell, count, avoidable, unavoidable, steps_left, weight, as_of, last_at FROM failure_profile
-         WHERE run = ? AND task = ? AND mode = ? AND sector = ? AND band = ?",
-        run,
-        task,
-        key.mode,
-        sector,
-        band
-    )
-    .fetch_optional(conn)
-    .await?;
-    Ok(row.map(|r| {
-        let sums = CellSums {
-            count: r.count,
-            avoidable: r.avoidable,
-            unavoidable: r.unavoidable,
-            steps_left: r.steps_left,
-            weight: r.weight,
-            as_of: r.as_of,
-            last_at: r.last_at,
-        };
-        (r.cell, sums)
-    }))
-}
-
 /// Writes a cell; its number.
 ///
 /// # Errors
@@ -148,32 +112,29 @@ pub async fn put_cell(
     .await?)
 }
 
-/// Keeps a failure in its cell's ring, in the place of the oldest.
+/// Writes examples of a cell, each over the one that is a ring older.
 ///
 /// # Errors
 /// The database's.
-pub async fn put_example(conn: &mut SqliteConnection, cell: i64, x: &Example) -> Result<(), StoreError> {
-    let slot = x.nth % RING;
-    let avoidable = x.avoidable.map(i64::from);
-    query!(
-        "INSERT OR REPLACE INTO failure_examples (cell, slot, nth, place, lease, number, agent, step, bearing_deg,
-             relative_speed, steps_left, avoidable)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        cell,
-        slot,
-        x.nth,
-        x.place,
-        x.lease,
-        x.number,
-        x.agent,
-        x.step,
-        x.bearing_deg,
-        x.relative_speed,
-        x.steps_left,
-        avoidable
-    )
-    .execute(conn)
-    .await?;
+pub async fn put_examples(
+    conn: &mut SqliteConnection,
+    cell: i64,
+    examples: &[Example],
+) -> Result<(), StoreError> {
+    // One statement: it is a turn of two threads, which costs more than a row.
+    for examples in examples.chunks(RING as usize) {
+        let mut statement = QueryBuilder::new(
+            "INSERT OR REPLACE INTO failure_examples (cell, slot, nth, place, lease, number, agent, step, bearing_deg,
+                 relative_speed, steps_left, avoidable) ",
+        );
+        statement.push_values(examples, |mut values, x| {
+            values.push_bind(cell).push_bind(x.nth % RING).push_bind(x.nth).push_bind(x.place);
+            values.push_bind(x.lease).push_bind(x.number).push_bind(x.agent).push_bind(x.step);
+            values.push_bind(x.bearing_deg).push_bind(x.relative_speed).push_bind(x.steps_left);
+            values.push_bind(x.avoidable.map(i64::from));
+        });
+        statement.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }
 

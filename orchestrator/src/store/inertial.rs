@@ -1,8 +1,11 @@
 //! The failure profile by where it came from in the inertial frame: one row a mode and sector.
 
-use sqlx::{SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection};
 
 use super::StoreError;
+
+/// Rows of a statement.
+const ROWS: usize = 50;
 
 /// Failures of one mode from one inertial sector.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +42,7 @@ pub async fn of_task(
     .await?)
 }
 
-/// Writes a row.
+/// Writes rows.
 ///
 /// # Errors
 /// The database's.
@@ -47,20 +50,17 @@ pub async fn put(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    row: &SectorRow,
+    rows: &[&SectorRow],
 ) -> Result<(), StoreError> {
-    query!(
-        "INSERT OR REPLACE INTO failure_inertial (run, task, mode, sector, count, weight, as_of)
-         VALUES (?, ?, ?, ?, ?, ?, ?)",
-        run,
-        task,
-        row.mode,
-        row.sector,
-        row.count,
-        row.weight,
-        row.as_of
-    )
-    .execute(conn)
-    .await?;
+    for rows in rows.chunks(ROWS) {
+        let mut statement = QueryBuilder::new(
+            "INSERT OR REPLACE INTO failure_inertial (run, task, mode, sector, count, weight, as_of) ",
+        );
+        statement.push_values(rows, |mut values, row| {
+            values.push_bind(run).push_bind(task).push_bind(&row.mode).push_bind(row.sector);
+            values.push_bind(row.count).push_bind(row.weight).push_bind(row.as_of);
+        });
+        statement.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }

@@ -139,8 +139,9 @@ pub async fn insert(conn: &mut SqliteConnection, row: &LeaseRow) -> Result<i64, 
 /// The database's.
 pub async fn insert_group(conn: &mut SqliteConnection, lease: i64, row: &GroupRow) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, evidence)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
+                             evidence)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         lease,
         row.number,
         row.proposal,
@@ -151,6 +152,7 @@ pub async fn insert_group(conn: &mut SqliteConnection, lease: i64, row: &GroupRo
         row.role,
         row.contested,
         row.state,
+        row.failed,
         row.evidence
     )
     .execute(conn)
@@ -286,27 +288,30 @@ pub async fn groups_of(
     .await?)
 }
 
-/// Writes a group's counts and state.
+/// Writes counts and states of groups.
 ///
 /// # Errors
 /// The database's.
-pub async fn update_group(
+pub async fn update_groups(
     conn: &mut SqliteConnection,
     lease: i64,
-    row: &GroupRow,
+    rows: &[GroupRow],
     closed_at: Option<Millis>,
 ) -> Result<(), StoreError> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let values = |row: &GroupRow| {
+        serde_json::json!([row.number, row.state, row.finished, row.failed, row.successes, row.evidence])
+    };
+    let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;
     query!(
-        "UPDATE groups SET state = ?, finished = ?, failed = ?, successes = ?, evidence = ?, closed_at = ?
-         WHERE lease = ? AND number = ?",
-        row.state,
-        row.finished,
-        row.failed,
-        row.successes,
-        row.evidence,
+        "UPDATE groups SET state = row.value ->> 1, finished = row.value ->> 2, failed = row.value ->> 3,
+             successes = row.value ->> 4, evidence = row.value ->> 5, closed_at = ?
+         FROM json_each(?) AS row WHERE groups.lease = ? AND groups.number = row.value ->> 0",
         closed_at,
-        lease,
-        row.number
+        rows,
+        lease
     )
     .execute(conn)
     .await?;

@@ -1,8 +1,10 @@
 //! The durable queue of proposals.
 
+use std::collections::BTreeMap;
+
 use sqlx::{SqliteConnection, query};
 
-use super::StoreError;
+use super::{StoreError, to_json};
 
 /// A proposal that waits for its scenario.
 #[derive(Debug, Clone)]
@@ -160,12 +162,22 @@ pub async fn discard(conn: &mut SqliteConnection, run: &str, seq: i64) -> Result
     Ok(())
 }
 
-/// A proposal's JSON.
+/// Proposals' JSON, by their seqs.
 ///
 /// # Errors
 /// The database's.
-pub async fn body(conn: &mut SqliteConnection, run: &str, seq: i64) -> Result<Option<String>, StoreError> {
-    Ok(sqlx::query_scalar!("SELECT body FROM proposals WHERE run = ? AND seq = ?", run, seq)
-        .fetch_optional(conn)
-        .await?)
+pub async fn bodies(
+    conn: &mut SqliteConnection,
+    run: &str,
+    seqs: &[i64],
+) -> Result<BTreeMap<i64, String>, StoreError> {
+    let seqs = to_json(&seqs)?;
+    let rows = query!(
+        "SELECT seq, body FROM proposals WHERE run = ? AND seq IN (SELECT value FROM json_each(?))",
+        run,
+        seqs
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| (row.seq, row.body)).collect())
 }

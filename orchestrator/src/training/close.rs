@@ -10,41 +10,73 @@ use crate::store::{episodes, from_json, leases, proposals, small, unsigned};
 /// How often a scenario is offered: one that makes every trainer fall over must not come back for ever.
 const MOST_ATTEMPTS: i64 = 3;
 
-/// Closes a group: complete if every episode came back, else partial if enough did, else lost and offered again.
-pub(super) async fn close_group(
+/// Closes groups of a lease: complete if every episode came back, else partial if enough did, else lost and offered again.
+pub(super) async fn close_groups(
     work: &mut Work,
     lease: &LeaseRow,
-    mut group: GroupRow,
+    mut groups: Vec<GroupRow>,
 ) -> Result<Vec<Move>, TrainingError> {
+    if groups.is_empty() {
+        return Ok(Vec::new());
+    }
     let now = work.now;
     let (mind, conn) = work.mind(&lease.run).await?;
-    let expired = (lease.group_size - group.finished - group.failed).max(0);
-    let enough = group.finished >= i64::from(mind.settings.enough(small(lease.group_size)));
-    group.state = match (enough, group.finished == lease.group_size) {
-        (_, true) => "complete",
-        (true, false) => "partial",
-        (false, false) => "lost",
+    let least = i64::from(mind.settings.enough(small(lease.group_size)));
+    for group in &mut groups {
+        group.state = match (group.finished >= least, group.finished == lease.group_size) {
+            (_, true) => "complete",
+            (true, false) => "partial",
+            (false, false) => "lost",
+        }
+        .to_owned();
     }
-    .to_owned();
-    leases::update_group(conn, lease.id, &group, Some(now)).await?;
-    work.tell(&lease.run, &Happening::group(lease, &group, expired))?;
+    leases::update_groups(conn, lease.id, &groups, Some(now)).await?;
+    let numbers: Vec<i64> = groups.iter().map(|group| group.number).collect();
+    let means = episodes::group_means(conn, (lease.id, lease.group_size), &numbers).await?;
+    let proposed: Vec<i64> = groups.iter().filter_map(|group| group.proposal).collect();
+    let bodies = proposals::bodies(conn, &lease.run, &proposed).await?;
+    let mut moves = Vec::new();
+    for group in &groups {
+        let body = group.proposal.and_then(|seq| bodies.get(&seq));
+        let means = means.get(&group.number).copied();
+        let closing = Closing { group, enough: group.finished >= least, body, means };
+        moves.extend(close_group(work, lease, closing).await?);
+    }
+    Ok(moves)
+}
+
+/// A group that ends.
+struct Closing<'a> {
+    group: &'a GroupRow,
+    /// Whether it counts.
+    enough: bool,
+    /// Its proposal, as JSON.
+    body: Option<&'a String>,
+    /// Means of score and skill, if anything finished.
+    means: Option<(f64, Option<f64>)>,
+}
+
+async fn close_group(
+    work: &mut Work,
+    lease: &LeaseRow,
+    Closing { group, enough, body, means }: Closing<'_>,
+) -> Result<Vec<Move>, TrainingError> {
+    let expired = (lease.group_size - group.finished - group.failed).max(0);
+    work.tell(&lease.run, &Happening::group(lease, group, expired))?;
     let (mind, conn) = work.mind(&lease.run).await?;
     if expired > 0 && group.counts() {
         let lost = Sums { expired, ..Sums::default() };
-        sums::add(conn, &lease.run, &sums::Key::of(&group), &lost).await?;
+        sums::add(conn, &lease.run, &sums::Key::of(group), &lost).await?;
     }
     let Some(seq) = group.proposal else {
         return match group.layout {
-            Some(_) => design::outcome::take(work, lease, &group, (enough, expired)).await,
+            Some(_) => design::outcome::take(work, lease, group, (enough, expired)).await,
             None => Ok(Vec::new()), // an evaluation
         };
     };
-    let body = proposals::body(conn, &lease.run, seq).await?;
     let Some(body) = body else { return Ok(Vec::new()) };
-    let proposal: Proposal = from_json("a proposal", &body)?;
+    let proposal: Proposal = from_json("a proposal", body)?;
     let current = mind.curriculum.is_current(unsigned(seq), &proposal);
-    let first = group.number * lease.group_size;
-    let (score, skill) = episodes::group_means(conn, lease.id, first, first + lease.group_size).await?;
     let epoch = proposal.epoch;
     let outcome = GroupOutcome {
         proposal: unsigned(seq),
@@ -59,8 +91,8 @@ pub(super) async fn close_group(
         failed: small(group.failed),
         expired: small(expired),
         evidence: group.evidence != 0,
-        mean_score: score.unwrap_or(0.0),
-        mean_skill: skill,
+        mean_score: means.map_or(0.0, |(score, _)| score),
+        mean_skill: means.and_then(|(_, skill)| skill),
     };
     if !enough && current {
         proposals::offer_again(conn, &lease.run, seq, MOST_ATTEMPTS).await?;

@@ -192,6 +192,8 @@ async fn enter(
     all: &[Done],
 ) -> Result<(), StoreError> {
     let mut sums = critiques::sums(conn, run, task).await?;
+    let known: BTreeMap<CellKey, CellSums> =
+        failures::profile(conn, run, task).await?.into_iter().map(|(_, key, sums)| (key, sums)).collect();
     let mut cells: BTreeMap<CellKey, Touched> = BTreeMap::new();
     let mut sectors = Sectors::read(conn, run, task).await?;
     for done in all {
@@ -201,16 +203,13 @@ async fn enter(
             profile::enter(&mut sums, note);
             for failing in &note.failures {
                 sectors.enter(sums.criticised, failing);
-                if !cells.contains_key(&failing.key) {
-                    let known = failures::cell(conn, run, task, &failing.key).await?;
-                    let known = known.map_or_else(CellSums::default, |(_, sums)| sums);
-                    cells.insert(failing.key.clone(), Touched { sums: known, examples: Vec::new() });
-                }
-                if let Some(cell) = cells.get_mut(&failing.key) {
-                    profile::enter_failure(&mut cell.sums, sums.criticised, now, failing);
-                    let nth = cell.sums.count;
-                    cell.examples.push(example(nth, sums.criticised, done.job.lease, note.number, failing));
-                }
+                let cell = cells.entry(failing.key.clone()).or_insert_with(|| Touched {
+                    sums: known.get(&failing.key).copied().unwrap_or_default(),
+                    examples: Vec::new(),
+                });
+                profile::enter_failure(&mut cell.sums, sums.criticised, now, failing);
+                let nth = cell.sums.count;
+                cell.examples.push(example(nth, sums.criticised, done.job.lease, note.number, failing));
             }
         }
     }
@@ -220,9 +219,7 @@ async fn enter(
     for (key, Touched { sums, examples }) in &cells {
         let cell = failures::put_cell(conn, run, task, key, sums).await?;
         let newest = examples.len().saturating_sub(RING as usize);
-        for example in &examples[newest..] {
-            failures::put_example(conn, cell, example).await?;
-        }
+        failures::put_examples(conn, cell, &examples[newest..]).await?;
     }
     Ok(())
 }
@@ -264,10 +261,8 @@ impl Sectors {
     }
 
     async fn write(&self, conn: &mut SqliteConnection, run: &str, task: &str) -> Result<(), StoreError> {
-        for row in self.touched.iter().filter_map(|key| self.rows.get(key)) {
-            inertial::put(conn, run, task, row).await?;
-        }
-        Ok(())
+        let rows: Vec<_> = self.touched.iter().filter_map(|key| self.rows.get(key)).collect();
+        inertial::put(conn, run, task, &rows).await
     }
 }
 

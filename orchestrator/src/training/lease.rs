@@ -2,7 +2,7 @@
 
 use sqlx::SqliteConnection;
 
-use super::close::close_group;
+use super::close::close_groups;
 use super::design::serve;
 use super::queue::{self, AHEAD};
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
@@ -218,6 +218,10 @@ impl Change for Renew {
             let status = if row.status == "active" { "expired".to_owned() } else { row.status };
             return Err(TrainingError::LeaseOver { lease: self.lease.to_string(), status });
         }
+        if row.is_columns() && columns::is_claimed(&mut work.conn, row.id).await? {
+            // Whoever knows what is audited must not have all the time to fly it until it fits.
+            return Err(TrainingError::AuditDue(self.lease.to_string()));
+        }
         row.expires_at = work.now + row.ttl_ms;
         leases::set_expiry(&mut work.conn, row.id, row.expires_at).await?;
         work.tell(&row.run, &Happening::lease(&row, "renewed"))?;
@@ -277,11 +281,7 @@ pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Resu
         columns::abandon(work, lease).await?;
         return Ok(Vec::new());
     }
-    let mut moves = Vec::new();
-    for group in leases::groups(&mut work.conn, lease.id).await? {
-        if group.state == "open" {
-            moves.extend(close_group(work, lease, group).await?);
-        }
-    }
-    Ok(moves)
+    let mut groups = leases::groups(&mut work.conn, lease.id).await?;
+    groups.retain(|group| group.state == "open");
+    close_groups(work, lease, groups).await
 }

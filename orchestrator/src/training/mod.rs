@@ -75,6 +75,11 @@ pub enum TrainingError {
     /// Columns that contradict those that came before.
     #[error("columns came for lease {0} before, and other ones; the first stand")]
     ClaimedOtherwise(String),
+    /// A lease whose columns came.
+    #[error(
+        "the columns of lease {0} came; the logs of what is audited are due in its time, which is not renewed"
+    )]
+    AuditDue(String),
     /// More active leases than a run may have.
     #[error("the run has {0} active leases, as many as it may; report or release some")]
     TooManyLeases(i64),

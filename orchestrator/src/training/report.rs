@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::audit::{Audited, Found, Verdict};
-use super::close::close_group;
+use super::close::close_groups;
 use super::criticise::JOB;
 use super::writer::Work;
 use super::{Change, Happening, TrainingError, columns};
@@ -155,6 +155,7 @@ impl Books {
             (false, false) => Ok(self.count(work, &lease, &row).await?),
             (false, true) => match self.compare(work, &lease, &row).await? {
                 columns::Check::Fine => Ok("audited"),
+                columns::Check::Failed => Ok("failed"),
                 columns::Check::Differs(why) => Err(why),
             },
         };
@@ -287,15 +288,18 @@ impl Books {
             mind.policy_version = self.newest_policy;
             runs::set_policy_version(conn, run, self.newest_policy).await?;
         }
-        for ((lease_id, _), group) in self.groups {
+        let mut groups: BTreeMap<i64, Vec<GroupRow>> = BTreeMap::new();
+        for ((lease, _), group) in self.groups {
+            groups.entry(lease).or_default().push(group);
+        }
+        for (lease_id, groups) in groups {
             let Some(lease) = self.leases.get(&lease_id) else { continue };
-            if lease.is_columns() {
-                leases::update_group(&mut work.conn, lease_id, &group, None).await?;
-            } else if group.finished + group.failed >= lease.group_size {
-                moves.extend(close_group(work, lease, group).await?);
-            } else {
-                leases::update_group(&mut work.conn, lease_id, &group, None).await?;
-            }
+            // What is audited ends when all of it is in.
+            let whole =
+                |group: &GroupRow| !lease.is_columns() && group.finished + group.failed >= lease.group_size;
+            let (whole, open): (Vec<_>, Vec<_>) = groups.into_iter().partition(whole);
+            leases::update_groups(&mut work.conn, lease_id, &open, None).await?;
+            moves.extend(close_groups(work, lease, whole).await?);
         }
         for lease in self.leases.values().filter(|lease| lease.is_columns() && lease.status == "active") {
             match self.refuted.get(&lease.id) {

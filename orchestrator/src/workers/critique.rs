@@ -16,7 +16,7 @@ use crate::training::{TrainingError, Writer, sample};
 /// Jobs looked at at a time.
 const JOBS: i64 = 64;
 /// Episodes criticised at a time: enough to share a commit, few enough that it is short and little is done again after a crash.
-const EPISODES: usize = 128;
+const EPISODES: usize = 64;
 /// How long it waits after a failure, and at most for a wake-up that was missed.
 const PAUSE: Duration = Duration::from_secs(2);
 

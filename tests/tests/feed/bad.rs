@@ -124,6 +124,32 @@ async fn packed_columns_that_cannot_be_are_told_by_their_field() {
     assert_eq!(flight.standing(&api).await["state"], "accepted");
 }
 
+/// Bodies that are begun and never finished hold up nobody.
+#[tokio::test]
+async fn half_sent_bodies_keep_nobody_waiting() {
+    use tokio::io::AsyncWriteExt;
+    let (server, flight) = flown().await;
+    let (api, path) = (server.api(), flight.path());
+    let mut hogs = Vec::new();
+    for length in [100, 100, 100, 100, 8_000_000, 8_000_000, 8_000_000, 8_000_000] {
+        let address = api.base().trim_start_matches("http://").to_owned();
+        let mut hog = tokio::net::TcpStream::connect(&address).await.unwrap();
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nhost: {address}\r\ncontent-type: application/json\r\ncontent-length: {length}\r\n\r\n{{"
+        );
+        hog.write_all(head.as_bytes()).await.unwrap();
+        hogs.push(hog);
+    }
+    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    let claim = api.post(&path, json!({"score": flight.scores}));
+    let claim = tokio::time::timeout(std::time::Duration::from_secs(10), claim).await.expect("in time");
+    let claim = claim.expect(200);
+    let told =
+        tokio::time::timeout(std::time::Duration::from_secs(10), api.report("run", flight.due(&claim)));
+    let _ = told.await.expect("in time");
+    assert_eq!(flight.standing(&api).await["state"], "accepted");
+}
+
 #[tokio::test]
 async fn leases_of_columns_that_cannot_be() {
     let server = Server::start().await;

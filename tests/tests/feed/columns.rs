@@ -124,6 +124,9 @@ async fn what_is_not_proven_in_time_counts_for_nothing() {
     let late = Flight::new(&api, "run", json!({"groups": 20, "ttl_s": 100}), "hold").await;
     hand.fetch_add(80_000, Ordering::SeqCst);
     let claim = late.claim(&api).await;
+    // Nobody has longer to make up a log than to have flown it.
+    let renew = format!("/v1/runs/run/leases/{}/renew", late.lease.id());
+    assert_eq!(api.post(&renew, json!({})).await.expect(409)["type"], "urn:sparring:problem:audit_due");
     hand.fetch_add(80_000, Ordering::SeqCst);
     let due = late.due(&claim);
     assert_eq!(words(&api.report("run", due[..7].to_vec()).await), ["audited"; 7]);
@@ -136,6 +139,13 @@ async fn what_is_not_proven_in_time_counts_for_nothing() {
     let path = format!("/v1/runs/run/leases/{}/release", released.lease.id());
     let _ = api.post(&path, json!({})).await.expect(200);
     assert_eq!(released.standing(&api).await["state"], "unproven");
+    // Who sees what is audited and keeps it back leaves a trace.
+    let marks = api.get("/v1/runs/run").await.expect(200)["marks"].clone();
+    assert_eq!(
+        (&marks["count"], &marks["newest"][0]["kind"]),
+        (&json!(2), &json!("unproven_claim")),
+        "{marks}"
+    );
     // Never claimed.
     let silent = Flight::new(&api, "run", json!({"groups": 20, "ttl_s": 100}), "hold").await;
     hand.fetch_add(101_000, Ordering::SeqCst);
@@ -175,7 +185,7 @@ async fn what_failed_is_no_low_score_and_too_much_of_it_is_no_evidence() {
         (&json!("claimed"), &json!(failed), &json!([]))
     );
     let audited: Vec<u64> =
-        claim["audit"].as_array().unwrap().iter().map(|a| a["first"].as_u64().unwrap()).collect();
+        claim["audit"].as_array().unwrap().iter().map(|a| a["entries"][0].as_u64().unwrap()).collect();
     assert!(audited.iter().all(|at| at % 5 != 0), "what failed has no log: {audited:?}");
     let _ = api.report("run", flight.due(&claim)).await;
     assert_eq!(flight.standing(&api).await["state"], "accepted");
@@ -186,8 +196,50 @@ async fn what_failed_is_no_low_score_and_too_much_of_it_is_no_evidence() {
     // All of it: nothing can be audited, and the claim stands for what it is.
     let flight = Flight::new(&api, "run", json!({"groups": 5}), "hold").await;
     let all = json!({"score": flight.scores, "failed": [1, 1, 1, 1, 1]});
-    let _ = api.post(&flight.path(), all).await.expect(200);
+    let told = api.post(&flight.path(), all).await.expect(200);
+    assert_eq!((&told["state"], &told["audit"]), (&json!("accepted"), &json!([])), "it has ended by then");
     assert_eq!(flight.standing(&api).await["state"], "accepted");
+}
+
+/// A failed sibling hides nothing: what finished of its group is audited like everything else.
+#[tokio::test]
+async fn one_failure_a_group_hides_no_forgery() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run", json!({"audit_groups": 12, "group_size": 4})).await;
+    let failed: Vec<u8> = (0..80).map(|at| u8::from(at % 4 == 1)).collect();
+    let claimed = async |flight: &Flight, scores: &[f64]| {
+        let claim = api.post(&flight.path(), json!({"score": scores, "failed": failed})).await.expect(200);
+        let audit = claim["audit"].as_array().unwrap();
+        assert_eq!(audit.len(), 12);
+        for group in audit {
+            let entries: Vec<u64> =
+                group["entries"].as_array().unwrap().iter().map(|entry| entry.as_u64().unwrap()).collect();
+            let first = group["group"].as_u64().unwrap() * 4;
+            assert_eq!(entries, [first, first + 2, first + 3], "the second failed");
+        }
+        claim
+    };
+    let honest = Flight::new(&api, "run", json!({"groups": 20}), "hold").await;
+    let claim = claimed(&honest, &honest.scores).await;
+    // That what failed did fail may be said again.
+    let first = claim["audit"][0]["group"].as_u64().unwrap() * 4;
+    let name = claim["audit"][0]["episodes"][0].as_str().unwrap();
+    let lost = name.replace(&format!("_{first}"), &format!("_{}", first + 1));
+    let lost = json!({"episode": lost, "status": "failed", "reason": "disk full"});
+    assert_eq!(words(&api.report("run", vec![lost]).await), ["failed"]);
+    assert_eq!(words(&api.report("run", honest.due(&claim)).await), ["audited"; 36]);
+    assert_eq!(honest.standing(&api).await["state"], "accepted");
+    let forged = Flight::new(&api, "run", json!({"groups": 20}), "hold").await;
+    let claim = claimed(&forged, &[0.999; 80]).await;
+    let _ = api.report("run", forged.due(&claim)).await;
+    assert_eq!(forged.standing(&api).await["state"], "refused");
+    // One group that finished among many that failed is what is drawn.
+    let few = Flight::new(&api, "run", json!({"groups": 20}), "hold").await;
+    let failed: Vec<u8> = (0..80).map(|at| u8::from(at != 33)).collect();
+    let claim = api.post(&few.path(), json!({"score": few.scores, "failed": failed})).await.expect(200);
+    assert_eq!(claim["audit"].as_array().unwrap().len(), 1);
+    assert_eq!(claim["audit"][0]["entries"], json!([33]));
 }
 
 #[tokio::test]

@@ -150,6 +150,19 @@ async fn what_is_not_kept_any_more_is_a_gap() {
     assert_eq!(late.next().await.unwrap().data["words"], "old");
 }
 
+/// Who remembers a number that was never given (of another database, or of a newer copy of it) is told so.
+#[tokio::test]
+async fn a_number_from_elsewhere_is_a_gap() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run", json!({})).await;
+    let mut lost = Listener::new(&api, "/v1/runs/run/events", Some(5_000)).await;
+    let gap = lost.next().await.unwrap();
+    assert_eq!((gap.kind.as_str(), &gap.data["after"]), ("gap", &json!(5_000)), "{gap:?}");
+    let _ = api.lease("run", json!({"groups": 1})).await;
+    assert_eq!(lost.next().await.unwrap().data["state"], "taken");
+}
+
 /// The ring of a run is bounded, whatever happens in it.
 #[tokio::test]
 async fn a_busy_run_forgets_its_oldest_events() {

@@ -52,9 +52,10 @@ impl Flight {
     pub(crate) fn due(&self, claim: &Value) -> Vec<Value> {
         let mut results = Vec::new();
         for audit in claim["audit"].as_array().unwrap() {
-            let first = audit["first"].as_u64().unwrap() as usize;
-            for (at, episode) in audit["episodes"].as_array().unwrap().iter().enumerate() {
-                results.push(json!({"episode": episode, "actions": wire(&self.logs[first + at])}));
+            let entries = audit["entries"].as_array().unwrap();
+            for (entry, episode) in entries.iter().zip(audit["episodes"].as_array().unwrap()) {
+                let log = &self.logs[entry.as_u64().unwrap() as usize];
+                results.push(json!({"episode": episode, "actions": wire(log)}));
             }
         }
         results

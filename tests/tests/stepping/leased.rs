@@ -85,8 +85,48 @@ async fn every_episode_of_a_lease_is_flown_and_reported_once() {
         let mastery = api.get("/v1/runs/run/mastery").await.expect(200).to_string();
         assert!(mastery.contains("\"episodes\":18"), "{mastery}");
         let over = Socket::to(&api).await.ask(crate::client::opening(wish(id, 2, mode))).await;
-        assert_eq!((&over["field"], &over["code"]), (&json!("lease_id"), &json!("invalid")), "{over}");
+        assert_eq!((&over["type"], &over["code"]), (&json!("error"), &json!("lease_over")), "{over}");
     }
+}
+
+/// A lease is looked at anew by whoever opens it: what became of it by other ways is known.
+#[tokio::test]
+async fn what_became_of_a_lease_meanwhile_is_known() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run").await;
+    let lease = api.lease("run", json!({"groups": 2})).await;
+    let open = async || Vector::open(&api, wish(lease.id(), 4, "disabled")).await;
+    let (mut vector, first) = open().await;
+    assert_eq!(first.episodes, [0, 1, 2, 3]);
+    let _ = vector.socket.ask(json!({"type": "close", "id": 1})).await;
+    let results =
+        lease.episodes().iter().take(3).map(|(id, s)| system_tests::result(id, s, "hold")).collect();
+    let _ = api.report("run", results).await;
+    let (mut vector, first) = open().await;
+    assert_eq!(first.episodes, [3, -1, -1, -1], "the others were reported");
+    let _ = vector.socket.ask(json!({"type": "close", "id": 1})).await;
+    let _ = api.post(&format!("/v1/runs/run/leases/{}/release", lease.id()), json!({})).await.expect(200);
+    let over = Socket::to(&api).await.ask(crate::client::opening(wish(lease.id(), 4, "disabled"))).await;
+    assert_eq!((&over["type"], &over["code"]), (&json!("error"), &json!("lease_over")), "{over}");
+}
+
+/// A trainer that thinks for longer than its lease holds keeps it while it is connected.
+#[tokio::test]
+async fn a_silent_session_keeps_a_short_lease() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run").await;
+    let lease = api.lease("run", json!({"groups": 1, "ttl_s": 2})).await;
+    let (mut vector, first) = Vector::open(&api, wish(lease.id(), 2, "next_step")).await;
+    tokio::time::sleep(std::time::Duration::from_secs(5)).await;
+    let _ = fly(&mut vector, first).await;
+    let closed = vector.socket.ask(json!({"type": "close", "id": 1})).await;
+    assert_eq!(
+        (&closed["reported"]["counted"], &closed["reported"]["late"]),
+        (&json!(2), &json!(0)),
+        "{closed}"
+    );
 }
 
 #[tokio::test]

@@ -113,6 +113,24 @@ async fn a_run_is_told_what_was_flown_for_it() {
     assert_eq!(episodes["episodes"].as_array().unwrap().len(), 2);
 }
 
+/// What cannot be begun ends nothing: the episode in flight flies on.
+#[tokio::test]
+async fn a_refused_reset_moves_nothing() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run").await;
+    for wish in [json!({"seed": 3}), json!({"run": "run"})] {
+        let (mut socket, _) = Socket::open(&api, wish).await;
+        assert_eq!(socket.step(1, &burn(0)).await["step"], 1);
+        for other in [json!({"run": "nope"}), json!({"run": "run", "lease_id": "77-aaaaaa"})] {
+            let mut reset = json!({"type": "reset", "id": 2});
+            reset.as_object_mut().unwrap().extend(other.as_object().unwrap().clone());
+            assert_eq!(socket.ask(reset).await["type"], "error");
+        }
+        assert_eq!(socket.step(2, &burn(0)).await["step"], 2, "it flies on");
+    }
+}
+
 #[tokio::test]
 async fn a_repeated_number_is_answered_again_and_steps_nothing() {
     let server = Server::start().await;

@@ -1,6 +1,6 @@
 //! Columns: what is claimed of all episodes of a lease at once, and what of it is audited.
 
-use axum::extract::{FromRequest, Request, State};
+use axum::extract::{Request, State};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -12,7 +12,6 @@ use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId};
 use crate::service::App;
 use crate::store::leases::LeaseRow;
-use crate::training::TrainingError;
 use crate::training::columns::{self, Claimed, Columns};
 use crate::training::lease::find;
 
@@ -75,9 +74,9 @@ pub(super) struct Claim {
 struct Audit {
     /// Its number in the lease.
     group: i64,
-    /// The index of its first episode in the lease: where it stands in the columns.
-    first: i64,
-    /// What to report them as.
+    /// Where its episodes that finished stand in the columns.
+    entries: Vec<i64>,
+    /// What to report them as, one for each of these.
     episodes: Vec<String>,
 }
 
@@ -86,13 +85,20 @@ impl Claim {
         let Claimed { claim, lease, audited } = claimed;
         let LeaseRow { group_size, .. } = lease;
         let id = LeaseId { number: lease.id, token: lease.token };
-        let audit = |group| {
-            let first = group * group_size;
-            let name = |index| EpisodeId { lease: id.clone(), index }.to_string();
-            Audit { group, first, episodes: (first..first + group_size).map(name).collect() }
-        };
+        let mut audit: Vec<Audit> = Vec::new();
+        for index in audited {
+            let (group, name) =
+                (index / group_size.max(1), EpisodeId { lease: id.clone(), index }.to_string());
+            match audit.last_mut().filter(|last| last.group == group) {
+                Some(known) => {
+                    known.entries.push(index);
+                    known.episodes.push(name);
+                }
+                None => audit.push(Audit { group, entries: vec![index], episodes: vec![name] }),
+            }
+        }
         Self {
-            audit: audited.into_iter().map(audit).collect(),
+            audit,
             lease: id.to_string(),
             state: claim.state,
             episodes: claim.episodes,
@@ -124,8 +130,7 @@ pub(super) async fn claim(
     request: Request,
 ) -> Result<axum::Json<Claim>, Problem> {
     let place = (run_id(&run)?, id("lease", &lease)?);
-    let _room = app.large_bodies.acquire().await.map_err(|_| TrainingError::Stopping)?;
-    let Bytes(form, body) = Bytes::from_request(request, &app).await?;
+    let (Bytes(form, body), _room) = app.room.body(request).await?;
     let ColumnsWish { policy_version, score, failed, steps } = read(form, &body)?;
     if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
         return Err(Problem::invalid(format!("failed.{at}"), "it is neither 0 nor 1"));

@@ -87,6 +87,7 @@ pub(super) async fn listen(
         run,
         after,
         waiting: VecDeque::new(),
+        begun: false,
         _seat: seat,
     };
     let stream = futures_util::stream::unfold(listener, |mut listener| async {
@@ -105,6 +106,8 @@ struct Listener {
     /// The last event that was told.
     after: i64,
     waiting: VecDeque<Event>,
+    /// Whether it was looked at where the listener left off.
+    begun: bool,
     _seat: OwnedSemaphorePermit,
 }
 
@@ -129,17 +132,31 @@ impl Listener {
         }
     }
 
+    /// Tells that there is no way from the last event to what follows.
+    fn gap(&mut self, up_to: i64, words: &str) {
+        let gap = json!({"after": self.after, "up_to": up_to, "words": words});
+        self.waiting.push_back(event(up_to, "gap", &gap));
+        self.after = up_to;
+    }
+
     /// Reads what came after the last.
     async fn read(&mut self) -> Result<(), StoreError> {
         let mut conn = self.readers.acquire().await?;
-        let run = self.run.as_str();
+        let run = self.run.clone();
+        let run = run.as_str();
         let forgotten = events::forgotten(&mut conn, run).await?;
         if self.after < forgotten {
-            let words = "what happened between is not kept any more";
-            let gap = json!({"after": self.after, "up_to": forgotten, "words": words});
-            self.waiting.push_back(event(forgotten, "gap", &gap));
-            self.after = forgotten;
+            self.gap(forgotten, "what happened between is not kept any more");
+        } else if self.after > 0 && !self.begun {
+            let newest = events::newest(&mut conn, run).await?.max(forgotten);
+            if self.after > newest {
+                self.gap(
+                    newest,
+                    "no event so far has such a number: the database is another, or an older one",
+                );
+            }
         }
+        self.begun = true;
         for EventRow { id, kind, body, at } in events::after(&mut conn, run, self.after, PAGE).await? {
             let mut told: Value = from_json("an event", &body)?;
             if let Some(fields) = told.as_object_mut() {

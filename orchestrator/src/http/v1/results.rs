@@ -1,6 +1,6 @@
 //! Results: batches of finished and failed episodes.
 
-use axum::extract::{FromRequest, Request, State};
+use axum::extract::{Request, State};
 use env_core::Stopped;
 use env_core::log::Precision;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,6 @@ use crate::curriculum::Move;
 use crate::reading;
 use crate::service::App;
 use crate::store::to_json;
-use crate::training::TrainingError;
 use crate::training::audit::{Claim, Claimed};
 use crate::training::report::Receipt;
 
@@ -164,9 +163,8 @@ pub(super) async fn report(
     request: Request,
 ) -> Result<axum::Json<Receipts>, Problem> {
     let run = run_id(&run)?;
-    // A log is many times its bytes once it is parsed: few at a time, so that memory has a bound.
-    let _room = app.large_bodies.acquire().await.map_err(|_| TrainingError::Stopping)?;
-    let Json(body) = Json::<Results>::from_request(request, &app).await?;
+    let (body, _room) = app.room.body(request).await?;
+    let Json(body) = Json::<Results>::of(body)?;
     if body.results.len() > MAX_RESULTS {
         let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
         return Err(Problem::invalid("results", detail));

@@ -1,6 +1,6 @@
 //! Taking what is claimed in columns, and drawing what of it is audited.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use env_core::Scenario;
@@ -32,7 +32,7 @@ pub struct Claimed {
     pub claim: ClaimRow,
     /// The lease, with until when logs are due.
     pub lease: LeaseRow,
-    /// Groups whose logs are due or came, by number.
+    /// The episodes whose logs are due or came, by index in the lease.
     pub audited: Vec<i64>,
 }
 
@@ -42,7 +42,8 @@ struct Pick {
     range: RangeRow,
     group: i64,
     scenario: Scenario,
-    scores: Vec<f32>,
+    /// What is claimed of the episodes that finished, by index in the lease.
+    scores: Vec<(i64, f32)>,
 }
 
 /// Takes the columns of a lease: they are on disk when this answers, and what is audited is drawn. The same columns again are
@@ -66,6 +67,7 @@ pub async fn claim(
         return Err(TrainingError::invalid("lease", why));
     }
     columns.check(usize::try_from(row.episodes()).unwrap_or_default())?;
+    let columns = columns.plain();
     let mut loader = Loader::default();
     let mut ranges = Vec::new();
     for range in columns::ranges(&mut conn, row.id).await? {
@@ -116,7 +118,70 @@ pub(super) fn episodes(range: &RangeRow, group_size: usize) -> std::ops::Range<u
     at(range.first)..at(range.first + range.groups)
 }
 
-/// Draws what is audited: as many groups of each range as of any other, by randomness that nobody outside can foresee.
+/// What may be drawn: the ranges with their recipes, and of each the groups of which something is claimed to have finished.
+struct Urn<'a> {
+    columns: &'a Columns,
+    group_size: usize,
+    ranges: Vec<(&'a RangeRow, &'a Arc<env_core::Recipe>, Vec<i64>)>,
+}
+
+impl<'a> Urn<'a> {
+    fn of(columns: &'a Columns, ranges: &'a [(RangeRow, Arc<env_core::Recipe>)], group_size: usize) -> Self {
+        let ranges = ranges.iter().map(|(range, recipe)| {
+            let groups = range.first..range.first + range.groups;
+            (
+                range,
+                recipe,
+                groups.filter(|group| flown(columns, *group, group_size).next().is_some()).collect(),
+            )
+        });
+        // Where nothing finished nothing is drawn: what is drawn is spread over the others.
+        Self {
+            columns,
+            group_size,
+            ranges: ranges.filter(|(.., groups): &(_, _, Vec<i64>)| !groups.is_empty()).collect(),
+        }
+    }
+
+    /// Draws some groups of one range, if so many can be flown: a scenario without a fair start is flown by nobody.
+    fn draw(
+        &self,
+        rng: &mut ChaCha12Rng,
+        range: usize,
+        wanted: usize,
+        picks: &mut BTreeMap<i64, Pick>,
+    ) -> Result<(), TrainingError> {
+        let (range, recipe, groups) = &self.ranges[range];
+        let mut left = wanted;
+        for at in index::sample(rng, groups.len(), groups.len().min(wanted.saturating_mul(TRIES))) {
+            let group = groups[at];
+            if left == 0 {
+                break;
+            }
+            let scenario = recipe_and_seed(range, Arc::clone(recipe), group)?;
+            if picks.contains_key(&group) || scenario.task().start(&scenario).is_err() {
+                continue;
+            }
+            let scores = flown(self.columns, group, self.group_size).collect();
+            picks.insert(group, Pick { range: (*range).clone(), group, scenario, scores });
+            left -= 1;
+        }
+        Ok(())
+    }
+}
+
+/// The episodes of a group that are claimed to have finished, by their index in the lease, with their scores.
+fn flown(columns: &Columns, group: i64, group_size: usize) -> impl Iterator<Item = (i64, f32)> {
+    let first = usize::try_from(group).unwrap_or_default() * group_size;
+    let entries = (first..first + group_size).filter(|at| !columns.has_failed(*at));
+    entries.map(|at| (at as i64, columns.scores[at]))
+}
+
+/// Draws what is audited: as many groups of each range as of any other, as far as there are so many, by randomness that nobody
+/// outside can foresee. A group of which some failed is drawn like any other, and what finished of it is audited.
+///
+/// # Errors
+/// Scores of scenarios that nobody can fly.
 fn draw(
     columns: &Columns,
     ranges: &[(RangeRow, Arc<env_core::Recipe>)],
@@ -128,35 +193,30 @@ fn draw(
         TrainingError::NotCommitted(format!("no randomness to draw audits with: {error}"))
     })?;
     let mut rng = ChaCha12Rng::from_seed(seed);
+    let urn = Urn::of(columns, ranges, group_size);
+    let mut picks = BTreeMap::new();
+    if urn.ranges.is_empty() {
+        return Ok(Vec::new()); // all of it failed
+    }
     // Where fewer are wanted than there are ranges, chance says which have one.
-    let mut share = vec![wanted / ranges.len().max(1); ranges.len()];
-    for at in index::sample(&mut rng, ranges.len(), wanted % ranges.len().max(1)) {
+    let count = urn.ranges.len();
+    let mut share = vec![wanted / count; count];
+    for at in index::sample(&mut rng, count, wanted % count) {
         share[at] += 1;
     }
-    let mut picks = Vec::with_capacity(wanted);
-    for ((range, recipe), share) in ranges.iter().zip(share) {
-        let groups = usize::try_from(range.groups).unwrap_or_default();
-        let looked_at = index::sample(&mut rng, groups, groups.min(share.saturating_mul(TRIES)));
-        let mut taken = BTreeSet::new();
-        for at in looked_at {
-            if taken.len() >= share {
-                break;
-            }
-            let group = range.first + at as i64;
-            let first = usize::try_from(group).unwrap_or_default() * group_size;
-            if (first..first + group_size).any(|at| columns.has_failed(at)) {
-                continue;
-            }
-            let scenario = recipe_and_seed(range, Arc::clone(recipe), group)?;
-            if scenario.task().start(&scenario).is_err() {
-                continue;
-            }
-            taken.insert(group);
-            let scores = columns.scores[first..first + group_size].to_vec();
-            picks.push(Pick { range: range.clone(), group, scenario, scores });
-        }
+    for (range, share) in share.into_iter().enumerate() {
+        urn.draw(&mut rng, range, share, &mut picks)?;
     }
-    Ok(picks)
+    // What some ranges did not have the others have to give.
+    for range in index::sample(&mut rng, count, count) {
+        let missing = wanted.saturating_sub(picks.len());
+        urn.draw(&mut rng, range, missing, &mut picks)?;
+    }
+    if picks.is_empty() {
+        let why = "scores are claimed of scenarios that have no fair start; report them as failed";
+        return Err(TrainingError::invalid("score", why));
+    }
+    Ok(picks.into_values().collect())
 }
 
 /// Enters a claim, and the groups that are audited.
@@ -200,10 +260,8 @@ impl Change for Enter {
         let (mind, conn) = work.mind(&lease.run).await?;
         let purpose = lease.purpose == "probe" || mind.settings.evidence_from == EvidenceFrom::Train;
         let lossy = self.failed as f64 > MOST_FAILED * lease.episodes() as f64;
-        let mut audited = Vec::with_capacity(self.picks.len());
         for pick in &self.picks {
             audit(conn, &lease, pick, purpose && !lossy).await?;
-            audited.push(pick.group);
         }
         lease.expires_at = work.now + lease.ttl_ms;
         leases::set_expiry(&mut work.conn, lease.id, lease.expires_at).await?;
@@ -212,15 +270,16 @@ impl Change for Enter {
             state: &row.state,
             episodes: row.episodes,
             failed: row.failed,
-            audited: audited.len() as i64,
+            audited: self.picks.len() as i64,
             why: None,
         };
         work.tell(&lease.run, &told)?;
         if self.picks.is_empty() {
             settle::settle(work, &lease).await?; // nothing of it can be flown again: all of it failed
         }
-        audited.sort_unstable();
-        Ok(Claimed { claim: row, lease, audited })
+        // It may have ended at once.
+        let claim = columns::claim(&mut work.conn, lease.id).await?.unwrap_or(row);
+        standing_of(&mut work.conn, lease, claim).await
     }
 }
 
@@ -243,13 +302,13 @@ async fn audit(
         contested: 0, // found when its logs come
         state: "open".to_owned(),
         finished: 0,
-        failed: 0,
+        failed: lease.group_size - pick.scores.len() as i64,
         successes: 0,
         evidence: i64::from(evidence),
     };
     leases::insert_group(conn, lease.id, &group).await?;
-    for (index, score) in (pick.group * lease.group_size..).zip(&pick.scores) {
-        columns::insert_score(conn, (lease.id, index), f64::from(*score)).await?;
+    for (index, score) in &pick.scores {
+        columns::insert_score(conn, (lease.id, *index), f64::from(*score)).await?;
     }
     Ok(())
 }
@@ -266,6 +325,14 @@ pub async fn standing(
         Some(claim) => standing_of(conn, lease, claim).await.map(Some),
         None => Ok(None),
     }
+}
+
+/// Whether columns came for a lease.
+pub(in crate::training) async fn is_claimed(
+    conn: &mut sqlx::SqliteConnection,
+    lease: i64,
+) -> Result<bool, TrainingError> {
+    Ok(columns::claim(conn, lease).await?.is_some())
 }
 
 /// What was claimed of a lease, with what became of it; none where nothing was.
@@ -286,6 +353,6 @@ async fn standing_of(
     lease: LeaseRow,
     claim: ClaimRow,
 ) -> Result<Claimed, TrainingError> {
-    let audited = leases::groups(conn, lease.id).await?.into_iter().map(|group| group.number).collect();
+    let audited = columns::audited(conn, lease.id).await?;
     Ok(Claimed { claim, lease, audited })
 }

@@ -12,6 +12,7 @@ mod lease;
 mod settle;
 mod table;
 
+pub(super) use self::claim::is_claimed;
 pub use self::claim::{Claimed, claim, entries, standing};
 pub use self::lease::{MAX_GROUPS, TakeColumns, recipe_and_seed};
 pub(super) use self::settle::{Check, abandon, check, refuse, settle};

@@ -9,7 +9,7 @@ use crate::store::episodes::{EpisodeRow, Fared};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
 use crate::store::{self, critiques, marks, runs};
-use crate::training::close::close_group;
+use crate::training::close::close_groups;
 use crate::training::criticise::JOB;
 use crate::training::{Happening, TrainingError, Work};
 
@@ -51,6 +51,8 @@ impl ByRange {
 pub(in crate::training) enum Check {
     /// It is.
     Fine,
+    /// It failed, as is claimed: no log of it is due.
+    Failed,
     /// It is not: a sentence.
     Differs(String),
 }
@@ -61,9 +63,16 @@ pub(in crate::training) async fn check(
     group: &GroupRow,
     row: &EpisodeRow,
 ) -> Result<Check, TrainingError> {
-    let claimed = columns::score(&mut work.conn, (row.lease, row.number)).await?.unwrap_or(f64::NAN);
-    let Some(score) = row.score else {
-        return Ok(Check::Differs("it is reported as failed, and was claimed as finished".to_owned()));
+    let claimed = columns::score(&mut work.conn, (row.lease, row.number)).await?;
+    let (claimed, score) = match (claimed, row.score) {
+        (Some(claimed), Some(score)) => (claimed, score),
+        (None, None) => return Ok(Check::Failed),
+        (Some(_), None) => {
+            return Ok(Check::Differs("it is reported as failed, and was claimed as finished".to_owned()));
+        }
+        (None, Some(_)) => {
+            return Ok(Check::Differs("it is reported as flown, and was claimed as failed".to_owned()));
+        }
     };
     let range = env_core::task(&group.task).map_or(1.0, |task| {
         let range = task.score_range();
@@ -83,8 +92,9 @@ pub(in crate::training) async fn settle(
     lease: &LeaseRow,
 ) -> Result<Vec<Move>, TrainingError> {
     let Some(claim) = columns::claim(&mut work.conn, lease.id).await? else { return Ok(Vec::new()) };
-    let groups = leases::groups(&mut work.conn, lease.id).await?;
-    if claim.state != "claimed" || groups.iter().any(|group| group.finished < lease.group_size) {
+    let mut groups = leases::groups(&mut work.conn, lease.id).await?;
+    if claim.state != "claimed" || groups.iter().any(|group| group.finished + group.failed < lease.group_size)
+    {
         return Ok(Vec::new());
     }
     let (mind, conn) = work.mind(&lease.run).await?;
@@ -99,14 +109,12 @@ pub(in crate::training) async fn settle(
         columns::add_sums(conn, &lease.run, (&range.task, range.level), &sums).await?;
     }
     end(work, lease, (&claim, "accepted", None), groups.len()).await?;
-    let mut moves = Vec::new();
-    for mut group in groups {
+    for group in &mut groups {
         group.evidence = i64::from(group.evidence != 0 && !stale);
-        count(work, lease, &group).await?;
-        moves.extend(close_group(work, lease, group).await?);
+        count(work, lease, group).await?;
     }
     work.wake_critique();
-    Ok(moves)
+    close_groups(work, lease, groups).await
 }
 
 /// Counts an audited group as any other: plain sums, and what is to be criticised.
@@ -142,13 +150,18 @@ pub(in crate::training) async fn refuse(
     if claim.state != "claimed" {
         return Ok(());
     }
-    let words = format!("the columns of lease {} were refused: {why}", lease.name());
-    marks::insert(&mut work.conn, &lease.run, ("refused_claim", Some(lease.id), &words), work.now).await?;
     let groups = give_up(work, lease).await?;
     let lost = |episodes| ClaimedSums { refused: episodes, ..ClaimedSums::default() };
     add_lost(work, lease, lost).await?;
     end(work, lease, (&claim, "refused", Some(why)), groups).await?;
-    work.tell(&lease.run, &Happening::Health { task: None, words: &words })
+    let words = format!("the columns of lease {} were refused: {why}", lease.name());
+    mark(work, lease, "refused_claim", &words).await
+}
+
+/// Marks the run, and tells who listens.
+async fn mark(work: &mut Work, lease: &LeaseRow, kind: &str, words: &str) -> Result<(), TrainingError> {
+    marks::insert(&mut work.conn, &lease.run, (kind, Some(lease.id), words), work.now).await?;
+    work.tell(&lease.run, &Happening::Health { task: None, words })
 }
 
 /// Ends a lease whose time is over, or that was given back: what was claimed and not proven counts for nothing.
@@ -159,7 +172,10 @@ pub(in crate::training) async fn abandon(work: &mut Work, lease: &LeaseRow) -> R
             add_lost(work, lease, |episodes| ClaimedSums { unproven: episodes, ..ClaimedSums::default() })
                 .await?;
             columns::settle(&mut work.conn, lease.id, "unproven", None).await?;
-            tell(work, lease, (&claim, "unproven", None), groups).await
+            tell(work, lease, (&claim, "unproven", None), groups).await?;
+            // Who sees what is audited and keeps it back leaves as plain a trace as who is found out.
+            let words = format!("of what lease {} claims, logs that were due did not come", lease.name());
+            mark(work, lease, "unproven_claim", &words).await
         }
         Some(_) => Ok(()),
         None => {
@@ -171,11 +187,11 @@ pub(in crate::training) async fn abandon(work: &mut Work, lease: &LeaseRow) -> R
 
 /// Closes audited groups that count for nothing; how many there were.
 async fn give_up(work: &mut Work, lease: &LeaseRow) -> Result<usize, TrainingError> {
-    let groups = leases::groups(&mut work.conn, lease.id).await?;
-    for group in &groups {
-        let lost = GroupRow { state: "lost".to_owned(), evidence: 0, ..group.clone() };
-        leases::update_group(&mut work.conn, lease.id, &lost, Some(work.now)).await?;
+    let mut groups = leases::groups(&mut work.conn, lease.id).await?;
+    for group in &mut groups {
+        (group.state, group.evidence) = ("lost".to_owned(), 0);
     }
+    leases::update_groups(&mut work.conn, lease.id, &groups, Some(work.now)).await?;
     Ok(groups.len())
 }
 
