@@ -45,7 +45,9 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
                 Err(error) => return Err(error),
             },
         }
-        memory.push(process::resident(server.pid())? as f64 / f64::from(1 << 20));
+        let resident = process::resident(server.pid())? as f64 / f64::from(1 << 20);
+        eprintln!("minute {minute:2}: {resident:.0} MiB");
+        memory.push(resident);
     }
     work.shutdown().await;
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;

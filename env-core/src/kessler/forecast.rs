@@ -51,29 +51,36 @@ pub(super) fn nearest(
     let upstream = physics.upstream;
     match physics.gravity {
         Gravity::Point => {
-            hold::<false>(satellites, paths);
-            arch.dispatch(Approaches::<false> { blocks, paths, upstream, found });
+            let holding = Holding::<false>::new(satellites);
+            arch.dispatch(Approaches { blocks, holding, paths, upstream, found });
         }
         Gravity::J2 => {
-            hold::<true>(satellites, paths);
-            arch.dispatch(Approaches::<true> { blocks, paths, upstream, found });
+            let holding = Holding::<true>::new(satellites);
+            arch.dispatch(Approaches { blocks, holding, paths, upstream, found });
         }
     }
 }
 
-/// Where satellites are that hold, now and after each step: all at once, since each step waits for the one before it.
-fn hold<const OBLATE: bool>(satellites: [Option<Body>; SATELLITES], paths: &mut [Places]) {
-    let nowhere = Body { x: f64::NAN, y: f64::NAN, vx: 0.0, vy: 0.0 };
-    let mut bodies = satellites.map(|body| body.unwrap_or(nowhere));
-    for places in paths {
-        for (place, body) in places.iter_mut().zip(&mut bodies) {
+/// Satellites that hold, step by step.
+struct Holding<const OBLATE: bool>([Body; SATELLITES]);
+
+impl<const OBLATE: bool> Holding<OBLATE> {
+    fn new(satellites: [Option<Body>; SATELLITES]) -> Self {
+        let nowhere = Body { x: f64::NAN, y: f64::NAN, vx: 0.0, vy: 0.0 };
+        Self(satellites.map(|body| body.unwrap_or(nowhere)))
+    }
+
+    /// Where they are, and a step further.
+    #[inline(always)]
+    fn step(&mut self) -> Places {
+        let mut places = [NOWHERE; SATELLITES];
+        for (place, body) in places.iter_mut().zip(&mut self.0) {
             *place = (single(body.x), single(body.y));
             // What falls into the Earth is nowhere from then on.
-            if body.radius_2() < EARTH_RADIUS_2 {
-                *body = nowhere;
-            }
+            body.x = if body.radius_2() < EARTH_RADIUS_2 { f64::NAN } else { body.x };
             coast::<OBLATE>(&mut body.x, &mut body.y, &mut body.vx, &mut body.vy);
         }
+        places
     }
 }
 
@@ -130,8 +137,9 @@ fn followed<S: Simd, const OBLATE: bool>(simd: S, at: [S::f32s; 4], upstream: bo
 /// A type of its own, since a closure is not compiled for the vectors that [`Arch`] finds.
 struct Approaches<'a, const OBLATE: bool> {
     blocks: &'a [Block],
-    /// Where the satellites are now, then after each step.
-    paths: &'a [Places],
+    holding: Holding<OBLATE>,
+    /// Room for where the satellites are now, then after each step.
+    paths: &'a mut [Places],
     upstream: bool,
     found: &'a mut [Nearest; SATELLITES],
 }
@@ -141,7 +149,7 @@ impl<const OBLATE: bool> WithSimd for Approaches<'_, OBLATE> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { blocks, paths, upstream, found } = self;
+        let Self { blocks, mut holding, paths, upstream, found } = self;
         for (number, pair) in blocks.chunks(2).enumerate() {
             let columns = columns(pair);
             // A machine's vectors may be a part of it.
@@ -153,7 +161,15 @@ impl<const OBLATE: bool> WithSimd for Approaches<'_, OBLATE> {
                     S::as_simd_f32s(vx).0[lane],
                     S::as_simd_f32s(vy).0[lane],
                 ];
-                let nearest = approach::<S, OBLATE>(simd, at, paths, upstream);
+                // The satellites' paths are found beside the first approaches: in both each step waits for the one before it.
+                let nearest = if number == 0 && lane == 0 {
+                    approach::<S, OBLATE>(simd, (at, upstream), paths.iter_mut().map(|places| {
+                        *places = holding.step();
+                        *places
+                    }))
+                } else {
+                    approach::<S, OBLATE>(simd, (at, upstream), paths.iter().copied())
+                };
                 let from = number * WIDE + lane * S::F32_LANES;
                 for s in 0..SATELLITES {
                     let Fraction { above, below, along, end } = nearest[s];
@@ -181,20 +197,20 @@ struct Fraction<S: Simd> {
 #[inline(always)]
 fn approach<S: Simd, const OBLATE: bool>(
     simd: S,
-    mut at: [S::f32s; 4],
-    paths: &[Places],
-    upstream: bool,
+    (mut at, upstream): ([S::f32s; 4], bool),
+    mut paths: impl Iterator<Item = Places>,
 ) -> [Fraction<S>; SATELLITES] {
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
     let far = simd.splat_f32s(f32::INFINITY);
     let mut nearest = [Fraction { above: far, below: one, along: zero, end: zero }; SATELLITES];
     let mut before = [(zero, zero); SATELLITES];
+    let now = paths.next().unwrap_or([NOWHERE; SATELLITES]);
     for s in 0..SATELLITES {
-        before[s] = seen(simd, paths[0][s], at);
+        before[s] = seen(simd, now[s], at);
         nearest[s].above = dot(simd, before[s], before[s]);
     }
     let mut end = zero;
-    for places in &paths[1..] {
+    for places in paths {
         at = followed::<S, OBLATE>(simd, at, upstream);
         end = simd.add_f32s(end, one);
         for s in 0..SATELLITES {

@@ -224,10 +224,12 @@ impl Leased {
             return Err(TrainingError::invalid("lease_id", why));
         }
         let reported: BTreeSet<i64> = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
-        let mut loader = Loader::default();
+        let rows = leases::groups(&mut conn, row.id).await?;
+        let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
+        let scenarios = Loader::default().all(&mut conn, &ids).await?;
         let mut groups = Vec::new();
-        for group in leases::groups(&mut conn, row.id).await? {
-            let scenario = loader.get(&mut conn, &group.scenario).await?;
+        for group in rows {
+            let scenario = scenarios.get(&group.scenario)?.clone();
             let first = group.number * row.group_size;
             let free = (first..first + row.group_size).filter(|index| !reported.contains(index)).collect();
             groups.push(Group { number: group.number, scenario, name: None, free });

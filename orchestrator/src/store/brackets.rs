@@ -1,10 +1,12 @@
 //! Brackets, keyed by scenario and planner version.
 
+use std::collections::HashMap;
+
 use env_core::{ActionLog, Bracket, Flown};
 use serde::{Deserialize, Serialize};
-use sqlx::{SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, from_json, to_json};
+use super::{StoreError, from_json, hex_list, to_json};
 
 /// How a plan or an episode fared, as stored and sent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -44,6 +46,38 @@ struct Body {
     reference: StoredFlown,
 }
 
+/// Rows of a statement.
+const ROWS: usize = 32;
+
+/// Stores brackets of scenarios, once each.
+///
+/// # Errors
+/// The database's.
+pub async fn insert_all(
+    conn: &mut SqliteConnection,
+    brackets: &[(&[u8], &Bracket)],
+) -> Result<(), StoreError> {
+    let body = |bracket: &Bracket| {
+        to_json(&Body {
+            floor: bracket.floor,
+            panel: bracket.panel.iter().map(|f| (*f).into()).collect(),
+            reference: bracket.reference.into(),
+        })
+    };
+    for rows in brackets.chunks(ROWS) {
+        let rows = rows.iter().map(|(scenario, bracket)| Ok((*scenario, bracket, body(bracket)?)));
+        let rows = rows.collect::<Result<Vec<_>, StoreError>>()?;
+        let mut statement = QueryBuilder::new("INSERT INTO brackets (scenario, planner, body, witness) ");
+        statement.push_values(&rows, |mut values, (scenario, bracket, body)| {
+            values.push_bind(*scenario).push_bind(i64::from(bracket.planner)).push_bind(body);
+            values.push_bind(bracket.witness.encode());
+        });
+        let statement = statement.push(" ON CONFLICT (scenario, planner) DO NOTHING").build();
+        statement.execute(&mut *conn).await?;
+    }
+    Ok(())
+}
+
 /// Stores a bracket, once.
 ///
 /// # Errors
@@ -53,24 +87,7 @@ pub async fn insert(
     scenario: &[u8],
     bracket: &Bracket,
 ) -> Result<(), StoreError> {
-    let body = to_json(&Body {
-        floor: bracket.floor,
-        panel: bracket.panel.iter().map(|f| (*f).into()).collect(),
-        reference: bracket.reference.into(),
-    })?;
-    let witness = bracket.witness.encode();
-    let planner = i64::from(bracket.planner);
-    query!(
-        "INSERT INTO brackets (scenario, planner, body, witness) VALUES (?, ?, ?, ?)
-         ON CONFLICT (scenario, planner) DO NOTHING",
-        scenario,
-        planner,
-        body,
-        witness
-    )
-    .execute(conn)
-    .await?;
-    Ok(())
+    insert_all(conn, &[(scenario, bracket)]).await
 }
 
 /// The newest bracket of a scenario.
@@ -78,19 +95,35 @@ pub async fn insert(
 /// # Errors
 /// The database's, or a bracket that cannot be read.
 pub async fn newest(conn: &mut SqliteConnection, scenario: &[u8]) -> Result<Option<Bracket>, StoreError> {
-    let row = query!(
-        "SELECT planner, body, witness FROM brackets WHERE scenario = ? ORDER BY planner DESC LIMIT 1",
-        scenario
+    Ok(newest_of(conn, &[scenario]).await?.remove(scenario))
+}
+
+/// The newest brackets of scenarios, by their ids, in one statement however many they are.
+///
+/// # Errors
+/// The database's, or a bracket that cannot be read.
+pub async fn newest_of<T: AsRef<[u8]>>(
+    conn: &mut SqliteConnection,
+    scenarios: &[T],
+) -> Result<HashMap<Vec<u8>, Bracket>, StoreError> {
+    let scenarios = hex_list(scenarios)?;
+    let rows = query!(
+        "SELECT scenario, planner, body, witness FROM brackets
+         WHERE scenario IN (SELECT unhex(value) FROM json_each(?)) ORDER BY scenario, planner",
+        scenarios
     )
-    .fetch_optional(conn)
+    .fetch_all(conn)
     .await?;
-    let Some(row) = row else { return Ok(None) };
-    let body: Body = from_json("a bracket", &row.body)?;
-    Ok(Some(Bracket {
-        planner: super::small(row.planner),
-        panel: body.panel.into_iter().map(Into::into).collect(),
-        floor: body.floor,
-        reference: body.reference.into(),
-        witness: ActionLog::decode(&row.witness)?,
-    }))
+    let read = rows.into_iter().map(|row| {
+        let body: Body = from_json("a bracket", &row.body)?;
+        let bracket = Bracket {
+            planner: super::small(row.planner),
+            panel: body.panel.into_iter().map(Into::into).collect(),
+            floor: body.floor,
+            reference: body.reference.into(),
+            witness: ActionLog::decode(&row.witness)?,
+        };
+        Ok((row.scenario, bracket))
+    });
+    read.collect() // of each scenario the last one stays: the newest
 }

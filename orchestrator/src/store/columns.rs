@@ -1,8 +1,10 @@
 //! Leases whose episodes are ranges of seeds, and what is claimed of them.
 
-use sqlx::{SqliteConnection, query};
+use std::collections::BTreeMap;
 
-use super::StoreError;
+use sqlx::{QueryBuilder, SqliteConnection, query};
+
+use super::{StoreError, to_json};
 use crate::clock::Millis;
 
 /// Groups of a lease that share a recipe, as stored.
@@ -190,18 +192,25 @@ pub async fn settle(
     Ok(())
 }
 
-/// Remembers the score claimed of an audited episode.
+/// Rows of a statement.
+const ROWS: usize = 64;
+
+/// Remembers the scores claimed of audited episodes, by their indices.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert_score(
+pub async fn insert_scores(
     conn: &mut SqliteConnection,
-    (lease, number): (i64, i64),
-    score: f64,
+    lease: i64,
+    scores: &[(i64, f64)],
 ) -> Result<(), StoreError> {
-    query!("INSERT INTO audited_scores (lease, number, score) VALUES (?, ?, ?)", lease, number, score)
-        .execute(conn)
-        .await?;
+    for rows in scores.chunks(ROWS) {
+        let mut statement = QueryBuilder::new("INSERT INTO audited_scores (lease, number, score) ");
+        statement.push_values(rows, |mut values, (number, score)| {
+            values.push_bind(lease).push_bind(number).push_bind(score);
+        });
+        statement.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }
 
@@ -215,17 +224,23 @@ pub async fn audited(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<i64>
         .await?)
 }
 
-/// The score claimed of an audited episode.
+/// The scores claimed of audited episodes, by lease and index; none of those that were claimed as failed.
 ///
 /// # Errors
 /// The database's.
-pub async fn score(
+pub async fn scores(
     conn: &mut SqliteConnection,
-    (lease, number): (i64, i64),
-) -> Result<Option<f64>, StoreError> {
-    Ok(sqlx::query_scalar!("SELECT score FROM audited_scores WHERE lease = ? AND number = ?", lease, number)
-        .fetch_optional(conn)
-        .await?)
+    places: &[(i64, i64)],
+) -> Result<BTreeMap<(i64, i64), f64>, StoreError> {
+    let places = to_json(&places)?;
+    let rows = query!(
+        r#"SELECT s.lease AS "lease!", s.number AS "number!", s.score AS "score!: f64" FROM json_each(?) AS place
+           CROSS JOIN audited_scores s ON s.lease = place.value ->> 0 AND s.number = place.value ->> 1"#,
+        places
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| ((row.lease, row.number), row.score)).collect())
 }
 
 /// Plain sums over what was claimed.

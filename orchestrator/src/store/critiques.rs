@@ -1,6 +1,8 @@
 //! Episodes that wait for their critique, and what a failure profile rests on.
 
-use sqlx::{SqliteConnection, query};
+use std::collections::BTreeSet;
+
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::{StoreError, from_json, to_json};
 
@@ -57,29 +59,28 @@ pub struct CritiqueSums {
     pub verdicts: [Fading<i64>; 4],
 }
 
-/// Lets episodes wait.
+/// Episodes of one lease and task that are to wait: task, lease, their indices in the lease.
+pub type Waits<'a> = (&'a str, i64, &'a [i64]);
+
+/// Rows of a statement.
+const ROWS: usize = 16;
+
+/// Lets episodes of a run wait.
 ///
 /// # Errors
 /// The database's.
-pub async fn enqueue(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    lease: i64,
-    numbers: &[i64],
-) -> Result<(), StoreError> {
-    let episodes = numbers.len() as i64;
-    let numbers = to_json(&numbers)?;
-    query!(
-        "INSERT INTO critique_queue (run, task, lease, numbers, episodes) VALUES (?, ?, ?, ?, ?)",
-        run,
-        task,
-        lease,
-        numbers,
-        episodes
-    )
-    .execute(conn)
-    .await?;
+pub async fn enqueue(conn: &mut SqliteConnection, run: &str, jobs: &[Waits<'_>]) -> Result<(), StoreError> {
+    let jobs =
+        jobs.iter().map(|(task, lease, numbers)| Ok((task, lease, to_json(numbers)?, numbers.len() as i64)));
+    let jobs = jobs.collect::<Result<Vec<_>, StoreError>>()?;
+    for rows in jobs.chunks(ROWS) {
+        let mut statement =
+            QueryBuilder::new("INSERT INTO critique_queue (run, task, lease, numbers, episodes) ");
+        statement.push_values(rows, |mut values, (task, lease, numbers, episodes)| {
+            values.push_bind(run).push_bind(*task).push_bind(*lease).push_bind(numbers).push_bind(episodes);
+        });
+        statement.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }
 
@@ -98,13 +99,19 @@ pub async fn jobs(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<Job>, S
     .await?)
 }
 
-/// Takes a job off the queue; false if it was done before.
+/// Takes jobs off the queue; those that were on it.
 ///
 /// # Errors
 /// The database's.
-pub async fn take(conn: &mut SqliteConnection, id: i64) -> Result<bool, StoreError> {
-    let done = query!("DELETE FROM critique_queue WHERE id = ?", id).execute(conn).await?;
-    Ok(done.rows_affected() == 1)
+pub async fn take(conn: &mut SqliteConnection, ids: &[i64]) -> Result<BTreeSet<i64>, StoreError> {
+    let ids = to_json(&ids)?;
+    let taken = sqlx::query_scalar!(
+        "DELETE FROM critique_queue WHERE id IN (SELECT value FROM json_each(?)) RETURNING id",
+        ids
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(taken.into_iter().collect())
 }
 
 /// How many episodes wait, by run.

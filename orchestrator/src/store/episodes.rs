@@ -1,6 +1,6 @@
 //! Reported episodes and their action logs.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
@@ -43,7 +43,7 @@ pub struct EpisodeRow {
 }
 
 /// Rows of a statement: each statement is a turn of two threads, which costs more than a row.
-const ROWS: usize = 25;
+const ROWS: usize = 50;
 
 /// Stores episodes, those that were flown with their action logs.
 ///
@@ -65,15 +65,14 @@ pub async fn insert(
             values.push_bind(row.policy_version).push_bind(&row.reason).push_bind(&row.metrics);
             values.push_bind(row.at);
         });
-        statement.build().execute(&mut *conn).await?;
         let flown: Vec<_> = rows.iter().filter(|(_, log)| log.is_some()).collect();
         if !flown.is_empty() {
-            let mut statement = QueryBuilder::new("INSERT INTO action_logs (lease, number, body) ");
+            statement.push("; INSERT INTO action_logs (lease, number, body) ");
             statement.push_values(flown, |mut values, (row, log)| {
                 values.push_bind(row.lease).push_bind(row.number).push_bind(log);
             });
-            statement.build().execute(&mut *conn).await?;
         }
+        statement.build().execute(&mut *conn).await?;
     }
     Ok(())
 }
@@ -156,6 +155,25 @@ pub async fn log(
     Ok(sqlx::query_scalar!("SELECT body FROM action_logs WHERE lease = ? AND number = ?", lease, number)
         .fetch_optional(conn)
         .await?)
+}
+
+/// Action logs by lease and index, in one statement however many they are.
+///
+/// # Errors
+/// The database's.
+pub async fn logs(
+    conn: &mut SqliteConnection,
+    places: &[(i64, i64)],
+) -> Result<HashMap<(i64, i64), Vec<u8>>, StoreError> {
+    let places = to_json(&places)?;
+    let rows = query!(
+        r#"SELECT a.lease AS "lease!", a.number AS "number!", a.body AS "body!" FROM json_each(?) AS place
+           CROSS JOIN action_logs a ON a.lease = place.value ->> 0 AND a.number = place.value ->> 1"#,
+        places
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| ((row.lease, row.number), row.body)).collect())
 }
 
 /// A reported episode in a list.
@@ -262,30 +280,4 @@ pub async fn of_group(
         policy_version: r.policy_version,
     });
     Ok(fared.collect())
-}
-
-/// Means over the finished episodes of groups, by their numbers: score, and skill where defined. None of a group of which
-/// nothing finished.
-///
-/// # Errors
-/// The database's.
-pub async fn group_means(
-    conn: &mut SqliteConnection,
-    (lease, group_size): (i64, i64),
-    groups: &[i64],
-) -> Result<BTreeMap<i64, (f64, Option<f64>)>, StoreError> {
-    let groups = to_json(&groups)?;
-    let rows = query!(
-        r#"SELECT wanted.value + 0 AS "number!: i64", avg(e.score) AS "score!: f64", avg(e.skill) AS "skill?: f64"
-           FROM json_each(?) AS wanted CROSS JOIN episodes e
-           ON e.lease = ? AND e.number >= wanted.value * ? AND e.number < (wanted.value + 1) * ?
-           WHERE e.state = 'finished' GROUP BY wanted.value"#,
-        groups,
-        lease,
-        group_size,
-        group_size
-    )
-    .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|row| (row.number, (row.score, row.skill))).collect())
 }

@@ -1,5 +1,7 @@
 //! The failure profile: cells of (mode, bearing sector, speed band), and the newest failures of each.
 
+use std::collections::BTreeMap;
+
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::StoreError;
@@ -74,60 +76,60 @@ pub struct Example {
     pub avoidable: Option<bool>,
 }
 
-/// Writes a cell; its number.
+/// Rows of a statement.
+const ROWS: usize = 32;
+
+/// Writes cells; their numbers.
 ///
 /// # Errors
 /// The database's.
-pub async fn put_cell(
+pub async fn put_cells(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    key: &CellKey,
-    sums: &CellSums,
-) -> Result<i64, StoreError> {
-    let (sector, band) = key.columns();
-    Ok(sqlx::query_scalar!(
-        r#"INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left, weight,
-                                        as_of, last_at)
-           VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
-           ON CONFLICT (run, task, mode, sector, band) DO UPDATE SET
-               count = excluded.count, avoidable = excluded.avoidable, unavoidable = excluded.unavoidable,
-               steps_left = excluded.steps_left, weight = excluded.weight, as_of = excluded.as_of,
-               last_at = excluded.last_at
-           RETURNING cell AS "cell!""#,
-        run,
-        task,
-        key.mode,
-        sector,
-        band,
-        sums.count,
-        sums.avoidable,
-        sums.unavoidable,
-        sums.steps_left,
-        sums.weight,
-        sums.as_of,
-        sums.last_at
-    )
-    .fetch_one(conn)
-    .await?)
+    cells: &[(&CellKey, &CellSums)],
+) -> Result<BTreeMap<CellKey, i64>, StoreError> {
+    let mut numbers = BTreeMap::new();
+    for rows in cells.chunks(ROWS) {
+        let mut statement = QueryBuilder::new(
+            "INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left,
+                                          weight, as_of, last_at) ",
+        );
+        statement.push_values(rows, |mut values, (key, sums)| {
+            let (sector, band) = key.columns();
+            values.push_bind(run).push_bind(task).push_bind(&key.mode).push_bind(sector).push_bind(band);
+            values.push_bind(sums.count).push_bind(sums.avoidable).push_bind(sums.unavoidable);
+            values.push_bind(sums.steps_left).push_bind(sums.weight).push_bind(sums.as_of);
+            values.push_bind(sums.last_at);
+        });
+        statement.push(
+            " ON CONFLICT (run, task, mode, sector, band) DO UPDATE SET
+                 count = excluded.count, avoidable = excluded.avoidable, unavoidable = excluded.unavoidable,
+                 steps_left = excluded.steps_left, weight = excluded.weight, as_of = excluded.as_of,
+                 last_at = excluded.last_at
+             RETURNING mode, sector, band, cell",
+        );
+        for (mode, sector, band, cell) in statement.build_query_as().fetch_all(&mut *conn).await? {
+            numbers.insert(CellKey::of(mode, sector, band), cell);
+        }
+    }
+    Ok(numbers)
 }
 
-/// Writes examples of a cell, each over the one that is a ring older.
+/// Writes examples of cells, each over the one of its cell that is a ring older.
 ///
 /// # Errors
 /// The database's.
 pub async fn put_examples(
     conn: &mut SqliteConnection,
-    cell: i64,
-    examples: &[Example],
+    examples: &[(i64, &Example)],
 ) -> Result<(), StoreError> {
-    // One statement: it is a turn of two threads, which costs more than a row.
-    for examples in examples.chunks(RING as usize) {
+    for rows in examples.chunks(ROWS) {
         let mut statement = QueryBuilder::new(
             "INSERT OR REPLACE INTO failure_examples (cell, slot, nth, place, lease, number, agent, step, bearing_deg,
                  relative_speed, steps_left, avoidable) ",
         );
-        statement.push_values(examples, |mut values, x| {
+        statement.push_values(rows, |mut values, (cell, x)| {
             values.push_bind(cell).push_bind(x.nth % RING).push_bind(x.nth).push_bind(x.place);
             values.push_bind(x.lease).push_bind(x.number).push_bind(x.agent).push_bind(x.step);
             values.push_bind(x.bearing_deg).push_bind(x.relative_speed).push_bind(x.steps_left);

@@ -1,6 +1,6 @@
 //! Leases and their groups.
 
-use sqlx::{SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::{StoreError, to_json};
 use crate::clock::Millis;
@@ -133,30 +133,34 @@ pub async fn insert(conn: &mut SqliteConnection, row: &LeaseRow) -> Result<i64, 
     .await?)
 }
 
-/// Adds a group to a lease.
+/// Rows of a statement.
+const ROWS: usize = 32;
+
+/// Adds groups to a lease.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert_group(conn: &mut SqliteConnection, lease: i64, row: &GroupRow) -> Result<(), StoreError> {
-    query!(
-        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
-                             evidence)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        lease,
-        row.number,
-        row.proposal,
-        row.layout,
-        row.scenario,
-        row.task,
-        row.level,
-        row.role,
-        row.contested,
-        row.state,
-        row.failed,
-        row.evidence
-    )
-    .execute(conn)
-    .await?;
+pub async fn insert_groups(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    groups: &[GroupRow],
+) -> Result<(), StoreError> {
+    for rows in groups.chunks(ROWS) {
+        let mut statement = QueryBuilder::new(
+            "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
+                                 evidence) ",
+        );
+        statement.push_values(rows, |mut values, row| {
+            values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
+            values.push_bind(&row.scenario).push_bind(&row.task).push_bind(row.level).push_bind(&row.role);
+            values
+                .push_bind(row.contested)
+                .push_bind(&row.state)
+                .push_bind(row.failed)
+                .push_bind(row.evidence);
+        });
+        statement.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }
 
@@ -288,7 +292,7 @@ pub async fn groups_of(
     .await?)
 }
 
-/// Writes counts and states of groups.
+/// Writes counts and states of groups; those that are not open were closed at this time.
 ///
 /// # Errors
 /// The database's.
@@ -296,20 +300,27 @@ pub async fn update_groups(
     conn: &mut SqliteConnection,
     lease: i64,
     rows: &[GroupRow],
-    closed_at: Option<Millis>,
+    now: Millis,
 ) -> Result<(), StoreError> {
     if rows.is_empty() {
         return Ok(());
     }
     let values = |row: &GroupRow| {
-        serde_json::json!([row.number, row.state, row.finished, row.failed, row.successes, row.evidence])
+        let closed_at = (row.state != "open").then_some(now);
+        let GroupRow { number, state, finished, failed, successes, evidence, .. } = row;
+        serde_json::json!([number, state, finished, failed, successes, evidence, closed_at])
     };
     let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;
     query!(
-        "UPDATE groups SET state = row.value ->> 1, finished = row.value ->> 2, failed = row.value ->> 3,
-             successes = row.value ->> 4, evidence = row.value ->> 5, closed_at = ?
-         FROM json_each(?) AS row WHERE groups.lease = ? AND groups.number = row.value ->> 0",
-        closed_at,
+        "WITH rows AS MATERIALIZED (
+             SELECT value ->> 0 AS number, value ->> 1 AS state, value ->> 2 AS finished, value ->> 3 AS failed,
+                    value ->> 4 AS successes, value ->> 5 AS evidence, value ->> 6 AS closed_at
+             FROM json_each(?))
+         UPDATE groups SET state = rows.state, finished = rows.finished, failed = rows.failed,
+                           successes = rows.successes, evidence = rows.evidence,
+                           closed_at = rows.closed_at
+         FROM rows WHERE groups.lease = ? AND groups.number = rows.number
+                         AND groups.number IN (SELECT number FROM rows)",
         rows,
         lease
     )
@@ -333,17 +344,60 @@ pub async fn set_contested(
     Ok(())
 }
 
-/// How many groups of a lease are still open.
+/// What a group that ends is judged by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Closing {
+    /// Its number in the lease.
+    pub number: i64,
+    /// Its proposal as JSON, where it serves one.
+    pub body: Option<String>,
+    /// The mean score of what finished.
+    pub score: Option<f64>,
+    /// The mean skill of what finished and has one.
+    pub skill: Option<f64>,
+}
+
+/// What groups of a lease that end are judged by.
 ///
 /// # Errors
 /// The database's.
-pub async fn open_groups(conn: &mut SqliteConnection, lease: i64) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM groups WHERE lease = ? AND state = 'open'"#,
-        lease
+pub async fn closing(
+    conn: &mut SqliteConnection,
+    lease: &LeaseRow,
+    groups: &[i64],
+) -> Result<Vec<Closing>, StoreError> {
+    let groups = to_json(&groups)?;
+    Ok(sqlx::query_as!(
+        Closing,
+        r#"SELECT wanted.value + 0 AS "number!: i64", p.body AS "body?: String", avg(e.score) AS "score?: f64",
+                  avg(e.skill) AS "skill?: f64"
+           FROM json_each(?1) AS wanted CROSS JOIN groups g ON g.lease = ?2 AND g.number = wanted.value
+           LEFT JOIN proposals p ON p.run = ?3 AND p.seq = g.proposal
+           LEFT JOIN episodes e ON e.lease = ?2 AND e.number >= wanted.value * ?4
+                                   AND e.number < (wanted.value + 1) * ?4 AND e.state = 'finished'
+           GROUP BY wanted.value"#,
+        groups,
+        lease.id,
+        lease.run,
+        lease.group_size
     )
-    .fetch_one(conn)
+    .fetch_all(conn)
     .await?)
+}
+
+/// Ends an active lease of which no group is open any more; whether there was something to end.
+///
+/// # Errors
+/// The database's.
+pub async fn end_if_done(conn: &mut SqliteConnection, id: i64) -> Result<bool, StoreError> {
+    let done = query!(
+        "UPDATE leases SET status = 'done' WHERE id = ?1 AND status = 'active'
+         AND NOT EXISTS (SELECT 1 FROM groups WHERE lease = ?1 AND state = 'open')",
+        id
+    )
+    .execute(conn)
+    .await?;
+    Ok(done.rows_affected() == 1)
 }
 
 /// How many leases of a run are active.
@@ -352,7 +406,7 @@ pub async fn open_groups(conn: &mut SqliteConnection, lease: i64) -> Result<i64,
 /// The database's.
 pub async fn active(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM leases WHERE run = ? AND status = 'active'"#,
+        r#"SELECT count(*) AS "n!: i64" FROM leases INDEXED BY leases_active WHERE run = ? AND status = 'active'"#,
         run
     )
     .fetch_one(conn)

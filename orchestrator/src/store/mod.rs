@@ -46,6 +46,14 @@ pub enum StoreError {
 }
 
 impl StoreError {
+    /// As the database's own failure.
+    pub(crate) fn into_sqlx(self) -> sqlx::Error {
+        match self {
+            Self::Database(error) => error,
+            unreadable => sqlx::Error::Encode(Box::new(unreadable)),
+        }
+    }
+
     pub(crate) fn unreadable(what: &'static str, reason: impl std::fmt::Display) -> Self {
         Self::Unreadable { what, reason: format!("{reason}") }
     }
@@ -72,6 +80,13 @@ pub(crate) fn from_json<T: serde::de::DeserializeOwned>(
     text: &str,
 ) -> Result<T, StoreError> {
     serde_json::from_str(text).map_err(|error| StoreError::unreadable(what, error))
+}
+
+/// Ids for a statement: a JSON list, to be read with `unhex(value)` from `json_each`. One statement for many rows: each
+/// is a turn of two threads, which costs more than a row.
+pub(crate) fn hex_list<T: AsRef<[u8]>>(ids: &[T]) -> Result<String, StoreError> {
+    let hex = |id: &T| id.as_ref().iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    to_json(&ids.iter().map(hex).collect::<Vec<_>>())
 }
 
 /// SQLite holds signed integers; seqs and seeds are below 2⁵³.

@@ -152,6 +152,7 @@ pub async fn reader(path: &Path) -> Result<SqlitePool, OpenError> {
     let name = path.display().to_string();
     SqlitePoolOptions::new()
         .max_connections(READERS)
+        .test_before_acquire(false) // a file does not go away, and asking is a turn of two threads
         .connect_with(options(path)?.pragma("query_only", "ON").pragma("cache_size", CACHES[1]))
         .await
         .map_err(|error| explain(&name, &error))

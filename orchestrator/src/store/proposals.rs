@@ -1,10 +1,11 @@
 //! The durable queue of proposals.
 
-use std::collections::BTreeMap;
-
-use sqlx::{SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::{StoreError, to_json};
+
+/// Statements that go together.
+const ROWS: usize = 16;
 
 /// A proposal that waits for its scenario.
 #[derive(Debug, Clone)]
@@ -32,14 +33,24 @@ pub struct Queued {
     pub contested: Option<i64>,
 }
 
-/// Queues a proposal.
+/// Queues proposals: seq and JSON.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, run: &str, seq: i64, body: &str) -> Result<(), StoreError> {
-    query!("INSERT INTO proposals (run, seq, state, body) VALUES (?, ?, 'proposed', ?)", run, seq, body)
-        .execute(conn)
-        .await?;
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    run: &str,
+    proposals: &[(i64, String)],
+) -> Result<(), StoreError> {
+    let proposals = to_json(&proposals)?;
+    query!(
+        "INSERT INTO proposals (run, seq, state, body)
+         SELECT ?, value ->> 0, 'proposed', value ->> 1 FROM json_each(?)",
+        run,
+        proposals
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }
 
@@ -60,53 +71,62 @@ pub async fn unprepared(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<W
     .await?)
 }
 
-/// Gives a proposal its scenario; nothing happens to one that was dropped meanwhile.
+/// What was prepared for a proposal.
+#[derive(Debug, Clone, Copy)]
+pub struct PreparedRow<'a> {
+    /// Its run.
+    pub run: &'a str,
+    /// Its seq.
+    pub seq: i64,
+    /// The scenario.
+    pub scenario: [u8; 32],
+    /// Whether that is contested.
+    pub contested: bool,
+    /// Whether that was planted.
+    pub planted: bool,
+}
+
+/// Gives proposals their scenarios; nothing happens to one that was dropped meanwhile.
 ///
 /// # Errors
 /// The database's.
-pub async fn prepared(
-    conn: &mut SqliteConnection,
-    run: &str,
-    seq: i64,
-    scenario: &[u8],
-    contested: bool,
-    planted: bool,
-) -> Result<(), StoreError> {
-    query!(
-        "UPDATE proposals SET state = 'prepared', scenario = ?, contested = ?, planted = ?
-         WHERE run = ? AND seq = ? AND state = 'proposed'",
-        scenario,
-        contested,
-        planted,
-        run,
-        seq
-    )
-    .execute(conn)
-    .await?;
+pub async fn prepared(conn: &mut SqliteConnection, rows: &[PreparedRow<'_>]) -> Result<(), StoreError> {
+    for rows in rows.chunks(ROWS) {
+        let mut statements = QueryBuilder::new("");
+        for row in rows {
+            statements.push("UPDATE proposals SET state = 'prepared', scenario = ");
+            statements.push_bind(row.scenario.to_vec()).push(", contested = ").push_bind(row.contested);
+            statements.push(", planted = ").push_bind(row.planted).push(" WHERE run = ").push_bind(row.run);
+            statements.push(" AND seq = ").push_bind(row.seq).push(" AND state = 'proposed'; ");
+        }
+        statements.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }
 
-/// How many proposals wait, prepared or not.
+/// How many proposals wait, prepared or not. By the index of those: left to itself SQLite goes through all that the run ever
+/// proposed.
 ///
 /// # Errors
 /// The database's.
 pub async fn waiting(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM proposals WHERE run = ? AND state IN ('proposed', 'prepared')"#,
+        r#"SELECT count(*) AS "n!: i64" FROM proposals INDEXED BY proposals_waiting
+           WHERE run = ? AND state IN ('proposed', 'prepared')"#,
         run
     )
     .fetch_one(conn)
     .await?)
 }
 
-/// The head of the queue, in order.
+/// The head of the queue, in order; by that index too.
 ///
 /// # Errors
 /// The database's.
 pub async fn head(conn: &mut SqliteConnection, run: &str, limit: i64) -> Result<Vec<Queued>, StoreError> {
     Ok(sqlx::query_as!(
         Queued,
-        "SELECT seq, body, scenario, contested FROM proposals
+        "SELECT seq, body, scenario, contested FROM proposals INDEXED BY proposals_waiting
          WHERE run = ? AND state IN ('proposed', 'prepared') ORDER BY seq LIMIT ?",
         run,
         limit
@@ -115,15 +135,17 @@ pub async fn head(conn: &mut SqliteConnection, run: &str, limit: i64) -> Result<
     .await?)
 }
 
-/// Marks a proposal as leased.
+/// Marks proposals as leased.
 ///
 /// # Errors
 /// The database's.
-pub async fn leased(conn: &mut SqliteConnection, run: &str, seq: i64) -> Result<(), StoreError> {
+pub async fn leased(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
+    let seqs = to_json(&seqs)?;
     query!(
-        "UPDATE proposals SET state = 'leased', attempts = attempts + 1 WHERE run = ? AND seq = ?",
+        "UPDATE proposals SET state = 'leased', attempts = attempts + 1
+         WHERE run = ? AND seq IN (SELECT value FROM json_each(?))",
         run,
-        seq
+        seqs
     )
     .execute(conn)
     .await?;
@@ -151,33 +173,18 @@ pub async fn offer_again(
     Ok(done.rows_affected() == 1)
 }
 
-/// Drops a proposal that nobody wants any more.
+/// Drops proposals that nobody wants any more.
 ///
 /// # Errors
 /// The database's.
-pub async fn discard(conn: &mut SqliteConnection, run: &str, seq: i64) -> Result<(), StoreError> {
-    query!("UPDATE proposals SET state = 'dropped' WHERE run = ? AND seq = ?", run, seq)
-        .execute(conn)
-        .await?;
-    Ok(())
-}
-
-/// Proposals' JSON, by their seqs.
-///
-/// # Errors
-/// The database's.
-pub async fn bodies(
-    conn: &mut SqliteConnection,
-    run: &str,
-    seqs: &[i64],
-) -> Result<BTreeMap<i64, String>, StoreError> {
+pub async fn discard(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
     let seqs = to_json(&seqs)?;
-    let rows = query!(
-        "SELECT seq, body FROM proposals WHERE run = ? AND seq IN (SELECT value FROM json_each(?))",
+    query!(
+        "UPDATE proposals SET state = 'dropped' WHERE run = ? AND seq IN (SELECT value FROM json_each(?))",
         run,
         seqs
     )
-    .fetch_all(conn)
+    .execute(conn)
     .await?;
-    Ok(rows.into_iter().map(|row| (row.seq, row.body)).collect())
+    Ok(())
 }

@@ -1,6 +1,8 @@
 //! Plain sums over all episodes, per run, task and level; those of designed groups apart.
 
-use sqlx::{SqliteConnection, query};
+use std::collections::BTreeMap;
+
+use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::StoreError;
 use super::leases::GroupRow;
@@ -56,33 +58,45 @@ impl Key {
     }
 }
 
-/// Adds to sums.
+/// Rows of a statement.
+const ROWS: usize = 16;
+
+/// Adds to sums, many at a time.
 ///
 /// # Errors
 /// The database's.
-pub async fn add(conn: &mut SqliteConnection, run: &str, key: &Key, sums: &Sums) -> Result<(), StoreError> {
-    let level = key.level.unwrap_or(-1);
-    query!(
-        "INSERT INTO task_sums (run, task, level, designed, episodes, successes, failed, expired, score, skilled, skill)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
-         ON CONFLICT (run, task, level, designed) DO UPDATE SET
+pub async fn add(
+    conn: &mut SqliteConnection,
+    run: &str,
+    all: &BTreeMap<Key, Sums>,
+) -> Result<(), StoreError> {
+    let all: Vec<_> = all.iter().collect();
+    for rows in all.chunks(ROWS) {
+        let mut statement = QueryBuilder::new(
+            "INSERT INTO task_sums (run, task, level, designed, episodes, successes, failed, expired, score, skilled,
+                                    skill) ",
+        );
+        statement.push_values(rows, |mut values, (key, sums)| {
+            values
+                .push_bind(run)
+                .push_bind(&key.task)
+                .push_bind(key.level.unwrap_or(-1))
+                .push_bind(key.designed);
+            values.push_bind(sums.episodes).push_bind(sums.successes).push_bind(sums.failed);
+            values
+                .push_bind(sums.expired)
+                .push_bind(sums.score)
+                .push_bind(sums.skilled)
+                .push_bind(sums.skill);
+        });
+        statement.push(
+            " ON CONFLICT (run, task, level, designed) DO UPDATE SET
              episodes = episodes + excluded.episodes, successes = successes + excluded.successes,
              failed = failed + excluded.failed, expired = expired + excluded.expired,
              score = score + excluded.score, skilled = skilled + excluded.skilled, skill = skill + excluded.skill",
-        run,
-        key.task,
-        level,
-        key.designed,
-        sums.episodes,
-        sums.successes,
-        sums.failed,
-        sums.expired,
-        sums.score,
-        sums.skilled,
-        sums.skill
-    )
-    .execute(conn)
-    .await?;
+        );
+        statement.build().execute(&mut *conn).await?;
+    }
     Ok(())
 }
 

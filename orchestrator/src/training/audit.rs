@@ -1,6 +1,6 @@
 //! Replaying what trainers report: score, skill and success come from the actions, never from the client.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use env_core::bracket::{Bracket, Flown, admit, success};
 use env_core::log::Precision;
@@ -13,8 +13,8 @@ use sqlx::SqliteConnection;
 use super::TrainingError;
 use super::settings::RunSettings;
 use crate::ids::{EpisodeId, LeaseId, RunId};
-use crate::store::leases::{GroupRow, LeaseRow};
-use crate::store::{self, brackets, leases, scenarios::Loader};
+use crate::store::leases::LeaseRow;
+use crate::store::{StoreError, brackets, leases, scenarios::Loader};
 
 /// What a trainer says of one episode.
 #[derive(Debug, Clone)]
@@ -138,6 +138,10 @@ pub async fn audit(
     for claim in &claims {
         places.push(finder.place(conn, &claim.episode).await?);
     }
+    finder.load(conn).await?;
+    for place in &mut places {
+        finder.check(place);
+    }
     let mut stages = finder.stages;
     let audited = tokio::task::spawn_blocking(move || {
         let found = bracket(&mut stages);
@@ -166,16 +170,17 @@ type Place = Result<(i64, i64, i64), (&'static str, String)>;
 struct Finder<'a> {
     run: &'a RunId,
     leases: HashMap<LeaseId, Result<LeaseRow, (&'static str, String)>>,
+    /// Groups that are needed, by lease, and whether it is one of columns.
+    wanted: BTreeMap<i64, (bool, BTreeSet<i64>)>,
     stages: HashMap<(i64, i64), Stage>,
-    loader: Loader,
 }
 
 impl<'a> Finder<'a> {
     fn new(run: &'a RunId) -> Self {
-        Self { run, leases: HashMap::new(), stages: HashMap::new(), loader: Loader::default() }
+        Self { run, leases: HashMap::new(), wanted: BTreeMap::new(), stages: HashMap::new() }
     }
 
-    /// (lease, index, group) of an episode, with its stage loaded; or why there is none.
+    /// (lease, index, group) of an episode, as far as its lease tells; or why there is none.
     async fn place(&mut self, conn: &mut SqliteConnection, name: &str) -> Result<Place, TrainingError> {
         let id: EpisodeId = match name.parse() {
             Ok(id) => id,
@@ -185,24 +190,53 @@ impl<'a> Finder<'a> {
             Ok(lease) => lease,
             Err(why) => return Ok(Err(why)),
         };
-        if id.index >= lease.groups * lease.group_size {
-            let last = lease.groups * lease.group_size - 1;
+        if id.index >= lease.episodes() {
+            let last = lease.episodes() - 1;
             return Ok(Err(("unknown_episode", format!("the lease's episodes are 0 to {last}"))));
         }
         let group = id.index / lease.group_size;
-        if !self.stages.contains_key(&(lease.id, group)) {
-            let Some(row) = leases::group(conn, lease.id, group).await? else {
-                let why = if lease.is_columns() {
-                    "it is not audited: only the columns say how it went"
-                } else {
-                    "the lease has no such group"
-                };
-                return Ok(Err(("unknown_episode", why.to_owned())));
-            };
-            let stage = self.stage(conn, &row, lease.is_columns()).await?;
-            self.stages.insert((lease.id, group), stage);
-        }
+        let (_, groups) =
+            self.wanted.entry(lease.id).or_insert_with(|| (lease.is_columns(), BTreeSet::new()));
+        groups.insert(group);
         Ok(Ok((lease.id, id.index, group)))
+    }
+
+    /// Loads what the groups that are needed are flown and judged by.
+    async fn load(&mut self, conn: &mut SqliteConnection) -> Result<(), TrainingError> {
+        let mut rows = Vec::new();
+        for (lease, (columns, groups)) in &self.wanted {
+            let groups: Vec<i64> = groups.iter().copied().collect();
+            let of_lease = leases::groups_of(conn, *lease, &groups).await?;
+            rows.extend(of_lease.into_iter().map(|row| ((*lease, row.number), *columns, row.scenario)));
+        }
+        let ids: BTreeSet<&[u8]> = rows.iter().map(|(.., id)| id.as_slice()).collect();
+        let ids: Vec<_> = ids.into_iter().collect();
+        let scenarios = Loader::default().all(conn, &ids).await?;
+        let brackets = brackets::newest_of(conn, &ids).await?;
+        for (group, may_be_bare, id) in rows {
+            let scenario = scenarios.get(&id)?.clone();
+            let bracket = brackets.get(&id).cloned();
+            if bracket.is_none() && !may_be_bare {
+                let why = "there is none for a leased scenario";
+                return Err(StoreError::unreadable("a bracket", why).into());
+            }
+            self.stages.insert(group, Stage { scenario, bracket });
+        }
+        Ok(())
+    }
+
+    /// Refuses an episode whose group was not found.
+    fn check(&self, place: &mut Place) {
+        let Ok((lease, _, group)) = *place else { return };
+        if !self.stages.contains_key(&(lease, group)) {
+            let columns = self.wanted.get(&lease).is_some_and(|(columns, _)| *columns);
+            let why = if columns {
+                "it is not audited: only the columns say how it went"
+            } else {
+                "the lease has no such group"
+            };
+            *place = Err(("unknown_episode", why.to_owned()));
+        }
     }
 
     async fn lease(
@@ -222,22 +256,6 @@ impl<'a> Finder<'a> {
         };
         self.leases.insert(id.clone(), found.clone());
         Ok(found)
-    }
-
-    async fn stage(
-        &mut self,
-        conn: &mut SqliteConnection,
-        group: &GroupRow,
-        may_be_bare: bool,
-    ) -> Result<Stage, TrainingError> {
-        let scenario = self.loader.get(conn, &group.scenario).await?;
-        let bracket = brackets::newest(conn, &group.scenario).await?;
-        if bracket.is_none() && !may_be_bare {
-            return Err(
-                store::StoreError::unreadable("a bracket", "there is none for a leased scenario").into()
-            );
-        }
-        Ok(Stage { scenario, bracket })
     }
 }
 

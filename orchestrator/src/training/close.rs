@@ -1,11 +1,13 @@
 //! A group's end: what it says to the curriculum, and what becomes of its scenario.
 
+use std::collections::BTreeMap;
+
 use super::writer::Work;
 use super::{Happening, TrainingError, design, queue};
 use crate::curriculum::{GroupOutcome, Move, Proposal};
-use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::leases::{Closing, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{episodes, from_json, leases, proposals, small, unsigned};
+use crate::store::{from_json, leases, proposals, small, unsigned};
 
 /// How often a scenario is offered: one that makes every trainer fall over must not come back for ever.
 const MOST_ATTEMPTS: i64 = 3;
@@ -14,11 +16,17 @@ const MOST_ATTEMPTS: i64 = 3;
 pub(super) async fn close_groups(
     work: &mut Work,
     lease: &LeaseRow,
-    mut groups: Vec<GroupRow>,
+    groups: Vec<GroupRow>,
 ) -> Result<Vec<Move>, TrainingError> {
-    if groups.is_empty() {
-        return Ok(Vec::new());
-    }
+    update_and_close(work, lease, (Vec::new(), groups)).await
+}
+
+/// Writes groups that go on, and closes others.
+pub(super) async fn update_and_close(
+    work: &mut Work,
+    lease: &LeaseRow,
+    (mut rows, mut groups): (Vec<GroupRow>, Vec<GroupRow>),
+) -> Result<Vec<Move>, TrainingError> {
     let now = work.now;
     let (mind, conn) = work.mind(&lease.run).await?;
     let least = i64::from(mind.settings.enough(small(lease.group_size)));
@@ -30,43 +38,34 @@ pub(super) async fn close_groups(
         }
         .to_owned();
     }
-    leases::update_groups(conn, lease.id, &groups, Some(now)).await?;
+    rows.extend(groups.iter().cloned());
+    leases::update_groups(conn, lease.id, &rows, now).await?;
+    if groups.is_empty() {
+        return Ok(Vec::new());
+    }
     let numbers: Vec<i64> = groups.iter().map(|group| group.number).collect();
-    let means = episodes::group_means(conn, (lease.id, lease.group_size), &numbers).await?;
-    let proposed: Vec<i64> = groups.iter().filter_map(|group| group.proposal).collect();
-    let bodies = proposals::bodies(conn, &lease.run, &proposed).await?;
+    let closing = leases::closing(conn, lease, &numbers).await?;
+    let closing: BTreeMap<i64, Closing> = closing.into_iter().map(|c| (c.number, c)).collect();
     let mut moves = Vec::new();
     for group in &groups {
-        let body = group.proposal.and_then(|seq| bodies.get(&seq));
-        let means = means.get(&group.number).copied();
-        let closing = Closing { group, enough: group.finished >= least, body, means };
-        moves.extend(close_group(work, lease, closing).await?);
+        let Some(closing) = closing.get(&group.number) else { continue }; // cannot be: it is in the store
+        moves.extend(close_group(work, lease, (group, group.finished >= least, closing)).await?);
     }
     Ok(moves)
 }
 
-/// A group that ends.
-struct Closing<'a> {
-    group: &'a GroupRow,
-    /// Whether it counts.
-    enough: bool,
-    /// Its proposal, as JSON.
-    body: Option<&'a String>,
-    /// Means of score and skill, if anything finished.
-    means: Option<(f64, Option<f64>)>,
-}
-
+/// Closes a group; whether enough of it finished to count.
 async fn close_group(
     work: &mut Work,
     lease: &LeaseRow,
-    Closing { group, enough, body, means }: Closing<'_>,
+    (group, enough, closing): (&GroupRow, bool, &Closing),
 ) -> Result<Vec<Move>, TrainingError> {
     let expired = (lease.group_size - group.finished - group.failed).max(0);
     work.tell(&lease.run, &Happening::group(lease, group, expired))?;
     let (mind, conn) = work.mind(&lease.run).await?;
     if expired > 0 && group.counts() {
         let lost = Sums { expired, ..Sums::default() };
-        sums::add(conn, &lease.run, &sums::Key::of(group), &lost).await?;
+        sums::add(conn, &lease.run, &BTreeMap::from([(sums::Key::of(group), lost)])).await?;
     }
     let Some(seq) = group.proposal else {
         return match group.layout {
@@ -74,7 +73,7 @@ async fn close_group(
             None => Ok(Vec::new()), // an evaluation
         };
     };
-    let Some(body) = body else { return Ok(Vec::new()) };
+    let Some(body) = &closing.body else { return Ok(Vec::new()) };
     let proposal: Proposal = from_json("a proposal", body)?;
     let current = mind.curriculum.is_current(unsigned(seq), &proposal);
     let epoch = proposal.epoch;
@@ -91,8 +90,8 @@ async fn close_group(
         failed: small(group.failed),
         expired: small(expired),
         evidence: group.evidence != 0,
-        mean_score: means.map_or(0.0, |(score, _)| score),
-        mean_skill: means.and_then(|(_, skill)| skill),
+        mean_score: closing.score.unwrap_or(0.0),
+        mean_skill: closing.skill,
     };
     if !enough && current {
         proposals::offer_again(conn, &lease.run, seq, MOST_ATTEMPTS).await?;

@@ -6,106 +6,23 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::AssertUnwindSafe;
 
-use env_core::{ActionLog, Scenario};
 use rayon::prelude::*;
 use sqlx::SqliteConnection;
 
 use super::profile::{self, Note};
-use super::{Change, Happening, TrainingError, Work, sample};
+use super::{Change, Happening, TrainingError, Work};
 use crate::clock::Millis;
 use crate::store::critiques::{self, Job};
 use crate::store::failures::{self, CellKey, CellSums, Example, RING};
 use crate::store::inertial::{self, SectorRow};
-use crate::store::scenarios::Loader;
-use crate::store::{StoreError, episodes, layouts, leases};
+use crate::store::{StoreError, layouts};
+use material::Stage;
+pub use material::{Material, load};
+
+mod material;
 
 /// Episodes of a job at most.
 pub const JOB: usize = 64;
-
-/// What an episode is criticised on.
-#[derive(Debug)]
-struct Stage {
-    scenario: Scenario,
-    /// The layout of a designed group.
-    layout: Option<i64>,
-    log: ActionLog,
-}
-
-/// A job with what is needed to do it.
-#[derive(Debug)]
-pub struct Material {
-    job: Job,
-    /// What is criticised, by index in the lease.
-    chosen: Vec<(i64, Result<Stage, String>)>,
-    skipped: i64,
-}
-
-impl Material {
-    /// How many episodes are criticised.
-    #[must_use]
-    pub const fn chosen(&self) -> usize {
-        self.chosen.len()
-    }
-
-    /// Loads a job, with the share of its episodes that so many halvings leave.
-    ///
-    /// # Errors
-    /// The database's. An episode that cannot be read back fails by itself.
-    pub async fn load(
-        conn: &mut SqliteConnection,
-        loader: &mut Loader,
-        job: Job,
-        halvings: u32,
-    ) -> Result<Self, StoreError> {
-        let numbers = match job.numbers() {
-            Ok(numbers) => numbers,
-            Err(error) => {
-                let broken = (0..job.episodes).map(|_| (0, Err(error.to_string()))).collect();
-                return Ok(Self { job, chosen: broken, skipped: 0 });
-            }
-        };
-        let of_all = numbers.len();
-        let mut chosen = Vec::with_capacity(of_all);
-        let mut held: Option<(i64, Set)> = None; // siblings follow each other
-        for number in numbers.into_iter().filter(|number| sample::kept(job.lease, *number, halvings)) {
-            let group = number / job.group_size.max(1);
-            let known = held.take().filter(|(of, _)| *of == group).map(|(_, set)| set);
-            let stage = match stage(conn, loader, known, (job.lease, number, group)).await {
-                Ok(stage) => {
-                    held = Some((group, (stage.scenario.clone(), stage.layout)));
-                    Ok(stage)
-                }
-                Err(StoreError::Unreadable { what, reason }) => Err(format!("{what}: {reason}")),
-                Err(error) => return Err(error),
-            };
-            chosen.push((number, stage));
-        }
-        let skipped = (of_all - chosen.len()) as i64;
-        Ok(Self { job, chosen, skipped })
-    }
-}
-
-/// What siblings share: scenario and layout.
-type Set = (Scenario, Option<i64>);
-
-async fn stage(
-    conn: &mut SqliteConnection,
-    loader: &mut Loader,
-    known: Option<Set>,
-    (lease, number, group): (i64, i64, i64),
-) -> Result<Stage, StoreError> {
-    let (scenario, layout) = match known {
-        Some(set) => set,
-        None => {
-            let row = leases::group(conn, lease, group).await?;
-            let row = row.ok_or_else(|| StoreError::unreadable("a group", "it is gone"))?;
-            (loader.get(conn, &row.scenario).await?, row.layout)
-        }
-    };
-    let log = episodes::log(conn, lease, number).await?;
-    let log = log.ok_or_else(|| StoreError::unreadable("an action log", "it is gone"))?;
-    Ok(Stage { scenario, layout, log: ActionLog::decode(&log)? })
-}
 
 /// A job that was done.
 #[derive(Debug)]
@@ -159,10 +76,10 @@ impl Change for Enter {
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
         let mut by_task: BTreeMap<(String, String), Vec<Done>> = BTreeMap::new();
-        for done in self.0 {
-            if critiques::take(&mut work.conn, done.job.id).await? {
-                by_task.entry((done.job.run.clone(), done.job.task.clone())).or_default().push(done);
-            }
+        let ids: Vec<i64> = self.0.iter().map(|done| done.job.id).collect();
+        let taken = critiques::take(&mut work.conn, &ids).await?;
+        for done in self.0.into_iter().filter(|done| taken.contains(&done.job.id)) {
+            by_task.entry((done.job.run.clone(), done.job.task.clone())).or_default().push(done);
         }
         for ((run, task), all) in by_task {
             enter(&mut work.conn, work.now, &run, &task, &all).await?;
@@ -216,12 +133,15 @@ async fn enter(
     blame(conn, all).await?;
     critiques::put_sums(conn, run, task, &sums).await?;
     sectors.write(conn, run, task).await?;
-    for (key, Touched { sums, examples }) in &cells {
-        let cell = failures::put_cell(conn, run, task, key, sums).await?;
-        let newest = examples.len().saturating_sub(RING as usize);
-        failures::put_examples(conn, cell, &examples[newest..]).await?;
+    let sums: Vec<_> = cells.iter().map(|(key, touched)| (key, &touched.sums)).collect();
+    let numbers = failures::put_cells(conn, run, task, &sums).await?;
+    let mut newest = Vec::new();
+    for (key, Touched { examples, .. }) in &cells {
+        let Some(cell) = numbers.get(key) else { continue }; // cannot be: it was written above
+        let old = examples.len().saturating_sub(RING as usize);
+        newest.extend(examples[old..].iter().map(|example| (*cell, example)));
     }
-    Ok(())
+    failures::put_examples(conn, &newest).await
 }
 
 /// Tells layouts what went wrong on them.

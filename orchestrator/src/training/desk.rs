@@ -23,7 +23,7 @@ use crate::store::{from_json, runs};
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Results that are written at a time: leases are granted between two parts.
-const PART: usize = 25;
+const PART: usize = 50;
 
 /// Hands out leases and takes results.
 #[derive(Debug, Clone)]
@@ -114,13 +114,12 @@ impl Desk {
         let mut results = results.into_iter();
         loop {
             let part: Vec<_> = results.by_ref().take(PART).collect();
-            let last = part.len() < PART;
             let (run, found) = (run.clone(), std::mem::take(&mut found));
             let report = Report { run, policy_version, results: part, found };
             let (told, moved) = self.writer.change(report).await?;
             receipts.extend(told);
             moves.extend(moved);
-            if last {
+            if results.len() == 0 {
                 return Ok((receipts, moves));
             }
         }

@@ -5,12 +5,12 @@ use env_core::SeedSpace;
 use rayon::prelude::*;
 
 use super::lease::TakeLease;
-use super::prepare::{Hopeless, Prepared, prepare};
+use super::prepare::{Hopeless, Prepared, prepare, store_all};
 use super::{Change, Happening, TrainingError, Work, Writer};
 use crate::curriculum::{Proposal, Role};
 use crate::ids::{LeaseId, RunId};
 use crate::store::leases::{self, GroupRow, LeaseRow};
-use crate::store::{self, unsigned};
+use crate::store::unsigned;
 
 /// Groups of a lease fit this many times into the numbers of one: seeds of two leases never meet.
 const GROUPS_OF_A_LEASE: u64 = 1 << 20;
@@ -97,11 +97,11 @@ impl Change for Fill {
         if row.status != "active" {
             return Err(TrainingError::LeaseOver { lease: self.lease.to_string(), status: row.status });
         }
+        store_all(&mut work.conn, self.prepared.iter().map(|(_, prepared)| prepared)).await?;
+        let mut groups = Vec::new();
         for (number, (proposal, prepared)) in (0i64..).zip(self.prepared) {
             let scenario = prepared.scenario.id().0.to_vec();
-            store::scenarios::insert(&mut work.conn, &prepared.scenario).await?;
-            store::brackets::insert(&mut work.conn, &scenario, &prepared.bracket).await?;
-            let group = GroupRow {
+            groups.push(GroupRow {
                 number,
                 proposal: None,
                 layout: None,
@@ -115,9 +115,9 @@ impl Change for Fill {
                 failed: 0,
                 successes: 0,
                 evidence: 0,
-            };
-            leases::insert_group(&mut work.conn, row.id, &group).await?;
+            });
         }
+        leases::insert_groups(&mut work.conn, row.id, &groups).await?;
         Ok(())
     }
 }

@@ -4,8 +4,9 @@ use serde::Serialize;
 
 use super::{TrainingError, Work};
 use crate::curriculum::Move;
+use crate::store::events::{self, Told};
 use crate::store::leases::{GroupRow, LeaseRow};
-use crate::store::{events, to_json};
+use crate::store::{StoreError, to_json};
 
 /// Something that happened in a run.
 #[derive(Debug, Clone, Serialize)]
@@ -168,14 +169,13 @@ impl Work {
         Ok(())
     }
 
-    /// Writes what a change told, and forgets what is past the rings.
-    pub(super) async fn write_told(&mut self) -> Result<(), TrainingError> {
-        if self.telling.is_empty() {
+    /// Writes what was told, and forgets what is past the rings.
+    pub(super) async fn write_told(&mut self, told: &[Told]) -> Result<(), StoreError> {
+        if told.is_empty() {
             return Ok(());
         }
-        let telling = std::mem::take(&mut self.telling);
-        events::append(&mut self.conn, &telling).await?;
-        for (run, ..) in &telling {
+        events::append(&mut self.conn, told).await?;
+        for (run, ..) in told {
             if self.told(run) >= TRIM_EVERY {
                 events::trim(&mut self.conn, run).await?;
                 self.trimmed(run);

@@ -127,34 +127,39 @@ impl Change for TakeLease {
             Purpose::Eval => false,
         };
         let row = self.begin(conn, group_size, now).await?;
-        queue::fill(work, run, AHEAD.max(self.groups)).await?;
-        let (mind, conn) = work.mind(run).await?;
         let next = leases::next_id(conn).await?;
         let designed = match self.purpose {
             Purpose::Train => serve::choose(conn, mind, next, self.groups).await?,
             Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
         };
         let proposed = designed.iter().filter(|layout| layout.is_none()).count();
-        let head = proposals::head(conn, run, proposed as i64).await?;
+        let mut head = proposals::head(conn, run, proposed as i64).await?;
+        if head.len() < proposed {
+            // More than wait while nobody asks, or some of those that did were hopeless.
+            queue::fill(work, run, AHEAD.max(self.groups)).await?;
+            head = proposals::head(&mut work.conn, run, proposed as i64).await?;
+        }
+        let (mind, conn) = work.mind(run).await?;
         if head.iter().any(|queued| queued.scenario.is_none()) {
             return Ok(Taken::NotReady);
         }
         let id = leases::insert(conn, &row).await?;
-        let mut head = head.into_iter();
+        let seqs: Vec<i64> = head.iter().map(|queued| queued.seq).collect();
+        proposals::leased(conn, run, &seqs).await?;
+        let (mut head, mut groups) = (head.into_iter(), Vec::new());
         for (number, layout) in (0i64..).zip(designed) {
-            let group = match layout {
+            groups.push(match layout {
                 Some(layout) => {
                     serving::served(conn, layout.id, now).await?;
                     serve::group(mind, number, layout)
                 }
                 None => {
                     let Some(queued) = head.next() else { continue }; // the queue was filled for as many
-                    proposals::leased(conn, run, queued.seq).await?;
                     proposed_group(number, queued, evidence)?
                 }
-            };
-            leases::insert_group(conn, id, &group).await?;
+            });
         }
+        leases::insert_groups(conn, id, &groups).await?;
         if self.purpose == Purpose::Train {
             let designed = i64::from(self.groups) - proposed as i64;
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;

@@ -72,19 +72,12 @@ impl Mind {
         })
     }
 
-    /// Writes the events of a change: all at once at its end.
-    ///
-    /// # Errors
-    /// The database's.
-    pub async fn write(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
-        if !self.unwritten.is_empty() {
-            store::curriculum::append(conn, &self.run, &self.unwritten).await?;
-            self.unwritten.clear();
-        }
-        Ok(())
+    /// Events that are not written yet; whoever takes them writes them.
+    pub fn take_unwritten(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.unwritten)
     }
 
-    /// Proposes, and stores the event; the proposal with its seq.
+    /// Proposes so often, and stores the events; the proposals with their seqs.
     ///
     /// # Errors
     /// The database's.
@@ -92,14 +85,18 @@ impl Mind {
         &mut self,
         conn: &mut SqliteConnection,
         now: Millis,
-    ) -> Result<(u64, Proposal), StoreError> {
-        let (seq, proposal) = self.curriculum.propose();
-        let body = to_json(&proposal)?;
-        let event = to_json(&CurriculumEvent::Proposed(proposal.clone()))?;
-        self.unwritten.push((signed(seq), event, now));
-        store::proposals::insert(conn, &self.run, signed(seq), &body).await?;
+        times: u64,
+    ) -> Result<Vec<(u64, Proposal)>, StoreError> {
+        let (mut proposed, mut queued) = (Vec::new(), Vec::new());
+        for _ in 0..times {
+            let (seq, proposal) = self.curriculum.propose();
+            queued.push((signed(seq), to_json(&proposal)?));
+            self.unwritten.push((signed(seq), to_json(&CurriculumEvent::Proposed(proposal.clone()))?, now));
+            proposed.push((seq, proposal));
+        }
+        store::proposals::insert(conn, &self.run, &queued).await?;
         self.snapshot_if_due(conn).await?;
-        Ok((seq, proposal))
+        Ok(proposed)
     }
 
     /// Observes an outcome, and stores the event and the moves it caused.

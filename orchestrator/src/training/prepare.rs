@@ -7,9 +7,12 @@ use env_core::{Recipe, RecipeId, Scenario, ScenarioError, Seed, SeedSpace};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use sqlx::SqliteConnection;
+
 use super::{Change, TrainingError, Work};
 use crate::curriculum::Proposal;
-use crate::store;
+use crate::store::proposals::PreparedRow;
+use crate::store::{self, StoreError};
 
 /// Draws at a contested scenario before one is planted.
 const CONTESTED_DRAWS: u64 = 200;
@@ -139,6 +142,19 @@ pub fn prepare(
     })
 }
 
+/// Stores scenarios with their brackets, once each.
+pub(super) async fn store_all(
+    conn: &mut SqliteConnection,
+    all: impl Iterator<Item = &Prepared>,
+) -> Result<(), StoreError> {
+    let all: Vec<_> =
+        all.map(|prepared| (&prepared.scenario, prepared.scenario.id(), &prepared.bracket)).collect();
+    let scenarios: Vec<_> = all.iter().map(|(scenario, ..)| *scenario).collect();
+    store::scenarios::insert_all(conn, &scenarios).await?;
+    let brackets: Vec<_> = all.iter().map(|(_, id, bracket)| (id.0.as_slice(), *bracket)).collect();
+    store::brackets::insert_all(conn, &brackets).await
+}
+
 /// Stores what was prepared.
 #[derive(Debug)]
 pub struct StorePrepared {
@@ -153,15 +169,14 @@ impl Change for StorePrepared {
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
-        for (run, seq, prepared) in &self.prepared {
-            let id = prepared.scenario.id().0.to_vec();
-            store::scenarios::insert(&mut work.conn, &prepared.scenario).await?;
-            store::brackets::insert(&mut work.conn, &id, &prepared.bracket).await?;
-            store::proposals::prepared(&mut work.conn, run, *seq, &id, prepared.contested, prepared.planted)
-                .await?;
-        }
+        store_all(&mut work.conn, self.prepared.iter().map(|(.., prepared)| prepared)).await?;
+        let rows = self.prepared.iter().map(|(run, seq, prepared)| {
+            let (scenario, contested) = (prepared.scenario.id().0, prepared.contested);
+            PreparedRow { run, seq: *seq, scenario, contested, planted: prepared.planted }
+        });
+        store::proposals::prepared(&mut work.conn, &rows.collect::<Vec<_>>()).await?;
         for (run, seq) in &self.hopeless {
-            store::proposals::discard(&mut work.conn, run, *seq).await?;
+            store::proposals::discard(&mut work.conn, run, &[*seq]).await?;
         }
         Ok(())
     }

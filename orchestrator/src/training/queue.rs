@@ -15,10 +15,8 @@ pub(super) async fn fill(work: &mut Work, run: &str, want: u32) -> Result<(), Tr
     let (mind, conn) = work.mind(run).await?;
     let waiting = proposals::waiting(conn, run).await?;
     let missing = i64::from(want) - waiting;
-    for _ in 0..missing {
-        mind.propose(conn, now).await?;
-    }
     if missing > 0 {
+        mind.propose(conn, now, unsigned(missing)).await?;
         work.wake_prepare();
     }
     Ok(())
@@ -27,11 +25,13 @@ pub(super) async fn fill(work: &mut Work, run: &str, want: u32) -> Result<(), Tr
 /// Drops what a move made stale, and fills up again.
 pub(super) async fn refresh(work: &mut Work, run: &str) -> Result<(), TrainingError> {
     let (mind, conn) = work.mind(run).await?;
+    let mut stale = Vec::new();
     for queued in proposals::head(conn, run, i64::MAX).await? {
         let proposal: Proposal = from_json("a proposal", &queued.body)?;
         if !mind.curriculum.is_current(unsigned(queued.seq), &proposal) {
-            proposals::discard(conn, run, queued.seq).await?;
+            stale.push(queued.seq);
         }
     }
+    proposals::discard(conn, run, &stale).await?;
     fill(work, run, AHEAD).await
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::audit::{Audited, Found, Verdict};
-use super::close::close_groups;
+use super::close::update_and_close;
 use super::criticise::JOB;
 use super::writer::Work;
 use super::{Change, Happening, TrainingError, columns};
@@ -13,7 +13,7 @@ use crate::store::brackets::{self, StoredFlown};
 use crate::store::episodes::{self, Before, EpisodeRow};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{critiques, runs, to_json};
+use crate::store::{self, critiques, runs, to_json};
 
 /// What became of one reported episode.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
@@ -74,8 +74,10 @@ impl Change for Report {
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
-        for Found { group, scenario, bracket, contested } in &self.found {
-            brackets::insert(&mut work.conn, &scenario.id().0, bracket).await?;
+        let ids: Vec<_> = self.found.iter().map(|found| found.scenario.id()).collect();
+        let brackets = ids.iter().zip(&self.found).map(|(id, found)| (id.0.as_slice(), &found.bracket));
+        brackets::insert_all(&mut work.conn, &brackets.collect::<Vec<_>>()).await?;
+        for Found { group, contested, .. } in &self.found {
             leases::set_contested(&mut work.conn, *group, *contested).await?;
         }
         let mut books = Books::open(work, &self.results).await?;
@@ -103,6 +105,8 @@ struct Books {
     /// Indices of episodes that the critique has to look at, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
+    /// Scores claimed of what is audited of columns.
+    claimed: BTreeMap<(i64, i64), f64>,
     /// Leases of columns whose claim does not hold, and why.
     refuted: BTreeMap<i64, String>,
 }
@@ -116,9 +120,12 @@ impl Books {
             books.before.insert((before.lease, before.number), before);
         }
         let mut wanted: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
-        for (lease, number) in places {
-            let size = books.lease(work, lease).await?.group_size.max(1);
-            wanted.entry(lease).or_default().insert(number / size);
+        for (lease, number) in &places {
+            let size = books.lease(work, *lease).await?.group_size.max(1);
+            wanted.entry(*lease).or_default().insert(number / size);
+        }
+        if books.leases.values().any(LeaseRow::is_columns) {
+            books.claimed = store::columns::scores(&mut work.conn, &places).await?;
         }
         for (lease, numbers) in wanted {
             let numbers: Vec<i64> = numbers.into_iter().collect();
@@ -153,7 +160,7 @@ impl Books {
         let status = match (late, lease.is_columns()) {
             (true, _) => Ok("late"),
             (false, false) => Ok(self.count(work, &lease, &row).await?),
-            (false, true) => match self.compare(work, &lease, &row).await? {
+            (false, true) => match self.compare(&lease, &row)? {
                 columns::Check::Fine => Ok("audited"),
                 columns::Check::Failed => Ok("failed"),
                 columns::Check::Differs(why) => Err(why),
@@ -209,14 +216,10 @@ impl Books {
     }
 
     /// Compares an audited episode with what its columns claim; it is counted when all that is audited is in.
-    async fn compare(
-        &mut self,
-        work: &mut Work,
-        lease: &LeaseRow,
-        row: &EpisodeRow,
-    ) -> Result<columns::Check, TrainingError> {
+    fn compare(&mut self, lease: &LeaseRow, row: &EpisodeRow) -> Result<columns::Check, TrainingError> {
+        let claimed = self.claimed.get(&(row.lease, row.number)).copied();
         let group = self.group(lease, row.number)?;
-        let check = columns::check(work, group, row).await?;
+        let check = columns::check(claimed, group, row);
         if check == columns::Check::Fine {
             group.finished += 1;
             group.successes += row.success.unwrap_or(0);
@@ -274,17 +277,17 @@ impl Books {
     async fn close(self, work: &mut Work, run: &str) -> Result<Vec<Move>, TrainingError> {
         let mut moves = Vec::new();
         episodes::insert(&mut work.conn, &self.fresh).await?;
-        for (key, sums) in &self.sums {
-            sums::add(&mut work.conn, run, key, sums).await?;
-        }
-        for ((lease, task), numbers) in &self.to_criticise {
-            for job in numbers.chunks(JOB) {
-                critiques::enqueue(&mut work.conn, run, task, *lease, job).await?;
-            }
+        sums::add(&mut work.conn, run, &self.sums).await?;
+        let jobs = self.to_criticise.iter().flat_map(|((lease, task), numbers)| {
+            numbers.chunks(JOB).map(move |numbers| (task.as_str(), *lease, numbers))
+        });
+        let jobs: Vec<_> = jobs.collect();
+        if !jobs.is_empty() {
+            critiques::enqueue(&mut work.conn, run, &jobs).await?;
             work.wake_critique();
         }
-        if self.newest_policy > 0 {
-            let (mind, conn) = work.mind(run).await?;
+        let (mind, conn) = work.mind(run).await?;
+        if self.newest_policy > mind.policy_version {
             mind.policy_version = self.newest_policy;
             runs::set_policy_version(conn, run, self.newest_policy).await?;
         }
@@ -298,8 +301,7 @@ impl Books {
             let whole =
                 |group: &GroupRow| !lease.is_columns() && group.finished + group.failed >= lease.group_size;
             let (whole, open): (Vec<_>, Vec<_>) = groups.into_iter().partition(whole);
-            leases::update_groups(&mut work.conn, lease_id, &open, None).await?;
-            moves.extend(close_groups(work, lease, whole).await?);
+            moves.extend(update_and_close(work, lease, (open, whole)).await?);
         }
         for lease in self.leases.values().filter(|lease| lease.is_columns() && lease.status == "active") {
             match self.refuted.get(&lease.id) {
@@ -308,8 +310,7 @@ impl Books {
             }
         }
         for lease in self.leases.values().filter(|lease| !lease.is_columns()) {
-            if lease.status == "active" && leases::open_groups(&mut work.conn, lease.id).await? == 0 {
-                leases::set_status(&mut work.conn, lease.id, "done").await?;
+            if lease.status == "active" && leases::end_if_done(&mut work.conn, lease.id).await? {
                 work.tell(&lease.run, &Happening::lease(lease, "done"))?;
             }
         }

@@ -6,7 +6,7 @@
 //! Changes that somebody waits for with an agent at a standstill (a lease, its renewal) go before those that come in bulk
 //! (results, critiques, prepared scenarios): they wait for the one change that is being made, and are committed at once.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -19,7 +19,9 @@ use tokio::task::JoinHandle;
 use super::TrainingError;
 use super::mind::Mind;
 use crate::clock::{Clock, Millis};
+use crate::store::curriculum::Event;
 use crate::store::events::Told;
+use crate::store::{self, StoreError};
 
 /// Changes that may wait.
 const QUEUE: usize = 1024;
@@ -35,8 +37,9 @@ pub struct Work {
     pub now: Millis,
     minds: HashMap<String, Mind>,
     touched: Vec<String>,
-    /// What a change tells the listeners, written at its end.
+    /// What a change tells the listeners.
     pub(super) telling: Vec<Told>,
+    kept: Kept,
     /// Events told of each run since its ring was looked at.
     told: HashMap<String, u32>,
     wake_events: bool,
@@ -45,6 +48,15 @@ pub struct Work {
     wake_design: bool,
     wake_rollout: bool,
     tell_feed: bool,
+}
+
+/// What changes leave to the end of their transaction: many rows take one statement.
+#[derive(Debug, Default)]
+struct Kept {
+    /// What is told.
+    told: Vec<Told>,
+    /// Events of curricula, by run.
+    events: BTreeMap<String, Vec<Event>>,
 }
 
 /// Who is woken after a commit that made work for them.
@@ -83,15 +95,26 @@ impl Work {
         }
     }
 
-    /// Writes what a change leaves to its end.
-    async fn write_rest(&mut self) -> Result<(), TrainingError> {
-        let Self { touched, minds, conn, .. } = self;
-        for run in touched.iter() {
-            if let Some(mind) = minds.get_mut(run) {
-                mind.write(conn).await?;
+    /// Keeps what a change that stands leaves to the end of its transaction.
+    fn keep(&mut self) {
+        self.kept.told.append(&mut self.telling);
+        for run in &self.touched {
+            if let Some(mind) = self.minds.get_mut(run) {
+                let events = mind.take_unwritten();
+                if !events.is_empty() {
+                    self.kept.events.entry(run.clone()).or_default().extend(events);
+                }
             }
         }
-        self.write_told().await
+    }
+
+    /// Writes what was kept.
+    async fn write_kept(&mut self) -> Result<(), sqlx::Error> {
+        let Kept { told, events } = std::mem::take(&mut self.kept);
+        for (run, events) in events {
+            store::curriculum::append(&mut self.conn, &run, &events).await.map_err(StoreError::into_sqlx)?;
+        }
+        self.write_told(&told).await.map_err(StoreError::into_sqlx)
     }
 
     /// Notes that something is told of a run, and wakes who listens after the commit; how much since its ring was looked at.
@@ -209,6 +232,7 @@ impl Writer {
             minds: HashMap::new(),
             touched: Vec::new(),
             telling: Vec::new(),
+            kept: Kept::default(),
             told: HashMap::new(),
             wake_events: false,
             wake_prepare: false,
@@ -260,10 +284,7 @@ impl<C: Change> Errand for Parcel<C> {
     fn run<'a>(self: Box<Self>, work: &'a mut Work) -> Running<'a> {
         Box::pin(async move {
             let Self { change, reply } = *self;
-            let answer = match change.apply(work).await {
-                Ok(answer) => work.write_rest().await.map(|()| answer),
-                Err(error) => Err(error),
-            };
+            let answer = change.apply(work).await;
             let stands = answer.is_ok();
             let delivery: Delivery = Box::new(move |committed| {
                 let answer = committed.map_err(TrainingError::not_committed).and(answer);
@@ -292,6 +313,7 @@ async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
             drop(query("ROLLBACK").execute(&mut work.conn).await);
             work.minds.clear();
             work.telling.clear();
+            work.kept = Kept::default();
         }
         for delivery in deliveries {
             delivery(committed.as_ref().copied());
@@ -319,50 +341,52 @@ async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
 }
 
 /// Makes changes in one transaction: the first, and those that wait when each before it is made.
+///
+/// What begins and ends a change goes in one statement with what it follows or precedes: each statement is a turn of two
+/// threads.
 async fn commit(
     work: &mut Work,
     clock: &Clock,
     (first, inbox): (Box<dyn Errand>, &mut Inbox),
     deliveries: &mut Vec<Delivery>,
 ) -> Result<(), sqlx::Error> {
-    if let Err(error) = query("BEGIN IMMEDIATE").execute(&mut work.conn).await {
-        first.refuse(&error);
-        return Err(error);
-    }
     let mut urgent = !first.is_bulk();
-    work.now = clock.now();
-    attempt(work, first, deliveries).await?;
+    attempt(work, clock, ("BEGIN IMMEDIATE; SAVEPOINT change", first), deliveries).await?;
     for _ in 1..BATCH {
         let Some(errand) = inbox.more(&mut urgent) else { break };
-        work.now = clock.now(); // it may have come after the one before it
-        attempt(work, errand, deliveries).await?;
+        attempt(work, clock, ("RELEASE change; SAVEPOINT change", errand), deliveries).await?;
     }
-    query("COMMIT").execute(&mut work.conn).await?;
+    work.write_kept().await?;
+    query("RELEASE change; COMMIT").execute(&mut work.conn).await?;
     Ok(())
 }
 
 /// One change in a savepoint of its own.
 async fn attempt(
     work: &mut Work,
-    errand: Box<dyn Errand>,
+    clock: &Clock,
+    (begin, errand): (&'static str, Box<dyn Errand>),
     deliveries: &mut Vec<Delivery>,
 ) -> Result<(), sqlx::Error> {
     work.touched.clear();
-    if let Err(error) = query("SAVEPOINT change").execute(&mut work.conn).await {
+    if let Err(error) = query(begin).execute(&mut work.conn).await {
         errand.refuse(&error);
         return Err(error);
     }
+    work.now = clock.now(); // it may have come after the one before it
     let (stands, delivery) = errand.run(work).await;
     deliveries.push(delivery);
-    if !stands {
-        query("ROLLBACK TO change").execute(&mut work.conn).await?;
-        work.telling.clear();
-        for run in work.touched.drain(..) {
-            work.minds.remove(&run);
-        }
+    if stands {
+        work.keep();
+        return Ok(());
     }
-    query("RELEASE change").execute(&mut work.conn).await?;
-    Ok(())
+    query("ROLLBACK TO change").execute(&mut work.conn).await?;
+    work.telling.clear();
+    for run in work.touched.drain(..) {
+        work.minds.remove(&run);
+    }
+    // Whoever restores these runs within this transaction is to find what stands of them.
+    work.write_kept().await
 }
 
 /// Snapshots of every run in memory, so that a restart restores at once.

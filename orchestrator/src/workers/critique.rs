@@ -9,14 +9,11 @@ use sqlx::SqlitePool;
 use tokio::sync::Notify;
 
 use crate::store::critiques;
-use crate::store::scenarios::Loader;
-use crate::training::criticise::{Done, Enter, Material, criticise};
+use crate::training::criticise::{self, Done, Enter, Material};
 use crate::training::{TrainingError, Writer, sample};
 
 /// Jobs looked at at a time.
 const JOBS: i64 = 64;
-/// Episodes criticised at a time: enough to share a commit, few enough that it is short and little is done again after a crash.
-const EPISODES: usize = 64;
 /// How long it waits after a failure, and at most for a wake-up that was missed.
 const PAUSE: Duration = Duration::from_secs(2);
 
@@ -77,7 +74,7 @@ impl Critic {
         }
         let pool = Arc::clone(&self.pool);
         let done: Vec<Done> = tokio::task::spawn_blocking(move || {
-            pool.install(|| material.into_par_iter().map(criticise).collect())
+            pool.install(|| material.into_par_iter().map(criticise::criticise).collect())
         })
         .await
         .map_err(|error| TrainingError::invalid("critique", error.to_string()))?;
@@ -105,17 +102,7 @@ impl Critic {
         let halvings: BTreeMap<String, u32> =
             waiting.iter().map(|(run, waiting)| (run.clone(), sample::halvings(*waiting))).collect();
         tell(sampled, &waiting);
-        let (mut material, mut episodes, mut loader) = (Vec::new(), 0, Loader::default());
-        for job in jobs {
-            let thinned = halvings.get(&job.run).copied().unwrap_or(0);
-            let loaded = Material::load(&mut conn, &mut loader, job, thinned).await?;
-            episodes += loaded.chosen();
-            material.push(loaded);
-            if episodes >= EPISODES {
-                break;
-            }
-        }
-        Ok(material)
+        Ok(criticise::load(&mut conn, jobs, &halvings).await?)
     }
 }
 

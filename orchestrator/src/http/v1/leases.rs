@@ -297,15 +297,18 @@ async fn describe(conn: &mut SqliteConnection, row: LeaseRow) -> Result<Lease, P
     let mut loader = Loader::default();
     let ranges =
         if row.is_columns() { Some(ranges(conn, &mut loader, &mut recipes, row.id).await?) } else { None };
+    let rows = leases::groups(conn, row.id).await?;
+    let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
+    let (scenarios, brackets) = (loader.all(conn, &ids).await?, brackets::newest_of(conn, &ids).await?);
     let mut groups = Vec::new();
-    for group in leases::groups(conn, row.id).await? {
-        let scenario = loader.get(conn, &group.scenario).await?;
-        let bracket = brackets::newest(conn, &group.scenario).await?;
+    for group in rows {
+        let bracket = brackets.get(&group.scenario);
         if bracket.is_none() && !row.is_columns() {
             return Err(StoreError::unreadable("a bracket", "there is none for a leased scenario").into());
         }
+        let scenario = scenarios.get(&group.scenario)?;
         let recipe = recipes.place(scenario.recipe());
-        groups.push(view(&lease, &row, group, recipe, &scenario, bracket.as_ref()));
+        groups.push(view(&lease, &row, group, recipe, scenario, bracket));
     }
     Ok(Lease {
         lease: lease.to_string(),

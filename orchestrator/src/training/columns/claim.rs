@@ -260,9 +260,7 @@ impl Change for Enter {
         let (mind, conn) = work.mind(&lease.run).await?;
         let purpose = lease.purpose == "probe" || mind.settings.evidence_from == EvidenceFrom::Train;
         let lossy = self.failed as f64 > MOST_FAILED * lease.episodes() as f64;
-        for pick in &self.picks {
-            audit(conn, &lease, pick, purpose && !lossy).await?;
-        }
+        audit(conn, &lease, &self.picks, purpose && !lossy).await?;
         lease.expires_at = work.now + lease.ttl_ms;
         leases::set_expiry(&mut work.conn, lease.id, lease.expires_at).await?;
         let told = Happening::Claim {
@@ -283,15 +281,16 @@ impl Change for Enter {
     }
 }
 
-/// Makes a group of what is audited.
+/// Makes groups of what is audited.
 async fn audit(
     conn: &mut sqlx::SqliteConnection,
     lease: &LeaseRow,
-    pick: &Pick,
+    picks: &[Pick],
     evidence: bool,
 ) -> Result<(), TrainingError> {
-    scenarios::insert(conn, &pick.scenario).await?;
-    let group = GroupRow {
+    let drawn: Vec<_> = picks.iter().map(|pick| &pick.scenario).collect();
+    scenarios::insert_all(conn, &drawn).await?;
+    let group = |pick: &Pick| GroupRow {
         number: pick.group,
         proposal: Some(pick.range.proposal),
         layout: None,
@@ -306,11 +305,9 @@ async fn audit(
         successes: 0,
         evidence: i64::from(evidence),
     };
-    leases::insert_group(conn, lease.id, &group).await?;
-    for (index, score) in &pick.scores {
-        columns::insert_score(conn, (lease.id, *index), f64::from(*score)).await?;
-    }
-    Ok(())
+    leases::insert_groups(conn, lease.id, &picks.iter().map(group).collect::<Vec<_>>()).await?;
+    let scores = picks.iter().flat_map(|pick| &pick.scores).map(|(index, score)| (*index, f64::from(*score)));
+    Ok(columns::insert_scores(conn, lease.id, &scores.collect::<Vec<_>>()).await?)
 }
 
 /// Where the claim of a lease stands; none where nothing was claimed.

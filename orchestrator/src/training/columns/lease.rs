@@ -52,12 +52,14 @@ impl Change for TakeColumns {
         let row = LeaseRow { form: COLUMNS.to_owned(), ..row };
         let id = leases::insert(conn, &row).await?;
         let mut first = 0;
-        for (number, groups) in (0..).zip(split(self.0.groups)) {
-            let (seq, proposal) = mind.propose(conn, now).await?;
-            proposals::leased(conn, run, signed(seq)).await?;
+        let shares: Vec<u32> = split(self.0.groups).collect();
+        let proposed = mind.propose(conn, now, shares.len() as u64).await?;
+        let seqs: Vec<i64> = proposed.iter().map(|(seq, _)| signed(*seq)).collect();
+        proposals::leased(conn, run, &seqs).await?;
+        for ((number, groups), (seq, proposal)) in (0..).zip(shares).zip(proposed) {
             let range = range(mind, (seq, &proposal), (number, first, groups))?;
             let recipe = recipe_of(&proposal).map_err(StoreError::from)?;
-            scenarios::insert_recipe(conn, &recipe).await?;
+            scenarios::insert_recipes(conn, &[&recipe]).await?;
             columns::insert_range(conn, id, &range).await?;
             first += groups;
         }

@@ -1,6 +1,8 @@
 //! What becomes of a claim: accepted when all that is audited replayed as claimed, refused by the first log that did not, unproven
 //! when logs never came.
 
+use std::collections::BTreeMap;
+
 use super::claim::episodes;
 use super::{Columns, MOST_SCORE_GAP};
 use crate::curriculum::Move;
@@ -57,32 +59,27 @@ pub(in crate::training) enum Check {
     Differs(String),
 }
 
-/// Compares an audited episode with the claim.
-pub(in crate::training) async fn check(
-    work: &mut Work,
-    group: &GroupRow,
-    row: &EpisodeRow,
-) -> Result<Check, TrainingError> {
-    let claimed = columns::score(&mut work.conn, (row.lease, row.number)).await?;
+/// Compares an audited episode with the score claimed of it, if one is.
+pub(in crate::training) fn check(claimed: Option<f64>, group: &GroupRow, row: &EpisodeRow) -> Check {
     let (claimed, score) = match (claimed, row.score) {
         (Some(claimed), Some(score)) => (claimed, score),
-        (None, None) => return Ok(Check::Failed),
+        (None, None) => return Check::Failed,
         (Some(_), None) => {
-            return Ok(Check::Differs("it is reported as failed, and was claimed as finished".to_owned()));
+            return Check::Differs("it is reported as failed, and was claimed as finished".to_owned());
         }
         (None, Some(_)) => {
-            return Ok(Check::Differs("it is reported as flown, and was claimed as failed".to_owned()));
+            return Check::Differs("it is reported as flown, and was claimed as failed".to_owned());
         }
     };
     let range = env_core::task(&group.task).map_or(1.0, |task| {
         let range = task.score_range();
         range.max - range.min
     });
-    Ok(if (score - claimed).abs() <= MOST_SCORE_GAP * range {
+    if (score - claimed).abs() <= MOST_SCORE_GAP * range {
         Check::Fine
     } else {
         Check::Differs(format!("its log replays to {score:.6}, and {claimed:.6} was claimed"))
-    })
+    }
 }
 
 /// Ends a claim whose audited groups are all in: refused where a log says otherwise, else accepted and counted. Nothing
@@ -111,32 +108,37 @@ pub(in crate::training) async fn settle(
     end(work, lease, (&claim, "accepted", None), groups.len()).await?;
     for group in &mut groups {
         group.evidence = i64::from(group.evidence != 0 && !stale);
-        count(work, lease, group).await?;
     }
+    count(work, lease, &groups).await?;
     work.wake_critique();
     close_groups(work, lease, groups).await
 }
 
-/// Counts an audited group as any other: plain sums, and what is to be criticised.
-async fn count(work: &mut Work, lease: &LeaseRow, group: &GroupRow) -> Result<(), TrainingError> {
-    let (first, conn) = (group.number * lease.group_size, &mut work.conn);
-    let fared = store::episodes::of_group(conn, lease.id, first, first + lease.group_size).await?;
-    let mut sums = Sums::default();
-    for Fared { success, skill, score, .. } in fared {
-        sums.add(&Sums {
-            episodes: 1,
-            successes: i64::from(success),
-            score,
-            skilled: i64::from(skill.is_some()),
-            skill: skill.unwrap_or(0.0),
-            ..Sums::default()
-        });
+/// Counts audited groups as any other: plain sums, and what is to be criticised.
+async fn count(work: &mut Work, lease: &LeaseRow, groups: &[GroupRow]) -> Result<(), TrainingError> {
+    let conn = &mut work.conn;
+    let (mut sums, mut jobs): (BTreeMap<sums::Key, Sums>, BTreeMap<&str, Vec<i64>>) = Default::default();
+    for group in groups {
+        let first = group.number * lease.group_size;
+        let episodes = first..first + lease.group_size;
+        let into = sums.entry(sums::Key::of(group)).or_default();
+        for fared in store::episodes::of_group(conn, lease.id, episodes.start, episodes.end).await? {
+            let Fared { success, skill, score, .. } = fared;
+            into.add(&Sums {
+                episodes: 1,
+                successes: i64::from(success),
+                score,
+                skilled: i64::from(skill.is_some()),
+                skill: skill.unwrap_or(0.0),
+                ..Sums::default()
+            });
+        }
+        jobs.entry(&group.task).or_default().extend(episodes);
     }
-    sums::add(conn, &lease.run, &sums::Key::of(group), &sums).await?;
-    let numbers: Vec<i64> = (first..first + lease.group_size).collect();
-    for job in numbers.chunks(JOB) {
-        critiques::enqueue(conn, &lease.run, &group.task, lease.id, job).await?;
-    }
+    sums::add(conn, &lease.run, &sums).await?;
+    let jobs =
+        jobs.iter().flat_map(|(task, numbers)| numbers.chunks(JOB).map(|part| (*task, lease.id, part)));
+    critiques::enqueue(conn, &lease.run, &jobs.collect::<Vec<_>>()).await?;
     Ok(())
 }
 
@@ -191,7 +193,7 @@ async fn give_up(work: &mut Work, lease: &LeaseRow) -> Result<usize, TrainingErr
     for group in &mut groups {
         (group.state, group.evidence) = ("lost".to_owned(), 0);
     }
-    leases::update_groups(&mut work.conn, lease.id, &groups, Some(work.now)).await?;
+    leases::update_groups(&mut work.conn, lease.id, &groups, work.now).await?;
     Ok(groups.len())
 }
 

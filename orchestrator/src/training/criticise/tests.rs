@@ -48,7 +48,7 @@ impl Change for Report {
         for size in self.0 {
             let numbers: Vec<i64> = (first..).take(size).collect();
             first += size as i64;
-            critiques::enqueue(&mut work.conn, RUN, TASK, lease, &numbers).await?;
+            critiques::enqueue(&mut work.conn, RUN, &[(TASK, lease, &numbers)]).await?;
         }
         Ok(critiques::jobs(&mut work.conn, 1000).await?)
     }
