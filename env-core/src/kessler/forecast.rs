@@ -163,10 +163,14 @@ impl<const OBLATE: bool> WithSimd for Approaches<'_, OBLATE> {
                 ];
                 // The satellites' paths are found beside the first approaches: in both each step waits for the one before it.
                 let nearest = if number == 0 && lane == 0 {
-                    approach::<S, OBLATE>(simd, (at, upstream), paths.iter_mut().map(|places| {
-                        *places = holding.step();
-                        *places
-                    }))
+                    approach::<S, OBLATE>(
+                        simd,
+                        (at, upstream),
+                        paths.iter_mut().map(|places| {
+                            *places = holding.step();
+                            *places
+                        }),
+                    )
                 } else {
                     approach::<S, OBLATE>(simd, (at, upstream), paths.iter().copied())
                 };

@@ -100,6 +100,16 @@ impl Room {
     }
 }
 
+/// Does what takes milliseconds beside the threads that answer: whoever waits for a lease needs those.
+pub(super) async fn aside<T, F>(work: F) -> Result<T, Problem>
+where
+    T: Send + 'static,
+    F: FnOnce() -> Result<T, Problem> + Send + 'static,
+{
+    let done = tokio::task::spawn_blocking(work).await;
+    done.map_err(|error| Problem::from(TrainingError::invalid(BODY, error.to_string())))?
+}
+
 /// A body of JSON or MessagePack.
 pub(super) struct Json<T>(pub(super) T);
 

@@ -201,8 +201,8 @@ impl Leased {
         let purpose = Purpose::Train;
         let wish =
             TakeLease { run: run.clone(), groups: 1, group_size, policy_version, ttl_s: TTL_S, purpose };
-        let lease = self.desk.lease(wish).await?;
-        self.read(run, lease).await
+        let granted = self.desk.lease(wish).await?;
+        self.read(run, granted.row.lease_id()).await
     }
 
     async fn newest_policy(&self, run: &RunId) -> Result<u32, TrainingError> {

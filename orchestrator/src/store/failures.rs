@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use sqlx::{QueryBuilder, SqliteConnection, query};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query};
 
 use super::StoreError;
 use crate::clock::Millis;
@@ -79,7 +79,7 @@ pub struct Example {
 /// Rows of a statement.
 const ROWS: usize = 32;
 
-/// Writes cells; their numbers.
+/// Writes cells.
 ///
 /// # Errors
 /// The database's.
@@ -88,32 +88,53 @@ pub async fn put_cells(
     run: &str,
     task: &str,
     cells: &[(&CellKey, &CellSums)],
+) -> Result<(), StoreError> {
+    for rows in cells.chunks(ROWS) {
+        write_cells((run, task), rows).build().execute(&mut *conn).await?;
+    }
+    Ok(())
+}
+
+/// Writes cells that were never written before; their numbers.
+///
+/// # Errors
+/// The database's.
+pub async fn insert_cells(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    cells: &[(&CellKey, &CellSums)],
 ) -> Result<BTreeMap<CellKey, i64>, StoreError> {
     let mut numbers = BTreeMap::new();
     for rows in cells.chunks(ROWS) {
-        let mut statement = QueryBuilder::new(
-            "INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left,
-                                          weight, as_of, last_at) ",
-        );
-        statement.push_values(rows, |mut values, (key, sums)| {
-            let (sector, band) = key.columns();
-            values.push_bind(run).push_bind(task).push_bind(&key.mode).push_bind(sector).push_bind(band);
-            values.push_bind(sums.count).push_bind(sums.avoidable).push_bind(sums.unavoidable);
-            values.push_bind(sums.steps_left).push_bind(sums.weight).push_bind(sums.as_of);
-            values.push_bind(sums.last_at);
-        });
-        statement.push(
-            " ON CONFLICT (run, task, mode, sector, band) DO UPDATE SET
-                 count = excluded.count, avoidable = excluded.avoidable, unavoidable = excluded.unavoidable,
-                 steps_left = excluded.steps_left, weight = excluded.weight, as_of = excluded.as_of,
-                 last_at = excluded.last_at
-             RETURNING mode, sector, band, cell",
-        );
+        let mut statement = write_cells((run, task), rows);
+        statement.push(" RETURNING mode, sector, band, cell");
         for (mode, sector, band, cell) in statement.build_query_as().fetch_all(&mut *conn).await? {
             numbers.insert(CellKey::of(mode, sector, band), cell);
         }
     }
     Ok(numbers)
+}
+
+fn write_cells((run, task): (&str, &str), rows: &[(&CellKey, &CellSums)]) -> QueryBuilder<Sqlite> {
+    let mut statement = QueryBuilder::new(
+        "INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left,
+                                      weight, as_of, last_at) ",
+    );
+    statement.push_values(rows, |mut values, (key, sums)| {
+        let (sector, band) = key.columns();
+        values.push_bind(run.to_owned()).push_bind(task.to_owned()).push_bind(key.mode.clone());
+        values.push_bind(sector).push_bind(band).push_bind(sums.count).push_bind(sums.avoidable);
+        values.push_bind(sums.unavoidable).push_bind(sums.steps_left).push_bind(sums.weight);
+        values.push_bind(sums.as_of).push_bind(sums.last_at);
+    });
+    statement.push(
+        " ON CONFLICT (run, task, mode, sector, band) DO UPDATE SET
+             count = excluded.count, avoidable = excluded.avoidable, unavoidable = excluded.unavoidable,
+             steps_left = excluded.steps_left, weight = excluded.weight, as_of = excluded.as_of,
+             last_at = excluded.last_at",
+    );
+    statement
 }
 
 /// Writes examples of cells, each over the one of its cell that is a ring older.

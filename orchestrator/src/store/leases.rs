@@ -1,9 +1,10 @@
 //! Leases and their groups.
 
-use sqlx::{QueryBuilder, SqliteConnection, query};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query};
 
 use super::{StoreError, to_json};
 use crate::clock::Millis;
+use crate::ids::LeaseId;
 
 /// A lease as stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,10 +73,16 @@ impl LeaseRow {
         self.form == COLUMNS
     }
 
+    /// Its id.
+    #[must_use]
+    pub fn lease_id(&self) -> LeaseId {
+        LeaseId { number: self.id, token: self.token.clone() }
+    }
+
     /// Its id, as it is written.
     #[must_use]
     pub fn name(&self) -> String {
-        crate::ids::LeaseId { number: self.id, token: self.token.clone() }.to_string()
+        self.lease_id().to_string()
     }
 
     /// How many episodes it has.
@@ -113,28 +120,41 @@ pub async fn next_id(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
 /// # Errors
 /// The database's.
 pub async fn insert(conn: &mut SqliteConnection, row: &LeaseRow) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar!(
-        "INSERT INTO leases (token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at,
-                             expires_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS \"id!\"",
-        row.token,
-        row.run,
-        row.purpose,
-        row.form,
-        row.status,
-        row.groups,
-        row.group_size,
-        row.policy_version,
-        row.ttl_ms,
-        row.created_at,
-        row.expires_at
-    )
-    .fetch_one(conn)
-    .await?)
+    let row = LeaseRow { id: next_id(conn).await?, ..row.clone() };
+    insert_with_groups(conn, &row, &[]).await?;
+    Ok(row.id)
 }
 
 /// Rows of a statement.
 const ROWS: usize = 32;
+
+/// Grants a lease by its number, with its groups.
+///
+/// # Errors
+/// The database's.
+pub async fn insert_with_groups(
+    conn: &mut SqliteConnection,
+    row: &LeaseRow,
+    groups: &[GroupRow],
+) -> Result<(), StoreError> {
+    let mut statements = QueryBuilder::new(
+        "INSERT INTO leases (id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms,
+                             created_at, expires_at) ",
+    );
+    statements.push_values([row], |mut values, row| {
+        values.push_bind(row.id).push_bind(&row.token).push_bind(&row.run).push_bind(&row.purpose);
+        values.push_bind(&row.form).push_bind(&row.status).push_bind(row.groups).push_bind(row.group_size);
+        values.push_bind(row.policy_version).push_bind(row.ttl_ms).push_bind(row.created_at);
+        values.push_bind(row.expires_at);
+    });
+    let (first, others) = groups.split_at(groups.len().min(ROWS));
+    if !first.is_empty() {
+        // With the first of its groups: one turn of two threads.
+        push_groups(statements.push("; "), row.id, first);
+    }
+    statements.build().execute(&mut *conn).await?;
+    insert_groups(conn, row.id, others).await
+}
 
 /// Adds groups to a lease.
 ///
@@ -146,22 +166,24 @@ pub async fn insert_groups(
     groups: &[GroupRow],
 ) -> Result<(), StoreError> {
     for rows in groups.chunks(ROWS) {
-        let mut statement = QueryBuilder::new(
-            "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
-                                 evidence) ",
-        );
-        statement.push_values(rows, |mut values, row| {
-            values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
-            values.push_bind(&row.scenario).push_bind(&row.task).push_bind(row.level).push_bind(&row.role);
-            values
-                .push_bind(row.contested)
-                .push_bind(&row.state)
-                .push_bind(row.failed)
-                .push_bind(row.evidence);
-        });
+        let mut statement = QueryBuilder::new("");
+        push_groups(&mut statement, lease, rows);
         statement.build().execute(&mut *conn).await?;
     }
     Ok(())
+}
+
+fn push_groups(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
+    statement.push(
+        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
+                             evidence) ",
+    );
+    statement.push_values(rows, |mut values, row| {
+        values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
+        values.push_bind(row.scenario.clone()).push_bind(row.task.clone()).push_bind(row.level);
+        values.push_bind(row.role.clone()).push_bind(row.contested).push_bind(row.state.clone());
+        values.push_bind(row.failed).push_bind(row.evidence);
+    });
 }
 
 /// A lease.

@@ -15,6 +15,8 @@ pub mod layouts;
 pub mod leases;
 pub mod marks;
 mod open;
+#[cfg(test)]
+mod plans;
 pub mod policies;
 pub mod progress;
 pub mod proposals;

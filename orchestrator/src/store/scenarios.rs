@@ -1,6 +1,6 @@
 //! Recipes and scenarios.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use env_core::{Recipe, Scenario, Seed};
@@ -102,7 +102,7 @@ impl Loader {
         self.all(conn, &[id]).await?.get(id).cloned()
     }
 
-    /// Scenarios by their ids, in two statements however many they are.
+    /// Scenarios by their ids, in one statement however many they are.
     ///
     /// # Errors
     /// The database's.
@@ -113,22 +113,28 @@ impl Loader {
     ) -> Result<Scenarios, StoreError> {
         let ids = hex_list(ids)?;
         let rows = query!(
-            "SELECT id, recipe, seed FROM scenarios WHERE id IN (SELECT unhex(value) FROM json_each(?))",
+            r#"SELECT id AS "id!: Vec<u8>", seed AS "seed?: i64", recipe AS "recipe?: Vec<u8>", NULL AS "body?: String"
+               FROM scenarios WHERE id IN (SELECT unhex(value) FROM json_each(?1))
+               UNION ALL
+               SELECT id, NULL, NULL, body FROM recipes WHERE id IN (
+                   SELECT recipe FROM scenarios WHERE id IN (SELECT unhex(value) FROM json_each(?1)))"#,
             ids
         )
         .fetch_all(&mut *conn)
         .await?;
-        let unknown =
-            rows.iter().map(|row| row.recipe.as_slice()).filter(|id| !self.recipes.contains_key(*id));
-        let unknown: BTreeSet<&[u8]> = unknown.collect();
-        let bodies = bodies(conn, &unknown.into_iter().collect::<Vec<_>>()).await?;
-        let scenarios = rows.into_iter().map(|row| {
-            let recipe = self.parsed(&row.recipe, bodies.get(&row.recipe));
-            let scenario =
-                recipe.and_then(|recipe| Ok(Scenario::new(recipe, Seed::new(unsigned(row.seed))?)));
-            (row.id, scenario)
+        let (mut scenarios, mut bodies) = (Vec::new(), HashMap::new());
+        for row in rows {
+            match (row.seed, row.recipe, row.body) {
+                (Some(seed), Some(recipe), _) => scenarios.push((row.id, seed, recipe)),
+                (.., Some(body)) => drop(bodies.insert(row.id, body)),
+                _ => {}
+            }
+        }
+        let read = scenarios.into_iter().map(|(id, seed, recipe)| {
+            let recipe = self.parsed(&recipe, bodies.get(&recipe));
+            (id, recipe.and_then(|recipe| Ok(Scenario::new(recipe, Seed::new(unsigned(seed))?))))
         });
-        Ok(Scenarios(scenarios.collect()))
+        Ok(Scenarios(read.collect()))
     }
 
     /// A recipe by its id.
@@ -140,8 +146,12 @@ impl Loader {
         conn: &mut SqliteConnection,
         id: &[u8],
     ) -> Result<Arc<Recipe>, StoreError> {
-        let bodies = if self.recipes.contains_key(id) { HashMap::new() } else { bodies(conn, &[id]).await? };
-        self.parsed(id, bodies.get(id))
+        if let Some(recipe) = self.recipes.get(id) {
+            return Ok(Arc::clone(recipe));
+        }
+        let body =
+            sqlx::query_scalar!("SELECT body FROM recipes WHERE id = ?", id).fetch_optional(conn).await?;
+        self.parsed(id, body.as_ref())
     }
 
     /// A recipe that is known, or read from its body.
@@ -155,20 +165,4 @@ impl Loader {
         self.recipes.insert(id.to_owned(), Arc::clone(&recipe));
         Ok(recipe)
     }
-}
-
-/// Recipes as they are stored, by their ids.
-async fn bodies<T: AsRef<[u8]>>(
-    conn: &mut SqliteConnection,
-    ids: &[T],
-) -> Result<HashMap<Vec<u8>, String>, StoreError> {
-    if ids.is_empty() {
-        return Ok(HashMap::new());
-    }
-    let ids = hex_list(ids)?;
-    let rows =
-        query!("SELECT id, body FROM recipes WHERE id IN (SELECT unhex(value) FROM json_each(?))", ids)
-            .fetch_all(conn)
-            .await?;
-    Ok(rows.into_iter().map(|row| (row.id, row.body)).collect())
 }

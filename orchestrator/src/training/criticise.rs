@@ -9,16 +9,15 @@ use std::panic::AssertUnwindSafe;
 use rayon::prelude::*;
 use sqlx::SqliteConnection;
 
-use super::profile::{self, Note};
+use super::profile::Note;
 use super::{Change, Happening, TrainingError, Work};
-use crate::clock::Millis;
 use crate::store::critiques::{self, Job};
-use crate::store::failures::{self, CellKey, CellSums, Example, RING};
-use crate::store::inertial::{self, SectorRow};
 use crate::store::{StoreError, layouts};
+pub use ledger::Ledger;
 use material::Stage;
 pub use material::{Material, load};
 
+mod ledger;
 mod material;
 
 /// Episodes of a job at most.
@@ -82,7 +81,15 @@ impl Change for Enter {
             by_task.entry((done.job.run.clone(), done.job.task.clone())).or_default().push(done);
         }
         for ((run, task), all) in by_task {
-            enter(&mut work.conn, work.now, &run, &task, &all).await?;
+            let now = work.now;
+            let (mind, conn) = work.mind(&run).await?;
+            let mut ledger = match mind.ledgers.remove(&task) {
+                Some(ledger) => ledger,
+                None => Ledger::load(conn, &run, &task).await?,
+            };
+            ledger.enter(conn, (&run, &task), now, &all).await?;
+            blame(conn, &all).await?;
+            mind.ledgers.insert(task.clone(), ledger);
             let notes = || all.iter().flat_map(|done| &done.notes);
             let mut modes = BTreeMap::new();
             for failing in notes().flat_map(|note| &note.failures) {
@@ -93,55 +100,6 @@ impl Change for Enter {
         }
         Ok(())
     }
-}
-
-/// A cell that a batch touches.
-struct Touched {
-    sums: CellSums,
-    examples: Vec<Example>,
-}
-
-async fn enter(
-    conn: &mut SqliteConnection,
-    now: Millis,
-    run: &str,
-    task: &str,
-    all: &[Done],
-) -> Result<(), StoreError> {
-    let mut sums = critiques::sums(conn, run, task).await?;
-    let known: BTreeMap<CellKey, CellSums> =
-        failures::profile(conn, run, task).await?.into_iter().map(|(_, key, sums)| (key, sums)).collect();
-    let mut cells: BTreeMap<CellKey, Touched> = BTreeMap::new();
-    let mut sectors = Sectors::read(conn, run, task).await?;
-    for done in all {
-        sums.skipped += done.skipped;
-        sums.failed += done.failed;
-        for note in &done.notes {
-            profile::enter(&mut sums, note);
-            for failing in &note.failures {
-                sectors.enter(sums.criticised, failing);
-                let cell = cells.entry(failing.key.clone()).or_insert_with(|| Touched {
-                    sums: known.get(&failing.key).copied().unwrap_or_default(),
-                    examples: Vec::new(),
-                });
-                profile::enter_failure(&mut cell.sums, sums.criticised, now, failing);
-                let nth = cell.sums.count;
-                cell.examples.push(example(nth, sums.criticised, done.job.lease, note.number, failing));
-            }
-        }
-    }
-    blame(conn, all).await?;
-    critiques::put_sums(conn, run, task, &sums).await?;
-    sectors.write(conn, run, task).await?;
-    let sums: Vec<_> = cells.iter().map(|(key, touched)| (key, &touched.sums)).collect();
-    let numbers = failures::put_cells(conn, run, task, &sums).await?;
-    let mut newest = Vec::new();
-    for (key, Touched { examples, .. }) in &cells {
-        let Some(cell) = numbers.get(key) else { continue }; // cannot be: it was written above
-        let old = examples.len().saturating_sub(RING as usize);
-        newest.extend(examples[old..].iter().map(|example| (*cell, example)));
-    }
-    failures::put_examples(conn, &newest).await
 }
 
 /// Tells layouts what went wrong on them.
@@ -156,50 +114,6 @@ async fn blame(conn: &mut SqliteConnection, all: &[Done]) -> Result<(), StoreErr
         layouts::blame(conn, layout, &episodes).await?;
     }
     Ok(())
-}
-
-/// The profile by inertial sector: small enough to be held whole.
-struct Sectors {
-    rows: BTreeMap<(String, i64), SectorRow>,
-    touched: BTreeSet<(String, i64)>,
-}
-
-impl Sectors {
-    async fn read(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Self, StoreError> {
-        let rows = inertial::of_task(conn, run, task).await?;
-        let rows = rows.into_iter().map(|row| ((row.mode.clone(), row.sector), row)).collect();
-        Ok(Self { rows, touched: BTreeSet::new() })
-    }
-
-    fn enter(&mut self, place: i64, failing: &profile::Failing) {
-        let Some(sector) = failing.inertial.map(i64::from) else { return };
-        let mode = failing.key.mode.clone();
-        let key = (mode.clone(), sector);
-        let fresh = SectorRow { mode, sector, count: 0, weight: 0.0, as_of: place };
-        profile::enter_sector(self.rows.entry(key.clone()).or_insert(fresh), place);
-        self.touched.insert(key);
-    }
-
-    async fn write(&self, conn: &mut SqliteConnection, run: &str, task: &str) -> Result<(), StoreError> {
-        let rows: Vec<_> = self.touched.iter().filter_map(|key| self.rows.get(key)).collect();
-        inertial::put(conn, run, task, &rows).await
-    }
-}
-
-fn example(nth: i64, place: i64, lease: i64, number: i64, failing: &profile::Failing) -> Example {
-    let met = failing.met;
-    Example {
-        nth,
-        place,
-        lease,
-        number,
-        agent: i64::from(failing.agent),
-        step: i64::from(failing.step),
-        bearing_deg: met.map(|m| m.bearing_deg),
-        relative_speed: met.map(|m| m.relative_speed),
-        steps_left: met.map(|m| i64::from(m.steps_left)),
-        avoidable: met.and_then(|m| m.avoidable),
-    }
 }
 
 #[cfg(test)]

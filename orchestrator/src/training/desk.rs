@@ -10,7 +10,7 @@ use tokio::sync::watch;
 
 use super::audit::{Audited, Claim, Found, audit};
 use super::eval_lease::take_eval;
-use super::lease::{Purpose, TakeLease, Taken};
+use super::lease::{Granted, Purpose, TakeLease};
 use super::report::{Receipt, Report};
 use super::rollout::take::TakeGroup;
 use super::{RunSettings, TrainingError, Writer};
@@ -56,18 +56,12 @@ impl Desk {
     ///
     /// # Errors
     /// A wish that cannot be granted, and [`TrainingError::NotReady`] where preparing takes too long.
-    pub async fn lease(&self, wish: TakeLease) -> Result<LeaseId, TrainingError> {
+    pub async fn lease(&self, wish: TakeLease) -> Result<Granted, TrainingError> {
         if wish.purpose == Purpose::Eval {
             return take_eval(&self.writer, wish).await;
         }
         let run = wish.run.clone();
-        self.when_ready(&run, || async {
-            Ok(match self.writer.change(wish.clone()).await? {
-                Taken::Granted(lease) => Some(lease),
-                Taken::NotReady => None,
-            })
-        })
-        .await
+        self.when_ready(&run, || self.writer.change(wish.clone())).await
     }
 
     /// Grants a lease of one group to a worker that flies the run's policy, with that policy; waits likewise.

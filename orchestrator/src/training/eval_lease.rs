@@ -4,11 +4,10 @@
 use env_core::SeedSpace;
 use rayon::prelude::*;
 
-use super::lease::TakeLease;
+use super::lease::{Granted, TakeLease};
 use super::prepare::{Hopeless, Prepared, prepare, store_all};
 use super::{Change, Happening, TrainingError, Work, Writer};
 use crate::curriculum::{Proposal, Role};
-use crate::ids::{LeaseId, RunId};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::unsigned;
 
@@ -19,9 +18,9 @@ const GROUPS_OF_A_LEASE: u64 = 1 << 20;
 ///
 /// # Errors
 /// A lease that may not be granted, or params for which no fair start exists.
-pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<LeaseId, TrainingError> {
-    let Reserved { lease, run, run_seed, proposals } = writer.change(Reserve(wish)).await?;
-    let first = unsigned(lease.number) * GROUPS_OF_A_LEASE;
+pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<Granted, TrainingError> {
+    let Reserved { row, run_seed, proposals } = writer.change(Reserve(wish)).await?;
+    let first = unsigned(row.id) * GROUPS_OF_A_LEASE;
     let prepared = tokio::task::spawn_blocking(move || {
         let numbered: Vec<(u64, Proposal)> = (first..).zip(proposals).collect();
         let hopeless = Hopeless::default(); // nothing contested is asked for
@@ -35,16 +34,14 @@ pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<LeaseId, Trai
         .await
         .map_err(|error| TrainingError::invalid("purpose", error.to_string()))?
         .map_err(|error| TrainingError::invalid("purpose", error.to_string()))?;
-    writer.change(Fill { run, lease: lease.clone(), prepared }).await?;
-    Ok(lease)
+    writer.change(Fill { lease: row.id, prepared }).await
 }
 
 /// Writes the lease, without groups; one that is never filled expires like any other.
 struct Reserve(TakeLease);
 
 struct Reserved {
-    lease: LeaseId,
-    run: RunId,
+    row: LeaseRow,
     run_seed: u64,
     /// One per group.
     proposals: Vec<Proposal>,
@@ -78,24 +75,24 @@ impl Change for Reserve {
         });
         let (run_seed, proposals) = (mind.seed, proposals.collect());
         work.tell(&row.run, &Happening::lease(&row, "taken"))?;
-        Ok(Reserved { lease: LeaseId { number, token: row.token }, run_seed, proposals, run: wish.run })
+        Ok(Reserved { row, run_seed, proposals })
     }
 }
 
 /// Writes the groups of a reserved lease.
 struct Fill {
-    run: RunId,
-    lease: LeaseId,
+    lease: i64,
     prepared: Vec<(Proposal, Prepared)>,
 }
 
 impl Change for Fill {
-    type Answer = ();
+    type Answer = Granted;
 
-    async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
-        let row = super::lease::find(&mut work.conn, &self.run, &self.lease).await?;
+    async fn apply(self, work: &mut Work) -> Result<Granted, TrainingError> {
+        let row = leases::get(&mut work.conn, self.lease).await?;
+        let row = row.ok_or_else(|| TrainingError::UnknownLease(self.lease.to_string()))?;
         if row.status != "active" {
-            return Err(TrainingError::LeaseOver { lease: self.lease.to_string(), status: row.status });
+            return Err(TrainingError::LeaseOver { lease: row.name(), status: row.status });
         }
         store_all(&mut work.conn, self.prepared.iter().map(|(_, prepared)| prepared)).await?;
         let mut groups = Vec::new();
@@ -118,6 +115,6 @@ impl Change for Fill {
             });
         }
         leases::insert_groups(&mut work.conn, row.id, &groups).await?;
-        Ok(())
+        Ok(Granted { row, groups })
     }
 }

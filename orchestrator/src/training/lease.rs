@@ -63,13 +63,13 @@ pub struct TakeLease {
     pub purpose: Purpose,
 }
 
-/// What came of asking for a lease.
+/// A lease that is granted, as it is stored.
 #[derive(Debug)]
-pub enum Taken {
-    /// It is granted.
-    Granted(LeaseId),
-    /// Scenarios are still being prepared.
-    NotReady,
+pub struct Granted {
+    /// The lease.
+    pub row: LeaseRow,
+    /// Its groups; none of one of columns.
+    pub groups: Vec<GroupRow>,
 }
 
 impl TakeLease {
@@ -115,9 +115,10 @@ impl TakeLease {
 }
 
 impl Change for TakeLease {
-    type Answer = Taken;
+    /// None while scenarios are still being prepared.
+    type Answer = Option<Granted>;
 
-    async fn apply(self, work: &mut Work) -> Result<Taken, TrainingError> {
+    async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
         let (run, now) = (self.run.as_str(), work.now);
         let (mind, conn) = work.mind(run).await?;
         let group_size = self.check(mind)?;
@@ -141,9 +142,9 @@ impl Change for TakeLease {
         }
         let (mind, conn) = work.mind(run).await?;
         if head.iter().any(|queued| queued.scenario.is_none()) {
-            return Ok(Taken::NotReady);
+            return Ok(None);
         }
-        let id = leases::insert(conn, &row).await?;
+        let row = LeaseRow { id: next, ..row };
         let seqs: Vec<i64> = head.iter().map(|queued| queued.seq).collect();
         proposals::leased(conn, run, &seqs).await?;
         let (mut head, mut groups) = (head.into_iter(), Vec::new());
@@ -159,15 +160,14 @@ impl Change for TakeLease {
                 }
             });
         }
-        leases::insert_groups(conn, id, &groups).await?;
+        leases::insert_with_groups(conn, &row, &groups).await?;
         if self.purpose == Purpose::Train {
             let designed = i64::from(self.groups) - proposed as i64;
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
         }
         queue::fill(work, run, AHEAD).await?;
-        let row = LeaseRow { id, ..row };
         work.tell(run, &Happening::lease(&row, "taken"))?;
-        Ok(Taken::Granted(LeaseId { number: id, token: row.token }))
+        Ok(Some(Granted { row, groups }))
     }
 }
 

@@ -1,8 +1,11 @@
 //! A run in memory: what the writer knows without asking the database.
 
+use std::collections::BTreeMap;
+
 use sqlx::SqliteConnection;
 
 use super::TrainingError;
+use super::criticise::Ledger;
 use super::settings::RunSettings;
 use crate::clock::Millis;
 use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Snapshot};
@@ -30,6 +33,8 @@ pub struct Mind {
     pub policy_version: i64,
     /// The curriculum: a fold over the run's events.
     pub curriculum: Curriculum,
+    /// Failure profiles, by task: those that were written to since the run came to memory.
+    pub(super) ledgers: BTreeMap<String, Ledger>,
     snapshot_at: u64,
     /// Events of the curriculum that are not written yet.
     unwritten: Vec<Event>,
@@ -67,6 +72,7 @@ impl Mind {
             paused: row.status == "paused",
             policy_version: row.policy_version,
             curriculum,
+            ledgers: BTreeMap::new(),
             snapshot_at,
             unwritten: Vec::new(),
         })

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::super::column::{Column, read};
-use super::super::extract::{Bytes, NoQuery, Path};
+use super::super::extract::{Bytes, NoQuery, Path, aside};
 use super::super::problem::Problem;
 use super::{id, run_id};
 use crate::clock::rfc3339;
@@ -130,14 +130,19 @@ pub(super) async fn claim(
     request: Request,
 ) -> Result<axum::Json<Claim>, Problem> {
     let place = (run_id(&run)?, id("lease", &lease)?);
-    let (Bytes(form, body), _room) = app.room.body(request).await?;
+    let (body, _room) = app.room.body(request).await?;
+    let (policy_version, columns) = aside(move || columns_of(body)).await?;
+    Ok(axum::Json(Claim::of(columns::claim(&app.desk, place, policy_version, columns).await?)))
+}
+
+/// The columns of a body, and the policy version it names.
+fn columns_of(Bytes(form, body): Bytes) -> Result<(Option<u32>, Columns), Problem> {
     let ColumnsWish { policy_version, score, failed, steps } = read(form, &body)?;
     if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
         return Err(Problem::invalid(format!("failed.{at}"), "it is neither 0 nor 1"));
     }
     let failed = failed.0.into_iter().map(|failed| failed == 1).collect();
-    let columns = Columns { scores: score.0, failed, steps: steps.0 };
-    Ok(axum::Json(Claim::of(columns::claim(&app.desk, place, policy_version, columns).await?)))
+    Ok((policy_version, Columns { scores: score.0, failed, steps: steps.0 }))
 }
 
 /// What was claimed, as it came.

@@ -20,7 +20,7 @@ use crate::store::scenarios::Loader;
 use crate::store::{StoreError, brackets, columns, leases, unsigned};
 use crate::training::BracketView;
 use crate::training::columns::TakeColumns;
-use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
+use crate::training::lease::{Granted, Purpose, Release, Renew, TakeLease, find};
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -206,13 +206,12 @@ pub(super) async fn take(
     let LeaseWish { groups, group_size, policy_version, ttl_s, purpose, form } = wish;
     let run = run_id(&run)?;
     let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose };
-    let lease = match form {
+    let Granted { row, groups } = match form {
         Form::Groups => app.desk.lease(wish).await?,
         Form::Columns => app.writer.change(TakeColumns(wish)).await?,
     };
     let mut conn = app.readers.acquire().await?;
-    let row = find(&mut conn, &run, &lease).await?;
-    Ok((StatusCode::CREATED, axum::Json(describe(&mut conn, row).await?)))
+    Ok((StatusCode::CREATED, axum::Json(describe(&mut conn, row, groups).await?)))
 }
 
 /// List the leases of a run, oldest first.
@@ -250,7 +249,8 @@ pub(super) async fn show(
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
-    Ok(axum::Json(describe(&mut conn, row).await?))
+    let groups = leases::groups(&mut conn, row.id).await?;
+    Ok(axum::Json(describe(&mut conn, row, groups).await?))
 }
 
 /// Renew a lease: it holds for its time again, from now.
@@ -291,13 +291,12 @@ pub(super) async fn release(
     Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
 }
 
-async fn describe(conn: &mut SqliteConnection, row: LeaseRow) -> Result<Lease, Problem> {
-    let lease = LeaseId { number: row.id, token: row.token.clone() };
+async fn describe(conn: &mut SqliteConnection, row: LeaseRow, rows: Vec<GroupRow>) -> Result<Lease, Problem> {
+    let lease = row.lease_id();
     let mut recipes = Recipes::default();
     let mut loader = Loader::default();
     let ranges =
         if row.is_columns() { Some(ranges(conn, &mut loader, &mut recipes, row.id).await?) } else { None };
-    let rows = leases::groups(conn, row.id).await?;
     let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
     let (scenarios, brackets) = (loader.all(conn, &ids).await?, brackets::newest_of(conn, &ids).await?);
     let mut groups = Vec::new();

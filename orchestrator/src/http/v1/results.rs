@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::{Json, NoQuery, Path};
+use super::super::extract::{Bytes, Json, NoQuery, Path, aside};
 use super::super::problem::Problem;
 use super::run_id;
 use crate::curriculum::Move;
@@ -164,14 +164,20 @@ pub(super) async fn report(
 ) -> Result<axum::Json<Receipts>, Problem> {
     let run = run_id(&run)?;
     let (body, _room) = app.room.body(request).await?;
+    let (policy_version, claims) = aside(move || claims(body)).await?;
+    let (results, moves) = app.desk.report(run, policy_version, claims).await?;
+    Ok(axum::Json(Receipts { results, moves }))
+}
+
+/// What a body claims, and the policy version it names.
+fn claims(body: Bytes) -> Result<(Option<u32>, Vec<Claim>), Problem> {
     let Json(body) = Json::<Results>::of(body)?;
     if body.results.len() > MAX_RESULTS {
         let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
         return Err(Problem::invalid("results", detail));
     }
     let claims = body.results.into_iter().enumerate().map(claim).collect::<Result<_, _>>()?;
-    let (results, moves) = app.desk.report(run, body.policy_version, claims).await?;
-    Ok(axum::Json(Receipts { results, moves }))
+    Ok((body.policy_version, claims))
 }
 
 /// One result. What is wrong with it is its own affair as long as it says of which episode it is.

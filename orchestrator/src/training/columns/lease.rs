@@ -6,11 +6,10 @@ use env_core::{Recipe, Scenario, Seed, SeedSpace};
 
 use super::RANGES;
 use crate::curriculum::Proposal;
-use crate::ids::LeaseId;
 use crate::store::columns::{self, RangeRow};
 use crate::store::leases::{self, COLUMNS, LeaseRow};
 use crate::store::{StoreError, proposals, scenarios, signed, unsigned};
-use crate::training::lease::{Purpose, TTL_S, TakeLease};
+use crate::training::lease::{Granted, Purpose, TTL_S, TakeLease};
 use crate::training::prepare::{recipe_of, seed_of};
 use crate::training::settings::{MAX_GROUP_SIZE, within};
 use crate::training::{Change, Happening, Mind, TrainingError, Work};
@@ -42,9 +41,9 @@ impl TakeColumns {
 }
 
 impl Change for TakeColumns {
-    type Answer = LeaseId;
+    type Answer = Granted;
 
-    async fn apply(self, work: &mut Work) -> Result<LeaseId, TrainingError> {
+    async fn apply(self, work: &mut Work) -> Result<Granted, TrainingError> {
         let (run, now) = (self.0.run.as_str(), work.now);
         let (mind, conn) = work.mind(run).await?;
         let group_size = self.check(mind)?;
@@ -65,7 +64,7 @@ impl Change for TakeColumns {
         }
         let row = LeaseRow { id, ..row };
         work.tell(run, &Happening::lease(&row, "taken"))?;
-        Ok(LeaseId { number: id, token: row.token })
+        Ok(Granted { row, groups: Vec::new() })
     }
 }
 

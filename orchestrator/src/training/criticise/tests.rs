@@ -15,8 +15,9 @@ use super::super::writer::{Wakes, Writer};
 use super::*;
 use crate::clock::Clock;
 use crate::store::critiques::CritiqueSums;
-use crate::store::failures::Wanted;
-use crate::store::leases::LeaseRow;
+use crate::store::failures::{self, CellKey, CellSums, RING, Wanted};
+use crate::store::inertial::{self, SectorRow};
+use crate::store::leases::{self, LeaseRow};
 
 const RUN: &str = "run";
 const TASK: &str = "kessler/survival";

@@ -4,7 +4,7 @@ use crate::ids::{LeaseId, RunId};
 use crate::store::leases;
 use crate::store::policies::{self, PolicyRow};
 use crate::store::small;
-use crate::training::lease::{Purpose, TakeLease, Taken, end};
+use crate::training::lease::{Granted, Purpose, TakeLease, end};
 use crate::training::{Change, TrainingError, Work};
 
 use super::settings::OFF;
@@ -36,13 +36,9 @@ impl Change for TakeGroup {
             ttl_s: TTL_S,
             purpose: Purpose::Train,
         };
-        match wish.apply(work).await? {
-            Taken::NotReady => Ok(None),
-            Taken::Granted(lease) => {
-                policies::hold(&mut work.conn, lease.number).await?;
-                Ok(Some((lease, policy)))
-            }
-        }
+        let Some(Granted { row, .. }) = wish.apply(work).await? else { return Ok(None) };
+        policies::hold(&mut work.conn, row.id).await?;
+        Ok(Some((row.lease_id(), policy)))
     }
 }
 
