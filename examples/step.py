@@ -6,10 +6,15 @@ what is flown, the server keeps the actions, and the last step of an episode is 
 import contextlib
 import json
 import sys
+import time
 import urllib.request
 
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+
+
+class Lost(Exception):
+    """The server has no such session any more: it was started anew, or the connection was gone for too long."""
 
 
 class Session:
@@ -23,11 +28,20 @@ class Session:
         self.opened = self.ask({"type": "open", "version": 1, **wish})
 
     def connect(self):
-        self.socket = self.stack.enter_context(connect(self.url, max_size=None))
+        for attempt in range(60):
+            try:
+                self.socket = self.stack.enter_context(connect(self.url, max_size=None))
+                return
+            except OSError:
+                if attempt == 59:
+                    raise
+                time.sleep(1)  # the server is away for a moment
 
     def ask(self, message):
         self.socket.send(json.dumps(message))
         told = json.loads(self.socket.recv())
+        if told["type"] == "error" and told["code"] in ("unknown_session", "stopping"):
+            raise Lost(told["detail"])
         if told["type"] == "error":
             raise RuntimeError(f"{told['field']}: {told['detail']}")
         return told
@@ -69,17 +83,20 @@ def main(base, episodes):
     body = json.dumps({"tasks": ["kessler/survival"]}).encode()
     request = urllib.request.Request(base + "/v1/runs", body, {"content-type": "application/json"})
     run = json.load(urllib.request.urlopen(request))["id"]
-    session = Session(base, run=run)
+    session, episode = Session(base, run=run), 0
     told = session.opened
-    for episode in range(episodes):
-        if episode > 0:
-            told = session.do("reset")  # the same wish again: whatever the curriculum proposes next
-        while not told.get("done"):
-            told = session.do("step", action=burns(told["observation"]))
-            if episode == 0 and told["step"] == 10:
-                session.socket.close_socket()  # a cable is pulled; the flight goes on
-        receipt = told["reported"]
-        print(f"{receipt['episode']} {receipt['status']} score {receipt['score']:.3f} success {receipt['success']}")
+    while episode < episodes:
+        try:
+            while not told.get("done"):
+                told = session.do("step", action=burns(told["observation"]))
+                if episode == 0 and told["step"] == 10:
+                    session.socket.close_socket()  # a cable is pulled; the flight goes on
+            receipt, episode = told["reported"], episode + 1
+            print(f"{receipt['episode']} {receipt['status']} score {receipt['score']:.3f} success {receipt['success']}", flush=True)
+            told = session.do("reset") if episode < episodes else told  # the same wish: whatever the curriculum proposes next
+        except Lost:  # what was being flown is given back by the server; a new session goes on
+            session = Session(base, run=run)
+            told = session.opened
     session.close()
 
 

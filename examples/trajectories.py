@@ -28,11 +28,11 @@ class Api:
             self.accept, self.load = "application/msgpack", msgpack.unpackb
 
     def ask(self, method, path, body=None):
-        """Asks, and again where the server is busy for a moment."""
+        """Asks, and again where the server is busy or away for a moment."""
         headers = {"Accept": self.accept, "Content-Type": "application/json"}
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(self.url + path, data, headers, method=method)
-        while True:
+        for _ in range(60):
             try:
                 with urllib.request.urlopen(request, timeout=120) as answer:
                     return self.load(answer.read())
@@ -41,6 +41,9 @@ class Api:
                 if refused.code not in (429, 503):
                     raise SystemExit(f"{method} {path}: {problem.get('field', '')} {problem['detail']}") from refused
                 time.sleep(float(refused.headers.get("Retry-After", 1)))
+            except OSError:  # away for a moment: what was not acknowledged comes again
+                time.sleep(1)
+        raise SystemExit(f"{method} {path}: nobody answers")
 
 
 def advantages(group):

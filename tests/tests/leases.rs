@@ -314,6 +314,31 @@ async fn evaluation_moves_nothing_and_old_policies_are_stale() {
 }
 
 #[tokio::test]
+async fn a_policy_version_named_by_mistake_is_set_back() {
+    let server = Server::start().await;
+    let api = server.api();
+    let wish = json!({"seed": 9, "tasks": ["kessler/survival"], "max_staleness": 2});
+    let id = run(&api, wish).await;
+    let lease = api.lease(&id, json!({"groups": 3, "policy_version": 5})).await;
+    let (results, path) = (held(&lease), format!("/v1/runs/{id}/results"));
+    let wrong = json!({"policy_version": 4_000_000_000_u32, "results": [results[0]]});
+    assert_eq!(words(&api.post(&path, wrong).await.expect(200)), ["counted"]);
+    assert_eq!(words(&api.post(&path, json!({"results": [results[1]]})).await.expect(200)), ["stored"]);
+
+    let newest = format!("/v1/runs/{id}/policy_version");
+    let set = api.raw("PUT", &newest, "application/json", json!({"policy_version": 5}).to_string()).await;
+    assert_eq!((set.status, &set.body["policy_version"]), (200, &json!(5)));
+    assert_eq!(words(&api.post(&path, json!({"results": [results[2]]})).await.expect(200)), ["counted"]);
+    for (wish, field) in [(json!({}), "policy_version"), (json!({"policy_version": -1}), "policy_version")] {
+        let refused = api.raw("PUT", &newest, "application/json", wish.to_string()).await;
+        assert_eq!((refused.status, &refused.body["field"]), (422, &json!(field)));
+    }
+    let nowhere = "/v1/runs/nowhere/policy_version";
+    let unknown = api.raw("PUT", nowhere, "application/json", json!({"policy_version": 5}).to_string()).await;
+    assert_eq!(unknown.status, 404);
+}
+
+#[tokio::test]
 async fn where_probes_are_the_evidence_training_moves_nothing() {
     let server = Server::start().await;
     let api = server.api();

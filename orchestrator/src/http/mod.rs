@@ -2,6 +2,7 @@
 
 mod answers;
 mod column;
+mod document;
 mod extract;
 mod health;
 mod openenv;
@@ -80,7 +81,9 @@ fn parts(surface: Surface) -> (Router<App>, utoipa::openapi::OpenApi) {
         Surface::Whole => always.nest("/v1", v1::routes()),
         Surface::OpenEnv => always,
     };
-    routes.merge(openenv::routes()).split_for_parts()
+    let (routes, mut document) = routes.merge(openenv::routes()).split_for_parts();
+    document::name_forms(&mut document);
+    (routes, document)
 }
 
 /// The API as an OpenAPI 3.1 document.

@@ -97,7 +97,7 @@ pub async fn set_status(conn: &mut SqliteConnection, id: &str, status: &str) -> 
     Ok(())
 }
 
-/// Remembers the newest policy version.
+/// Sets the newest policy version.
 ///
 /// # Errors
 /// The database's.
@@ -106,8 +106,6 @@ pub async fn set_policy_version(
     id: &str,
     version: i64,
 ) -> Result<(), StoreError> {
-    query!("UPDATE runs SET policy_version = ?1 WHERE id = ?2 AND policy_version < ?1", version, id)
-        .execute(conn)
-        .await?;
+    query!("UPDATE runs SET policy_version = ? WHERE id = ?", version, id).execute(conn).await?;
     Ok(())
 }

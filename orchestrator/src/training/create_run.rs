@@ -95,3 +95,24 @@ impl Change for SetPaused {
         Ok(row)
     }
 }
+
+/// Says which policy version is the newest: what trainers report raises it by itself, and a wrong one stays until it is set.
+#[derive(Debug)]
+pub struct SetNewest {
+    /// Of which run.
+    pub run: RunId,
+    /// The version.
+    pub policy_version: u32,
+}
+
+impl Change for SetNewest {
+    type Answer = RunRow;
+
+    async fn apply(self, work: &mut Work) -> Result<RunRow, TrainingError> {
+        let run = self.run.as_str();
+        let (mind, conn) = work.mind(run).await?;
+        mind.policy_version = i64::from(self.policy_version);
+        runs::set_policy_version(conn, run, mind.policy_version).await?;
+        runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))
+    }
+}

@@ -31,6 +31,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(runs::show))
         .routes(routes!(runs::pause))
         .routes(routes!(runs::resume))
+        .routes(routes!(runs::set_newest))
         .routes(routes!(leases::take, leases::list))
         .routes(routes!(leases::show))
         .routes(routes!(leases::renew))

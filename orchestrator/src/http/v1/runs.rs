@@ -2,7 +2,7 @@
 
 use axum::extract::State;
 use axum::http::StatusCode;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::super::extract::{Json, NoQuery, Path, Query};
@@ -18,7 +18,7 @@ use crate::store::runs::RunRow;
 use crate::store::{from_json, runs, unsigned};
 use crate::training::RunSettings;
 use crate::training::TrainingError;
-use crate::training::create_run::{CreateRun, SetPaused};
+use crate::training::create_run::{CreateRun, SetNewest, SetPaused};
 use crate::training::settings::RunWish;
 
 /// A run.
@@ -200,6 +200,35 @@ pub(super) async fn resume(
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
     set_paused(&app, &run, false).await
+}
+
+/// The newest policy version as it should be.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Newest {
+    /// The version.
+    policy_version: u32,
+}
+
+/// Set the newest policy version. Leases and results raise it by themselves; one that was named by mistake makes all that
+/// come after it stale (`max_staleness`) until it is set back here.
+#[utoipa::path(
+    put, path = "/runs/{run}/policy_version", tag = "runs", request_body = Newest,
+    params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 429, body = Problem), (status = 503, body = Problem)
+    )
+)]
+pub(super) async fn set_newest(
+    _: NoQuery,
+    State(app): State<App>,
+    Path(run): Path<String>,
+    Json(wish): Json<Newest>,
+) -> Result<axum::Json<Run>, Problem> {
+    let change = SetNewest { run: run_id(&run)?, policy_version: wish.policy_version };
+    Ok(axum::Json(Run::of(app.writer.change(change).await?)?))
 }
 
 async fn set_paused(app: &App, run: &str, paused: bool) -> Result<axum::Json<Run>, Problem> {

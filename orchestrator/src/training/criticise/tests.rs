@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use env_core::critique::{Judged, SpeedBands};
-use env_core::{SeedSpace, rollout};
+use env_core::{ActionLog, SeedSpace, rollout};
 use proptest::prelude::*;
 
 use super::super::create_run::CreateRun;
@@ -15,7 +15,7 @@ use super::super::writer::{Wakes, Writer};
 use super::*;
 use crate::clock::Clock;
 use crate::store::critiques::CritiqueSums;
-use crate::store::failures::{self, CellKey, CellSums, RING, Wanted};
+use crate::store::failures::{self, CellKey, CellSums, Wanted};
 use crate::store::inertial::{self, SectorRow};
 use crate::store::leases::{self, LeaseRow};
 

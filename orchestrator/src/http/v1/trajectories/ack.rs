@@ -52,7 +52,9 @@ pub(in crate::http::v1) async fn ack(
         return Err(Problem::invalid("ids", detail));
     }
     drop(reader_of(&app, &run).await?);
-    let ids = wish.ids.into_iter().map(|id| i64::try_from(id).unwrap_or(i64::MAX)).collect();
+    let never = |at| Problem::invalid(format!("ids.{at}"), "no group ever has such a number");
+    let ids = wish.ids.into_iter().enumerate().map(|(at, id)| i64::try_from(id).map_err(|_| never(at)));
+    let ids = ids.collect::<Result<_, _>>()?;
     let (acked, unknown) = app.writer.change(Ack { run, ids }).await?;
     Ok(axum::Json(Acked { acked, unknown }))
 }
