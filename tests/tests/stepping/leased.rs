@@ -187,3 +187,49 @@ async fn a_lease_of_several_tasks_is_flown_task_by_task() {
         "{told}"
     );
 }
+
+/// What docs/stepping.md says of the bytes of every frame is what a session is told of them.
+#[tokio::test]
+async fn the_document_has_the_frames_as_they_are() {
+    let document = include_str!("../../../docs/stepping.md");
+    let row = |begins: &str| document.lines().find(|line| line.starts_with(begins)).expect(begins);
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, "run").await;
+    let lease = api.lease("run", json!({"groups": 4})).await;
+    // Five environments of three agents and two numbers an action: every length is another number.
+    let (vector, _) = Vector::open(&api, wish(lease.id(), 5, "same_step")).await;
+    let frames = &vector.opened["frames"];
+    for field in frames["header"].as_array().unwrap() {
+        let size = match field["dtype"].as_str().unwrap() {
+            "|S4" => "4 bytes",
+            "<u2" => "u16",
+            "<u4" => "u32",
+            other => panic!("{other}"),
+        };
+        row(&format!("| {} | {size} |", field["offset"]));
+    }
+    let letters = [("envs", "n"), ("agents", "a"), ("action", "d"), ("observation", "o")];
+    let letter = |length: &Value| match letters.iter().find(|(name, _)| vector.opened[*name] == *length) {
+        Some((_, letter)) => (*letter).to_owned(),
+        None if *length == json!("done") => "k".to_owned(),
+        None => panic!("{length}"),
+    };
+    for kind in ["actions", "reset", "stepped"] {
+        let mut row = row(&format!("| {}, {kind} |", frames[kind]["kind"]));
+        let fields = frames[kind]["fields"].as_array().unwrap();
+        assert_eq!(fields[0]["offset"], 16, "after the header");
+        for field in fields {
+            let dtype = match field["dtype"].as_str().unwrap() {
+                "<f4" => "f32",
+                "<i4" => "i32",
+                "|u1" => "u8",
+                other => panic!("{other}"),
+            };
+            let shape: Vec<String> = field["shape"].as_array().unwrap().iter().map(letter).collect();
+            let words = format!("{} {dtype} [{}]", field["name"].as_str().unwrap(), shape.join(", "));
+            let at = row.find(&words).unwrap_or_else(|| panic!("{kind}: no {words}, or not after what comes before"));
+            row = &row[at + words.len()..];
+        }
+    }
+}
