@@ -115,6 +115,6 @@ impl Change for Fill {
             });
         }
         leases::insert_groups(&mut work.conn, row.id, &groups).await?;
-        Ok(Granted { row, groups })
+        Ok(Granted { row, groups, sets: None })
     }
 }

@@ -1,5 +1,8 @@
 //! Leasing groups, renewing and releasing leases, and letting them expire.
 
+use std::collections::HashMap;
+
+use env_core::Bracket;
 use sqlx::SqliteConnection;
 
 use super::close::close_groups;
@@ -11,7 +14,8 @@ use crate::curriculum::{Move, Proposal};
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::leases::{self, GroupRow, LeaseRow};
 use crate::store::proposals::{self, Queued};
-use crate::store::{design_counts, from_json, serving};
+use crate::store::scenarios::{Loader, Scenarios};
+use crate::store::{StoreError, brackets, design_counts, from_json, serving};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -70,7 +74,34 @@ pub struct Granted {
     pub row: LeaseRow,
     /// Its groups; none of one of columns.
     pub groups: Vec<GroupRow>,
+    /// What they are flown and judged by, where it was read on the way: of a small lease.
+    pub sets: Option<Sets>,
 }
+
+/// What groups are flown and judged by.
+#[derive(Debug)]
+pub struct Sets {
+    /// Their scenarios.
+    pub scenarios: Scenarios,
+    /// The newest bracket of each scenario that has one.
+    pub brackets: HashMap<Vec<u8>, Bracket>,
+}
+
+impl Sets {
+    /// Reads them: a statement each, however many they are.
+    ///
+    /// # Errors
+    /// The store's.
+    pub async fn of(conn: &mut SqliteConnection, groups: &[GroupRow]) -> Result<Self, StoreError> {
+        let ids: Vec<_> = groups.iter().map(|group| &group.scenario).collect();
+        let scenarios = Loader::default().all(conn, &ids).await?;
+        Ok(Self { scenarios, brackets: brackets::newest_of(conn, &ids).await? })
+    }
+}
+
+/// Groups whose sets are read while the lease is granted: whoever takes so few waits with an agent at a standstill, and every
+/// turn of another thread is time. Of more they are read beside, for the sake of others.
+const FEW: usize = 8;
 
 impl TakeLease {
     pub(super) fn check(&self, mind: &Mind) -> Result<u32, TrainingError> {
@@ -165,9 +196,10 @@ impl Change for TakeLease {
             let designed = i64::from(self.groups) - proposed as i64;
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
         }
+        let sets = if groups.len() <= FEW { Some(Sets::of(conn, &groups).await?) } else { None };
         queue::fill(work, run, AHEAD).await?;
         work.tell(run, &Happening::lease(&row, "taken"))?;
-        Ok(Some(Granted { row, groups }))
+        Ok(Some(Granted { row, groups, sets }))
     }
 }
 

@@ -228,7 +228,9 @@ async fn the_document_has_the_frames_as_they_are() {
             };
             let shape: Vec<String> = field["shape"].as_array().unwrap().iter().map(letter).collect();
             let words = format!("{} {dtype} [{}]", field["name"].as_str().unwrap(), shape.join(", "));
-            let at = row.find(&words).unwrap_or_else(|| panic!("{kind}: no {words}, or not after what comes before"));
+            let at = row
+                .find(&words)
+                .unwrap_or_else(|| panic!("{kind}: no {words}, or not after what comes before"));
             row = &row[at + words.len()..];
         }
     }

@@ -17,10 +17,10 @@ use crate::service::App;
 use crate::store::columns::RangeRow;
 use crate::store::leases::{GroupRow, LeaseRow};
 use crate::store::scenarios::Loader;
-use crate::store::{StoreError, brackets, columns, leases, unsigned};
+use crate::store::{StoreError, columns, leases, unsigned};
 use crate::training::BracketView;
 use crate::training::columns::TakeColumns;
-use crate::training::lease::{Granted, Purpose, Release, Renew, TakeLease, find};
+use crate::training::lease::{Granted, Purpose, Release, Renew, Sets, TakeLease, find};
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -206,12 +206,15 @@ pub(super) async fn take(
     let LeaseWish { groups, group_size, policy_version, ttl_s, purpose, form } = wish;
     let run = run_id(&run)?;
     let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose };
-    let Granted { row, groups } = match form {
+    let Granted { row, groups, sets } = match form {
         Form::Groups => app.desk.lease(wish).await?,
         Form::Columns => app.writer.change(TakeColumns(wish)).await?,
     };
-    let mut conn = app.readers.acquire().await?;
-    Ok((StatusCode::CREATED, axum::Json(describe(&mut conn, row, groups).await?)))
+    let lease = match sets {
+        Some(sets) => view_of(row, groups, &sets, (Recipes::default(), None))?,
+        None => describe(&mut *app.readers.acquire().await?, row, groups).await?,
+    };
+    Ok((StatusCode::CREATED, axum::Json(lease)))
 }
 
 /// List the leases of a run, oldest first.
@@ -291,21 +294,31 @@ pub(super) async fn release(
     Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
 }
 
-async fn describe(conn: &mut SqliteConnection, row: LeaseRow, rows: Vec<GroupRow>) -> Result<Lease, Problem> {
-    let lease = row.lease_id();
+async fn describe(
+    conn: &mut SqliteConnection,
+    row: LeaseRow,
+    groups: Vec<GroupRow>,
+) -> Result<Lease, Problem> {
     let mut recipes = Recipes::default();
-    let mut loader = Loader::default();
-    let ranges =
-        if row.is_columns() { Some(ranges(conn, &mut loader, &mut recipes, row.id).await?) } else { None };
-    let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
-    let (scenarios, brackets) = (loader.all(conn, &ids).await?, brackets::newest_of(conn, &ids).await?);
+    let ranges = if row.is_columns() { Some(ranges(conn, &mut recipes, row.id).await?) } else { None };
+    let sets = Sets::of(conn, &groups).await?;
+    view_of(row, groups, &sets, (recipes, ranges))
+}
+
+fn view_of(
+    row: LeaseRow,
+    rows: Vec<GroupRow>,
+    sets: &Sets,
+    (mut recipes, ranges): (Recipes, Option<Vec<Range>>),
+) -> Result<Lease, Problem> {
+    let lease = row.lease_id();
     let mut groups = Vec::new();
     for group in rows {
-        let bracket = brackets.get(&group.scenario);
+        let bracket = sets.brackets.get(&group.scenario);
         if bracket.is_none() && !row.is_columns() {
             return Err(StoreError::unreadable("a bracket", "there is none for a leased scenario").into());
         }
-        let scenario = scenarios.get(&group.scenario)?;
+        let scenario = sets.scenarios.get(&group.scenario)?;
         let recipe = recipes.place(scenario.recipe());
         groups.push(view(&lease, &row, group, recipe, scenario, bracket));
     }
@@ -344,11 +357,10 @@ impl Recipes {
 
 async fn ranges(
     conn: &mut SqliteConnection,
-    loader: &mut Loader,
     recipes: &mut Recipes,
     lease: i64,
 ) -> Result<Vec<Range>, Problem> {
-    let mut ranges = Vec::new();
+    let (mut loader, mut ranges) = (Loader::default(), Vec::new());
     for row in columns::ranges(conn, lease).await? {
         let recipe = recipes.place(&*loader.recipe(conn, &row.recipe).await?);
         let RangeRow { task, level, role, first, groups, seed, .. } = row;

@@ -64,7 +64,7 @@ impl Change for TakeColumns {
         }
         let row = LeaseRow { id, ..row };
         work.tell(run, &Happening::lease(&row, "taken"))?;
-        Ok(Granted { row, groups: Vec::new() })
+        Ok(Granted { row, groups: Vec::new(), sets: None })
     }
 }
 
