@@ -1,6 +1,7 @@
 //! Ten minutes of everything that a trainer team asks for at once, and what the server's memory does meanwhile.
 
 use std::convert::Infallible;
+use std::io::Write;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
@@ -46,7 +47,7 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
             },
         }
         let resident = process::resident(server.pid())? as f64 / f64::from(1 << 20);
-        eprintln!("minute {minute:2}: {resident:.0} MiB");
+        writeln!(std::io::stderr(), "minute {minute:2}: {resident:.0} MiB")?;
         memory.push(resident);
     }
     work.shutdown().await;
