@@ -324,8 +324,17 @@ impl Process {
     /// Where it does not start.
     #[must_use]
     pub fn start_with(db: &Path, options: &[&str]) -> Self {
+        Self::start_at("127.0.0.1:0", db, options)
+    }
+
+    /// Starts one at this address, where clients expect one that is started anew.
+    ///
+    /// # Panics
+    /// Where it does not start.
+    #[must_use]
+    pub fn start_at(bind: &str, db: &Path, options: &[&str]) -> Self {
         let mut child = Command::new(binary())
-            .args(["serve", "--bind", "127.0.0.1:0", "--db"])
+            .args(["serve", "--bind", bind, "--db"])
             .arg(db)
             .args(options)
             .stdout(Stdio::piped())
