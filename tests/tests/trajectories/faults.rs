@@ -1,9 +1,14 @@
 //! An endpoint that fails costs a run nothing but time: its episodes are failed, never low.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use designer::llm::LlmConfig;
+use designer::llm::{Llm, LlmConfig};
+use orchestrator::clock::Clock;
+use orchestrator::service::Config;
+use orchestrator::training::rollout::Endpoint;
 use serde_json::json;
+use system_tests::Server;
 use system_tests::model::{HOLD, KEY, completion, endpoint, says, sent};
 use tokio::net::TcpListener;
 use wiremock::ResponseTemplate;
@@ -91,6 +96,49 @@ async fn an_endpoint_that_comes_back_is_flown_with_again() {
     assert_eq!(counted(&api, "run").await, 2);
 }
 
+/// The flight of a model may outlast its lease, where the machine slept: what comes too late counts for nothing, low or high, is
+/// fed to nobody, and its scenario is flown again.
+#[tokio::test]
+async fn a_group_whose_lease_is_over_before_it_is_flown_counts_for_nothing() {
+    let (clock, hand) = Clock::manual(1_790_000_000_000);
+    // A flight of 50 steps takes 3 s.
+    let mock = endpoint([says(HOLD).set_delay(Duration::from_millis(60))]).await;
+    let endpoint = Endpoint { llm: Llm::new(model(&mock.uri())).unwrap(), temperature: None };
+    let server = Server::set_up(move |config| Config {
+        clock: clock.clone(),
+        endpoint: Some(endpoint.clone()),
+        ..config
+    })
+    .await;
+    let api = server.api();
+    run(&api, "run", json!({"group_size": 1})).await;
+    let _ = put(&api, "run", json!({"policy": "chat", "ahead": 1})).await.expect(200);
+    while sent(&mock).await.is_empty() {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    hand.fetch_add(601_000, Ordering::SeqCst);
+    let told = until(&api, "run", "too late", |told| !told["trouble"].is_null()).await;
+    assert_eq!(told["trouble"]["words"], "its lease was over before the group was flown");
+    assert_eq!((number(&told["groups"]), number(&told["failed"])), (0, 0));
+    let groups = pull(&api, "run", "wait_s=50").await;
+    check(&groups[0]);
+    let leases = api.get("/v1/runs/run/leases").await.expect(200);
+    let lease = |at: usize| leases["leases"][at]["lease"].as_str().unwrap();
+    assert_eq!(
+        (&leases["leases"][0]["status"], &leases["leases"][1]["status"]),
+        (&json!("expired"), &json!("done"))
+    );
+    assert_eq!(groups[0]["lease"], lease(1));
+    let first = api.get(&format!("/v1/runs/run/leases/{}", lease(0))).await.expect(200);
+    assert_eq!(first["groups"][0]["state"], "lost");
+    assert_eq!(groups[0]["scenario"], first["groups"][0]["scenario"], "it is offered again");
+    let standing = api.get("/v1/runs/run/mastery").await.expect(200);
+    let plain = &standing["tasks"][0]["plain"];
+    assert_eq!((number(&plain["episodes"]), number(&plain["expired"])), (1, 1), "{plain}");
+    let flown = format!("/v1/runs/run/episodes/ep_{}_0", lease(0));
+    assert_eq!(api.get(&flown).await.expect(200)["state"], "late");
+}
+
 /// One sibling of many is lost: the others count, and say so.
 #[tokio::test]
 async fn a_group_counts_from_half_of_its_episodes() {
@@ -133,10 +181,10 @@ async fn a_spent_budget_stays_spent() {
     // One episode of 50 steps at 920 tokens.
     config.tokens_per_run = Some(47_500);
     let base = config;
-    let mut server = system_tests::Server::set_up(move |config| {
-        let llm = designer::llm::Llm::new(base.clone()).unwrap();
-        let endpoint = Some(orchestrator::training::rollout::Endpoint { llm, temperature: None });
-        orchestrator::service::Config { endpoint, ..config }
+    let mut server = Server::set_up(move |config| {
+        let llm = Llm::new(base.clone()).unwrap();
+        let endpoint = Some(Endpoint { llm, temperature: None });
+        Config { endpoint, ..config }
     })
     .await;
     run(&server.api(), "run", json!({"group_size": 1})).await;
