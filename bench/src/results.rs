@@ -1,6 +1,7 @@
 //! Durable results over HTTP: a real server in a process of its own, batches of 100, groups of 8, whole action logs,
 //! replay included, and leases taken while that goes on. Clients share the machine with the server.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,7 +14,7 @@ use tokio::task::JoinSet;
 
 use crate::Row;
 
-const LEASES: usize = 30;
+const LEASES: usize = 90;
 const GROUPS: usize = 100;
 const GROUP_SIZE: usize = 8;
 const BATCH: usize = 100;
@@ -25,7 +26,8 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
 
 async fn run() -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
-    let server = Process::start(&folder.path().join("bench.sqlite3"));
+    let file = folder.path().join("bench.sqlite3");
+    let server = Process::start(&file);
     let api = server.api();
     // Nothing is designed beside: that would share the machine.
     let design = json!({"designer": "off"});
@@ -54,6 +56,7 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     drop(done);
     let (median, p99) = leasing.await?;
     let rate = results as f64 / seconds;
+    let stored = stored(server, &file)?;
     Ok(vec![
         Row {
             what: format!(
@@ -76,7 +79,21 @@ async fn run() -> anyhow::Result<Vec<Row>> {
             goal: "p99 < 20 ms".into(),
             ratio: Some(20.0 / p99),
         },
+        Row {
+            what: "the database after that, a result: its log, scenario, bracket, outcome and failures"
+                .into(),
+            measured: format!("{:.0} bytes", stored as f64 / results as f64),
+            goal: String::new(),
+            ratio: None,
+        },
     ])
+}
+
+/// Bytes of a server's database, once it has stopped and folded in all that it wrote.
+pub(crate) fn stored(server: Process, file: &Path) -> anyhow::Result<u64> {
+    let code = server.terminate();
+    anyhow::ensure!(code == Some(0), "the server stopped with {code:?}");
+    Ok(std::fs::metadata(file)?.len())
 }
 
 /// Sends every batch, several clients at a time.
