@@ -9,6 +9,7 @@ mod openenv;
 mod planning;
 mod polls;
 mod problem;
+mod room;
 mod socket;
 mod v1;
 
@@ -26,11 +27,11 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_swagger_ui::SwaggerUi;
 
-pub use self::extract::Room;
 pub use self::openenv::Boards;
 pub use self::planning::Planning;
 pub use self::polls::Polls;
 pub use self::problem::Problem;
+pub use self::room::Room;
 use crate::service::App;
 
 /// Largest request body, bytes.

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::super::column::{Column, read};
-use super::super::extract::{Bytes, NoQuery, Path, aside};
+use super::super::extract::{Bytes, NoQuery, Path};
 use super::super::problem::Problem;
+use super::super::room::aside;
 use super::{id, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId};

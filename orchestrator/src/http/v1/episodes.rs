@@ -16,9 +16,10 @@ use crate::ids::{EpisodeId, LayoutId, LeaseId, RunId};
 use crate::service::App;
 use crate::store::brackets::StoredFlown;
 use crate::store::episodes::{EpisodeRow, Listed};
-use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::LeaseRow;
 use crate::store::scenarios::Loader;
-use crate::store::{brackets, episodes, from_json, leases};
+use crate::store::{brackets, episodes, from_json};
 use crate::training::BracketView;
 use crate::training::TrainingError;
 use crate::training::lease::find;
@@ -238,7 +239,7 @@ impl Found {
     ) -> Result<Self, Problem> {
         let unknown = || TrainingError::UnknownEpisode(id.to_string());
         let lease = find(conn, run, &id.lease).await.map_err(|_| unknown())?;
-        let group = leases::group(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;
+        let group = groups::get(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;
         let row = episodes::get(conn, lease.id, id.index).await?;
         let log = episodes::log(conn, lease.id, id.index).await?;
         let log =

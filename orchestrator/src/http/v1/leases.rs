@@ -15,12 +15,14 @@ use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::service::App;
 use crate::store::columns::RangeRow;
-use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::LeaseRow;
 use crate::store::scenarios::Loader;
-use crate::store::{StoreError, columns, leases, unsigned};
+use crate::store::{columns, leases, unsigned};
 use crate::training::BracketView;
 use crate::training::columns::TakeColumns;
-use crate::training::lease::{Granted, Purpose, Release, Renew, Sets, TakeLease, find};
+use crate::training::lease::{Granted, Purpose, Release, Renew, TakeLease, find, sets_of};
+use crate::training::sets::Sets;
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -252,7 +254,7 @@ pub(super) async fn show(
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
-    let groups = leases::groups(&mut conn, row.id).await?;
+    let groups = groups::of_lease(&mut conn, row.id).await?;
     Ok(axum::Json(describe(&mut conn, row, groups).await?))
 }
 
@@ -301,7 +303,7 @@ async fn describe(
 ) -> Result<Lease, Problem> {
     let mut recipes = Recipes::default();
     let ranges = if row.is_columns() { Some(ranges(conn, &mut recipes, row.id).await?) } else { None };
-    let sets = Sets::of(conn, &groups).await?;
+    let sets = sets_of(conn, &groups).await?;
     view_of(row, groups, &sets, (recipes, ranges))
 }
 
@@ -314,11 +316,7 @@ fn view_of(
     let lease = row.lease_id();
     let mut groups = Vec::new();
     for group in rows {
-        let bracket = sets.brackets.get(&group.scenario);
-        if bracket.is_none() && !row.is_columns() {
-            return Err(StoreError::unreadable("a bracket", "there is none for a leased scenario").into());
-        }
-        let scenario = sets.scenarios.get(&group.scenario)?;
+        let (scenario, bracket) = sets.get(&group.scenario, row.is_columns())?;
         let recipe = recipes.place(scenario.recipe());
         groups.push(view(&lease, &row, group, recipe, scenario, bracket));
     }

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::super::extract::{Bytes, Json, NoQuery, Path, aside};
+use super::super::extract::{Bytes, Json, NoQuery, Path};
 use super::super::problem::Problem;
+use super::super::room::aside;
 use super::run_id;
 use crate::curriculum::Move;
 use crate::reading;

@@ -18,8 +18,9 @@ use crate::store::runs::RunRow;
 use crate::store::{from_json, runs, unsigned};
 use crate::training::RunSettings;
 use crate::training::TrainingError;
-use crate::training::create_run::{CreateRun, SetNewest, SetPaused};
+use crate::training::create_run::CreateRun;
 use crate::training::settings::RunWish;
+use crate::training::standing::{SetNewest, SetPaused};
 
 /// A run.
 #[derive(Serialize, ToSchema)]
