@@ -11,5 +11,6 @@ mod reading;
 pub mod service;
 pub mod sessions;
 pub mod store;
+pub mod threads;
 pub mod training;
 pub mod workers;

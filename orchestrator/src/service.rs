@@ -19,6 +19,7 @@ use crate::sessions::{Limits, Sessions};
 use crate::store::{
     Claim, OpenError, StoreError, asks, claim, folder, policies, reader, unsigned, verdicts, writer,
 };
+use crate::threads::{self, Priority};
 use crate::training::design::{BuiltIn, Designers};
 use crate::training::rollout::Endpoint;
 use crate::training::{Desk, Wakes, Writer};
@@ -159,11 +160,7 @@ impl Service {
         let mut connection = writer(&config.db).await?;
         pick_up(&config, &mut connection).await?;
         let readers = reader(&config.db).await?;
-        let listener = TcpListener::bind(config.bind)
-            .await
-            .map_err(|reason| StartError::Listen { address: config.bind, reason })?;
-        let address =
-            listener.local_addr().map_err(|reason| StartError::Listen { address: config.bind, reason })?;
+        let (listener, address) = listen(config.bind).await?;
 
         let wakes = Wakes::default();
         let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
@@ -172,14 +169,15 @@ impl Service {
         let stopping = Arc::new(AtomicBool::new(false));
         let (stop, stopped) = watch::channel(false);
         let polls = http::Polls::new(wakes.feed.subscribe(), stopped.clone());
-        let desk = Desk { writer: writer.clone(), readers: readers.clone(), ready, gates: Arc::default() };
-        let jobs = employ(&config, &desk, (wakes, ready_tx))?;
-        let limits = Limits {
-            runs: config.sessions.runs && config.surface == http::Surface::Whole,
-            ..config.sessions
+        let desk = Desk {
+            writer: writer.clone(),
+            readers: readers.clone(),
+            ready,
+            gates: Arc::default(),
+            replaying: pool("replay", 0, Priority::Bulk)?,
         };
-        let threads = Arc::new(flying_threads().map_err(StartError::Threads)?);
-        let sessions = Arc::new(Sessions::new(limits, desk.clone(), Arc::clone(&config.judges), threads));
+        let jobs = employ(&config, &desk, (wakes, ready_tx))?;
+        let sessions = sessions(&config, &desk)?;
         let app = App {
             writer,
             readers: readers.clone(),
@@ -285,6 +283,22 @@ async fn pick_up(config: &Config, connection: &mut SqliteConnection) -> Result<(
     Ok(())
 }
 
+/// Where it listens: port 0 has become one.
+async fn listen(bind: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
+    let refused = |reason| StartError::Listen { address: bind, reason };
+    let listener = TcpListener::bind(bind).await.map_err(refused)?;
+    let address = listener.local_addr().map_err(refused)?;
+    Ok((listener, address))
+}
+
+/// Where environments fly on the server; for runs only where there is more than OpenEnv's surface.
+fn sessions(config: &Config, desk: &Desk) -> Result<Arc<Sessions>, StartError> {
+    let limits =
+        Limits { runs: config.sessions.runs && config.surface == http::Surface::Whole, ..config.sessions };
+    let flying = pool("fly", 0, Priority::Usual)?;
+    Ok(Arc::new(Sessions::new(limits, desk.clone(), Arc::clone(&config.judges), flying)))
+}
+
 /// Starts the workers.
 fn employ(
     config: &Config,
@@ -299,13 +313,7 @@ fn employ(
         wake: wakes.prepare,
         ready,
         hopeless: Arc::default(),
-        pool: Arc::new(
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(workers::prepare::AT_ONCE)
-                .thread_name(|i| format!("prepare-{i}"))
-                .build()
-                .map_err(StartError::Threads)?,
-        ),
+        pool: pool("prepare", workers::prepare::AT_ONCE, Priority::Bulk)?,
     };
     jobs.spawn(preparer.run());
     jobs.spawn(workers::expire::run(writer.clone()));
@@ -313,7 +321,7 @@ fn employ(
         readers: readers.clone(),
         writer: writer.clone(),
         wake: wakes.critique,
-        pool: Arc::new(workers::critique::threads().map_err(StartError::Threads)?),
+        pool: pool("critique", threads::half(), Priority::Background)?,
     };
     jobs.spawn(critic.run());
     let studio = workers::design::Studio {
@@ -329,16 +337,15 @@ fn employ(
         clock: config.clock.clone(),
         wake: wakes.rollout,
         endpoint: config.endpoint.clone(),
-        pool: Arc::new(workers::rollout::threads().map_err(StartError::Threads)?),
+        pool: pool("rollout", threads::half(), Priority::Background)?,
     };
     jobs.spawn(pilots.run());
     Ok(jobs)
 }
 
-/// Threads on which the environments of vector sessions are stepped, as many as there are cores.
-fn flying_threads() -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
-    let panicked = |_| tracing::error!("A step of a vector session panicked; the session is lost.");
-    rayon::ThreadPoolBuilder::new().thread_name(|i| format!("fly-{i}")).panic_handler(panicked).build()
+/// Threads of this name, as many as there are cores if 0.
+fn pool(name: &'static str, count: usize, priority: Priority) -> Result<Arc<rayon::ThreadPool>, StartError> {
+    threads::pool(name, count, priority).map(Arc::new).map_err(StartError::Threads)
 }
 
 async fn serve(listener: TcpListener, routes: axum::Router, mut stopped: watch::Receiver<bool>) {

@@ -15,7 +15,7 @@ use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::judging::Judge;
 use crate::store::scenarios::Loader;
 use crate::store::verdicts::VerdictRow;
-use crate::store::{episodes, from_json, leases, runs, small};
+use crate::store::{episodes, from_json, groups, runs, small};
 use crate::training::audit::{Claim, Claimed};
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
 use crate::training::report::Receipt;
@@ -224,7 +224,7 @@ impl Leased {
             return Err(TrainingError::invalid("lease_id", why));
         }
         let reported: BTreeSet<i64> = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
-        let rows = leases::groups(&mut conn, row.id).await?;
+        let rows = groups::of_lease(&mut conn, row.id).await?;
         let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
         let scenarios = Loader::default().all(&mut conn, &ids).await?;
         let mut groups = Vec::new();

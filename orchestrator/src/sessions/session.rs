@@ -142,7 +142,8 @@ impl Session {
     /// Begins an episode. What flew before is given up; where that was for a run, its episode is given back.
     ///
     /// # Errors
-    /// A scenario that cannot start, a run or lease that has no episode to fly. What flew before flies on then.
+    /// A scenario that cannot start, a run or lease that has no episode to fly. What flew before flies on then, unless it was of the
+    /// very lease that was wished for: where one has no other episode, its own was given back first.
     pub async fn reset(&mut self, wished: Wished, name: Option<String>) -> Result<Stepped<'_>, SessionError> {
         let (ticket, scenario) = match wished {
             Wished::Free(scenario) => (None, scenario),

@@ -6,7 +6,7 @@ use env_core::{ActionLog, Bracket, Flown};
 use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, from_json, hex_list, to_json};
+use super::{ROWS, StoreError, from_json, hex_list, to_json};
 
 /// How a plan or an episode fared, as stored and sent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -46,17 +46,11 @@ struct Body {
     reference: StoredFlown,
 }
 
-/// Rows of a statement.
-const ROWS: usize = 32;
-
 /// Stores brackets of scenarios, once each.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert_all(
-    conn: &mut SqliteConnection,
-    brackets: &[(&[u8], &Bracket)],
-) -> Result<(), StoreError> {
+pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)]) -> Result<(), StoreError> {
     let body = |bracket: &Bracket| {
         to_json(&Body {
             floor: bracket.floor,
@@ -76,18 +70,6 @@ pub async fn insert_all(
         statement.execute(&mut *conn).await?;
     }
     Ok(())
-}
-
-/// Stores a bracket, once.
-///
-/// # Errors
-/// The database's.
-pub async fn insert(
-    conn: &mut SqliteConnection,
-    scenario: &[u8],
-    bracket: &Bracket,
-) -> Result<(), StoreError> {
-    insert_all(conn, &[(scenario, bracket)]).await
 }
 
 /// The newest bracket of a scenario.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, to_json};
+use super::{ROWS, StoreError, to_json};
 use crate::clock::Millis;
 
 /// Groups of a lease that share a recipe, as stored.
@@ -191,9 +191,6 @@ pub async fn settle(
         .await?;
     Ok(())
 }
-
-/// Rows of a statement.
-const ROWS: usize = 64;
 
 /// Remembers the scores claimed of audited episodes, by their indices.
 ///

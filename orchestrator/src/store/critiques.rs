@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, from_json, to_json};
+use super::{ROWS, StoreError, from_json, to_json};
 
 /// Episodes of one lease and task that wait for their critique.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,9 +61,6 @@ pub struct CritiqueSums {
 
 /// Episodes of one lease and task that are to wait: task, lease, their indices in the lease.
 pub type Waits<'a> = (&'a str, i64, &'a [i64]);
-
-/// Rows of a statement.
-const ROWS: usize = 16;
 
 /// Lets episodes of a run wait.
 ///

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, to_json};
+use super::{ROWS, StoreError, to_json};
 use crate::clock::Millis;
 
 /// An episode as stored.
@@ -41,9 +41,6 @@ pub struct EpisodeRow {
     /// When it was reported.
     pub at: Millis,
 }
-
-/// Rows of a statement: each statement is a turn of two threads, which costs more than a row.
-const ROWS: usize = 50;
 
 /// Stores episodes, those that were flown with their action logs.
 ///

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query};
 
-use super::StoreError;
+use super::{ROWS, StoreError};
 use crate::clock::Millis;
 
 /// Newest failures that are kept of each cell.
@@ -75,9 +75,6 @@ pub struct Example {
     /// Whether it could have been avoided; none if nothing was met, or seen.
     pub avoidable: Option<bool>,
 }
-
-/// Rows of a statement.
-const ROWS: usize = 32;
 
 /// Writes cells.
 ///

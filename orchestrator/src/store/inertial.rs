@@ -2,10 +2,7 @@
 
 use sqlx::{QueryBuilder, SqliteConnection};
 
-use super::StoreError;
-
-/// Rows of a statement.
-const ROWS: usize = 50;
+use super::{ROWS, StoreError};
 
 /// Failures of one mode from one inertial sector.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,6 +10,7 @@ pub mod design_counts;
 pub mod episodes;
 pub mod events;
 pub mod failures;
+pub mod groups;
 pub mod inertial;
 pub mod layouts;
 pub mod leases;
@@ -48,14 +49,6 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// As the database's own failure.
-    pub(crate) fn into_sqlx(self) -> sqlx::Error {
-        match self {
-            Self::Database(error) => error,
-            unreadable => sqlx::Error::Encode(Box::new(unreadable)),
-        }
-    }
-
     pub(crate) fn unreadable(what: &'static str, reason: impl std::fmt::Display) -> Self {
         Self::Unreadable { what, reason: format!("{reason}") }
     }
@@ -83,6 +76,9 @@ pub(crate) fn from_json<T: serde::de::DeserializeOwned>(
 ) -> Result<T, StoreError> {
     serde_json::from_str(text).map_err(|error| StoreError::unreadable(what, error))
 }
+
+/// Rows that one statement writes at most: each is a turn of two threads, and each number of them a statement to prepare.
+pub(crate) const ROWS: usize = 64;
 
 /// Ids for a statement: a JSON list, to be read with `unhex(value)` from `json_each`. One statement for many rows: each
 /// is a turn of two threads, which costs more than a row.

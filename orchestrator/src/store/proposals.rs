@@ -2,10 +2,7 @@
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, to_json};
-
-/// Statements that go together.
-const ROWS: usize = 16;
+use super::{ROWS, StoreError, to_json};
 
 /// A proposal that waits for its scenario.
 #[derive(Debug, Clone)]

@@ -6,10 +6,7 @@ use std::sync::Arc;
 use env_core::{Recipe, Scenario, Seed};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{StoreError, hex_list, signed, to_json, unsigned};
-
-/// Rows of a statement.
-const ROWS: usize = 32;
+use super::{ROWS, StoreError, hex_list, signed, to_json, unsigned};
 
 /// Stores recipes, once each.
 ///
@@ -33,7 +30,7 @@ pub async fn insert_recipes(conn: &mut SqliteConnection, recipes: &[&Recipe]) ->
 ///
 /// # Errors
 /// The database's.
-pub async fn insert_all(conn: &mut SqliteConnection, scenarios: &[&Scenario]) -> Result<(), StoreError> {
+pub async fn insert(conn: &mut SqliteConnection, scenarios: &[&Scenario]) -> Result<(), StoreError> {
     let recipes: Vec<&Recipe> = scenarios.iter().map(|scenario| &**scenario.recipe()).collect();
     insert_recipes(conn, &recipes).await?;
     for rows in scenarios.chunks(ROWS) {
@@ -45,14 +42,6 @@ pub async fn insert_all(conn: &mut SqliteConnection, scenarios: &[&Scenario]) ->
         statement.push(" ON CONFLICT (id) DO NOTHING").build().execute(&mut *conn).await?;
     }
     Ok(())
-}
-
-/// Stores a scenario and its recipe, once each.
-///
-/// # Errors
-/// The database's.
-pub async fn insert(conn: &mut SqliteConnection, scenario: &Scenario) -> Result<(), StoreError> {
-    insert_all(conn, &[scenario]).await
 }
 
 /// The seed of a scenario.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::StoreError;
-use super::leases::GroupRow;
+use super::groups::GroupRow;
+use super::{ROWS, StoreError};
 
 /// Sums as stored. Level −1 is for strategies without levels.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -57,9 +57,6 @@ impl Key {
         Self { task: group.task.clone(), level: group.level, designed: group.layout.is_some() }
     }
 }
-
-/// Rows of a statement.
-const ROWS: usize = 16;
 
 /// Adds to sums, many at a time.
 ///

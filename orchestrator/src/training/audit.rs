@@ -1,20 +1,23 @@
 //! Replaying what trainers report: score, skill and success come from the actions, never from the client.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
 
 use env_core::bracket::{Bracket, Flown, admit, success};
 use env_core::log::Precision;
 use env_core::rollout::{ReplayError, read_log, replay};
 use env_core::{ActionLog, Scenario, Stopped};
+use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::Value;
 use sqlx::SqliteConnection;
 
 use super::TrainingError;
+use super::sets::Sets;
 use super::settings::RunSettings;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::store::leases::LeaseRow;
-use crate::store::{StoreError, brackets, leases, scenarios::Loader};
+use crate::store::{groups, leases};
 
 /// What a trainer says of one episode.
 #[derive(Debug, Clone)]
@@ -123,14 +126,14 @@ struct Stage {
     bracket: Option<Bracket>,
 }
 
-/// Looks every claim up, and replays them in parallel.
+/// Looks every claim up, and replays them in parallel on these threads.
 ///
 /// # Errors
 /// The store's. A claim that is wrong is refused by itself.
 pub async fn audit(
     conn: &mut SqliteConnection,
-    run: &RunId,
-    settings: RunSettings,
+    threads: &Arc<ThreadPool>,
+    (run, settings): (&RunId, RunSettings),
     claims: Vec<Claim>,
 ) -> Result<(Vec<Audited>, Vec<Found>), TrainingError> {
     let mut finder = Finder::new(run);
@@ -143,11 +146,14 @@ pub async fn audit(
         finder.check(place);
     }
     let mut stages = finder.stages;
+    let threads = Arc::clone(threads);
     let audited = tokio::task::spawn_blocking(move || {
-        let found = bracket(&mut stages);
-        let audited = claims.into_par_iter().zip(places);
-        let audited = audited.map(|(claim, place)| judge(claim, place, &stages, &settings)).collect();
-        (audited, found)
+        threads.install(|| {
+            let found = bracket(&mut stages);
+            let audited = claims.into_par_iter().zip(places);
+            let audited = audited.map(|(claim, place)| judge(claim, place, &stages, &settings)).collect();
+            (audited, found)
+        })
     });
     audited.await.map_err(|error| TrainingError::invalid("results", error.to_string()))
 }
@@ -206,21 +212,15 @@ impl<'a> Finder<'a> {
         let mut rows = Vec::new();
         for (lease, (columns, groups)) in &self.wanted {
             let groups: Vec<i64> = groups.iter().copied().collect();
-            let of_lease = leases::groups_of(conn, *lease, &groups).await?;
+            let of_lease = groups::some(conn, *lease, &groups).await?;
             rows.extend(of_lease.into_iter().map(|row| ((*lease, row.number), *columns, row.scenario)));
         }
         let ids: BTreeSet<&[u8]> = rows.iter().map(|(.., id)| id.as_slice()).collect();
         let ids: Vec<_> = ids.into_iter().collect();
-        let scenarios = Loader::default().all(conn, &ids).await?;
-        let brackets = brackets::newest_of(conn, &ids).await?;
-        for (group, may_be_bare, id) in rows {
-            let scenario = scenarios.get(&id)?.clone();
-            let bracket = brackets.get(&id).cloned();
-            if bracket.is_none() && !may_be_bare {
-                let why = "there is none for a leased scenario";
-                return Err(StoreError::unreadable("a bracket", why).into());
-            }
-            self.stages.insert(group, Stage { scenario, bracket });
+        let sets = Sets::of(conn, &ids).await?;
+        for (group, of_columns, id) in rows {
+            let (scenario, bracket) = sets.get(&id, of_columns)?;
+            self.stages.insert(group, Stage { scenario: scenario.clone(), bracket: bracket.cloned() });
         }
         Ok(())
     }

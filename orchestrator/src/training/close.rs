@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::writer::Work;
+use super::work::Work;
 use super::{Happening, TrainingError, design, queue};
 use crate::curriculum::{GroupOutcome, Move, Proposal};
-use crate::store::leases::{Closing, GroupRow, LeaseRow};
+use crate::store::groups::{self, Closing, GroupRow};
+use crate::store::leases::LeaseRow;
 use crate::store::sums::{self, Sums};
-use crate::store::{from_json, leases, proposals, small, unsigned};
+use crate::store::{from_json, proposals, small, unsigned};
 
 /// How often a scenario is offered: one that makes every trainer fall over must not come back for ever.
 const MOST_ATTEMPTS: i64 = 3;
@@ -39,12 +40,12 @@ pub(super) async fn update_and_close(
         .to_owned();
     }
     rows.extend(groups.iter().cloned());
-    leases::update_groups(conn, lease.id, &rows, now).await?;
+    groups::update(conn, lease.id, &rows, now).await?;
     if groups.is_empty() {
         return Ok(Vec::new());
     }
     let numbers: Vec<i64> = groups.iter().map(|group| group.number).collect();
-    let closing = leases::closing(conn, lease, &numbers).await?;
+    let closing = groups::closing(conn, lease, &numbers).await?;
     let closing: BTreeMap<i64, Closing> = closing.into_iter().map(|c| (c.number, c)).collect();
     let mut moves = Vec::new();
     for group in &groups {

@@ -23,7 +23,7 @@ use crate::store::{from_json, runs};
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Results that are written at a time: leases are granted between two parts.
-const PART: usize = 34;
+const PART: usize = 25;
 
 /// Hands out leases and takes results.
 #[derive(Debug, Clone)]
@@ -36,6 +36,8 @@ pub struct Desk {
     pub ready: watch::Receiver<u64>,
     /// Who waits for a lease, run by run.
     pub gates: Arc<Gates>,
+    /// Threads that replay what is claimed: behind those that answer and write.
+    pub replaying: Arc<rayon::ThreadPool>,
 }
 
 /// One gate per run; who waits at it is let through in order, so that a large lease gets its turn.
@@ -58,7 +60,7 @@ impl Desk {
     /// A wish that cannot be granted, and [`TrainingError::NotReady`] where preparing takes too long.
     pub async fn lease(&self, wish: TakeLease) -> Result<Granted, TrainingError> {
         if wish.purpose == Purpose::Eval {
-            return take_eval(&self.writer, wish).await;
+            return take_eval(&self.writer, &self.replaying, wish).await;
         }
         let run = wish.run.clone();
         self.when_ready(&run, || self.writer.change(wish.clone())).await
@@ -132,6 +134,6 @@ impl Desk {
         let row = runs::get(&mut conn, run.as_str()).await?;
         let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
         let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-        audit(&mut conn, run, settings, claims).await
+        audit(&mut conn, &self.replaying, (run, settings), claims).await
     }
 }

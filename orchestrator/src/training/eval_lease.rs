@@ -1,14 +1,18 @@
 //! Eval leases: scenarios of evaluation seeds at the current levels, task by task, as they come. They move nothing, so
 //! they pass by the queue of proposals; what takes time is done between two changes, not inside one.
 
+use std::sync::Arc;
+
 use env_core::SeedSpace;
+use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use super::lease::{Granted, TakeLease};
 use super::prepare::{Hopeless, Prepared, prepare, store_all};
 use super::{Change, Happening, TrainingError, Work, Writer};
 use crate::curriculum::{Proposal, Role};
-use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::{self, LeaseRow};
 use crate::store::unsigned;
 
 /// Groups of a lease fit this many times into the numbers of one: seeds of two leases never meet.
@@ -18,9 +22,14 @@ const GROUPS_OF_A_LEASE: u64 = 1 << 20;
 ///
 /// # Errors
 /// A lease that may not be granted, or params for which no fair start exists.
-pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<Granted, TrainingError> {
+pub async fn take_eval(
+    writer: &Writer,
+    threads: &Arc<ThreadPool>,
+    wish: TakeLease,
+) -> Result<Granted, TrainingError> {
     let Reserved { row, run_seed, proposals } = writer.change(Reserve(wish)).await?;
     let first = unsigned(row.id) * GROUPS_OF_A_LEASE;
+    let threads = Arc::clone(threads);
     let prepared = tokio::task::spawn_blocking(move || {
         let numbered: Vec<(u64, Proposal)> = (first..).zip(proposals).collect();
         let hopeless = Hopeless::default(); // nothing contested is asked for
@@ -28,7 +37,7 @@ pub async fn take_eval(writer: &Writer, wish: TakeLease) -> Result<Granted, Trai
             prepare(SeedSpace::Evaluation, run_seed, number, &proposal, &hopeless)
                 .map(|prepared| (proposal, prepared))
         };
-        numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>()
+        threads.install(|| numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>())
     });
     let prepared = prepared
         .await
@@ -56,8 +65,7 @@ impl Change for Reserve {
         let (mind, conn) = work.mind(wish.run.as_str()).await?;
         let group_size = wish.check(mind)?;
         let row = wish.begin(conn, group_size, now).await?;
-        let number = leases::insert(conn, &row).await?;
-        let row = LeaseRow { id: number, ..row };
+        leases::insert(conn, &row, &[]).await?;
         let status = mind.curriculum.status();
         let tasks = &mind.settings.curriculum.tasks;
         let proposals = tasks.iter().cycle().take(wish.groups as usize).map(|plan| {
@@ -114,7 +122,7 @@ impl Change for Fill {
                 evidence: 0,
             });
         }
-        leases::insert_groups(&mut work.conn, row.id, &groups).await?;
+        groups::insert(&mut work.conn, row.id, &groups).await?;
         Ok(Granted { row, groups, sets: None })
     }
 }

@@ -5,7 +5,8 @@ use serde::Serialize;
 use super::{TrainingError, Work};
 use crate::curriculum::Move;
 use crate::store::events::{self, Told};
-use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::groups::GroupRow;
+use crate::store::leases::LeaseRow;
 use crate::store::{StoreError, to_json};
 
 /// Something that happened in a run.

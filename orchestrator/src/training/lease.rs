@@ -1,21 +1,19 @@
 //! Leasing groups, renewing and releasing leases, and letting them expire.
 
-use std::collections::HashMap;
-
-use env_core::Bracket;
 use sqlx::SqliteConnection;
 
 use super::close::close_groups;
 use super::design::serve;
 use super::queue::{self, AHEAD};
+use super::sets::Sets;
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
 use super::{Change, Happening, Mind, TrainingError, Work, columns};
 use crate::curriculum::{Move, Proposal};
 use crate::ids::{LeaseId, RunId, random_token};
-use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::{self, LeaseRow};
 use crate::store::proposals::{self, Queued};
-use crate::store::scenarios::{Loader, Scenarios};
-use crate::store::{StoreError, brackets, design_counts, from_json, serving};
+use crate::store::{StoreError, design_counts, from_json, serving};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -78,30 +76,17 @@ pub struct Granted {
     pub sets: Option<Sets>,
 }
 
-/// What groups are flown and judged by.
-#[derive(Debug)]
-pub struct Sets {
-    /// Their scenarios.
-    pub scenarios: Scenarios,
-    /// The newest bracket of each scenario that has one.
-    pub brackets: HashMap<Vec<u8>, Bracket>,
-}
-
-impl Sets {
-    /// Reads them: a statement each, however many they are.
-    ///
-    /// # Errors
-    /// The store's.
-    pub async fn of(conn: &mut SqliteConnection, groups: &[GroupRow]) -> Result<Self, StoreError> {
-        let ids: Vec<_> = groups.iter().map(|group| &group.scenario).collect();
-        let scenarios = Loader::default().all(conn, &ids).await?;
-        Ok(Self { scenarios, brackets: brackets::newest_of(conn, &ids).await? })
-    }
-}
-
 /// Groups whose sets are read while the lease is granted: whoever takes so few waits with an agent at a standstill, and every
 /// turn of another thread is time. Of more they are read beside, for the sake of others.
 const FEW: usize = 8;
+
+/// What groups are flown and judged by.
+///
+/// # Errors
+/// The store's.
+pub async fn sets_of(conn: &mut SqliteConnection, groups: &[GroupRow]) -> Result<Sets, StoreError> {
+    Sets::of(conn, &groups.iter().map(|group| &group.scenario).collect::<Vec<_>>()).await
+}
 
 impl TakeLease {
     pub(super) fn check(&self, mind: &Mind) -> Result<u32, TrainingError> {
@@ -123,13 +108,13 @@ impl TakeLease {
         group_size: u32,
         now: i64,
     ) -> Result<LeaseRow, TrainingError> {
-        let active = leases::active(conn, self.run.as_str()).await?;
+        let leases::Room { next, active } = leases::room(conn, self.run.as_str()).await?;
         if active >= MAX_ACTIVE {
             return Err(TrainingError::TooManyLeases(active));
         }
         let ttl_ms = i64::from(self.ttl_s) * 1000;
         Ok(LeaseRow {
-            id: 0,
+            id: next,
             token: random_token(6),
             run: self.run.to_string(),
             purpose: self.purpose.word().to_owned(),
@@ -159,9 +144,8 @@ impl Change for TakeLease {
             Purpose::Eval => false,
         };
         let row = self.begin(conn, group_size, now).await?;
-        let next = leases::next_id(conn).await?;
         let designed = match self.purpose {
-            Purpose::Train => serve::choose(conn, mind, next, self.groups).await?,
+            Purpose::Train => serve::choose(conn, mind, row.id, self.groups).await?,
             Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
         };
         let proposed = designed.iter().filter(|layout| layout.is_none()).count();
@@ -175,7 +159,6 @@ impl Change for TakeLease {
         if head.iter().any(|queued| queued.scenario.is_none()) {
             return Ok(None);
         }
-        let row = LeaseRow { id: next, ..row };
         let seqs: Vec<i64> = head.iter().map(|queued| queued.seq).collect();
         proposals::leased(conn, run, &seqs).await?;
         let (mut head, mut groups) = (head.into_iter(), Vec::new());
@@ -191,12 +174,15 @@ impl Change for TakeLease {
                 }
             });
         }
-        leases::insert_with_groups(conn, &row, &groups).await?;
+        leases::insert(conn, &row, &groups).await?;
         if self.purpose == Purpose::Train {
             let designed = i64::from(self.groups) - proposed as i64;
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
         }
-        let sets = if groups.len() <= FEW { Some(Sets::of(conn, &groups).await?) } else { None };
+        let sets = match groups.len() {
+            ..=FEW => Some(sets_of(conn, &groups).await?),
+            _ => None,
+        };
         queue::fill(work, run, AHEAD).await?;
         work.tell(run, &Happening::lease(&row, "taken"))?;
         Ok(Some(Granted { row, groups, sets }))
@@ -318,7 +304,7 @@ pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Resu
         columns::abandon(work, lease).await?;
         return Ok(Vec::new());
     }
-    let mut groups = leases::groups(&mut work.conn, lease.id).await?;
+    let mut groups = groups::of_lease(&mut work.conn, lease.id).await?;
     groups.retain(|group| group.state == "open");
     close_groups(work, lease, groups).await
 }

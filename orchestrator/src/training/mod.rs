@@ -19,9 +19,12 @@ mod queue;
 pub mod report;
 pub mod rollout;
 pub mod sample;
+pub mod sets;
 pub mod settings;
+pub mod standing;
 pub mod status;
 pub mod verdict;
+pub mod work;
 pub mod writer;
 
 pub use bracket_view::BracketView;
@@ -29,7 +32,8 @@ pub use desk::Desk;
 pub use happening::Happening;
 pub use mind::Mind;
 pub use settings::RunSettings;
-pub use writer::{Change, Wakes, Work, Writer};
+pub use work::{Wakes, Work};
+pub use writer::{Change, Writer};
 
 use crate::curriculum::{RestoreError, SettingsError};
 use crate::store::StoreError;
@@ -112,7 +116,7 @@ pub enum TrainingError {
 }
 
 impl TrainingError {
-    pub(crate) fn not_committed(error: &sqlx::Error) -> Self {
+    pub(crate) fn not_committed(error: &StoreError) -> Self {
         Self::NotCommitted(error.to_string())
     }
 

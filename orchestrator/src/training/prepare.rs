@@ -150,9 +150,9 @@ pub(super) async fn store_all(
     let all: Vec<_> =
         all.map(|prepared| (&prepared.scenario, prepared.scenario.id(), &prepared.bracket)).collect();
     let scenarios: Vec<_> = all.iter().map(|(scenario, ..)| *scenario).collect();
-    store::scenarios::insert_all(conn, &scenarios).await?;
+    store::scenarios::insert(conn, &scenarios).await?;
     let brackets: Vec<_> = all.iter().map(|(_, id, bracket)| (id.0.as_slice(), *bracket)).collect();
-    store::brackets::insert_all(conn, &brackets).await
+    store::brackets::insert(conn, &brackets).await
 }
 
 /// Stores what was prepared.

@@ -1,7 +1,7 @@
 //! Keeping a run's queue of proposals filled, some way ahead of what is leased.
 
 use super::TrainingError;
-use super::writer::Work;
+use super::work::Work;
 use crate::curriculum::Proposal;
 use crate::store::{from_json, proposals, unsigned};
 

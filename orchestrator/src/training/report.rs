@@ -5,13 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::audit::{Audited, Found, Verdict};
 use super::close::update_and_close;
 use super::criticise::JOB;
-use super::writer::Work;
+use super::work::Work;
 use super::{Change, Happening, TrainingError, columns};
 use crate::curriculum::Move;
 use crate::ids::RunId;
 use crate::store::brackets::{self, StoredFlown};
 use crate::store::episodes::{self, Before, EpisodeRow};
-use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::{self, LeaseRow};
 use crate::store::sums::{self, Sums};
 use crate::store::{self, critiques, runs, to_json};
 
@@ -76,9 +77,9 @@ impl Change for Report {
     async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
         let ids: Vec<_> = self.found.iter().map(|found| found.scenario.id()).collect();
         let brackets = ids.iter().zip(&self.found).map(|(id, found)| (id.0.as_slice(), &found.bracket));
-        brackets::insert_all(&mut work.conn, &brackets.collect::<Vec<_>>()).await?;
+        brackets::insert(&mut work.conn, &brackets.collect::<Vec<_>>()).await?;
         for Found { group, contested, .. } in &self.found {
-            leases::set_contested(&mut work.conn, *group, *contested).await?;
+            groups::set_contested(&mut work.conn, *group, *contested).await?;
         }
         let mut books = Books::open(work, &self.results).await?;
         let mut receipts = Vec::with_capacity(self.results.len());
@@ -129,7 +130,7 @@ impl Books {
         }
         for (lease, numbers) in wanted {
             let numbers: Vec<i64> = numbers.into_iter().collect();
-            for group in leases::groups_of(&mut work.conn, lease, &numbers).await? {
+            for group in groups::some(&mut work.conn, lease, &numbers).await? {
                 books.known.insert((lease, group.number), group);
             }
         }

@@ -26,22 +26,8 @@ pub struct Critic {
     pub writer: Writer,
     /// Rung when episodes were reported.
     pub wake: Arc<Notify>,
-    /// Threads of its own, see [`threads`].
+    /// Threads of its own, in the background.
     pub pool: Arc<rayon::ThreadPool>,
-}
-
-/// Threads for critiques: half of the machine's, and at the lowest priority where the system has one for threads
-/// (Linux), so that results are replayed and answered first.
-///
-/// # Errors
-/// A system that gives no threads.
-pub fn threads() -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
-    let all = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(all.div_ceil(2))
-        .thread_name(|i| format!("critique-{i}"))
-        .start_handler(|_| super::yield_to_others())
-        .build()
 }
 
 impl Critic {

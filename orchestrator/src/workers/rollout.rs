@@ -45,21 +45,8 @@ pub struct Pilots {
     pub wake: Arc<Notify>,
     /// The model that flies, where there is one.
     pub endpoint: Option<Endpoint>,
-    /// Threads of its own, see [`threads`].
+    /// Threads of its own, in the background.
     pub pool: Arc<rayon::ThreadPool>,
-}
-
-/// Threads for built-in policies: half of the machine's, at the lowest priority where the system has one for threads.
-///
-/// # Errors
-/// A system that gives no threads.
-pub fn threads() -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
-    let all = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(all.div_ceil(2))
-        .thread_name(|i| format!("rollout-{i}"))
-        .start_handler(|_| super::yield_to_others())
-        .build()
 }
 
 /// A group that is being flown.

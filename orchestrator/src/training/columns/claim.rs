@@ -13,7 +13,8 @@ use super::settle;
 use super::{Columns, MOST_SCORE_GAP, decode};
 use crate::ids::{LeaseId, RunId};
 use crate::store::columns::{self, ClaimRow, RangeRow};
-use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::{self, LeaseRow};
 use crate::store::scenarios::{self, Loader};
 use crate::store::{from_json, runs};
 use crate::training::lease::find;
@@ -289,7 +290,7 @@ async fn audit(
     evidence: bool,
 ) -> Result<(), TrainingError> {
     let drawn: Vec<_> = picks.iter().map(|pick| &pick.scenario).collect();
-    scenarios::insert_all(conn, &drawn).await?;
+    scenarios::insert(conn, &drawn).await?;
     let group = |pick: &Pick| GroupRow {
         number: pick.group,
         proposal: Some(pick.range.proposal),
@@ -305,7 +306,7 @@ async fn audit(
         successes: 0,
         evidence: i64::from(evidence),
     };
-    leases::insert_groups(conn, lease.id, &picks.iter().map(group).collect::<Vec<_>>()).await?;
+    groups::insert(conn, lease.id, &picks.iter().map(group).collect::<Vec<_>>()).await?;
     let scores = picks.iter().flat_map(|pick| &pick.scores).map(|(index, score)| (*index, f64::from(*score)));
     Ok(columns::insert_scores(conn, lease.id, &scores.collect::<Vec<_>>()).await?)
 }

@@ -49,7 +49,7 @@ impl Change for TakeColumns {
         let group_size = self.check(mind)?;
         let row = self.0.begin(conn, group_size, now).await?;
         let row = LeaseRow { form: COLUMNS.to_owned(), ..row };
-        let id = leases::insert(conn, &row).await?;
+        leases::insert(conn, &row, &[]).await?;
         let mut first = 0;
         let shares: Vec<u32> = split(self.0.groups).collect();
         let proposed = mind.propose(conn, now, shares.len() as u64).await?;
@@ -59,10 +59,9 @@ impl Change for TakeColumns {
             let range = range(mind, (seq, &proposal), (number, first, groups))?;
             let recipe = recipe_of(&proposal).map_err(StoreError::from)?;
             scenarios::insert_recipes(conn, &[&recipe]).await?;
-            columns::insert_range(conn, id, &range).await?;
+            columns::insert_range(conn, row.id, &range).await?;
             first += groups;
         }
-        let row = LeaseRow { id, ..row };
         work.tell(run, &Happening::lease(&row, "taken"))?;
         Ok(Granted { row, groups: Vec::new(), sets: None })
     }

@@ -8,7 +8,8 @@ use super::{Columns, MOST_SCORE_GAP};
 use crate::curriculum::Move;
 use crate::store::columns::{self, ClaimRow, ClaimedSums, RangeRow};
 use crate::store::episodes::{EpisodeRow, Fared};
-use crate::store::leases::{self, GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::{self, LeaseRow};
 use crate::store::sums::{self, Sums};
 use crate::store::{self, critiques, marks, runs};
 use crate::training::close::close_groups;
@@ -89,7 +90,7 @@ pub(in crate::training) async fn settle(
     lease: &LeaseRow,
 ) -> Result<Vec<Move>, TrainingError> {
     let Some(claim) = columns::claim(&mut work.conn, lease.id).await? else { return Ok(Vec::new()) };
-    let mut groups = leases::groups(&mut work.conn, lease.id).await?;
+    let mut groups = groups::of_lease(&mut work.conn, lease.id).await?;
     if claim.state != "claimed" || groups.iter().any(|group| group.finished + group.failed < lease.group_size)
     {
         return Ok(Vec::new());
@@ -189,11 +190,11 @@ pub(in crate::training) async fn abandon(work: &mut Work, lease: &LeaseRow) -> R
 
 /// Closes audited groups that count for nothing; how many there were.
 async fn give_up(work: &mut Work, lease: &LeaseRow) -> Result<usize, TrainingError> {
-    let mut groups = leases::groups(&mut work.conn, lease.id).await?;
+    let mut groups = groups::of_lease(&mut work.conn, lease.id).await?;
     for group in &mut groups {
         (group.state, group.evidence) = ("lost".to_owned(), 0);
     }
-    leases::update_groups(&mut work.conn, lease.id, &groups, work.now).await?;
+    groups::update(&mut work.conn, lease.id, &groups, work.now).await?;
     Ok(groups.len())
 }
 

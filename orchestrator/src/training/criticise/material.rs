@@ -7,9 +7,9 @@ use sqlx::SqliteConnection;
 
 use super::super::sample;
 use crate::store::critiques::Job;
-use crate::store::leases::GroupRow;
+use crate::store::groups::{self, GroupRow};
 use crate::store::scenarios::{Loader, Scenarios};
-use crate::store::{StoreError, episodes, leases};
+use crate::store::{StoreError, episodes};
 
 /// Episodes criticised at a time: enough to share a commit, few enough that it is short and little is done again after a
 /// crash.
@@ -79,7 +79,7 @@ impl Shelf {
     async fn fill(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
         for (lease, numbers) in &self.groups {
             let numbers: Vec<i64> = numbers.iter().copied().collect();
-            for row in leases::groups_of(conn, *lease, &numbers).await? {
+            for row in groups::some(conn, *lease, &numbers).await? {
                 self.rows.insert((*lease, row.number), row);
             }
         }

@@ -11,7 +11,8 @@ use super::super::create_run::CreateRun;
 use super::super::prepare::seed_of;
 use super::super::profile::{Failing, Met, fade};
 use super::super::settings::RunWish;
-use super::super::writer::{Wakes, Writer};
+use super::super::work::Wakes;
+use super::super::writer::Writer;
 use super::*;
 use crate::clock::Clock;
 use crate::store::critiques::CritiqueSums;
@@ -30,8 +31,8 @@ impl Change for Report {
     type Answer = Vec<Job>;
 
     async fn apply(self, work: &mut Work) -> Result<Vec<Job>, TrainingError> {
-        let lease = LeaseRow {
-            id: 0,
+        let row = LeaseRow {
+            id: leases::room(&mut work.conn, RUN).await?.next,
             token: "aaaaaa".to_owned(),
             run: RUN.to_owned(),
             purpose: "train".to_owned(),
@@ -44,12 +45,12 @@ impl Change for Report {
             created_at: 0,
             expires_at: 1000,
         };
-        let lease = leases::insert(&mut work.conn, &lease).await?;
+        leases::insert(&mut work.conn, &row, &[]).await?;
         let mut first = 0;
         for size in self.0 {
             let numbers: Vec<i64> = (first..).take(size).collect();
             first += size as i64;
-            critiques::enqueue(&mut work.conn, RUN, &[(TASK, lease, &numbers)]).await?;
+            critiques::enqueue(&mut work.conn, RUN, &[(TASK, row.id, &numbers)]).await?;
         }
         Ok(critiques::jobs(&mut work.conn, 1000).await?)
     }

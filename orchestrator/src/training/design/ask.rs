@@ -371,8 +371,8 @@ async fn keep(
     now: Millis,
 ) -> Result<(), StoreError> {
     if let (Ok(admitted), Some(id)) = (&judged.verdict, &row.scenario) {
-        scenarios::insert(conn, admitted.scenario()).await?;
-        brackets::insert(conn, id, admitted.bracket()).await?;
+        scenarios::insert(conn, &[admitted.scenario()]).await?;
+        brackets::insert(conn, &[(id, admitted.bracket())]).await?;
     }
     let id = layouts::insert(conn, row, now).await?;
     let reason = row.reason.clone().unwrap_or_else(|| "the gate let it through".to_owned());

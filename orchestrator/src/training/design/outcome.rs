@@ -8,11 +8,12 @@ use super::life::{Life, Standing};
 use super::serve::at_frontier;
 use crate::curriculum::{GroupOutcome, Move, Role};
 use crate::store::episodes::Fared;
+use crate::store::groups::GroupRow;
 use crate::store::layouts::{self, Flown, LayoutRow, Turn};
-use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::leases::LeaseRow;
 use crate::store::{episodes, from_json, small, to_json};
 use crate::training::close::observe;
-use crate::training::writer::Work;
+use crate::training::work::Work;
 use crate::training::{RunSettings, StoreError, TrainingError};
 
 /// Takes a designed group that is closed. What too few episodes came back of, or too old a policy flew, says nothing of its

@@ -8,7 +8,7 @@ use env_core::draws::Purpose;
 use sqlx::SqliteConnection;
 
 use super::DesignSettings;
-use crate::store::leases::GroupRow;
+use crate::store::groups::GroupRow;
 use crate::store::serving::{self, Servable};
 use crate::store::{StoreError, design_counts, unsigned};
 use crate::training::settings::EvidenceFrom;

@@ -7,10 +7,11 @@ use super::fly::{Outcome, Room};
 use super::settings::{Observations, PolicySettings};
 use crate::frames::wire_step;
 use crate::ids::{EpisodeId, LayoutId, LeaseId, RunId};
-use crate::store::leases::{GroupRow, LeaseRow};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::LeaseRow;
 use crate::store::policies::PolicyRow;
 use crate::store::scenarios::Loader;
-use crate::store::{StoreError, brackets, from_json, leases, runs, small, to_json, unsigned};
+use crate::store::{StoreError, brackets, from_json, runs, small, to_json, unsigned};
 use crate::training::audit::{Audited, Claim, Claimed, Verdict};
 use crate::training::{BracketView, Desk, RunSettings, TrainingError};
 
@@ -63,7 +64,7 @@ impl Ground {
         let mut conn = desk.readers.acquire().await?;
         let row = crate::training::lease::find(&mut conn, &run, &lease).await?;
         let gone = || StoreError::unreadable("a lease", "it has no group");
-        let group = leases::group(&mut conn, row.id, 0).await?.ok_or_else(gone)?;
+        let group = groups::get(&mut conn, row.id, 0).await?.ok_or_else(gone)?;
         let scenario = Loader::default().get(&mut conn, &group.scenario).await?;
         let bracket = brackets::newest(&mut conn, &group.scenario).await?;
         let bracket = bracket

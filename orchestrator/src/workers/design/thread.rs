@@ -7,6 +7,8 @@ use designer::{Brief, Designed, Designer, Gate};
 use tokio::runtime::Handle;
 use tokio::sync::{oneshot, watch};
 
+use crate::threads::Priority;
+
 /// Longest time a designer may take over one ask.
 const LIMIT: Duration = Duration::from_secs(600);
 
@@ -32,7 +34,7 @@ pub(super) async fn design(
     let handle = Handle::current();
     let thread = std::thread::Builder::new().name("design".to_owned());
     let begun = thread.spawn(move || {
-        crate::workers::yield_to_others();
+        Priority::Background.take();
         let work = AssertUnwindSafe(|| handle.block_on(work(designer, task, stopping)));
         let done = std::panic::catch_unwind(work).unwrap_or_else(|panic| Err(said(&*panic)));
         // Nobody listens any more where the service stops.
