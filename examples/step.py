@@ -9,7 +9,7 @@ import sys
 import time
 import urllib.request
 
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import connect
 
 
@@ -24,16 +24,16 @@ class Session:
         self.url = base.replace("http", "ws", 1) + "/v1/sessions"
         self.number = 0
         self.stack = contextlib.ExitStack()
-        self.connect()
-        self.opened = self.ask({"type": "open", "version": 1, **wish})
+        self.opened = self.connect({"type": "open", "version": 1, **wish})
 
-    def connect(self):
+    def connect(self, message):
+        """Connects, and says what the connection is for."""
         for attempt in range(60):
             try:
                 self.socket = self.stack.enter_context(connect(self.url, max_size=None))
-                return
-            except OSError:
-                if attempt == 59:
+                return self.ask(message)
+            except (OSError, ConnectionClosed, InvalidHandshake, Lost) as why:
+                if attempt == 59 or (message["type"] == "resume" and isinstance(why, Lost)):
                     raise
                 time.sleep(1)  # the server is away for a moment
 
@@ -53,8 +53,7 @@ class Session:
             try:
                 return self.ask({"type": kind, "id": self.number, **fields})
             except (ConnectionClosed, OSError):
-                self.connect()
-                self.ask({"type": "resume", "session": self.opened["session"]})
+                self.connect({"type": "resume", "session": self.opened["session"]})
 
     def close(self):
         self.ask({"type": "close"})
