@@ -128,3 +128,35 @@ fn addresses_that_strangers_reach_are_refused() {
     let told = String::from_utf8(out.stderr).unwrap();
     assert!(told.contains("no tokens to keep strangers out"), "{told}");
 }
+
+/// A run that another version began, whose logs and brackets were stored otherwise, goes on.
+#[tokio::test]
+async fn an_older_database_is_brought_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("old.sqlite3");
+    let stored = include_bytes!("../fixtures/schema-8.sqlite3.gz");
+    let mut file = std::fs::File::create(&db).unwrap();
+    std::io::copy(&mut flate2::read::GzDecoder::new(&stored[..]), &mut file).unwrap();
+    drop(file);
+    let server = Process::start(&db);
+    let api = server.api();
+    let run = api.get("/v1/runs").await.expect(200)["runs"][0]["id"].as_str().unwrap().to_owned();
+    let leases = api.get(&format!("/v1/runs/{run}/leases")).await.expect(200);
+    assert_eq!(leases["leases"].as_array().unwrap().len(), 2);
+    for lease in leases["leases"].as_array().unwrap() {
+        let id = lease["lease"].as_str().unwrap();
+        let shown = api.get(&format!("/v1/runs/{run}/leases/{id}")).await.expect(200);
+        let bracket = &shown["groups"][0]["bracket"];
+        assert!(bracket["floor"].as_f64().unwrap() < bracket["reference"].as_f64().unwrap(), "{bracket}");
+        let path = format!("/v1/runs/{run}/episodes/ep_{id}_0");
+        let episode = api.get(&path).await.expect(200);
+        assert_eq!(episode["actions"]["steps"].as_array().unwrap().len(), 50, "{episode}");
+        assert_eq!(api.get(&format!("{path}/critique")).await.status, 200);
+        // The same log again is known to be the same.
+        let result = serde_json::json!({"episode": format!("ep_{id}_0"), "actions": episode["actions"]});
+        let receipt = &api.report(&run, vec![result]).await["results"][0];
+        assert_eq!((&receipt["status"], &receipt["score"]), (&"duplicate".into(), &episode["score"]));
+    }
+    let _ = api.lease(&run, serde_json::json!({"groups": 8})).await;
+    server.kill();
+}

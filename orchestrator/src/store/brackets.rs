@@ -6,7 +6,8 @@ use env_core::{ActionLog, Bracket, Flown};
 use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{ROWS, StoreError, from_json, hex_list, to_json};
+use super::pack::{pack, unpack};
+use super::{ROWS, StoreError, hex_list, to_json};
 
 /// How a plan or an episode fared, as stored and sent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -52,11 +53,12 @@ struct Body {
 /// The database's.
 pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)]) -> Result<(), StoreError> {
     let body = |bracket: &Bracket| {
-        to_json(&Body {
+        let json = to_json(&Body {
             floor: bracket.floor,
             panel: bracket.panel.iter().map(|f| (*f).into()).collect(),
             reference: bracket.reference.into(),
-        })
+        })?;
+        Ok::<_, StoreError>(pack(json.into_bytes()))
     };
     for rows in brackets.chunks(ROWS) {
         let rows = rows.iter().map(|(scenario, bracket)| Ok((*scenario, bracket, body(bracket)?)));
@@ -64,7 +66,7 @@ pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)])
         let mut statement = QueryBuilder::new("INSERT INTO brackets (scenario, planner, body, witness) ");
         statement.push_values(&rows, |mut values, (scenario, bracket, body)| {
             values.push_bind(*scenario).push_bind(i64::from(bracket.planner)).push_bind(body);
-            values.push_bind(bracket.witness.encode());
+            values.push_bind(pack(bracket.witness.encode()));
         });
         let statement = statement.push(" ON CONFLICT (scenario, planner) DO NOTHING").build();
         statement.execute(&mut *conn).await?;
@@ -97,13 +99,14 @@ pub async fn newest_of<T: AsRef<[u8]>>(
     .fetch_all(conn)
     .await?;
     let read = rows.into_iter().map(|row| {
-        let body: Body = from_json("a bracket", &row.body)?;
+        let body: Body = serde_json::from_slice(&unpack("a bracket", &row.body)?)
+            .map_err(|error| StoreError::unreadable("a bracket", error))?;
         let bracket = Bracket {
             planner: super::small(row.planner),
             panel: body.panel.into_iter().map(Into::into).collect(),
             floor: body.floor,
             reference: body.reference.into(),
-            witness: ActionLog::decode(&row.witness)?,
+            witness: ActionLog::decode(&unpack("a witness", &row.witness)?)?,
         };
         Ok((row.scenario, bracket))
     });

@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
+use env_core::ActionLog;
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
+use super::pack::{pack, unpack};
 use super::{ROWS, StoreError, to_json};
 use crate::clock::Millis;
 
@@ -42,13 +44,38 @@ pub struct EpisodeRow {
     pub at: Millis,
 }
 
+/// An action log as it is stored.
+#[derive(Debug, Clone)]
+pub struct StoredLog {
+    /// Of the log, to tell a repeat from a contradiction.
+    pub digest: [u8; 16],
+    body: Vec<u8>,
+}
+
+impl StoredLog {
+    /// Encodes and packs it: where there is time for that.
+    #[must_use]
+    pub fn of(log: &ActionLog) -> Self {
+        let encoded = log.encode();
+        Self { digest: digest(&encoded), body: pack(encoded) }
+    }
+}
+
+/// What tells one report from another.
+#[must_use]
+pub fn digest(bytes: &[u8]) -> [u8; 16] {
+    let mut digest = [0; 16];
+    digest.copy_from_slice(&blake3::hash(bytes).as_bytes()[..16]);
+    digest
+}
+
 /// Stores episodes, those that were flown with their action logs.
 ///
 /// # Errors
 /// The database's.
 pub async fn insert(
     conn: &mut SqliteConnection,
-    rows: &[(EpisodeRow, Option<Vec<u8>>)],
+    rows: &[(EpisodeRow, Option<StoredLog>)],
 ) -> Result<(), StoreError> {
     for rows in rows.chunks(ROWS) {
         let mut statement = QueryBuilder::new(
@@ -66,7 +93,10 @@ pub async fn insert(
         if !flown.is_empty() {
             statement.push("; INSERT INTO action_logs (lease, number, body) ");
             statement.push_values(flown, |mut values, (row, log)| {
-                values.push_bind(row.lease).push_bind(row.number).push_bind(log);
+                values
+                    .push_bind(row.lease)
+                    .push_bind(row.number)
+                    .push_bind(log.as_ref().map(|log| &log.body));
             });
         }
         statement.build().execute(&mut *conn).await?;
@@ -148,10 +178,16 @@ pub async fn log(
     conn: &mut SqliteConnection,
     lease: i64,
     number: i64,
-) -> Result<Option<Vec<u8>>, StoreError> {
-    Ok(sqlx::query_scalar!("SELECT body FROM action_logs WHERE lease = ? AND number = ?", lease, number)
-        .fetch_optional(conn)
-        .await?)
+) -> Result<Option<ActionLog>, StoreError> {
+    let body =
+        sqlx::query_scalar!("SELECT body FROM action_logs WHERE lease = ? AND number = ?", lease, number)
+            .fetch_optional(conn)
+            .await?;
+    body.map(|body| read(&body)).transpose()
+}
+
+fn read(body: &[u8]) -> Result<ActionLog, StoreError> {
+    Ok(ActionLog::decode(&unpack("an action log", body)?)?)
 }
 
 /// Action logs by lease and index, in one statement however many they are.
@@ -161,7 +197,7 @@ pub async fn log(
 pub async fn logs(
     conn: &mut SqliteConnection,
     places: &[(i64, i64)],
-) -> Result<HashMap<(i64, i64), Vec<u8>>, StoreError> {
+) -> Result<HashMap<(i64, i64), Result<ActionLog, StoreError>>, StoreError> {
     let places = to_json(&places)?;
     let rows = query!(
         r#"SELECT a.lease AS "lease!", a.number AS "number!", a.body AS "body!" FROM json_each(?) AS place
@@ -170,7 +206,7 @@ pub async fn logs(
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows.into_iter().map(|row| ((row.lease, row.number), row.body)).collect())
+    Ok(rows.into_iter().map(|row| ((row.lease, row.number), read(&row.body))).collect())
 }
 
 /// A reported episode in a list.

@@ -16,6 +16,7 @@ pub mod layouts;
 pub mod leases;
 pub mod marks;
 mod open;
+mod pack;
 #[cfg(test)]
 mod plans;
 pub mod policies;

@@ -16,6 +16,7 @@ use super::TrainingError;
 use super::sets::Sets;
 use super::settings::RunSettings;
 use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::store::episodes::StoredLog;
 use crate::store::leases::LeaseRow;
 use crate::store::{groups, leases};
 
@@ -93,7 +94,7 @@ pub enum Verdict {
         /// The bracket's planner.
         planner: u32,
         /// The log as it is stored.
-        log: Vec<u8>,
+        log: StoredLog,
     },
     /// It failed.
     Failed(String),
@@ -317,7 +318,7 @@ fn judge_log(stage: &Stage, settings: &RunSettings, log: &ActionLog) -> Verdict 
         floor: bracket.floor,
         reference: bracket.reference.score,
         planner: bracket.planner,
-        log: log.encode(),
+        log: StoredLog::of(log),
         flown,
     }
 }

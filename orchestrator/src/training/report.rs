@@ -10,7 +10,7 @@ use super::{Change, Happening, TrainingError, columns};
 use crate::curriculum::Move;
 use crate::ids::RunId;
 use crate::store::brackets::{self, StoredFlown};
-use crate::store::episodes::{self, Before, EpisodeRow};
+use crate::store::episodes::{self, Before, EpisodeRow, StoredLog};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::sums::{self, Sums};
@@ -97,7 +97,7 @@ struct Books {
     /// What was reported before, of what is reported now.
     before: BTreeMap<(i64, i64), Before>,
     /// What is new, with its action log: written when all has been entered.
-    fresh: Vec<(EpisodeRow, Option<Vec<u8>>)>,
+    fresh: Vec<(EpisodeRow, Option<StoredLog>)>,
     leases: BTreeMap<i64, LeaseRow>,
     /// Groups of what is reported, until something of them counts.
     known: BTreeMap<(i64, i64), GroupRow>,
@@ -388,10 +388,10 @@ fn again(episode: String, before: &Before, digest: &[u8]) -> Receipt {
 
 /// What tells a repeat from a contradiction: the log, or the reason of the failure.
 fn digest(verdict: &Verdict) -> Vec<u8> {
-    let hash = match verdict {
-        Verdict::Flown { log, .. } => blake3::hash(log),
-        Verdict::Failed(reason) => blake3::hash(reason.as_bytes()),
-        Verdict::Refused { detail, .. } => blake3::hash(detail.as_bytes()),
+    let digest = match verdict {
+        Verdict::Flown { log, .. } => log.digest,
+        Verdict::Failed(reason) => episodes::digest(reason.as_bytes()),
+        Verdict::Refused { detail, .. } => episodes::digest(detail.as_bytes()),
     };
-    hash.as_bytes()[..16].to_vec()
+    digest.to_vec()
 }

@@ -242,8 +242,6 @@ impl Found {
         let group = groups::get(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;
         let row = episodes::get(conn, lease.id, id.index).await?;
         let log = episodes::log(conn, lease.id, id.index).await?;
-        let log =
-            log.map(|bytes| ActionLog::decode(&bytes)).transpose().map_err(crate::store::StoreError::from)?;
         let scenario = Loader::default().get(conn, &group.scenario).await?;
         Ok(Self { id, lease, group, row, log, scenario })
     }

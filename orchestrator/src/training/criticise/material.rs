@@ -72,7 +72,7 @@ struct Shelf {
     groups: BTreeMap<i64, BTreeSet<i64>>,
     rows: HashMap<(i64, i64), GroupRow>,
     scenarios: Scenarios,
-    logs: HashMap<(i64, i64), Vec<u8>>,
+    logs: HashMap<(i64, i64), Result<ActionLog, StoreError>>,
 }
 
 impl Shelf {
@@ -106,7 +106,7 @@ impl Shelf {
             self.rows.get(&(job.lease, number / job.group_size.max(1))).ok_or_else(|| gone("a group"))?;
         let scenario = self.scenarios.get(&row.scenario).map_err(|error| error.to_string())?.clone();
         let log = self.logs.get(&(job.lease, number)).ok_or_else(|| gone("an action log"))?;
-        let log = ActionLog::decode(log).map_err(|error| StoreError::from(error).to_string())?;
+        let log = log.as_ref().map_err(ToString::to_string)?.clone();
         Ok(Stage { scenario, layout: row.layout, log })
     }
 }
