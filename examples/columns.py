@@ -8,9 +8,11 @@ Nothing but the standard library and, for MessagePack, `msgpack`. What it learns
 is examples/kessler.py, which is slow: a real trainer flies 10^5 episodes a second in its own environments, and the rest is as here.
 """
 import argparse
+import http.client
 import json
 import random
 import struct
+import time
 import urllib.error
 import urllib.request
 
@@ -23,14 +25,21 @@ except ImportError:  # JSON will do
 
 
 def call(url, body=None, packed=False):
-    """A request; what is wrong with it is told by the field at fault."""
+    """A request, made again where the server is busy or away for a moment; what is wrong with it is told by the field at fault."""
     data = None if body is None else (msgpack.packb(body) if packed else json.dumps(body).encode())
     kind = "application/msgpack" if packed else "application/json"
-    try:
-        with urllib.request.urlopen(urllib.request.Request(url, data, {"Content-Type": kind})) as answer:
-            return json.load(answer)
-    except urllib.error.HTTPError as error:
-        raise SystemExit(f"{url}: {error.code} {error.read().decode()}")
+    request = urllib.request.Request(url, data, {"Content-Type": kind})
+    for _ in range(60):
+        try:
+            with urllib.request.urlopen(request) as answer:
+                return json.load(answer)
+        except urllib.error.HTTPError as error:
+            if error.code not in (429, 503):
+                raise SystemExit(f"{url}: {error.code} {error.read().decode()}") from error
+            time.sleep(float(error.headers.get("Retry-After", 1)))
+        except (OSError, http.client.HTTPException):  # the same again is answered as before
+            time.sleep(1)
+    raise SystemExit(f"{url}: nobody answers")
 
 
 def fly(recipe, seed, kick):

@@ -8,6 +8,7 @@ Nothing but the standard library. What it learns is how near debris may come bef
 moved along what the better siblings tried (evolution strategies, Salimans et al. 2017), weighed as GRPO weighs (Shao et al. 2024).
 """
 import argparse
+import http.client
 import itertools
 import json
 import math
@@ -41,7 +42,7 @@ class Api:
                 if refused.code not in (429, 503):
                     raise SystemExit(f"{method} {path}: {problem.get('field', '')} {problem['detail']}") from refused
                 time.sleep(float(refused.headers.get("Retry-After", 1)))
-            except OSError:
+            except (OSError, http.client.HTTPException):
                 time.sleep(1)
         raise SystemExit(f"{method} {path}: nobody answers")
 

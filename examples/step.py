@@ -93,7 +93,7 @@ def main(base, episodes):
             receipt, episode = told["reported"], episode + 1
             print(f"{receipt['episode']} {receipt['status']} score {receipt['score']:.3f} success {receipt['success']}", flush=True)
             told = session.do("reset") if episode < episodes else told  # the same wish: whatever the curriculum proposes next
-        except Lost:  # what was being flown is given back by the server; a new session goes on
+        except Lost:  # what was being flown is offered again, by the end of its lease; a new session goes on
             session = Session(base, run=run)
             told = session.opened
     session.close()

@@ -10,6 +10,7 @@ This one has no weights: a built-in policy flies, and what a step of GRPO would 
 """
 
 import argparse
+import http.client
 import json
 import statistics
 import time
@@ -41,7 +42,7 @@ class Api:
                 if refused.code not in (429, 503):
                     raise SystemExit(f"{method} {path}: {problem.get('field', '')} {problem['detail']}") from refused
                 time.sleep(float(refused.headers.get("Retry-After", 1)))
-            except OSError:  # away for a moment: what was not acknowledged comes again
+            except (OSError, http.client.HTTPException):  # away for a moment: what was not acknowledged comes again
                 time.sleep(1)
         raise SystemExit(f"{method} {path}: nobody answers")
 

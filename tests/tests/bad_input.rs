@@ -239,3 +239,34 @@ async fn no_query_is_ignored() {
     let refused = api.get("/v1/runs/run/episodes/ep_1-a_0/replay?Telemetry=true").await.expect(400);
     assert_eq!(refused["field"], "Telemetry");
 }
+
+/// Whoever begins a body and does not end it is sent away, wherever one is taken; others are answered meanwhile.
+#[tokio::test]
+async fn a_body_that_does_not_come_is_not_waited_for() {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+
+    let server = Server::start().await;
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let half = async |path: &str| {
+        let address = api.base().strip_prefix("http://").unwrap();
+        let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{{"
+        );
+        stream.write_all(head.as_bytes()).await.unwrap();
+        let mut told = [0; 4096];
+        let length = stream.read(&mut told).await.unwrap();
+        String::from_utf8_lossy(&told[..length]).into_owned()
+    };
+    let all = futures_util::future::join_all(
+        ["/v1/runs", "/v1/scenarios", "/v1/runs/run/leases", "/v1/runs/run/results"].map(half),
+    );
+    let others = async {
+        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
+        assert_eq!(api.get("/v1/tasks").await.status, 200);
+    };
+    for told in tokio::join!(all, others).0 {
+        assert!(told.starts_with("HTTP/1.1 408") && told.contains("slow_body"), "{told}");
+    }
+}

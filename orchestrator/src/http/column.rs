@@ -68,6 +68,20 @@ impl Entry for u32 {
     }
 }
 
+/// A whole number, or none.
+pub(super) fn whole<'de, D: de::Deserializer<'de>>(reader: D) -> Result<Option<u32>, D::Error> {
+    let number = Option::<Number>::deserialize(reader).map_err(|error| {
+        let wanted = format!("it is not {}", u32::WANTED);
+        // A fault of the text itself has a place in the text.
+        if error.to_string().contains(NO_NUMBER) { de::Error::custom(wanted) } else { error }
+    })?;
+    let read = |Number(number): Number| {
+        let wanted = || de::Error::custom(format!("it is {number}, but must be {}", u32::WANTED));
+        u32::of(number).ok_or_else(wanted)
+    };
+    number.map(read).transpose()
+}
+
 /// Between the path of a field and what is wrong with it.
 const MARK: &str = "\u{1}";
 
@@ -189,8 +203,27 @@ pub(super) fn read<T: DeserializeOwned>(form: Form, body: &[u8]) -> Result<T, Pr
     let words = told.split(" at line ").next().unwrap_or_default();
     match words.split_once(MARK) {
         _ if unread => Err(Problem::malformed(form, told.rsplit(MARK).next().unwrap_or_default())),
-        Some((field, words)) => Err(Problem::invalid(field, words)),
-        None => Err(Problem::invalid("body", words)),
+        Some((field, words)) => Err(Problem::invalid(field, plain(words))),
+        None => Err(keys(words)),
+    }
+}
+
+/// What is wrong with a column as a whole, in plain words.
+fn plain(words: &str) -> &str {
+    if words.starts_with("invalid type: ") { "it must be a list of numbers" } else { words }
+}
+
+/// What is wrong with the keys of an object, told as everywhere.
+fn keys(words: &str) -> Problem {
+    let named = |begin: &str| words.strip_prefix(begin)?.split_once('`');
+    if let Some((name, known)) = named("unknown field `") {
+        let known = known.trim_start_matches(", expected one of ").replace('`', "");
+        let fault = crate::reading::Fault::unknown(name, &known);
+        return Problem::invalid(fault.field, fault.words);
+    }
+    match named("missing field `") {
+        Some((name, _)) => Problem::invalid(name, "it is missing"),
+        None => Problem::invalid("body", words),
     }
 }
 

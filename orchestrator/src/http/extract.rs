@@ -1,5 +1,7 @@
 //! Extractors whose refusals are problem details with the field at fault.
 
+use std::time::Duration;
+
 use axum::extract::rejection::{BytesRejection, PathRejection};
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
@@ -45,6 +47,9 @@ impl Form {
     }
 }
 
+/// How long a body may take to come: as long as a large one does, it keeps others waiting.
+const COMING: Duration = Duration::from_secs(20);
+
 /// A body, and how it is written.
 pub(super) struct Bytes(pub(super) Form, pub(super) axum::body::Bytes);
 
@@ -53,7 +58,12 @@ impl<S: Send + Sync> FromRequest<S> for Bytes {
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
         let form = Form::of(&request)?;
-        Ok(Self(form, axum::body::Bytes::from_request(request, state).await.map_err(unread)?))
+        let body = tokio::time::timeout(COMING, axum::body::Bytes::from_request(request, state)).await;
+        let body = body.map_err(|_| {
+            let words = "The body did not come to its end in 20 s; send it at once, or less at a time.";
+            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", words)
+        })?;
+        Ok(Self(form, body.map_err(unread)?))
     }
 }
 
@@ -93,7 +103,13 @@ impl Problem {
             Form::Json => "malformed_json",
             Form::MessagePack => "malformed_msgpack",
         };
-        let detail = format!("The body is not {}: {}.", form.name(), shorten(why));
+        let why = match why {
+            // What rmp says of bytes that end too early, and of types that JSON has not.
+            _ if why.contains("failed to fill whole buffer") => "it ends too early".to_owned(),
+            _ if why.contains("newtype struct") => "it has an extension type".to_owned(),
+            _ => shorten(why),
+        };
+        let detail = format!("The body is not {}: {why}.", form.name());
         Self::new(StatusCode::BAD_REQUEST, code, detail).at(BODY)
     }
 }

@@ -1,10 +1,9 @@
 //! Room for large bodies: how many are read and parsed at a time, and where.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::extract::{FromRequest, Request};
-use axum::http::{StatusCode, header};
+use axum::http::header;
 use tokio::sync::{Semaphore, SemaphorePermit};
 
 use super::extract::{BODY, Bytes};
@@ -13,8 +12,6 @@ use crate::training::TrainingError;
 
 /// Bytes up to which a body is read beside any number of others.
 const SMALL: u64 = 1 << 20;
-/// How long a large body may take to come: as long as it does, it keeps others waiting.
-const COMING: Duration = Duration::from_secs(20);
 
 /// Room for the bodies of trainers: what is read into a log or a column is many times its bytes, and memory has a bound.
 ///
@@ -40,11 +37,7 @@ impl Room {
             Some(length) if length <= SMALL => None,
             _ => Some(self.reading.acquire().await.map_err(stopping)?),
         };
-        let body = tokio::time::timeout(COMING, Bytes::from_request(request, &())).await;
-        let body = body.map_err(|_| {
-            let words = "The body did not come to its end in 20 s; send it at once, or less at a time.";
-            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", words)
-        })??;
+        let body = Bytes::from_request(request, &()).await?;
         Ok((body, self.parsing.acquire().await.map_err(stopping)?))
     }
 }

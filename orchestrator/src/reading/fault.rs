@@ -27,6 +27,13 @@ impl Fault {
         Self { field: shorten(field), words: "it is given twice; which is meant?".to_owned() }
     }
 
+    /// A key that nobody knows, where these are known.
+    pub(crate) fn unknown(name: &str, known: &str) -> Self {
+        let known =
+            if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") };
+        Self { field: shorten(name), words: format!("it is not a known field; {known}") }
+    }
+
     /// The same, seen from one level up.
     pub(super) fn within(mut self, name: &str) -> Self {
         self.field =
@@ -69,12 +76,7 @@ impl de::Error for Fault {
     }
 
     fn unknown_field(name: &str, known: &'static [&'static str]) -> Self {
-        let known = if known.is_empty() {
-            "there are none here".to_owned()
-        } else {
-            format!("known are {}", known.join(", "))
-        };
-        Self { field: shorten(name), words: format!("it is not a known field; {known}") }
+        Self::unknown(name, &known.join(", "))
     }
 
     fn missing_field(name: &'static str) -> Self {

@@ -56,8 +56,16 @@ async fn columns_that_cannot_be_are_told_by_their_field() {
         (json!({"score": [0.1, null, 0.1, 0.1, 0.1, 0.1]}), 422, "score.1", "a number"),
         (json!({"score": "all fine"}), 422, "score", "list"),
         (json!({"score": 7}), 422, "score", "list"),
-        (json!({}), 422, "body", "score"),
-        (json!({"score": fine, "scores": fine}), 422, "body", "scores"),
+        (json!({"score": {}}), 422, "score", "list"),
+        (json!({}), 422, "score", "missing"),
+        (
+            json!({"score": fine, "scores": fine}),
+            422,
+            "scores",
+            "known are policy_version, score, failed, steps",
+        ),
+        (json!({"score": fine, "policy_version": -1}), 422, "policy_version", "whole"),
+        (json!({"score": fine, "policy_version": "1"}), 422, "policy_version", "whole"),
         (json!([fine]), 422, "", ""),
         (json!({"score": vec![0.5; 100_001]}), 422, "score", "100000"),
     ];

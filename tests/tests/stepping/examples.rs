@@ -64,7 +64,8 @@ async fn a_trainer_outlasts_its_server() {
         for line in lines.by_ref().take(before_the_end) {
             let line = line.unwrap();
             let [episode, status, ..] = line.split(' ').collect::<Vec<_>>()[..] else { panic!("{line}") };
-            assert_eq!(status, "counted");
+            // Of a designed layout it is stored: that moves no level.
+            assert!(["counted", "stored"].contains(&status), "{line}");
             assert!(told.insert(episode.to_owned()), "{episode} twice");
         }
         if before_the_end < EPISODES {

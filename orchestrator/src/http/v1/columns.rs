@@ -4,7 +4,7 @@ use axum::extract::{Request, State};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::super::column::{Column, read};
+use super::super::column::{Column, read, whole};
 use super::super::extract::{Bytes, NoQuery, Path};
 use super::super::problem::Problem;
 use super::super::room::aside;
@@ -21,6 +21,7 @@ use crate::training::lease::find;
 #[serde(deny_unknown_fields)]
 pub(super) struct ColumnsWish {
     /// The policy that flew them (the lease's).
+    #[serde(default, deserialize_with = "policy_version")]
     policy_version: Option<u32>,
     /// The score of each; of those that failed it is not looked at, but must be a number. `bin`: f32.
     #[schema(value_type = Vec<f32>)]
@@ -47,6 +48,10 @@ macro_rules! named {
 named!(score, f32);
 named!(failed, u8);
 named!(steps, u32);
+
+fn policy_version<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<Option<u32>, D::Error> {
+    whole(reader).map_err(|error| super::super::column::within("policy_version", error))
+}
 
 /// A claim, and what of it is audited.
 #[derive(Serialize, ToSchema)]
@@ -120,7 +125,7 @@ impl Claim {
     responses(
         (status = 200, body = Claim), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 409, body = Problem, description = "The lease is over, or other columns came before."),
-        (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]

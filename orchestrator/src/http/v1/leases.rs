@@ -194,7 +194,7 @@ pub(super) struct Leases {
     responses(
         (status = 201, body = Lease),
         (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The run is paused."), (status = 413, body = Problem),
+        (status = 409, body = Problem, description = "The run is paused."), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
         (status = 503, body = Problem, description = "Scenarios are still being prepared; see Retry-After.")
     )

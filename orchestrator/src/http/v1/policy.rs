@@ -89,7 +89,7 @@ pub(super) async fn show(
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = PolicyView), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 413, body = Problem), (status = 415, body = Problem),
+        (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem),
         (status = 422, body = Problem, description = "Among others: a version that is lower than the run's."),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )

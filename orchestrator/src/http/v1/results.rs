@@ -152,7 +152,7 @@ pub(super) struct Receipts {
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Receipts), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
         (status = 429, body = Problem),
         (status = 503, body = Problem)
     )

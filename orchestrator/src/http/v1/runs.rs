@@ -114,7 +114,7 @@ pub(super) struct Runs {
     post, path = "/runs", tag = "runs", request_body = RunWish,
     responses(
         (status = 201, body = Run),
-        (status = 400, body = Problem), (status = 409, body = Problem), (status = 413, body = Problem),
+        (status = 400, body = Problem), (status = 409, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
         (status = 503, body = Problem)
     )
@@ -218,7 +218,7 @@ pub(super) struct Newest {
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]

@@ -80,7 +80,7 @@ struct Judged {
 #[utoipa::path(
     post, path = "/scenarios", tag = "scenarios", request_body = Wish,
     responses(
-        (status = 200, body = Checked), (status = 400, body = Problem), (status = 413, body = Problem),
+        (status = 200, body = Checked), (status = 400, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem),
         (status = 503, body = Problem, description = "Too many are planned on at once, or it took longer than a minute.")
     )

@@ -33,7 +33,7 @@ pub(in crate::http::v1) struct DesignAsk {
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 202, body = AskView, description = "Asked; `Location` is the ask.", headers(("location" = String))),
-        (status = 400, body = Problem), (status = 404, body = Problem), (status = 413, body = Problem),
+        (status = 400, body = Problem), (status = 404, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
         (status = 503, body = Problem)
     )
