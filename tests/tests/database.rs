@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use sqlx::Connection;
@@ -129,15 +129,55 @@ fn addresses_that_strangers_reach_are_refused() {
     assert!(told.contains("no tokens to keep strangers out"), "{told}");
 }
 
+/// A database as schema 8 had it.
+fn old(folder: &Path) -> PathBuf {
+    let db = folder.join("old.sqlite3");
+    let stored = include_bytes!("../fixtures/schema-8.sqlite3.gz");
+    let mut file = std::fs::File::create(&db).unwrap();
+    std::io::copy(&mut flate2::read::GzDecoder::new(&stored[..]), &mut file).unwrap();
+    db
+}
+
+async fn count(db: &Path, statement: &'static str) -> i64 {
+    let options = SqliteConnectOptions::new().filename(db).read_only(true);
+    let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
+    sqlx::query_scalar(statement).fetch_one(&mut conn).await.unwrap()
+}
+
+const SCHEMA: &str = "SELECT max(version) FROM _sqlx_migrations";
+
+/// Before a database is changed for good it is copied; where that cannot be, it stays as it was.
+#[tokio::test]
+async fn an_older_database_is_copied_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = old(folder.path());
+    let copy = folder.path().join("old.sqlite3.schema-8");
+    let before = std::fs::read(&db).unwrap();
+    // Somebody else's folder is in the way.
+    std::fs::create_dir_all(copy.join("full")).unwrap();
+    let told = refused(&db);
+    assert!(told.contains("DB has an older schema (8), and a copy of it could not be made"), "{told}");
+    assert_eq!(count(&db, SCHEMA).await, 8);
+    assert_eq!(std::fs::read(&db).unwrap(), before);
+    assert!(!folder.path().join("old.sqlite3.schema-8.unfinished").exists());
+    std::fs::remove_dir_all(&copy).unwrap();
+    // What an attempt that was cut off left is in nobody's way.
+    std::fs::write(folder.path().join("old.sqlite3.schema-8.unfinished"), "half").unwrap();
+    drop(Process::start(&db));
+    assert!(count(&db, SCHEMA).await > 8);
+    assert_eq!((count(&copy, SCHEMA).await, count(&copy, "SELECT count(*) FROM action_logs").await), (8, 2));
+    // Only what is older is copied.
+    std::fs::remove_file(&copy).unwrap();
+    drop(Process::start(&db));
+    let beside = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name());
+    assert!(beside.into_iter().all(|name| !name.to_string_lossy().contains("schema-")));
+}
+
 /// A run that another version began, whose logs and brackets were stored otherwise, goes on.
 #[tokio::test]
 async fn an_older_database_is_brought_on() {
     let folder = tempfile::tempdir().unwrap();
-    let db = folder.path().join("old.sqlite3");
-    let stored = include_bytes!("../fixtures/schema-8.sqlite3.gz");
-    let mut file = std::fs::File::create(&db).unwrap();
-    std::io::copy(&mut flate2::read::GzDecoder::new(&stored[..]), &mut file).unwrap();
-    drop(file);
+    let db = old(folder.path());
     let server = Process::start(&db);
     let api = server.api();
     let run = api.get("/v1/runs").await.expect(200)["runs"][0]["id"].as_str().unwrap().to_owned();

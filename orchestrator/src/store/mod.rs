@@ -1,6 +1,7 @@
 //! SQL, and nothing else: one file per table family, functions taking a connection. SQL is written here and nowhere
 //! else.
 
+mod aside;
 pub mod asks;
 pub mod brackets;
 pub mod columns;

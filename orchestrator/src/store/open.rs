@@ -8,6 +8,8 @@ use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
+use super::aside::{schema, set_aside};
+
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
 /// How long one statement waits for another process's lock.
@@ -50,6 +52,18 @@ pub enum OpenError {
     /// Nowhere to put it.
     #[error("{0} cannot be opened: the file or its folder does not exist or may not be opened")]
     NoFolder(String),
+    /// No copy could be made before it is changed.
+    #[error(
+        "{path} has an older schema ({schema}), and a copy of it could not be made before it is changed: {reason}; make room beside it, or move it"
+    )]
+    NoCopy {
+        /// The file.
+        path: String,
+        /// Its schema.
+        schema: i64,
+        /// Why.
+        reason: String,
+    },
     /// Anything else.
     #[error("{path} cannot be opened: {reason}")]
     Other {
@@ -116,7 +130,7 @@ pub fn claim(path: &Path) -> Result<Claim, OpenError> {
     }
 }
 
-/// Opens, creating and migrating where needed.
+/// Opens, creating and migrating where needed. One of an older schema is copied before it is changed.
 ///
 /// # Errors
 /// A file that is no database, another's, newer, read-only or locked.
@@ -130,6 +144,18 @@ pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
     let mut connection = SqliteConnection::connect_with(&options).await.map_err(|error| fault(&error))?;
     if foreign(&mut connection).await.map_err(|error| fault(&error))? {
         return Err(OpenError::Foreign(name));
+    }
+    let stored = schema(&mut connection).await.map_err(|error| fault(&error))?;
+    if let Some(schema) = stored.filter(|stored| *stored < newest()) {
+        let copy = set_aside(&mut connection, path, schema).await.map_err(|reason| OpenError::NoCopy {
+            path: name.clone(),
+            schema,
+            reason,
+        })?;
+        tracing::info!(
+            from = schema, to = newest(), copy = %copy.display(),
+            "The database is brought to a newer schema; as it was it is kept beside it, for as long as you like."
+        );
     }
     MIGRATIONS.run(&mut connection).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) => {
