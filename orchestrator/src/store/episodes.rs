@@ -6,7 +6,7 @@ use env_core::ActionLog;
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::pack::{pack, unpack};
-use super::{ROWS, StoreError, to_json};
+use super::{ROWS, StoreError, digest, to_json};
 use crate::clock::Millis;
 
 /// An episode as stored.
@@ -59,14 +59,6 @@ impl StoredLog {
         let encoded = log.encode();
         Self { digest: digest(&encoded), body: pack(encoded) }
     }
-}
-
-/// What tells one report from another.
-#[must_use]
-pub fn digest(bytes: &[u8]) -> [u8; 16] {
-    let mut digest = [0; 16];
-    digest.copy_from_slice(&blake3::hash(bytes).as_bytes()[..16]);
-    digest
 }
 
 /// Stores episodes, those that were flown with their action logs.

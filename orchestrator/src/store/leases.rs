@@ -69,7 +69,7 @@ pub const COLUMNS: &str = "columns";
 
 /// What there is to know before a lease is granted.
 #[derive(Debug, Clone, Copy)]
-pub struct Room {
+pub struct Outlook {
     /// The number that the next lease gets: leases are never deleted, and one writer grants them.
     pub next: i64,
     /// How many leases of the run are active.
@@ -80,9 +80,9 @@ pub struct Room {
 ///
 /// # Errors
 /// The database's.
-pub async fn room(conn: &mut SqliteConnection, run: &str) -> Result<Room, StoreError> {
+pub async fn outlook(conn: &mut SqliteConnection, run: &str) -> Result<Outlook, StoreError> {
     Ok(sqlx::query_as!(
-        Room,
+        Outlook,
         r#"SELECT (SELECT coalesce(max(id), 0) + 1 FROM leases) AS "next!: i64",
                   (SELECT count(*) FROM leases INDEXED BY leases_active WHERE run = ? AND status = 'active')
                       AS "active!: i64""#,

@@ -1,8 +1,8 @@
 //! SQL, and nothing else: one file per table family, functions taking a connection. SQL is written here and nowhere
 //! else.
 
-mod aside;
 pub mod asks;
+mod backup;
 pub mod brackets;
 pub mod columns;
 pub mod critiques;
@@ -87,6 +87,14 @@ pub(crate) const ROWS: usize = 64;
 pub(crate) fn hex_list<T: AsRef<[u8]>>(ids: &[T]) -> Result<String, StoreError> {
     let hex = |id: &T| id.as_ref().iter().map(|byte| format!("{byte:02x}")).collect::<String>();
     to_json(&ids.iter().map(hex).collect::<Vec<_>>())
+}
+
+/// What tells one report from another.
+#[must_use]
+pub(crate) fn digest(bytes: &[u8]) -> [u8; 16] {
+    let mut digest = [0; 16];
+    digest.copy_from_slice(&blake3::hash(bytes).as_bytes()[..16]);
+    digest
 }
 
 /// SQLite holds signed integers; seqs and seeds are below 2⁵³.

@@ -8,7 +8,7 @@ use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
-use super::aside::{schema, set_aside};
+use super::backup::{back_up, schema};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
@@ -147,7 +147,7 @@ pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
     }
     let stored = schema(&mut connection).await.map_err(|error| fault(&error))?;
     if let Some(schema) = stored.filter(|stored| *stored < newest()) {
-        let copy = set_aside(&mut connection, path, schema).await.map_err(|reason| OpenError::NoCopy {
+        let copy = back_up(&mut connection, path, schema).await.map_err(|reason| OpenError::NoCopy {
             path: name.clone(),
             schema,
             reason,

@@ -36,7 +36,7 @@ pub struct Desk {
     pub ready: watch::Receiver<u64>,
     /// Who waits for a lease, run by run.
     pub gates: Arc<Gates>,
-    /// Threads that replay what is claimed: behind those that answer and write.
+    /// Threads that replay what is claimed and prepare eval leases: behind those that answer and write.
     pub replaying: Arc<rayon::ThreadPool>,
 }
 

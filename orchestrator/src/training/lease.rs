@@ -13,7 +13,7 @@ use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::proposals::{self, Queued};
-use crate::store::{StoreError, design_counts, from_json, serving};
+use crate::store::{design_counts, from_json, serving};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -80,14 +80,6 @@ pub struct Granted {
 /// turn of another thread is time. Of more they are read beside, for the sake of others.
 const FEW: usize = 8;
 
-/// What groups are flown and judged by.
-///
-/// # Errors
-/// The store's.
-pub async fn sets_of(conn: &mut SqliteConnection, groups: &[GroupRow]) -> Result<Sets, StoreError> {
-    Sets::of(conn, &groups.iter().map(|group| &group.scenario).collect::<Vec<_>>()).await
-}
-
 impl TakeLease {
     pub(super) fn check(&self, mind: &Mind) -> Result<u32, TrainingError> {
         if mind.paused {
@@ -108,7 +100,7 @@ impl TakeLease {
         group_size: u32,
         now: i64,
     ) -> Result<LeaseRow, TrainingError> {
-        let leases::Room { next, active } = leases::room(conn, self.run.as_str()).await?;
+        let leases::Outlook { next, active } = leases::outlook(conn, self.run.as_str()).await?;
         if active >= MAX_ACTIVE {
             return Err(TrainingError::TooManyLeases(active));
         }
@@ -180,7 +172,7 @@ impl Change for TakeLease {
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
         }
         let sets = match groups.len() {
-            ..=FEW => Some(sets_of(conn, &groups).await?),
+            ..=FEW => Some(Sets::of_groups(conn, &groups).await?),
             _ => None,
         };
         queue::fill(work, run, AHEAD).await?;

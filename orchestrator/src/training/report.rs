@@ -390,8 +390,8 @@ fn again(episode: String, before: &Before, digest: &[u8]) -> Receipt {
 fn digest(verdict: &Verdict) -> Vec<u8> {
     let digest = match verdict {
         Verdict::Flown { log, .. } => log.digest,
-        Verdict::Failed(reason) => episodes::digest(reason.as_bytes()),
-        Verdict::Refused { detail, .. } => episodes::digest(detail.as_bytes()),
+        Verdict::Failed(reason) => store::digest(reason.as_bytes()),
+        Verdict::Refused { detail, .. } => store::digest(detail.as_bytes()),
     };
     digest.to_vec()
 }

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use env_core::{Bracket, Scenario};
 use sqlx::SqliteConnection;
 
+use crate::store::groups::GroupRow;
 use crate::store::scenarios::{Loader, Scenarios};
 use crate::store::{StoreError, brackets};
 
@@ -24,6 +25,14 @@ impl Sets {
     pub async fn of<T: AsRef<[u8]>>(conn: &mut SqliteConnection, ids: &[T]) -> Result<Self, StoreError> {
         let scenarios = Loader::default().all(conn, ids).await?;
         Ok(Self { scenarios, brackets: brackets::newest_of(conn, ids).await? })
+    }
+
+    /// Reads those of groups.
+    ///
+    /// # Errors
+    /// The store's.
+    pub async fn of_groups(conn: &mut SqliteConnection, groups: &[GroupRow]) -> Result<Self, StoreError> {
+        Self::of(conn, &groups.iter().map(|group| &group.scenario).collect::<Vec<_>>()).await
     }
 
     /// A scenario with its bracket. Only one of a lease of columns may have none: it is bracketed when it is audited.

@@ -21,7 +21,7 @@ use crate::store::scenarios::Loader;
 use crate::store::{columns, leases, unsigned};
 use crate::training::BracketView;
 use crate::training::columns::TakeColumns;
-use crate::training::lease::{Granted, Purpose, Release, Renew, TakeLease, find, sets_of};
+use crate::training::lease::{Granted, Purpose, Release, Renew, TakeLease, find};
 use crate::training::sets::Sets;
 
 /// A lease as it is asked for.
@@ -303,7 +303,7 @@ async fn describe(
 ) -> Result<Lease, Problem> {
     let mut recipes = Recipes::default();
     let ranges = if row.is_columns() { Some(ranges(conn, &mut recipes, row.id).await?) } else { None };
-    let sets = sets_of(conn, &groups).await?;
+    let sets = Sets::of_groups(conn, &groups).await?;
     view_of(row, groups, &sets, (recipes, ranges))
 }
 

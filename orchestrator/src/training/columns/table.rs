@@ -1,7 +1,7 @@
 //! Columns: what is claimed of all episodes of a lease, one entry an episode, in order.
 
 use super::MAX_GROUPS;
-use crate::store::StoreError;
+use crate::store::{StoreError, digest};
 use crate::training::TrainingError;
 
 /// How far a claimed score may be from its replay, as a share of the score's range: a trainer that sums a thousand rewards in
@@ -64,7 +64,7 @@ impl Columns {
     /// What tells a repeat from a contradiction.
     #[must_use]
     pub fn digest(&self) -> Vec<u8> {
-        blake3::hash(&self.bytes()).as_bytes()[..16].to_vec()
+        digest(&self.bytes()).to_vec()
     }
 
     fn bytes(&self) -> Vec<u8> {

@@ -32,7 +32,7 @@ impl Change for Report {
 
     async fn apply(self, work: &mut Work) -> Result<Vec<Job>, TrainingError> {
         let row = LeaseRow {
-            id: leases::room(&mut work.conn, RUN).await?.next,
+            id: leases::outlook(&mut work.conn, RUN).await?.next,
             token: "aaaaaa".to_owned(),
             run: RUN.to_owned(),
             purpose: "train".to_owned(),

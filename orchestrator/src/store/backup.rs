@@ -29,7 +29,7 @@ pub(super) async fn schema(connection: &mut SqliteConnection) -> Result<Option<i
 ///
 /// # Errors
 /// Why it could not: no room, mostly.
-pub(super) async fn set_aside(
+pub(super) async fn back_up(
     connection: &mut SqliteConnection,
     path: &Path,
     schema: i64,
