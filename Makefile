@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-llm bench bench-peers fmt lint deny sqlx check-cargo check-python
+.PHONY: help demo test test-llm bench bench-peers soak fmt lint deny sqlx check-cargo check-python
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -22,6 +22,10 @@ test-llm: check-cargo check-python ## A small real language model, served here, 
 bench: check-cargo ## Benchmarks: measured, goal, ratio (on an idle machine)
 	cargo build --release --locked -p orchestrator -p bench
 	cargo run --release --locked -p bench
+
+soak: check-cargo ## Kills a server under trainers for two hours (MINUTES=120) and prints the ledger of what they were told
+	cargo build --release --locked -p orchestrator -p bench
+	cargo run --release --locked -p bench -- survival --minutes $(or $(MINUTES),120)
 
 bench-peers: check-cargo check-python ## openenv-core's server beside ours, and KESSLER_ENV=path to a copy of the public environment
 	scripts/openenv-venv

@@ -7,6 +7,7 @@ mod columns;
 mod critique;
 mod designer;
 mod engine;
+mod growth;
 mod levels;
 mod results;
 mod soak;
@@ -14,6 +15,7 @@ mod sockets;
 mod stepping;
 mod steps;
 mod stolen;
+mod survival;
 
 use std::io::Write;
 
@@ -23,13 +25,21 @@ use clap::Parser;
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure; all of speed if none is named. `soak` loads the server for ten minutes
-    /// and watches its memory; `levels` prints what policies win, level by level; `learner`
+    /// and watches its memory; `growth` reports ten million episodes and watches the
+    /// database; `survival` kills
+    /// servers under trainers and compares what those were told with what there is; `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "stepping", "soak", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "stepping", "growth", "survival", "soak", "designer", "learner", "levels"])]
     what: Vec<String>,
-    /// How long `soak` lasts
+    /// How long `soak` and `survival` last
     #[arg(long, default_value_t = 10)]
     minutes: u32,
+    /// How many episodes `growth` reports
+    #[arg(long, default_value_t = 10_000_000)]
+    episodes: u64,
+    /// Episodes of each of its scenarios
+    #[arg(long, default_value_t = 1)]
+    group_size: u32,
     #[command(flatten)]
     peer: sockets::Peer,
     /// Flies the layouts of a file again, and says how many are not what they claim: the process that `designer` starts.
@@ -73,7 +83,9 @@ fn main() -> anyhow::Result<()> {
         ("designer", &designer::measure),
     ];
     // These take minutes, and are measured only where they are named.
-    let long: [(&str, Measure<'_>); 3] = [
+    let long: [(&str, Measure<'_>); 5] = [
+        ("survival", &|| survival::measure(args.minutes)),
+        ("growth", &|| growth::measure(args.episodes, args.group_size)),
         ("soak", &|| soak::measure(args.minutes)),
         ("learner", &designer::learner::measure),
         ("levels", &levels::measure),

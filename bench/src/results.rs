@@ -115,14 +115,16 @@ async fn send_all(api: &Api, batches: Vec<String>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Sends a batch; every result must count.
-pub(crate) async fn send(api: &Api, run: &str, body: String) -> anyhow::Result<()> {
+/// Sends a batch, every result of which must count; how many there were.
+pub(crate) async fn send(api: &Api, run: &str, body: String) -> anyhow::Result<u64> {
     let answer = api.raw("POST", &format!("/v1/runs/{run}/results"), "application/json", body).await;
     let counted = answer.body["results"]
         .as_array()
-        .is_some_and(|all| all.len() == BATCH && all.iter().all(|r| r["status"] == "counted"));
-    anyhow::ensure!(counted, "not every result counted: {} {}", answer.status, answer.body);
-    Ok(())
+        .filter(|all| all.iter().all(|r| matches!(r["status"].as_str(), Some("counted" | "stored"))));
+    let Some(counted) = counted else {
+        anyhow::bail!("not every result counted: {} {}", answer.status, answer.body);
+    };
+    Ok(counted.len() as u64)
 }
 
 /// Batches of a lease that is taken for them.

@@ -1,6 +1,7 @@
 //! Sparring.
 pub mod cli;
 pub mod clock;
+pub mod counts;
 pub mod curriculum;
 pub mod frames;
 pub mod http;
@@ -12,5 +13,6 @@ pub mod service;
 pub mod sessions;
 pub mod store;
 pub mod threads;
+pub mod tokens;
 pub mod training;
 pub mod workers;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use axum::serve::ListenerExt;
 use sqlx::{SqliteConnection, SqlitePool};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
@@ -17,7 +16,7 @@ use crate::http;
 use crate::judging::{Judges, ModelJudge};
 use crate::sessions::{Limits, Sessions};
 use crate::store::{
-    Claim, OpenError, StoreError, asks, claim, folder, policies, reader, unsigned, verdicts, writer,
+    Claim, OpenError, StoreError, asks, claim, folder, policies, reader, tokens, unsigned, verdicts, writer,
 };
 use crate::threads::{self, Priority};
 use crate::training::design::{BuiltIn, Designers};
@@ -49,8 +48,10 @@ pub struct Config {
     pub judges: Arc<Judges>,
     /// The language model that flies for runs whose policy is `chat`, where there is one.
     pub endpoint: Option<Endpoint>,
-    /// What is shown. Others than this machine's may be shown OpenEnv's routes alone, since there are no tokens yet.
-    pub surface: http::Surface,
+    /// Whether OpenEnv's routes are for anybody. Where there are no tokens they are then all that is shown.
+    pub openenv_public: bool,
+    /// What each who comes in may do at most.
+    pub each: http::Each,
 }
 
 impl Config {
@@ -65,7 +66,8 @@ impl Config {
             sessions: Limits::default(),
             judges: Arc::default(),
             endpoint: None,
-            surface: http::Surface::Whole,
+            openenv_public: false,
+            each: http::Each::default(),
         }
     }
 }
@@ -79,9 +81,9 @@ pub enum StartError {
     /// What was left open could not be closed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The address is one that others reach, and there are no tokens yet to keep strangers out.
+    /// The address is one that others reach, and there are no tokens to keep strangers out.
     #[error(
-        "{0} is reachable by others, and there are no tokens to keep strangers out: bind a loopback address, as 127.0.0.1:8700, or show OpenEnv's routes alone by --openenv-public"
+        "{0} is reachable by others, and there are no tokens to keep strangers out: make one by `sparring token create`, bind a loopback address, as 127.0.0.1:8700, or show OpenEnv's routes alone by --openenv-public"
     )]
     Public(SocketAddr),
     /// The system gives no threads.
@@ -106,6 +108,8 @@ pub struct App {
     pub readers: SqlitePool,
     /// Where the time is read.
     pub clock: Clock,
+    /// What each who comes in may do at most.
+    pub each: http::Each,
     /// Hands out leases and takes results.
     pub desk: Desk,
     /// Who flies on the server.
@@ -153,11 +157,10 @@ impl Service {
     /// # Errors
     /// Why it could not start.
     pub async fn start(config: Config) -> Result<Self, StartError> {
-        if !config.bind.ip().is_loopback() && config.surface == http::Surface::Whole {
-            return Err(StartError::Public(config.bind));
-        }
+        http::begin_counting();
         let claim = claim(&config.db)?;
         let mut connection = writer(&config.db).await?;
+        let surface = surface(&config, &mut connection).await?;
         pick_up(&config, &mut connection).await?;
         let readers = reader(&config.db).await?;
         let (listener, address) = listen(config.bind).await?;
@@ -177,11 +180,14 @@ impl Service {
             replaying: pool("replay", 0, Priority::Bulk)?,
         };
         let jobs = employ(&config, &desk, (wakes, ready_tx))?;
-        let sessions = sessions(&config, &desk)?;
+        let sessions = sessions(&config, surface, &desk)?;
+        let of_gate = (readers.clone(), writer.clone(), config.clock.clone());
+        let gate = http::Gate::new(of_gate, address, config.openenv_public, config.each);
         let app = App {
             writer,
             readers: readers.clone(),
             clock: config.clock,
+            each: config.each,
             desk,
             sessions: Arc::clone(&sessions),
             boards: Arc::default(),
@@ -196,7 +202,8 @@ impl Service {
             stopping: Arc::clone(&stopping),
         };
         let fold = tokio::spawn(workers::fold::run(folder(&config.db).await?, stopped.clone()));
-        let server = tokio::spawn(serve(listener, http::router(app, config.surface), stopped));
+        let routes = http::router(app, Arc::new(gate), surface);
+        let server = tokio::spawn(http::serve(listener, routes, stopped));
         Ok(Self {
             address,
             stopping,
@@ -283,6 +290,17 @@ async fn pick_up(config: &Config, connection: &mut SqliteConnection) -> Result<(
     Ok(())
 }
 
+/// What is shown: everything where whoever comes in is known, or is on this machine.
+async fn surface(config: &Config, connection: &mut SqliteConnection) -> Result<http::Surface, StartError> {
+    let (any, valid) = tokens::any(connection, config.clock.now()).await?;
+    match config.openenv_public {
+        true if any => Ok(http::Surface::Whole),
+        true => Ok(http::Surface::OpenEnv),
+        false if valid || config.bind.ip().is_loopback() => Ok(http::Surface::Whole),
+        false => Err(StartError::Public(config.bind)),
+    }
+}
+
 /// Where it listens: port 0 has become one.
 async fn listen(bind: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
     let refused = |reason| StartError::Listen { address: bind, reason };
@@ -292,9 +310,8 @@ async fn listen(bind: SocketAddr) -> Result<(TcpListener, SocketAddr), StartErro
 }
 
 /// Where environments fly on the server; for runs only where there is more than OpenEnv's surface.
-fn sessions(config: &Config, desk: &Desk) -> Result<Arc<Sessions>, StartError> {
-    let limits =
-        Limits { runs: config.sessions.runs && config.surface == http::Surface::Whole, ..config.sessions };
+fn sessions(config: &Config, surface: http::Surface, desk: &Desk) -> Result<Arc<Sessions>, StartError> {
+    let limits = Limits { runs: config.sessions.runs && surface == http::Surface::Whole, ..config.sessions };
     let flying = pool("fly", 0, Priority::Usual)?;
     Ok(Arc::new(Sessions::new(limits, desk.clone(), Arc::clone(&config.judges), flying)))
 }
@@ -317,6 +334,8 @@ fn employ(
     };
     jobs.spawn(preparer.run());
     jobs.spawn(workers::expire::run(writer.clone()));
+    jobs.spawn(workers::clock::run(config.clock.clone(), writer.clone()));
+    jobs.spawn(workers::retain::run(readers.clone(), writer.clone()));
     let critic = workers::critique::Critic {
         readers: readers.clone(),
         writer: writer.clone(),
@@ -346,16 +365,4 @@ fn employ(
 /// Threads of this name, as many as there are cores if 0.
 fn pool(name: &'static str, count: usize, priority: Priority) -> Result<Arc<rayon::ThreadPool>, StartError> {
     threads::pool(name, count, priority).map(Arc::new).map_err(StartError::Threads)
-}
-
-async fn serve(listener: TcpListener, routes: axum::Router, mut stopped: watch::Receiver<bool>) {
-    let shutdown = async move {
-        // The sender going away means the same.
-        let _ = stopped.wait_for(|stop| *stop).await;
-    };
-    // What is sent is sent whole: nothing is gained by waiting for more.
-    let listener = listener.tap_io(|stream| drop(stream.set_nodelay(true)));
-    if let Err(error) = axum::serve(listener, routes).with_graceful_shutdown(shutdown).await {
-        tracing::error!(error = %error, "The server failed.");
-    }
 }

@@ -1,6 +1,7 @@
 //! Whole-system tests: a real server on a real socket with a real SQLite file, and real clients.
 
 pub mod model;
+pub mod survival;
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -105,6 +106,7 @@ pub fn http_client() -> reqwest::Client {
 pub struct Api {
     client: reqwest::Client,
     base: String,
+    token: Option<String>,
 }
 
 /// A status and a JSON body.
@@ -137,7 +139,13 @@ impl Api {
     /// A client of the server at this URL.
     #[must_use]
     pub fn new(base: &str) -> Self {
-        Self { client: http_client(), base: base.to_owned() }
+        Self { client: http_client(), base: base.to_owned(), token: None }
+    }
+
+    /// The same with a token.
+    #[must_use]
+    pub fn with_token(self, token: &str) -> Self {
+        Self { token: Some(token.to_owned()), ..self }
     }
 
     /// Where the server is.
@@ -151,22 +159,38 @@ impl Api {
     /// # Panics
     /// Where the server does not answer.
     pub async fn raw(&self, method: &str, path: &str, kind: &str, body: impl Into<reqwest::Body>) -> Answer {
+        self.attempt(method, path, kind, body).await.expect("the server answers")
+    }
+
+    /// The same, where it may be that nobody answers.
+    ///
+    /// # Errors
+    /// Nobody answers, or not to the end.
+    ///
+    /// # Panics
+    /// Where the method is none.
+    pub async fn attempt(
+        &self,
+        method: &str,
+        path: &str,
+        kind: &str,
+        body: impl Into<reqwest::Body>,
+    ) -> Result<Answer, reqwest::Error> {
         let method = method.parse().expect("a method");
-        let request =
+        let mut request =
             self.client.request(method, format!("{}{path}", self.base)).header("content-type", kind);
-        let response = request.body(body).send().await.expect("the server answers");
+        if let Some(token) = &self.token {
+            request = request.bearer_auth(token);
+        }
+        let response = request.body(body).send().await?;
         let header =
             |name: &str| response.headers().get(name).and_then(|v| v.to_str().ok()).map(str::to_owned);
         let (status, kind, retry_after) =
             (response.status().as_u16(), header("content-type").unwrap_or_default(), header("retry-after"));
-        let bytes = response.bytes().await.expect("a whole answer");
+        let bytes = response.bytes().await?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
-        Answer {
-            status,
-            kind,
-            retry_after,
-            body: serde_json::from_slice(&bytes).unwrap_or(Value::String(text)),
-        }
+        let body = serde_json::from_slice(&bytes).unwrap_or(Value::String(text));
+        Ok(Answer { status, kind, retry_after, body })
     }
 
     /// GET.
@@ -333,7 +357,16 @@ impl Process {
     /// Where it does not start.
     #[must_use]
     pub fn start_at(bind: &str, db: &Path, options: &[&str]) -> Self {
-        let mut child = Command::new(binary())
+        Self::start_as(Command::new(binary()), bind, db, options)
+    }
+
+    /// Starts one by this command, which runs `sparring` and has whatever else it needs around it.
+    ///
+    /// # Panics
+    /// Where it does not start.
+    #[must_use]
+    pub fn start_as(mut command: Command, bind: &str, db: &Path, options: &[&str]) -> Self {
+        let mut child = command
             .args(["serve", "--bind", bind, "--db"])
             .arg(db)
             .args(options)
@@ -353,6 +386,12 @@ impl Process {
     #[must_use]
     pub fn pid(&self) -> u32 {
         self.child.id()
+    }
+
+    /// Where it listens, as an address to be bound again.
+    #[must_use]
+    pub fn address(&self) -> &str {
+        self.url.strip_prefix("http://").unwrap_or(&self.url)
     }
 
     /// A client of it.

@@ -7,6 +7,7 @@ pub mod agreement;
 pub mod bench;
 pub mod bootstrap;
 pub mod critique;
+pub mod db;
 pub mod demo;
 pub mod design;
 pub mod eval;
@@ -22,6 +23,7 @@ pub mod serve;
 pub mod suite;
 #[cfg(test)]
 mod tests;
+pub mod token;
 mod worlds;
 
 use std::io::Write;
@@ -64,6 +66,8 @@ enum Command {
     Replay(replay::Args),
     Critique(critique::Args),
     JudgeAgreement(agreement::Args),
+    Db(db::Args),
+    Token(token::Args),
     Bench(bench::Args),
 }
 
@@ -88,6 +92,8 @@ impl Command {
             Self::Replay(args) => replay::run(args),
             Self::Critique(args) => critique::run(args),
             Self::JudgeAgreement(args) => agreement::run(args),
+            Self::Db(args) => db::run(args),
+            Self::Token(args) => token::run(args),
             Self::Bench(args) => bench::run(args),
         }
     }

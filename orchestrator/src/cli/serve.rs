@@ -1,6 +1,7 @@
 //! `sparring serve`: the service, until it is told to stop.
 
 use std::net::SocketAddr;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -9,7 +10,7 @@ use super::judge::JudgeArgs;
 use super::llm::LlmArgs;
 use super::policy::PolicyArgs;
 use crate::clock::Clock;
-use crate::http::Surface;
+use crate::http;
 use crate::service::{Config, Service};
 use crate::sessions::Limits;
 
@@ -28,14 +29,14 @@ Examples:
   SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
   curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
 pub struct Args {
-    /// Where to listen. Only loopback addresses, but for --openenv-public: there are no tokens yet to keep strangers out.
+    /// Where to listen. An address that others reach needs a token (`sparring token create`), or --openenv-public
     #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]
     bind: SocketAddr,
     /// The SQLite database; made where there is none.
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
-    /// Show OpenEnv's routes alone, to anybody: --bind may then be any address. Nothing of a run is shown or flown; the
-    /// database is there all the same
+    /// Show OpenEnv's routes to anybody, whatever --bind is: nothing of a run is flown there. All else needs a token; where there
+    /// are none when the server starts, it is not shown at all
     #[arg(long)]
     openenv_public: bool,
     /// Sessions that may fly on the server at once (of /v1/sessions, and OpenEnv's, over WebSockets and by requests)
@@ -51,11 +52,45 @@ pub struct Args {
     #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     session_memory: u32,
     #[command(flatten)]
+    each: EachArgs,
+    #[command(flatten)]
     llm: LlmArgs,
     #[command(flatten)]
     judge: JudgeArgs,
     #[command(flatten)]
     policy: PolicyArgs,
+}
+
+/// What each who comes in may do.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "What each token (or address, where none is needed) may do at most")]
+struct EachArgs {
+    /// Requests a second of a token; twice as many at once
+    #[arg(long, default_value_t = http::Each::default().requests, value_name = "N")]
+    requests_each: NonZeroU32,
+    /// Requests a second of an address without a token
+    #[arg(long, default_value_t = http::Each::default().anonymous, value_name = "N")]
+    requests_anonymous: NonZeroU32,
+    /// Sessions that fly at once, of --sessions
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    sessions_each: u32,
+    /// Leases of a token that are active
+    #[arg(long, default_value_t = http::Each::default().leases, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    leases_each: u32,
+    /// Runs that a token may create
+    #[arg(long, default_value_t = http::Each::default().runs, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    runs_each: u32,
+}
+
+impl EachArgs {
+    const fn each(&self) -> http::Each {
+        http::Each {
+            requests: self.requests_each,
+            anonymous: self.requests_anonymous,
+            runs: self.runs_each,
+            leases: self.leases_each,
+        }
+    }
 }
 
 /// Serves.
@@ -72,15 +107,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let idle = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
         let sessions = Limits {
             most: args.sessions as usize,
+            each: args.each.sessions_each as usize,
             idle,
             resume: Duration::from_secs(args.session_resume.into()),
             memory_mib: args.session_memory,
             ..Limits::default()
         };
-        let surface = if args.openenv_public { Surface::OpenEnv } else { Surface::Whole };
         let bind = args.bind;
         let db = args.db.clone();
-        let config = Config { db, bind, clock, designers, sessions, judges, endpoint, surface };
+        let config = Config { db, bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, each: args.each.each() };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;

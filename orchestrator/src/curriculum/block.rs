@@ -35,6 +35,9 @@ pub(super) struct Tally {
     pub(super) finished: u32,
     /// Episodes that failed or expired, those of scenarios without a value included.
     pub(super) lost: u32,
+    /// The seq of the earliest proposal in it; none in one of before that was noted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) first: Option<u64>,
 }
 
 impl Tally {
@@ -42,6 +45,9 @@ impl Tally {
     pub(super) fn take(&mut self, outcome: &GroupOutcome) {
         self.finished = self.finished.saturating_add(outcome.finished);
         self.lost = self.lost.saturating_add(outcome.lost());
+        if self.n == 0 || self.first.is_some() {
+            self.first = Some(self.first.map_or(outcome.proposal, |first| first.min(outcome.proposal)));
+        }
         if let Some(value) = outcome.value() {
             self.n += 1;
             self.sum += value;
@@ -51,6 +57,12 @@ impl Tally {
     /// Whether too many episodes were lost for this to count.
     pub(super) fn lossy(&self) -> bool {
         f64::from(self.lost) > MAX_LOST * (f64::from(self.finished) + f64::from(self.lost))
+    }
+
+    /// The seq of the earliest proposal that it can rest on; none while it is empty.
+    pub(super) fn rests_on(&self) -> Option<u64> {
+        let begun = self.n > 0 || self.lost > 0;
+        begun.then(|| self.first.unwrap_or(0))
     }
 
     pub(super) fn mean(&self) -> f64 {
@@ -86,6 +98,7 @@ impl Tally {
             q90: self.q90(),
             finished: self.finished,
             lost: self.lost,
+            first: self.first,
         }
     }
 }
@@ -157,7 +170,7 @@ mod tests {
     use super::*;
 
     fn of(sum: f64) -> Tally {
-        Tally { n: BLOCK, sum, finished: BLOCK, lost: 0 }
+        Tally { n: BLOCK, sum, finished: BLOCK, lost: 0, first: Some(0) }
     }
 
     #[test]

@@ -142,6 +142,16 @@ pub struct Evidence {
     pub probes: Vec<ProbeEvidence>,
 }
 
+impl Evidence {
+    /// The seq of the earliest proposal that it rests on; none where that was not noted yet.
+    #[must_use]
+    pub fn first(&self) -> Option<u64> {
+        let firsts =
+            self.blocks.iter().map(|block| block.first).chain(self.probes.iter().map(|probe| probe.first));
+        firsts.collect::<Option<Vec<_>>>()?.into_iter().min()
+    }
+}
+
 /// A full block of contested scenarios.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BlockEvidence {
@@ -159,6 +169,9 @@ pub struct BlockEvidence {
     pub finished: u32,
     /// Episodes that failed or expired.
     pub lost: u32,
+    /// The seq of its earliest proposal; none in a block of before that was noted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<u64>,
 }
 
 /// One probed level of a placement.
@@ -174,6 +187,9 @@ pub struct ProbeEvidence {
     pub mean: f64,
     /// Whether the level passed.
     pub passed: bool,
+    /// The seq of its earliest proposal; none in a probe of before that was noted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<u64>,
 }
 
 /// What is stored, in the order of seq; the curriculum is the fold over it.

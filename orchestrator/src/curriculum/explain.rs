@@ -28,6 +28,9 @@ pub struct TaskStatus {
     pub warnings: Vec<String>,
     /// What it takes to move; none under a strategy without levels to climb.
     pub next: Option<Thresholds>,
+    /// The seq of the earliest proposal that the evidence now gathering rests on, for who must keep that.
+    #[serde(skip)]
+    pub rests_on: Option<u64>,
 }
 
 impl TaskStatus {
@@ -45,6 +48,7 @@ impl TaskStatus {
             discarded: 0,
             warnings: Vec::new(),
             next: None,
+            rests_on: None,
         }
     }
 }

@@ -71,7 +71,8 @@ impl Placement {
             return Step::Same;
         }
         let (level, passed) = (self.level(), full.mean() >= PASS);
-        self.probes.push(ProbeEvidence { level, n: full.n, sum: full.sum, mean: full.mean(), passed });
+        let (mean, first) = (full.mean(), full.first);
+        self.probes.push(ProbeEvidence { level, n: full.n, sum: full.sum, mean, passed, first });
         self.discarded = Discarded::default();
         if passed {
             self.unknown = level + 1;
@@ -79,6 +80,12 @@ impl Placement {
             self.failed = level;
         }
         if self.unknown < self.failed { Step::Next } else { Step::Placed(self.unknown.saturating_sub(1)) }
+    }
+
+    /// The seq of the earliest proposal that it rests on so far.
+    pub(super) fn rests_on(&self) -> Option<u64> {
+        let decided = self.probes.iter().map(|probe| probe.first.unwrap_or(0));
+        decided.chain(self.filling.rests_on()).min()
     }
 
     /// What the placement rests on.

@@ -1,10 +1,13 @@
 //! HTTP: a handler parses, calls one use case, and maps the answer.
 
+mod access;
 mod answers;
 mod column;
+mod connections;
 mod document;
 mod extract;
 mod health;
+mod metrics;
 mod openenv;
 mod planning;
 mod polls;
@@ -13,11 +16,12 @@ mod room;
 mod socket;
 mod v1;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::{Method, StatusCode, header};
+use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
@@ -27,6 +31,9 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_swagger_ui::SwaggerUi;
 
+pub use self::access::{Each, Gate};
+pub use self::connections::serve;
+pub use self::metrics::begin as begin_counting;
 pub use self::openenv::Boards;
 pub use self::planning::Planning;
 pub use self::polls::Polls;
@@ -79,11 +86,13 @@ pub enum Surface {
 fn parts(surface: Surface) -> (Router<App>, utoipa::openapi::OpenApi) {
     let always = OpenApiRouter::with_openapi(Document::openapi()).merge(health::routes());
     let routes = match surface {
-        Surface::Whole => always.nest("/v1", v1::routes()),
+        Surface::Whole => always.merge(metrics::routes()).nest("/v1", v1::routes()),
         Surface::OpenEnv => always,
     };
     let (routes, mut document) = routes.merge(openenv::routes()).split_for_parts();
     document::name_forms(&mut document);
+    document::name_roles(&mut document);
+    document::name_problems(&mut document);
     (routes, document)
 }
 
@@ -94,7 +103,7 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 }
 
 /// Its routes.
-pub fn router(app: App, surface: Surface) -> Router {
+pub fn router(app: App, gate: Arc<Gate>, surface: Surface) -> Router {
     let (routes, mut document) = parts(surface);
     if surface == Surface::OpenEnv {
         let shown = ["openenv", "health"];
@@ -105,9 +114,12 @@ pub fn router(app: App, surface: Surface) -> Router {
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(axum::middleware::from_fn_with_state(gate, access::gate))
         .layer(axum::extract::DefaultBodyLimit::max(MAX_BODY))
         .layer(axum::middleware::from_fn(bounded))
         .layer(axum::middleware::from_fn(answers::as_asked))
+        .layer(axum::middleware::from_fn(shielded))
+        .layer(axum::middleware::from_fn(metrics::measured))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(TraceLayer::new_for_http().make_span_with(span).on_failure(()))
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
@@ -128,9 +140,32 @@ async fn bounded(request: Request, next: Next) -> Response {
     }
 }
 
+/// Says to browsers what nothing here is for: to be guessed at, framed, kept, or to load what is elsewhere.
+async fn shielded(request: Request, next: Next) -> Response {
+    let path = request.uri().path();
+    let policy = if path.starts_with("/docs") {
+        "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'"
+    } else {
+        "default-src 'none'; frame-ancestors 'none'"
+    };
+    let private = path.starts_with("/v1/");
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    // A page of its own says what it needs.
+    headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(HeaderValue::from_static(policy));
+    if private {
+        headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+    }
+    response
+}
+
 fn span(request: &Request) -> tracing::Span {
     let id = request.headers().get("x-request-id").and_then(|v| v.to_str().ok()).unwrap_or("");
-    tracing::info_span!("request", method = %request.method(), path = request.uri().path(), request_id = id)
+    let path = request.uri().path();
+    let run = path.strip_prefix("/v1/runs/").and_then(|rest| rest.split('/').next());
+    tracing::info_span!("request", method = %request.method(), path, run, request_id = id)
 }
 
 async fn no_such_route() -> Problem {

@@ -102,6 +102,17 @@ impl Problem {
         Self::new(StatusCode::TOO_MANY_REQUESTS, "too_many_polls", detail).again_in(5)
     }
 
+    /// Who asks asks too often; in so many seconds it is fine.
+    pub(super) fn too_often(seconds: u32) -> Self {
+        let detail = format!("You ask more often than you may; ask again in {seconds} s.");
+        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_often", detail).again_in(seconds)
+    }
+
+    /// Whether it keeps somebody out.
+    pub(super) fn is_denial(&self) -> bool {
+        matches!(self.status(), StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN)
+    }
+
     /// Something unexpected. The details are in the log, not in the answer.
     pub(super) fn internal() -> Self {
         Self::new(
@@ -112,12 +123,32 @@ impl Problem {
     }
 }
 
+impl Problem {
+    /// The store failed. What is for a while is told, and to be tried again; else the log alone has the words.
+    fn of_store(error: &TrainingError) -> Self {
+        tracing::error!(error = %error, "A request failed.");
+        let unavailable =
+            |code, detail: String| Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail).again_in(5);
+        match (error.trouble(), error) {
+            (Some(trouble), _) => unavailable("unavailable", format!("Nothing was changed: {trouble}.")),
+            (None, TrainingError::NotCommitted { .. }) => {
+                let detail = "The change could not be written and was undone; the server's log says why.";
+                unavailable("not_committed", detail.to_owned())
+            }
+            _ => Self::internal(),
+        }
+    }
+}
+
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = self.status();
         let body = serde_json::to_vec(&self).unwrap_or_default();
         let mut response =
             (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
+        if status == StatusCode::UNAUTHORIZED {
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
         if let Some(seconds) = self.retry_after_s {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
@@ -134,6 +165,7 @@ impl From<TrainingError> for Problem {
             E::UnknownRun(_) => problem(StatusCode::NOT_FOUND, "unknown_run"),
             E::UnknownLease(_) => problem(StatusCode::NOT_FOUND, "unknown_lease"),
             E::UnknownEpisode(_) => problem(StatusCode::NOT_FOUND, "unknown_episode"),
+            E::Expired(_) => problem(StatusCode::GONE, "expired"),
             E::UnknownLayout(_) => problem(StatusCode::NOT_FOUND, "unknown_layout"),
             E::UnknownAsk(_) => problem(StatusCode::NOT_FOUND, "unknown_ask"),
             E::Refused(_) => problem(StatusCode::CONFLICT, "refused"),
@@ -144,19 +176,14 @@ impl From<TrainingError> for Problem {
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
             E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
             E::TooManyLeases(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5),
+            E::TooManyOfToken { .. } => {
+                problem(StatusCode::TOO_MANY_REQUESTS, "too_many_of_token").again_in(60)
+            }
             E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").again_in(1),
             E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").again_in(1),
             E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").again_in(5),
             E::Invalid { field, reason } => Self::invalid(field, reason),
-            E::NotCommitted(_) => {
-                tracing::error!(error = %error, "A change was not committed.");
-                let detail = "The change could not be written and was undone; the server's log says why.";
-                Self::new(StatusCode::SERVICE_UNAVAILABLE, "not_committed", detail).again_in(5)
-            }
-            E::Restore(_) | E::Store(_) => {
-                tracing::error!(error = %error, "A request failed.");
-                Self::internal()
-            }
+            E::NotCommitted { .. } | E::Restore(_) | E::Store(_) => Self::of_store(&error),
         }
     }
 }

@@ -62,6 +62,11 @@ pub(super) struct Ticket {
     reported: bool,
 }
 
+/// Who flies here flies for no runs.
+pub(super) fn for_no_runs() -> TrainingError {
+    TrainingError::invalid("run", "sessions here fly for no runs")
+}
+
 impl Leased {
     pub(super) fn new(desk: Desk, open: bool) -> Self {
         Self { desk, open, together: Mutex::default(), returning: Mutex::default() }
@@ -70,7 +75,7 @@ impl Leased {
     /// An episode to fly, as it is wished for.
     pub(super) async fn take(self: &Arc<Self>, wished: Wished) -> Result<(Ticket, Scenario), TrainingError> {
         if !self.open {
-            return Err(TrainingError::invalid("run", "sessions of this server fly for no runs"));
+            return Err(for_no_runs());
         }
         let (pool, group, episode, alone) = match wished {
             Wished::Free(_) => return Err(TrainingError::invalid("run", "it is missing")),
@@ -111,7 +116,7 @@ impl Leased {
     /// The episodes of a lease that somebody took, shared by all that fly them here.
     pub(super) async fn shared(&self, run: RunId, lease: LeaseId) -> Result<Held, TrainingError> {
         if !self.open {
-            return Err(TrainingError::invalid("run", "sessions of this server fly for no runs"));
+            return Err(for_no_runs());
         }
         let cell = self.cell(Together::Lease(run.clone(), lease.clone()));
         let read = || async {
@@ -141,7 +146,7 @@ impl Leased {
             (pool.run.clone(), pool.lease.clone(), before)
         };
         if let Err(error) = self.desk.writer.change(Renew { run, lease: lease.clone() }).await {
-            if matches!(error, TrainingError::Busy | TrainingError::NotCommitted(_)) {
+            if error.is_passing() {
                 lock(pool).held_since = before; // it is tried again soon
             }
             tracing::warn!(%lease, %error, "The lease of a session could not be renewed.");
@@ -153,7 +158,7 @@ impl Leased {
         let mut tries = 0;
         loop {
             match self.desk.report(run.clone(), None, claims.to_vec()).await {
-                Err(TrainingError::Busy | TrainingError::NotCommitted(_)) if tries < TRIES => {
+                Err(error) if error.is_passing() && tries < TRIES => {
                     tries += 1;
                     tokio::time::sleep(PAUSE).await;
                 }
@@ -199,8 +204,15 @@ impl Leased {
             None => self.newest_policy(&run).await?,
         };
         let purpose = Purpose::Train;
-        let wish =
-            TakeLease { run: run.clone(), groups: 1, group_size, policy_version, ttl_s: TTL_S, purpose };
+        let wish = TakeLease {
+            run: run.clone(),
+            groups: 1,
+            group_size,
+            policy_version,
+            ttl_s: TTL_S,
+            purpose,
+            owner: None,
+        };
         let granted = self.desk.lease(wish).await?;
         self.read(run, granted.row.lease_id()).await
     }

@@ -5,6 +5,7 @@ mod berth;
 mod judged;
 mod leased;
 mod pool;
+mod seat;
 mod session;
 pub mod vector;
 mod wish;
@@ -18,12 +19,14 @@ use tokio::time::Instant;
 
 pub use self::berth::{Berths, Craft, LOOK, Lost, Mooring, Single};
 pub use self::judged::Standard;
+use self::leased::Leased;
 pub use self::leased::TTL_S;
+pub use self::seat::Who;
+use self::seat::{Seat, Taken};
 pub use self::session::{Report, Session, SessionError, Standing, Stepped};
 pub use self::vector::{Source, Tally, Vector, VectorError, VectorWish};
 pub use self::wish::{MOST_GROUP, Wish, WishError, Wished};
 use crate::judging::Judges;
-use crate::sessions::leased::Leased;
 use crate::training::Desk;
 
 /// What the manager allows.
@@ -31,6 +34,8 @@ use crate::training::Desk;
 pub struct Limits {
     /// Sessions at once.
     pub most: usize,
+    /// Of these, those of one token or address.
+    pub each: usize,
     /// How long a session may be silent; for ever if none.
     pub idle: Option<Duration>,
     /// Whether they may fly for runs.
@@ -45,6 +50,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             most: 256,
+            each: 64,
             idle: Some(Duration::from_secs(900)),
             runs: true,
             resume: Duration::from_secs(60),
@@ -53,7 +59,7 @@ impl Default for Limits {
     }
 }
 
-/// As many sessions as may be are open.
+/// As many sessions as may be are open: in all, or of those who ask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("Server at capacity: {active}/{most} sessions active. Cannot accept new connections.")]
 pub struct Full {
@@ -71,6 +77,7 @@ type Shared = Arc<tokio::sync::Mutex<Session>>;
 pub struct Sessions {
     limits: Limits,
     seats: Arc<Semaphore>,
+    taken: Taken,
     /// What is free of the memory for environments, KiB.
     memory: Arc<Semaphore>,
     /// Where environments of vector sessions are stepped.
@@ -104,6 +111,7 @@ impl Sessions {
             memory: Arc::new(Semaphore::new(limits.memory_mib as usize * 1024)),
             threads,
             berths: Berths::default(),
+            taken: Taken::default(),
             limits,
             seats: Arc::new(Semaphore::new(limits.most.min(Semaphore::MAX_PERMITS))),
             leased: Arc::new(Leased::new(desk, limits.runs)),
@@ -129,18 +137,21 @@ impl Sessions {
     ///
     /// # Errors
     /// As many as may be are open.
-    pub fn open(&self) -> Result<Session, Full> {
-        Ok(Session::new(self.seat()?, Arc::clone(&self.leased), Arc::clone(&self.judges)))
+    pub fn open(&self, who: &Who) -> Result<Session, Full> {
+        let seat = self.seat(who)?;
+        Ok(Session::new((seat, who.runs), Arc::clone(&self.leased), Arc::clone(&self.judges)))
     }
 
     /// A place, free again when it is dropped.
-    fn seat(&self) -> Result<OwnedSemaphorePermit, Full> {
+    fn seat(&self, who: &Who) -> Result<Seat, Full> {
         let seat = || Arc::clone(&self.seats).try_acquire_owned();
         let seat = seat().or_else(|_| {
             self.sweep();
             seat()
         });
-        seat.map_err(|_| Full { active: self.active(), most: self.limits.most })
+        let seat = seat.map_err(|_| Full { active: self.active(), most: self.limits.most })?;
+        let each = self.limits.each;
+        self.taken.take(who, each, seat).map_err(|active| Full { active, most: each })
     }
 
     /// Memory for environments, free again when it is dropped.
@@ -163,11 +174,11 @@ impl Sessions {
     ///
     /// # Errors
     /// As many as may be are open.
-    pub fn named(&self, name: &str) -> Result<Shared, Full> {
+    pub fn named(&self, who: &Who, name: &str) -> Result<Shared, Full> {
         if let Some(session) = self.known(name) {
             return Ok(session);
         }
-        let session = Arc::new(tokio::sync::Mutex::new(self.open()?));
+        let session = Arc::new(tokio::sync::Mutex::new(self.open(who)?));
         let mut named = self.hold();
         // Two may have opened it at once: the first stays.
         let entry = named.entry(name.to_owned()).or_insert_with(|| (session, Instant::now()));

@@ -7,11 +7,11 @@ use env_core::task::{Episode, StepReport};
 use env_core::wire::WireFault;
 use env_core::{ActionLog, Scenario, ScenarioError, StepError};
 use serde_json::Value;
-use tokio::sync::OwnedSemaphorePermit;
 use uuid::Uuid;
 
 use super::judged::{self, Standard};
-use super::leased::{Leased, Ticket};
+use super::leased::{Leased, Ticket, for_no_runs};
+use super::seat::Seat;
 use super::wish::Wished;
 use crate::judging::{Judge, Judges, Step};
 use crate::policy::Seen;
@@ -50,7 +50,9 @@ pub struct Session {
     episode_id: String,
     resets: u64,
     flying: Option<Flying>,
-    _seat: OwnedSemaphorePermit,
+    /// Whether it may fly for runs.
+    runs: bool,
+    _seat: Seat,
 }
 
 struct Flying {
@@ -121,10 +123,10 @@ impl std::fmt::Debug for Flying {
 }
 
 impl Session {
-    pub(super) fn new(seat: OwnedSemaphorePermit, leased: Arc<Leased>, judges: Arc<Judges>) -> Self {
+    pub(super) fn new((seat, runs): (Seat, bool), leased: Arc<Leased>, judges: Arc<Judges>) -> Self {
         let id = Uuid::new_v4().to_string();
         let episode_id = Uuid::new_v4().to_string();
-        Self { id, leased, judges, episode_id, resets: 0, flying: None, _seat: seat }
+        Self { id, leased, judges, episode_id, resets: 0, flying: None, runs, _seat: seat }
     }
 
     /// What it is called, from its beginning to its end.
@@ -169,6 +171,9 @@ impl Session {
         let flown = self.flying.as_ref().and_then(|flying| flying.ticket.as_ref());
         if flown.is_some_and(|ticket| ticket.is_of(&wished)) {
             self.flying = None;
+        }
+        if !self.runs {
+            return Err(for_no_runs());
         }
         self.leased.take(wished).await
     }

@@ -1,4 +1,4 @@
-//! A copy of the database as it was, before it is brought to a newer schema.
+//! Copies of a database: before it is brought to a newer schema, and whenever somebody asks for one.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub(super) async fn schema(connection: &mut SqliteConnection) -> Result<Option<i
     sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(connection).await
 }
 
-/// Copies the database, whole or not at all; where to.
+/// Copies the database beside it; where to.
 ///
 /// # Errors
 /// Why it could not: no room, mostly.
@@ -34,25 +34,37 @@ pub(super) async fn back_up(
     path: &Path,
     schema: i64,
 ) -> Result<PathBuf, String> {
-    let (copy, mut unfinished) = (place(path, schema), place(path, schema).into_os_string());
+    let to = place(path, schema);
+    copy(connection, &to).await.map(|()| to)
+}
+
+/// Copies the database as it stands at one moment, whole or not at all, while others use it.
+///
+/// # Errors
+/// Why it could not: no room, mostly.
+pub async fn copy(connection: &mut SqliteConnection, to: &Path) -> Result<(), String> {
+    let mut unfinished = to.to_path_buf().into_os_string();
     unfinished.push(".unfinished");
     let unfinished = PathBuf::from(unfinished);
-    let made = copy_to(connection, &unfinished, &copy).await;
+    let made = copy_by(connection, &unfinished, to).await;
     if made.is_err() {
         // What is not whole is of use to nobody, and may be what fills the disk.
         let _ = std::fs::remove_file(&unfinished);
     }
-    made.map(|()| copy)
+    made
 }
 
-async fn copy_to(connection: &mut SqliteConnection, unfinished: &Path, copy: &Path) -> Result<(), String> {
+async fn copy_by(connection: &mut SqliteConnection, unfinished: &Path, to: &Path) -> Result<(), String> {
     let name = unfinished.to_str().ok_or("its path is no text")?;
     match std::fs::remove_file(unfinished) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.to_string()),
         _ => {} // of an attempt that was cut off
     }
     sqlx::query("VACUUM INTO ?").bind(name).execute(connection).await.map_err(|error| error.to_string())?;
-    // SQLite does not wait for the disk here (sqlite.org/lang_vacuum.html).
+    // SQLite does not wait for the disk here (sqlite.org/lang_vacuum.html); a name is on disk when its folder is.
+    let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let synced = std::fs::File::open(unfinished).and_then(|file| file.sync_all());
-    synced.and_then(|()| std::fs::rename(unfinished, copy)).map_err(|error| error.to_string())
+    let named = synced.and_then(|()| std::fs::rename(unfinished, to));
+    let kept = named.and_then(|()| std::fs::File::open(folder)?.sync_all());
+    kept.map_err(|error| error.to_string())
 }

@@ -152,6 +152,23 @@ pub async fn get(
     .await?)
 }
 
+/// The reported episodes of leases, in order.
+///
+/// # Errors
+/// The database's.
+pub async fn of_leases(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<EpisodeRow>, StoreError> {
+    let leases = to_json(&leases)?;
+    Ok(sqlx::query_as!(
+        EpisodeRow,
+        "SELECT lease, number, state, digest, score, success, skill, floor, reference, planner, flown, policy_version,
+                reason, metrics, at
+         FROM episodes WHERE lease IN (SELECT value FROM json_each(?)) ORDER BY lease, number",
+        leases
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
 /// Indices of a lease's episodes that were reported.
 ///
 /// # Errors

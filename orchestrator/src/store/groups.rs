@@ -87,6 +87,40 @@ pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<Gro
     .await?)
 }
 
+/// The groups of a closed lease in order, with when each closed.
+///
+/// # Errors
+/// The database's.
+pub async fn closed(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<(GroupRow, Millis)>, StoreError> {
+    let rows = query!(
+        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
+                evidence, closed_at
+         FROM groups WHERE lease = ? ORDER BY number",
+        lease
+    )
+    .fetch_all(conn)
+    .await?;
+    let closed = rows.into_iter().map(|r| {
+        let row = GroupRow {
+            number: r.number,
+            proposal: r.proposal,
+            layout: r.layout,
+            scenario: r.scenario,
+            task: r.task,
+            level: r.level,
+            role: r.role,
+            contested: r.contested,
+            state: r.state,
+            finished: r.finished,
+            failed: r.failed,
+            successes: r.successes,
+            evidence: r.evidence,
+        };
+        (row, r.closed_at.unwrap_or(0))
+    });
+    Ok(closed.collect())
+}
+
 /// One group.
 ///
 /// # Errors

@@ -1,5 +1,6 @@
 //! Leases.
 
+use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::groups::{self, GroupRow};
@@ -8,13 +9,14 @@ use crate::clock::Millis;
 use crate::ids::LeaseId;
 
 /// A lease as stored.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeaseRow {
     /// Its number.
     pub id: i64,
     /// Its token.
     pub token: String,
     /// Its run.
+    #[serde(skip)]
     pub run: String,
     /// `train`, `probe` or `eval`.
     pub purpose: String,
@@ -34,6 +36,12 @@ pub struct LeaseRow {
     pub created_at: Millis,
     /// Until when it holds.
     pub expires_at: Millis,
+    /// Whether it is past what the run keeps whole: of its groups only those are left that something rests on.
+    #[serde(skip)]
+    pub folded: i64,
+    /// The token that took it, where one was needed.
+    #[serde(skip)]
+    pub owner: Option<i64>,
 }
 
 impl LeaseRow {
@@ -103,13 +111,13 @@ pub async fn insert(
 ) -> Result<(), StoreError> {
     let mut statements = QueryBuilder::new(
         "INSERT INTO leases (id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms,
-                             created_at, expires_at) ",
+                             created_at, expires_at, owner) ",
     );
     statements.push_values([row], |mut values, row| {
         values.push_bind(row.id).push_bind(&row.token).push_bind(&row.run).push_bind(&row.purpose);
         values.push_bind(&row.form).push_bind(&row.status).push_bind(row.groups).push_bind(row.group_size);
         values.push_bind(row.policy_version).push_bind(row.ttl_ms).push_bind(row.created_at);
-        values.push_bind(row.expires_at);
+        values.push_bind(row.expires_at).push_bind(row.owner);
     });
     let (first, others) = groups.split_at(groups.len().min(ROWS));
     if !first.is_empty() {
@@ -127,7 +135,8 @@ pub async fn insert(
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LeaseRow>, StoreError> {
     Ok(sqlx::query_as!(
         LeaseRow,
-        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
+        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at,
+                folded, owner
          FROM leases WHERE id = ?",
         id
     )
@@ -147,7 +156,8 @@ pub async fn page(
 ) -> Result<Vec<LeaseRow>, StoreError> {
     Ok(sqlx::query_as!(
         LeaseRow,
-        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at
+        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at,
+                folded, owner
          FROM leases WHERE run = ? AND id > ? ORDER BY id LIMIT ?",
         run,
         after,

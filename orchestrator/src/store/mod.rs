@@ -11,6 +11,7 @@ pub mod design_counts;
 pub mod episodes;
 pub mod events;
 pub mod failures;
+pub mod folds;
 pub mod groups;
 pub mod inertial;
 pub mod layouts;
@@ -23,14 +24,19 @@ mod plans;
 pub mod policies;
 pub mod progress;
 pub mod proposals;
+pub mod pulse;
 pub mod runs;
 pub mod scenarios;
 pub mod serving;
 pub mod sums;
+pub mod survey;
+pub mod times;
+pub mod tokens;
 pub mod trajectories;
 pub mod verdicts;
 
-pub use open::{Claim, OpenError, claim, fold, folder, reader, writer};
+pub use backup::copy;
+pub use open::{Claim, OpenError, claim, fold, folder, reader, reader_of_current, vacuum, writer};
 
 use env_core::{LogError, ScenarioError};
 
@@ -50,7 +56,45 @@ pub enum StoreError {
     },
 }
 
+/// What keeps a database from being used that is whole: it can be again when that is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Trouble {
+    /// No room.
+    #[error("the disk is full, or the file may not grow; make room, and it goes on by itself")]
+    Full,
+    /// Somebody else has it.
+    #[error("another process holds the database; it goes on by itself when that lets go")]
+    Locked,
+    /// Reads or writes fail.
+    #[error(
+        "the disk fails, or the file or its folder may not be used; the server's log has the system's word for it"
+    )]
+    Disk,
+}
+
+impl Trouble {
+    /// By SQLite's primary result code, the low byte of any (sqlite.org/rescode.html).
+    fn of(error: &sqlx::Error) -> Option<Self> {
+        let code = error.as_database_error()?.code()?.parse::<i32>().ok()?;
+        match code & 0xff {
+            13 => Some(Self::Full),
+            5 | 6 => Some(Self::Locked),
+            8 | 10 | 14 => Some(Self::Disk),
+            _ => None,
+        }
+    }
+}
+
 impl StoreError {
+    /// Why it cannot be used now, where that is for a while.
+    #[must_use]
+    pub fn trouble(&self) -> Option<Trouble> {
+        match self {
+            Self::Database(error) => Trouble::of(error),
+            Self::Unreadable { .. } => None,
+        }
+    }
+
     pub(crate) fn unreadable(what: &'static str, reason: impl std::fmt::Display) -> Self {
         Self::Unreadable { what, reason: format!("{reason}") }
     }

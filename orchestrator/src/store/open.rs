@@ -43,6 +43,18 @@ pub enum OpenError {
         /// Newest schema known.
         known: i64,
     },
+    /// Written by an older version, where it is not to be changed.
+    #[error(
+        "{path} was written by an older Sparring (schema {found}, this one has {known}): start `sparring serve` on it once, which copies it and brings it on"
+    )]
+    Older {
+        /// The file.
+        path: String,
+        /// Schema found.
+        found: i64,
+        /// This program's.
+        known: i64,
+    },
     /// No permission to write.
     #[error("{0} cannot be written: check the permissions of the file and its folder")]
     ReadOnly(String),
@@ -184,7 +196,43 @@ pub async fn reader(path: &Path) -> Result<SqlitePool, OpenError> {
         .map_err(|error| explain(&name, &error))
 }
 
-/// A connection for [`fold`].
+/// Connections that only read a database of this program's schema, which a server may use meanwhile.
+///
+/// # Errors
+/// A file that cannot be opened, is none of Sparring's, or of another schema.
+pub async fn reader_of_current(path: &Path) -> Result<SqlitePool, OpenError> {
+    let name = path.display().to_string();
+    let fault = |error: &sqlx::Error| explain(&name, error);
+    let readers = reader(path).await?;
+    let mut connection = readers.acquire().await.map_err(|error| fault(&error))?;
+    if foreign(&mut connection).await.map_err(|error| fault(&error))? {
+        return Err(OpenError::Foreign(name));
+    }
+    let known = newest();
+    match schema(&mut connection).await.map_err(|error| fault(&error))? {
+        Some(found) if found > known => Err(OpenError::Newer { path: name, found, known }),
+        Some(found) if found < known => Err(OpenError::Older { path: name, found, known }),
+        Some(_) => Ok(readers),
+        None => Err(OpenError::Foreign(name)),
+    }
+}
+
+/// Gives free room in the file back to the disk. Whoever calls this holds the [`Claim`].
+///
+/// # Errors
+/// A file that cannot be opened, a disk that is full.
+pub async fn vacuum(path: &Path) -> Result<(), OpenError> {
+    let name = path.display().to_string();
+    let fault = |error: &sqlx::Error| explain(&name, error);
+    let mut connection =
+        SqliteConnection::connect_with(&options(path)?).await.map_err(|error| fault(&error))?;
+    for statement in ["VACUUM", "PRAGMA wal_checkpoint(TRUNCATE)"] {
+        sqlx::query(statement).execute(&mut connection).await.map_err(|error| fault(&error))?;
+    }
+    connection.close().await.map_err(|error| fault(&error))
+}
+
+/// A connection for [`fold`], and for copies.
 ///
 /// # Errors
 /// A file that cannot be opened.

@@ -28,17 +28,22 @@ pub struct RunRow {
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, row: &RunRow) -> Result<bool, StoreError> {
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    row: &RunRow,
+    owner: Option<i64>,
+) -> Result<bool, StoreError> {
     let done = query!(
-        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
         row.id,
         row.name,
         row.seed,
         row.status,
         row.settings,
         row.policy_version,
-        row.created_at
+        row.created_at,
+        owner
     )
     .execute(conn)
     .await?;
@@ -94,6 +99,15 @@ pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError>
 /// The database's.
 pub async fn set_status(conn: &mut SqliteConnection, id: &str, status: &str) -> Result<(), StoreError> {
     query!("UPDATE runs SET status = ? WHERE id = ?", status, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Sets the settings, as JSON.
+///
+/// # Errors
+/// The database's.
+pub async fn set_settings(conn: &mut SqliteConnection, id: &str, settings: &str) -> Result<(), StoreError> {
+    query!("UPDATE runs SET settings = ? WHERE id = ?", settings, id).execute(conn).await?;
     Ok(())
 }
 

@@ -17,6 +17,7 @@ use super::sets::Sets;
 use super::settings::RunSettings;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::store::episodes::StoredLog;
+use crate::store::folds::{self, FoldedLease};
 use crate::store::leases::LeaseRow;
 use crate::store::{groups, leases};
 
@@ -98,6 +99,15 @@ pub enum Verdict {
     },
     /// It failed.
     Failed(String),
+    /// It was reported before, and how it came out is all that is kept of it.
+    Known {
+        /// The score.
+        score: Option<f64>,
+        /// Against floor and reference.
+        skill: Option<f64>,
+        /// By the run's rule.
+        success: Option<bool>,
+    },
     /// It cannot be taken.
     Refused {
         /// A word for programs.
@@ -172,11 +182,14 @@ fn bracket(stages: &mut HashMap<(i64, i64), Stage>) -> Vec<Found> {
     found.collect()
 }
 
-type Place = Result<(i64, i64, i64), (&'static str, String)>;
+/// (lease, index, group), or what is to be said without them.
+type Place = Result<(i64, i64, i64), Verdict>;
 
 struct Finder<'a> {
     run: &'a RunId,
     leases: HashMap<LeaseId, Result<LeaseRow, (&'static str, String)>>,
+    /// Leases past what the run keeps whole.
+    folded: HashMap<i64, FoldedLease>,
     /// Groups that are needed, by lease, and whether it is one of columns.
     wanted: BTreeMap<i64, (bool, BTreeSet<i64>)>,
     stages: HashMap<(i64, i64), Stage>,
@@ -184,28 +197,61 @@ struct Finder<'a> {
 
 impl<'a> Finder<'a> {
     fn new(run: &'a RunId) -> Self {
-        Self { run, leases: HashMap::new(), wanted: BTreeMap::new(), stages: HashMap::new() }
+        Self {
+            run,
+            leases: HashMap::new(),
+            folded: HashMap::new(),
+            wanted: BTreeMap::new(),
+            stages: HashMap::new(),
+        }
     }
 
     /// (lease, index, group) of an episode, as far as its lease tells; or why there is none.
     async fn place(&mut self, conn: &mut SqliteConnection, name: &str) -> Result<Place, TrainingError> {
         let id: EpisodeId = match name.parse() {
             Ok(id) => id,
-            Err(error) => return Ok(Err(("bad_id", format!("{error}")))),
+            Err(error) => return Ok(Err(refused("bad_id", error.to_string()))),
         };
         let lease = match self.lease(conn, &id.lease).await? {
             Ok(lease) => lease,
-            Err(why) => return Ok(Err(why)),
+            Err((code, detail)) => return Ok(Err(refused(code, detail))),
         };
         if id.index >= lease.episodes() {
             let last = lease.episodes() - 1;
-            return Ok(Err(("unknown_episode", format!("the lease's episodes are 0 to {last}"))));
+            return Ok(Err(refused("unknown_episode", format!("the lease's episodes are 0 to {last}"))));
         }
         let group = id.index / lease.group_size;
+        if lease.folded != 0 && groups::get(conn, lease.id, group).await?.is_none() {
+            return Ok(Err(self.folded(conn, &lease, id.index).await?));
+        }
         let (_, groups) =
             self.wanted.entry(lease.id).or_insert_with(|| (lease.is_columns(), BTreeSet::new()));
         groups.insert(group);
         Ok(Ok((lease.id, id.index, group)))
+    }
+
+    /// What is to be said of an episode of which only is kept how it came out.
+    async fn folded(
+        &mut self,
+        conn: &mut SqliteConnection,
+        lease: &LeaseRow,
+        index: i64,
+    ) -> Result<Verdict, TrainingError> {
+        if !self.folded.contains_key(&lease.id)
+            && let Some(folded) = folds::get(conn, self.run.as_str(), lease.id).await?
+        {
+            self.folded.insert(lease.id, folded);
+        }
+        let known = self.folded.get(&lease.id).and_then(|folded| folded.episode(index));
+        Ok(known.map_or_else(
+            || {
+                refused(
+                    "expired",
+                    "its lease is over, and what it was to be flown on is kept no longer".to_owned(),
+                )
+            },
+            |(_, known)| Verdict::Known { score: known.score, skill: known.skill, success: known.success },
+        ))
     }
 
     /// Loads what the groups that are needed are flown and judged by.
@@ -236,7 +282,7 @@ impl<'a> Finder<'a> {
             } else {
                 "the lease has no such group"
             };
-            *place = Err(("unknown_episode", why.to_owned()));
+            *place = Err(refused("unknown_episode", why.to_owned()));
         }
     }
 
@@ -248,7 +294,11 @@ impl<'a> Finder<'a> {
         if let Some(known) = self.leases.get(id) {
             return Ok(known.clone());
         }
-        let found = match leases::get(conn, id.number).await?.filter(|row| row.token == id.token) {
+        let row = match leases::get(conn, id.number).await? {
+            None => folds::get(conn, self.run.as_str(), id.number).await?.map(|folded| folded.row),
+            row => row,
+        };
+        let found = match row.filter(|row| row.token == id.token) {
             None => Err(("unknown_episode", format!("there is no lease {id}"))),
             Some(row) if row.run != self.run.as_str() => {
                 Err(("foreign_episode", format!("lease {id} is not one of run {}", self.run)))
@@ -260,10 +310,14 @@ impl<'a> Finder<'a> {
     }
 }
 
+const fn refused(code: &'static str, detail: String) -> Verdict {
+    Verdict::Refused { code, detail }
+}
+
 fn judge(claim: Claim, place: Place, stages: &HashMap<(i64, i64), Stage>, settings: &RunSettings) -> Audited {
     let Claim { episode, what, policy_version, metrics } = claim;
     let (place, verdict) = match place {
-        Err((code, detail)) => (None, Verdict::Refused { code, detail }),
+        Err(verdict) => (None, verdict),
         Ok((lease, index, group)) => {
             let verdict = match (what, stages.get(&(lease, group))) {
                 (Claimed::Failed { reason }, _) => Verdict::Failed(reason),

@@ -2,12 +2,13 @@
 
 use env_core::{SEED_WANTED, Seed};
 
+use super::lease::Owner;
 use super::queue;
 use super::settings::{RunSettings, RunWish};
 use super::{Change, Happening, TrainingError, Work};
 use crate::ids::{RunId, random_seed, random_token};
 use crate::store::runs::{self, RunRow};
-use crate::store::{signed, to_json};
+use crate::store::{signed, to_json, tokens};
 
 /// Longest name of a run, in characters.
 const MAX_NAME: usize = 200;
@@ -19,6 +20,8 @@ pub struct CreateRun {
     name: String,
     seed: u64,
     settings: RunSettings,
+    /// Whose it will be, where a token is needed.
+    owner: Option<Owner>,
 }
 
 impl CreateRun {
@@ -44,7 +47,13 @@ impl CreateRun {
         Seed::user(seed).map_err(|_| {
             TrainingError::invalid("seed", format!("it is {seed}, but must be {SEED_WANTED}"))
         })?;
-        Ok(Self { id, name, seed, settings: RunSettings::read(wish)? })
+        Ok(Self { id, name, seed, settings: RunSettings::read(wish)?, owner: None })
+    }
+
+    /// The same, for who it will be.
+    #[must_use]
+    pub fn of(self, owner: Option<Owner>) -> Self {
+        Self { owner, ..self }
     }
 }
 
@@ -61,7 +70,12 @@ impl Change for CreateRun {
             policy_version: 0,
             created_at: work.now,
         };
-        if !runs::insert(&mut work.conn, &row).await? {
+        if let Some(Owner { token, most }) = self.owner
+            && tokens::runs(&mut work.conn, token).await? >= i64::from(most)
+        {
+            return Err(TrainingError::TooManyOfToken { what: "runs", most });
+        }
+        if !runs::insert(&mut work.conn, &row, self.owner.map(|owner| owner.token)).await? {
             return Err(TrainingError::RunExists(row.id));
         }
         queue::fill(work, &row.id, queue::AHEAD).await?;

@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 
+use super::mind::word;
 use super::{TrainingError, Work};
+use crate::counts;
 use crate::curriculum::Move;
 use crate::store::events::{self, Told};
 use crate::store::groups::GroupRow;
@@ -166,6 +168,11 @@ impl Work {
     /// What happened cannot be written as JSON.
     pub fn tell(&mut self, run: &str, happening: &Happening<'_>) -> Result<(), TrainingError> {
         let body = to_json(happening)?;
+        match happening {
+            Happening::Lease { state, .. } => counts::lease(state),
+            Happening::Move(moved) => counts::level_move(moved.task.clone(), word(&moved.kind)?),
+            _ => {}
+        }
         self.telling.push((run.to_owned(), happening.kind(), body, self.now));
         Ok(())
     }

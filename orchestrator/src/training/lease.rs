@@ -13,7 +13,7 @@ use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::proposals::{self, Queued};
-use crate::store::{design_counts, from_json, serving};
+use crate::store::{design_counts, folds, from_json, serving, tokens};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -63,6 +63,17 @@ pub struct TakeLease {
     pub ttl_s: u32,
     /// What for.
     pub purpose: Purpose,
+    /// Whose it will be, where a token is needed.
+    pub owner: Option<Owner>,
+}
+
+/// Who owns what is made, and how much of it they may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Owner {
+    /// The token.
+    pub token: i64,
+    /// How many at most.
+    pub most: u32,
 }
 
 /// A lease that is granted, as it is stored.
@@ -104,8 +115,16 @@ impl TakeLease {
         if active >= MAX_ACTIVE {
             return Err(TrainingError::TooManyLeases(active));
         }
+        if let Some(Owner { token, most }) = self.owner {
+            let held = tokens::leases(conn, token).await?;
+            if held >= i64::from(most) {
+                return Err(TrainingError::TooManyOfToken { what: "active leases", most });
+            }
+        }
         let ttl_ms = i64::from(self.ttl_s) * 1000;
         Ok(LeaseRow {
+            folded: 0,
+            owner: self.owner.map(|owner| owner.token),
             id: next,
             token: random_token(6),
             run: self.run.to_string(),
@@ -209,9 +228,11 @@ pub async fn find(
     run: &RunId,
     lease: &LeaseId,
 ) -> Result<LeaseRow, TrainingError> {
-    leases::get(conn, lease.number)
-        .await?
-        .filter(|row| row.token == lease.token && row.run == run.as_str())
+    let row = match leases::get(conn, lease.number).await? {
+        None => folds::get(conn, run.as_str(), lease.number).await?.map(|folded| folded.row),
+        row => row,
+    };
+    row.filter(|row| row.token == lease.token && row.run == run.as_str())
         .ok_or_else(|| TrainingError::UnknownLease(lease.to_string()))
 }
 

@@ -8,6 +8,7 @@ use super::TrainingError;
 use super::criticise::Ledger;
 use super::settings::RunSettings;
 use crate::clock::Millis;
+use crate::counts;
 use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Snapshot};
 use crate::store::curriculum::Event;
 use crate::store::{self, StoreError, from_json, signed, to_json, unsigned};
@@ -101,6 +102,7 @@ impl Mind {
             proposed.push((seq, proposal));
         }
         store::proposals::insert(conn, &self.run, &queued).await?;
+        counts::proposals(self.settings.curriculum.strategy.to_string(), times);
         self.snapshot_if_due(conn).await?;
         Ok(proposed)
     }

@@ -1,6 +1,7 @@
 //! The use cases between curriculum and store. What changes the database is a [`Change`], applied by the one
 //! [`writer`]; what only computes (replay, brackets) happens before it, in parallel.
 
+pub mod access;
 pub mod audit;
 mod bracket_view;
 mod close;
@@ -11,12 +12,14 @@ pub mod design;
 pub mod desk;
 pub mod eval_lease;
 pub mod happening;
+pub mod jump;
 pub mod lease;
 mod mind;
 pub mod prepare;
 pub mod profile;
 mod queue;
 pub mod report;
+pub mod retain;
 pub mod rollout;
 pub mod sample;
 pub mod sets;
@@ -36,7 +39,7 @@ pub use work::{Wakes, Work};
 pub use writer::{Change, Writer};
 
 use crate::curriculum::{RestoreError, SettingsError};
-use crate::store::StoreError;
+use crate::store::{StoreError, Trouble};
 
 /// Why a use case was refused or failed.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +53,9 @@ pub enum TrainingError {
     /// No such episode in this run.
     #[error("there is no episode {0} in this run")]
     UnknownEpisode(String),
+    /// An episode of which only is kept how it came out.
+    #[error("{0} is past what the run keeps whole: its actions and scenario are gone")]
+    Expired(String),
     /// No such layout in this run, or at all.
     #[error("there is no layout {0} here")]
     UnknownLayout(String),
@@ -87,6 +93,14 @@ pub enum TrainingError {
     /// More active leases than a run may have.
     #[error("the run has {0} active leases, as many as it may; report or release some")]
     TooManyLeases(i64),
+    /// More than one token may have.
+    #[error("this token has {most} {what}, as many as it may; give some back, or use another")]
+    TooManyOfToken {
+        /// Of what.
+        what: &'static str,
+        /// How many.
+        most: u32,
+    },
     /// Proposals are being prepared and do not come fast enough.
     #[error("scenarios are still being prepared; ask again in a moment")]
     NotReady,
@@ -108,8 +122,13 @@ pub enum TrainingError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The batch this change was part of could not be committed; nothing of it was kept.
-    #[error("the change could not be committed and was undone: {0}")]
-    NotCommitted(String),
+    #[error("the change could not be committed and was undone: {reason}")]
+    NotCommitted {
+        /// In the database's words.
+        reason: String,
+        /// Why, where it is for a while.
+        trouble: Option<Trouble>,
+    },
     /// The server is shutting down.
     #[error("the server is shutting down")]
     Stopping,
@@ -117,7 +136,23 @@ pub enum TrainingError {
 
 impl TrainingError {
     pub(crate) fn not_committed(error: &StoreError) -> Self {
-        Self::NotCommitted(error.to_string())
+        Self::NotCommitted { reason: error.to_string(), trouble: error.trouble() }
+    }
+
+    /// Whether it may be fine to do the same again, in a moment.
+    #[must_use]
+    pub fn is_passing(&self) -> bool {
+        matches!(self, Self::Busy | Self::NotCommitted { .. }) || self.trouble().is_some()
+    }
+
+    /// Why the database cannot be used now, where that is for a while.
+    #[must_use]
+    pub fn trouble(&self) -> Option<Trouble> {
+        match self {
+            Self::Store(error) => error.trouble(),
+            Self::NotCommitted { trouble, .. } => *trouble,
+            _ => None,
+        }
     }
 
     pub(crate) fn invalid(field: impl Into<String>, reason: impl Into<String>) -> Self {

@@ -7,6 +7,7 @@ use super::close::update_and_close;
 use super::criticise::JOB;
 use super::work::Work;
 use super::{Change, Happening, TrainingError, columns};
+use crate::counts;
 use crate::curriculum::Move;
 use crate::ids::RunId;
 use crate::store::brackets::{self, StoredFlown};
@@ -26,7 +27,7 @@ pub struct Receipt {
     /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
     pub status: &'static str,
     /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    /// `conflict`, `not_as_claimed` (its columns said otherwise, and are refused).
+    /// `conflict`, `expired` (past what the run keeps whole, and never reported), `not_as_claimed` (its columns said otherwise, and are refused).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<&'static str>,
     /// The same for people.
@@ -87,6 +88,7 @@ impl Change for Report {
             receipts.push(books.enter(work, self.policy_version, result).await?);
         }
         let moves = books.close(work, self.run.as_str()).await?;
+        receipts.iter().for_each(|receipt| counts::result(receipt.status, receipt.code));
         Ok((receipts, moves))
     }
 }
@@ -146,6 +148,10 @@ impl Books {
         let Audited { episode, place, policy_version, metrics, verdict } = result;
         if let Verdict::Refused { code, detail } = verdict {
             return Ok(Receipt::refused(episode, code, detail));
+        }
+        if let Verdict::Known { score, skill, success } = verdict {
+            let status = "duplicate";
+            return Ok(Receipt { episode, status, code: None, detail: None, score, skill, success });
         }
         let Some((lease_id, number)) = place else {
             return Ok(Receipt::refused(episode, "unknown_episode", "it has no place".to_owned()));
@@ -361,7 +367,7 @@ fn row(
             row.state = if late { "late" } else { "failed" }.to_owned();
             row.reason = Some(reason.clone());
         }
-        Verdict::Refused { .. } => {}
+        Verdict::Refused { .. } | Verdict::Known { .. } => {}
     }
     Ok(row)
 }
@@ -392,6 +398,7 @@ fn digest(verdict: &Verdict) -> Vec<u8> {
         Verdict::Flown { log, .. } => log.digest,
         Verdict::Failed(reason) => store::digest(reason.as_bytes()),
         Verdict::Refused { detail, .. } => store::digest(detail.as_bytes()),
+        Verdict::Known { .. } => store::digest(&[]),
     };
     digest.to_vec()
 }

@@ -24,6 +24,77 @@ const fn audit_groups() -> u32 {
 /// The usual threshold of the raw rule.
 const RAW_THRESHOLD: f64 = 0.7;
 
+/// How many episodes are kept whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum Keep {
+    /// At most so many, the newest.
+    Most(u32),
+    /// `all`: each.
+    All(All),
+}
+
+/// The word for that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum All {
+    /// `all`.
+    All,
+}
+
+impl Keep {
+    /// As a number.
+    #[must_use]
+    pub fn limit(self) -> i64 {
+        match self {
+            Self::Most(most) => i64::from(most),
+            Self::All(_) => i64::MAX,
+        }
+    }
+}
+
+/// What a run keeps whole. Of what is older it keeps how each episode came out; its actions and scenario only where a level
+/// move, a layout or an example of a failure rests on them. What was leased for evaluation is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Retention {
+    /// The newest episodes of leases of groups.
+    pub episodes: Keep,
+    /// The newest episodes of leases of columns.
+    pub claimed: Keep,
+}
+
+impl Default for Retention {
+    fn default() -> Self {
+        Self { episodes: Keep::Most(50_000), claimed: Keep::Most(10_000_000) }
+    }
+}
+
+impl Retention {
+    /// What was stored before there was any.
+    const fn everything() -> Self {
+        Self { episodes: Keep::All(All::All), claimed: Keep::All(All::All) }
+    }
+
+    /// These, with what a wish says.
+    #[must_use]
+    pub fn with(self, wish: RetentionWish) -> Self {
+        Self {
+            episodes: wish.episodes.unwrap_or(self.episodes),
+            claimed: wish.claimed.unwrap_or(self.claimed),
+        }
+    }
+}
+
+/// What a run should keep whole: a number of episodes, or `all`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RetentionWish {
+    /// The newest episodes of leases of groups (50 000).
+    pub episodes: Option<Keep>,
+    /// The newest episodes of leases of columns (10 000 000).
+    pub claimed: Option<Keep>,
+}
+
 /// Which leases' outcomes move mastery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -112,6 +183,8 @@ pub struct RunWish {
     /// Who judges the steps of sessions that fly for this run: `off`, `deterministic` or `llm` (what the server is set to).
     #[schema(value_type = Option<String>, example = "off")]
     pub judge: Option<Judge>,
+    /// What is kept whole.
+    pub retention: RetentionWish,
     /// What is special about single tasks, by id.
     pub task_settings: BTreeMap<String, TaskWish>,
 }
@@ -142,6 +215,9 @@ pub struct RunSettings {
     /// Who judges the steps of sessions; none: as the server is set to.
     #[serde(default)]
     pub judge: Option<Judge>,
+    /// What is kept whole; a run of before there was a choice keeps everything.
+    #[serde(default = "Retention::everything")]
+    pub retention: Retention,
 }
 
 impl RunSettings {
@@ -200,6 +276,7 @@ impl RunSettings {
                 groups
             },
             judge: wish.judge,
+            retention: Retention::default().with(wish.retention),
         })
     }
 

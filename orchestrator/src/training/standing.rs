@@ -1,8 +1,10 @@
-//! What people set of a run that goes on: whether it is paused, and which policy version is the newest.
+//! What people set of a run that goes on: whether it is paused, which policy version is the newest, what it keeps.
 
+use super::settings::RetentionWish;
 use super::{Change, Happening, TrainingError, Work};
 use crate::ids::RunId;
 use crate::store::runs::{self, RunRow};
+use crate::store::to_json;
 
 /// Pauses or resumes a run. A paused run grants no leases; results of leases it has granted are still taken.
 #[derive(Debug)]
@@ -47,6 +49,27 @@ impl Change for SetNewest {
         let (mind, conn) = work.mind(run).await?;
         mind.policy_version = i64::from(self.policy_version);
         runs::set_policy_version(conn, run, mind.policy_version).await?;
+        runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))
+    }
+}
+
+/// Says what the run keeps whole.
+#[derive(Debug)]
+pub struct SetRetention {
+    /// Of which run.
+    pub run: RunId,
+    /// What is to change of it.
+    pub wish: RetentionWish,
+}
+
+impl Change for SetRetention {
+    type Answer = RunRow;
+
+    async fn apply(self, work: &mut Work) -> Result<RunRow, TrainingError> {
+        let run = self.run.as_str();
+        let (mind, conn) = work.mind(run).await?;
+        mind.settings.retention = mind.settings.retention.with(self.wish);
+        runs::set_settings(conn, run, &to_json(&mind.settings)?).await?;
         runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))
     }
 }

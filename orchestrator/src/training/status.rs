@@ -4,6 +4,7 @@ use super::{Change, RunSettings, TrainingError, Work};
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
 use crate::store::columns::{self, ClaimedSums};
+use crate::store::pulse;
 use crate::store::sums::{self, Sums};
 
 /// Asks where a run stands.
@@ -52,14 +53,54 @@ impl Change for Look {
     }
 }
 
-/// Does nothing, in a transaction of its own: the answer says that the writer can write.
+/// Where a task of a run stands, in numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gauge {
+    /// The run.
+    pub run: String,
+    /// The task.
+    pub task: String,
+    /// Its level; none where there are none, and during placement.
+    pub level: Option<u32>,
+    /// Mean of the posterior over success there, once there is evidence.
+    pub mastery: Option<f64>,
+}
+
+/// Asks where the runs stand that are in memory, and whether the database can be written: it writes.
+#[derive(Debug)]
+pub struct Gauges;
+
+/// Runs that are told of at most: each has series of its own wherever they are kept.
+const RUNS: usize = 100;
+
+impl Change for Gauges {
+    type Answer = Vec<Gauge>;
+    const BULK: bool = true;
+
+    async fn apply(self, work: &mut Work) -> Result<Vec<Gauge>, TrainingError> {
+        pulse::beat(&mut work.conn, work.now).await?;
+        let mut gauges = Vec::new();
+        for mind in work.minds().take(RUNS) {
+            let mastery = mind.curriculum.mastery();
+            for status in mind.curriculum.status() {
+                let here = |m: &&Mastery| m.task == status.task && m.level == status.level;
+                let mastery = mastery.iter().find(here).map(|m| m.mean);
+                let level = status.level.filter(|_| status.placed);
+                gauges.push(Gauge { run: mind.run.clone(), task: status.task, level, mastery });
+            }
+        }
+        Ok(gauges)
+    }
+}
+
+/// Writes that it was there: the answer says that the writer can write.
 #[derive(Debug)]
 pub struct Ping;
 
 impl Change for Ping {
     type Answer = ();
 
-    async fn apply(self, _: &mut Work) -> Result<(), TrainingError> {
-        Ok(())
+    async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
+        Ok(pulse::beat(&mut work.conn, work.now).await?)
     }
 }

@@ -106,6 +106,11 @@ impl Work {
         }
     }
 
+    /// The runs in memory.
+    pub fn minds(&self) -> impl Iterator<Item = &Mind> {
+        self.minds.values()
+    }
+
     /// Keeps what a change that stands leaves to the end of its transaction.
     pub(super) fn keep(&mut self) {
         self.kept.told.append(&mut self.telling);

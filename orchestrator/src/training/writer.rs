@@ -8,6 +8,7 @@
 
 use std::future::Future;
 use std::pin::Pin;
+use std::time::Instant;
 
 use sqlx::{Connection, SqliteConnection, query};
 use tokio::runtime::Handle;
@@ -17,6 +18,7 @@ use tokio::task::JoinHandle;
 use super::TrainingError;
 use super::work::{Wakes, Work};
 use crate::clock::Clock;
+use crate::counts;
 use crate::store::StoreError;
 
 /// Changes that may wait.
@@ -96,6 +98,12 @@ impl Writer {
         (Self { urgent, bulk }, task)
     }
 
+    /// How many changes wait: those that go first, and those that come in bulk.
+    #[must_use]
+    pub fn waiting(&self) -> (usize, usize) {
+        (QUEUE - self.urgent.capacity(), QUEUE - self.bulk.capacity())
+    }
+
     /// Makes a change; the answer comes after its commit.
     ///
     /// # Errors
@@ -155,7 +163,9 @@ impl<C: Change> Errand for Parcel<C> {
 async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
     while let Some(first) = inbox.next().await {
         let mut deliveries = Vec::new();
+        let begun = Instant::now();
         let committed = commit(&mut work, &clock, (first, &mut inbox), &mut deliveries).await;
+        counts::commit(deliveries.len(), begun.elapsed(), committed.is_ok());
         if let Err(error) = &committed {
             tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
             drop(query("ROLLBACK").execute(&mut work.conn).await);

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use sqlx::SqlitePool;
 use tokio::sync::Notify;
 
+use crate::counts;
 use crate::store::critiques;
 use crate::training::criticise::{self, Done, Enter, Material};
 use crate::training::{TrainingError, Writer, sample};
@@ -53,6 +54,7 @@ impl Critic {
 
     /// Does the jobs that have waited longest; how many.
     async fn batch(&self, sampled: &mut BTreeSet<String>) -> Result<usize, TrainingError> {
+        let _busy = counts::Busy::with("critique");
         let material = self.load(sampled).await?;
         let count = material.len();
         if count == 0 {

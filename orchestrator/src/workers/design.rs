@@ -13,6 +13,7 @@ use tokio::sync::{Notify, Semaphore, watch};
 use tokio::task::{Id, JoinSet};
 
 use self::thread::{Shift, Task};
+use crate::counts;
 use crate::store::{asks, design_counts};
 use crate::training::design::ask::{Begin, Begun, Finish};
 use crate::training::design::{Designers, Which, brief, stock};
@@ -180,6 +181,7 @@ impl Room {
 
     /// One ask from its beginning to its end.
     async fn ask(self, begun: Begun) {
+        let _busy = counts::Busy::with("design");
         let began = Instant::now();
         let run = begun.run.clone();
         let mut finish = self.design(&begun).await;
@@ -191,7 +193,7 @@ impl Room {
         for _ in 0..TRIES {
             match self.studio.writer.change(finish.clone()).await {
                 Ok(_) | Err(TrainingError::Stopping) => break,
-                Err(TrainingError::Busy | TrainingError::NotCommitted(_)) => tokio::time::sleep(PAUSE).await,
+                Err(error) if error.is_passing() => tokio::time::sleep(PAUSE).await,
                 Err(error) => {
                     tracing::error!(run, ask = begun.ask, error = %error, "What was designed cannot be stored.");
                     finish.made.clear();

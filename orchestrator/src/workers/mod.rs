@@ -1,8 +1,10 @@
 //! Background jobs. Each is idempotent: what it does twice is done once.
 
+pub mod clock;
 pub mod critique;
 pub mod design;
 pub mod expire;
 pub mod fold;
 pub mod prepare;
+pub mod retain;
 pub mod rollout;

@@ -10,6 +10,7 @@ use sqlx::SqlitePool;
 use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinSet;
 
+use crate::counts;
 use crate::curriculum::Proposal;
 use crate::store::proposals::{Waiting, unprepared};
 use crate::store::{StoreError, from_json, unsigned};
@@ -154,6 +155,7 @@ impl Preparer {
 
 /// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
 fn one(waiting: Waiting, hopeless: &Hopeless) -> Done {
+    let _busy = counts::Busy::with("prepare");
     let Waiting { run, run_seed, seq, body } = waiting;
     let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
         let proposal: Proposal = from_json("a proposal", &body)?;

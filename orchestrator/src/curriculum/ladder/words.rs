@@ -50,6 +50,7 @@ impl Climb {
                 discarded: placement.discarded.count,
                 warnings: loss_warnings("probe", &placement.discarded, &placement.filling),
                 next: Some(probe_thresholds(placement)),
+                rests_on: placement.rests_on(),
                 ..shared
             },
             Stage::Climbing(rung) => TaskStatus {
@@ -60,6 +61,7 @@ impl Climb {
                 discarded: rung.discarded.count,
                 warnings: loss_warnings("block", &rung.discarded, &rung.filling),
                 next: Some(thresholds(rung, plan.top(), target)),
+                rests_on: rung.last.iter().chain([&rung.filling]).filter_map(Tally::rests_on).min(),
                 ..shared
             },
         }

@@ -12,6 +12,7 @@ mod socket;
 mod ui;
 mod web;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -25,6 +26,7 @@ use utoipa_axum::routes;
 pub(super) use self::read::{known, named};
 use self::refusal::Refusal;
 pub use self::ui::Boards;
+use super::access::Caller;
 use super::problem::Problem;
 use crate::service::App;
 use crate::sessions::SessionError;
@@ -55,17 +57,17 @@ pub(super) fn routes() -> OpenApiRouter<App> {
 
 type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 
-async fn socket(state: State<App>, upgrade: Upgrade) -> Response {
+async fn socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
-        Ok(upgrade) => socket::connect(state, upgrade).await,
+        Ok(upgrade) => socket::connect(state, caller.who, upgrade).await,
         // What answers sockets alone is not there for others, as the original has it.
         Err(_) => Refusal::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
 }
 
-async fn mcp_socket(state: State<App>, upgrade: Upgrade) -> Response {
+async fn mcp_socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
-        Ok(upgrade) => mcp::connect(state, upgrade).await,
+        Ok(upgrade) => mcp::connect(state, caller.who, upgrade).await,
         Err(_) => {
             let refusal = Refusal::new(StatusCode::METHOD_NOT_ALLOWED, "Method Not Allowed");
             ([(axum::http::header::ALLOW, "POST")], refusal).into_response()
@@ -73,9 +75,14 @@ async fn mcp_socket(state: State<App>, upgrade: Upgrade) -> Response {
     }
 }
 
-async fn ui_socket(state: State<App>, headers: axum::http::HeaderMap, upgrade: Upgrade) -> Response {
+async fn ui_socket(
+    state: State<App>,
+    Extension(caller): Extension<Caller>,
+    headers: axum::http::HeaderMap,
+    upgrade: Upgrade,
+) -> Response {
     match upgrade {
-        Ok(upgrade) => ui::connect(state, headers, upgrade).await,
+        Ok(upgrade) => ui::connect(state, &caller, headers, upgrade).await,
         Err(_) => Refusal::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
 }
@@ -90,7 +97,7 @@ pub(super) fn usual(id: &str) -> &'static dyn TaskSpec {
 /// A failure of a use case, without what only the log should say.
 fn in_words(error: &TrainingError) -> String {
     match error {
-        TrainingError::Restore(_) | TrainingError::Store(_) | TrainingError::NotCommitted(_) => {
+        TrainingError::Restore(_) | TrainingError::Store(_) | TrainingError::NotCommitted { .. } => {
             tracing::error!(error = %error, "A session's request failed.");
             Problem::internal().words()
         }

@@ -1,11 +1,13 @@
 //! Flying by requests: `/reset`, `/step` and `/state` of a session that lasts from one to the next.
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::header::COOKIE;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use serde_json::{Map, Value};
 
+use super::super::access::Caller;
 use super::answer;
 use super::body::{self, Body};
 use super::read::{Fields, WALK, wish};
@@ -20,14 +22,14 @@ pub(super) const COOKIE_NAME: &str = "sparring_session";
 const SHARED: &str = "shared";
 
 /// Which session a request is for.
-pub(super) fn session_name(headers: &HeaderMap) -> Result<String, Refusal> {
+pub(super) fn session_name(headers: &HeaderMap, caller: &Caller) -> Result<String, Refusal> {
     let named = headers.get(HEADER).map(|value| value.to_str().unwrap_or_default().to_owned());
     let name = named.or_else(|| cookie(headers)).unwrap_or_else(|| SHARED.to_owned());
     if name.is_empty() || name.len() > MOST_GROUP {
         let words = format!("{HEADER}: a session's name is 1 to {MOST_GROUP} printable characters");
         return Err(Refusal::new(StatusCode::BAD_REQUEST, words));
     }
-    Ok(name)
+    Ok(caller.own(&name))
 }
 
 pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
@@ -47,11 +49,12 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
 )]
 pub(super) async fn reset(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
-    let name = session_name(&headers)?;
-    let session = app.sessions.named(&name)?;
+    let name = session_name(&headers, &caller)?;
+    let session = app.sessions.named(&caller.who, &name)?;
     let mut session = session.lock().await;
     let answer = restart(&mut session, fields.unwrap_or_default(), WALK[0]).await;
     let_go(&app, &name, &session);
@@ -92,10 +95,11 @@ pub(super) async fn restart(
 )]
 pub(super) async fn step(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
-    let name = session_name(&headers)?;
+    let name = session_name(&headers, &caller)?;
     let missing = |loc| Refusal::fault("missing", loc, "Field required", Value::Null);
     let action = action(fields.ok_or_else(|| missing(body::place()))?)?;
     let session = app.sessions.known(&name).ok_or(crate::sessions::SessionError::NotStarted)?;
@@ -133,8 +137,12 @@ pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
 
 /// Where the session stands.
 #[utoipa::path(get, path = "/state", tag = "openenv", responses((status = 200, body = Object), (status = 503, body = Object)))]
-pub(super) async fn state(State(app): State<App>, headers: HeaderMap) -> Result<axum::Json<Value>, Refusal> {
-    standing(&app, &session_name(&headers)?).await
+pub(super) async fn state(
+    State(app): State<App>,
+    Extension(caller): Extension<Caller>,
+    headers: HeaderMap,
+) -> Result<axum::Json<Value>, Refusal> {
+    standing(&app, &session_name(&headers, &caller)?).await
 }
 
 /// Where a session of this name stands.

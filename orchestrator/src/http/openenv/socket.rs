@@ -14,18 +14,18 @@ use super::mcp;
 use super::read::{Fields, WALK, wish};
 use super::refusal::wish_fault;
 use crate::service::App;
-use crate::sessions::{Full, Session, SessionError};
+use crate::sessions::{Full, Session, SessionError, Who};
 
 /// Room for the first answer; later ones get what the last one took.
 const ROOM: usize = 4 * 1024;
 
 /// A session over a WebSocket.
-pub(super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
-    bounded(upgrade).on_upgrade(move |socket| serve(socket, app))
+pub(super) async fn connect(State(app): State<App>, who: Who, upgrade: WebSocketUpgrade) -> Response {
+    bounded(upgrade).on_upgrade(move |socket| serve(socket, app, who))
 }
 
-async fn serve(mut socket: WebSocket, app: App) {
-    let mut session = match app.sessions.open() {
+async fn serve(mut socket: WebSocket, app: App, who: Who) {
+    let mut session = match app.sessions.open(&who) {
         Ok(session) => session,
         Err(full) => {
             let _ = send(&mut socket, capacity(full).to_string().into_bytes()).await;
@@ -168,7 +168,7 @@ async fn mcp(
     out: &mut Vec<u8>,
 ) -> Result<(), Value> {
     let request = data(message, None)?;
-    let answer = mcp::answer(app, &Value::Object(request), Some(session)).await;
+    let answer = mcp::answer(app, &Value::Object(request), mcp::By::Own(session)).await;
     out.extend(json!({"type": "mcp", "data": answer}).to_string().bytes());
     Ok(())
 }

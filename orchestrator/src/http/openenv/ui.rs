@@ -10,6 +10,7 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
+use super::super::access::Caller;
 use super::super::socket;
 use super::refusal::Refusal;
 use super::{answer, web};
@@ -97,6 +98,7 @@ fn blank() -> Value {
 /// Looks at a web session.
 pub(super) async fn connect(
     State(app): State<App>,
+    caller: &Caller,
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
@@ -107,7 +109,7 @@ pub(super) async fn connect(
         )
         .into_response();
     };
-    match web::name(&headers) {
+    match web::name(&headers, caller) {
         Ok(name) => socket::bounded(upgrade).on_upgrade(move |socket| serve(socket, app, (name, seat))),
         Err(refusal) => refusal.into_response(),
     }

@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{Html, IntoResponse, Response};
@@ -9,6 +10,7 @@ use env_core::ActionLog;
 use env_core::log::Precision;
 use serde_json::{Map, Value};
 
+use super::super::access::Caller;
 use super::answer;
 use super::body::Body;
 use super::read::WALK;
@@ -34,9 +36,9 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
 });
 
 /// Which web session a request is for: that of its cookie or header, or the one all others share.
-pub(super) fn name(headers: &HeaderMap) -> Result<String, Refusal> {
+pub(super) fn name(headers: &HeaderMap, caller: &Caller) -> Result<String, Refusal> {
     let named = headers.contains_key(HEADER) || simulation::cookie(headers).is_some();
-    if named { simulation::session_name(headers) } else { Ok("web".to_owned()) }
+    if named { simulation::session_name(headers, caller) } else { Ok(caller.own("web")) }
 }
 
 /// The way to the page.
@@ -61,18 +63,23 @@ pub(super) async fn page(headers: HeaderMap) -> Response {
 }
 
 /// Where the web session stands.
-pub(super) async fn state(State(app): State<App>, headers: HeaderMap) -> Result<axum::Json<Value>, Refusal> {
-    simulation::standing(&app, &name(&headers)?).await
+pub(super) async fn state(
+    State(app): State<App>,
+    Extension(caller): Extension<Caller>,
+    headers: HeaderMap,
+) -> Result<axum::Json<Value>, Refusal> {
+    simulation::standing(&app, &name(&headers, &caller)?).await
 }
 
 /// Begins an episode: the next task of the original's walk, unless one is named.
 pub(super) async fn reset(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
-    let name = name(&headers)?;
-    let session = app.sessions.named(&name)?;
+    let name = name(&headers, &caller)?;
+    let session = app.sessions.named(&caller.who, &name)?;
     let mut session = session.lock().await;
     let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
     let answer = simulation::restart(&mut session, fields.unwrap_or_default(), walked).await;
@@ -85,10 +92,11 @@ pub(super) async fn reset(
 /// One step; without an action nobody does anything.
 pub(super) async fn step(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
-    let name = name(&headers)?;
+    let name = name(&headers, &caller)?;
     let fields = fields.filter(|fields| !fields.is_empty());
     let action = fields.map_or_else(|| Ok(Value::Object(Map::new())), simulation::action)?;
     let session = app.sessions.known(&name).ok_or(SessionError::NotStarted)?;

@@ -13,6 +13,7 @@ use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId};
 use crate::service::App;
 use crate::store::leases::LeaseRow;
+use crate::training::TrainingError;
 use crate::training::columns::{self, Claimed, Columns};
 use crate::training::lease::find;
 
@@ -168,7 +169,10 @@ pub(super) struct Entries {
 #[utoipa::path(
     get, path = "/runs/{run}/leases/{lease}/columns/entries", tag = "results",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
-    responses((status = 200, body = Entries), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses(
+        (status = 200, body = Entries), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 410, body = Problem, description = "The run keeps them no longer.")
+    )
 )]
 pub(super) async fn entries(
     _: NoQuery,
@@ -178,10 +182,16 @@ pub(super) async fn entries(
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
+    is_kept(&row)?;
     let (state, columns) = columns::entries(&mut conn, row.id).await?.ok_or_else(none)?;
     let Columns { scores, failed, steps } = columns;
     let failed = failed.into_iter().map(u8::from).collect();
     Ok(axum::Json(Entries { state, score: scores, failed, steps }))
+}
+
+/// That what was claimed is kept.
+fn is_kept(lease: &LeaseRow) -> Result<(), Problem> {
+    if lease.folded == 0 { Ok(()) } else { Err(TrainingError::Expired(lease.name()).into()) }
 }
 
 fn none() -> Problem {
@@ -192,7 +202,10 @@ fn none() -> Problem {
 #[utoipa::path(
     get, path = "/runs/{run}/leases/{lease}/columns", tag = "results",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
-    responses((status = 200, body = Claim), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses(
+        (status = 200, body = Claim), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 410, body = Problem, description = "The run keeps them no longer.")
+    )
 )]
 pub(super) async fn show(
     _: NoQuery,
@@ -202,5 +215,6 @@ pub(super) async fn show(
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
+    is_kept(&row)?;
     Ok(axum::Json(Claim::of(columns::standing(&mut conn, row).await?.ok_or_else(none)?)))
 }

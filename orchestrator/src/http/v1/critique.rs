@@ -187,7 +187,8 @@ impl EncounterView {
     params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
     responses(
         (status = 200, body = EpisodeCritique), (status = 400, body = Problem),
-        (status = 404, body = Problem, description = "No such episode, or one that was never flown.")
+        (status = 404, body = Problem, description = "No such episode, or one that was never flown."),
+        (status = 410, body = Problem, description = "The run keeps its actions no longer.")
     )
 )]
 pub(super) async fn show(

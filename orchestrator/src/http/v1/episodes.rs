@@ -1,4 +1,4 @@
-//! Episodes: list, show, replay.
+//! Episodes: show, replay.
 
 use axum::extract::State;
 use env_core::{ActionLog, Scenario};
@@ -9,13 +9,14 @@ use utoipa::ToSchema;
 
 use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
-use super::{Page, id, next, reader_of, run_id};
-use crate::clock::rfc3339;
+use super::episode_list::EpisodeHead;
+use super::{id, run_id};
 use crate::frames::{FramesError, MOST_BYTES, Show, frames, wire_step};
-use crate::ids::{EpisodeId, LayoutId, LeaseId, RunId};
+use crate::ids::{EpisodeId, RunId};
 use crate::service::App;
 use crate::store::brackets::StoredFlown;
-use crate::store::episodes::{EpisodeRow, Listed};
+use crate::store::episodes::EpisodeRow;
+use crate::store::folds::{self, FoldedGroup};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::scenarios::Loader;
@@ -23,38 +24,6 @@ use crate::store::{brackets, episodes, from_json};
 use crate::training::BracketView;
 use crate::training::TrainingError;
 use crate::training::lease::find;
-
-/// One episode in a list.
-#[derive(Serialize, ToSchema)]
-pub(super) struct EpisodeHead {
-    /// Its id.
-    episode: String,
-    /// The task.
-    task: Option<String>,
-    /// The layout's id, where its group was designed.
-    layout: Option<String>,
-    /// `leased`, `finished`, `failed`, `late` or `expired`.
-    state: String,
-    /// The score, by replay.
-    score: Option<f64>,
-    /// Whether it is a success, by the run's rule.
-    success: Option<bool>,
-    /// The skill, where the scenario defines one.
-    skill: Option<f64>,
-    /// The policy that flew it.
-    policy_version: Option<i64>,
-    /// When it was reported, RFC 3339.
-    at: Option<String>,
-}
-
-/// A page of reported episodes.
-#[derive(Serialize, ToSchema)]
-pub(super) struct Episodes {
-    /// In order of lease and index.
-    episodes: Vec<EpisodeHead>,
-    /// Cursor of the next page, if there may be one.
-    next: Option<String>,
-}
 
 /// One episode with its scenario.
 #[derive(Serialize, ToSchema)]
@@ -79,11 +48,11 @@ pub(super) struct Episode {
     /// What the trainer logged.
     #[schema(value_type = Option<Object>)]
     metrics: Option<Value>,
-    /// The scenario's id.
-    scenario_id: String,
-    /// The scenario, complete.
-    #[schema(value_type = Object)]
-    scenario: Value,
+    /// The scenario's id; none past what the run keeps whole.
+    scenario_id: Option<String>,
+    /// The scenario, complete; likewise.
+    #[schema(value_type = Option<Object>)]
+    scenario: Option<Value>,
     /// What the scenario is worth.
     bracket: Option<BracketView>,
     /// The actions, one entry a step: a list of `[agent, value, …]`.
@@ -105,42 +74,6 @@ pub(super) struct Replay {
     frames: Vec<Value>,
 }
 
-/// List reported episodes.
-#[utoipa::path(
-    get, path = "/runs/{run}/episodes", tag = "episodes",
-    params(("run" = String, Path, description = "The run's id."), Page),
-    responses(
-        (status = 200, body = Episodes), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 422, body = Problem)
-    )
-)]
-pub(super) async fn list(
-    State(app): State<App>,
-    Path(run): Path<String>,
-    Query(page): Query<Page>,
-) -> Result<axum::Json<Episodes>, Problem> {
-    let (run, limit) = (run_id(&run)?, page.limit()?);
-    let (lease, index) = page.cursor()?;
-    let index = if page.cursor.is_none() {
-        -1
-    } else {
-        index.parse().map_err(|_| Problem::invalid("cursor", "it is not one that a list gave"))?
-    };
-    let mut conn = reader_of(&app, &run).await?;
-    let rows = episodes::page(&mut conn, run.as_str(), (lease, index), limit).await?;
-    let last = rows.last().map(|listed| (listed.row.lease, listed.row.number.to_string()));
-    let next = next(rows.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));
-    let heads = rows
-        .into_iter()
-        .map(|Listed { token, task, layout, row }| {
-            let lease = LeaseId { number: row.lease, token };
-            let id = EpisodeId { lease, index: row.number };
-            head(&id, (Some(task), layout), Some(&row), "finished")
-        })
-        .collect();
-    Ok(axum::Json(Episodes { episodes: heads, next }))
-}
-
 /// Show an episode: its scenario, and how it went.
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/{episode}", tag = "episodes",
@@ -152,13 +85,17 @@ pub(super) async fn show(
     State(app): State<App>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<Episode>, Problem> {
+    let (run, id): (_, EpisodeId) = (run_id(&run)?, id("episode", &episode)?);
     let mut conn = app.readers.acquire().await?;
-    let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
+    let found = match Found::look(&mut conn, &run, id.clone()).await {
+        Err(NotFound::Expired(_)) => return Ok(axum::Json(past(&mut conn, &run, &id).await?)),
+        found => found?,
+    };
     let bracket = brackets::newest(&mut conn, &found.group.scenario).await?;
     let row = found.row;
     let text = |json: Option<&String>| json.map(|j| from_json("a stored value", j)).transpose();
     Ok(axum::Json(Episode {
-        head: head(
+        head: EpisodeHead::of(
             &found.id,
             (Some(found.group.task), found.group.layout),
             row.as_ref(),
@@ -172,11 +109,35 @@ pub(super) async fn show(
         flown: row.as_ref().and_then(|r| r.flown.as_ref()).map(|j| from_json("a flight", j)).transpose()?,
         reason: row.as_ref().and_then(|r| r.reason.clone()),
         metrics: text(row.as_ref().and_then(|r| r.metrics.as_ref()))?,
-        scenario_id: found.scenario.id().to_string(),
+        scenario_id: Some(found.scenario.id().to_string()),
         bracket: bracket.map(|b| BracketView::of(&found.scenario, &b)),
-        scenario: found.scenario.to_json(),
+        scenario: Some(found.scenario.to_json()),
         actions: found.log.as_ref().map(steps),
     }))
+}
+
+/// An episode of which only is kept how it came out.
+async fn past(conn: &mut SqliteConnection, run: &RunId, id: &EpisodeId) -> Result<Episode, Problem> {
+    let unknown = || TrainingError::UnknownEpisode(id.to_string());
+    let lease = folds::get(conn, run.as_str(), id.lease.number).await?.ok_or_else(unknown)?;
+    let group = lease.group(id.index / lease.row.group_size.max(1)).ok_or_else(unknown)?;
+    let known = lease.episode(id.index).map(|(_, known)| known);
+    let FoldedGroup { level, role, contested, .. } = group;
+    Ok(Episode {
+        head: EpisodeHead::folded(&lease, id.index, (group, known)),
+        level: *level,
+        role: role.clone(),
+        contested: *contested,
+        floor: None,
+        reference: None,
+        flown: None,
+        reason: None,
+        metrics: None,
+        scenario_id: None,
+        scenario: None,
+        bracket: None,
+        actions: None,
+    })
 }
 
 /// What a replay shows.
@@ -196,6 +157,7 @@ pub(super) struct Shown {
     responses(
         (status = 200, body = Replay), (status = 400, body = Problem),
         (status = 404, body = Problem, description = "No such episode, or one that was never flown."),
+        (status = 410, body = Problem, description = "The run keeps its actions no longer."),
         (status = 422, body = Problem, description = "More to show than 16 MiB.")
     )
 )]
@@ -236,10 +198,13 @@ impl Found {
         conn: &mut SqliteConnection,
         run: &RunId,
         id: EpisodeId,
-    ) -> Result<Self, Problem> {
+    ) -> Result<Self, NotFound> {
         let unknown = || TrainingError::UnknownEpisode(id.to_string());
         let lease = find(conn, run, &id.lease).await.map_err(|_| unknown())?;
-        let group = groups::get(conn, lease.id, id.index / lease.group_size).await?.ok_or_else(unknown)?;
+        let Some(group) = groups::get(conn, lease.id, id.index / lease.group_size).await? else {
+            let within = lease.folded != 0 && id.index < lease.episodes();
+            return Err(if within { NotFound::Expired(id) } else { unknown().into() });
+        };
         let row = episodes::get(conn, lease.id, id.index).await?;
         let log = episodes::log(conn, lease.id, id.index).await?;
         let scenario = Loader::default().get(conn, &group.scenario).await?;
@@ -247,27 +212,31 @@ impl Found {
     }
 }
 
-fn unreported(lease: &LeaseRow) -> &'static str {
-    if lease.status == "active" { "leased" } else { "expired" }
+/// Why an episode is not there, whole.
+pub(super) enum NotFound {
+    /// The run keeps it whole no longer.
+    Expired(EpisodeId),
+    /// There is none, or it cannot be read.
+    Other(TrainingError),
 }
 
-fn head(
-    id: &EpisodeId,
-    (task, layout): (Option<String>, Option<i64>),
-    row: Option<&EpisodeRow>,
-    unreported: &str,
-) -> EpisodeHead {
-    EpisodeHead {
-        episode: id.to_string(),
-        task,
-        layout: layout.map(|id| LayoutId(id).to_string()),
-        state: row.map_or(unreported, |r| r.state.as_str()).to_owned(),
-        score: row.and_then(|r| r.score),
-        success: row.and_then(|r| r.success).map(|s| s != 0),
-        skill: row.and_then(|r| r.skill),
-        policy_version: row.map(|r| r.policy_version),
-        at: row.map(|r| rfc3339(r.at)),
+impl<E: Into<TrainingError>> From<E> for NotFound {
+    fn from(error: E) -> Self {
+        Self::Other(error.into())
     }
+}
+
+impl From<NotFound> for Problem {
+    fn from(not: NotFound) -> Self {
+        match not {
+            NotFound::Expired(id) => TrainingError::Expired(id.to_string()).into(),
+            NotFound::Other(error) => error.into(),
+        }
+    }
+}
+
+fn unreported(lease: &LeaseRow) -> &'static str {
+    if lease.status == "active" { "leased" } else { "expired" }
 }
 
 fn steps(log: &ActionLog) -> Value {

@@ -1,5 +1,6 @@
 //! Leases: take, list, show, renew, release.
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 use env_core::{Recipe, RecipeId};
@@ -8,6 +9,7 @@ use serde_json::Value;
 use sqlx::SqliteConnection;
 use utoipa::ToSchema;
 
+use super::super::access::Caller;
 use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, id, next, reader_of, run_id};
@@ -18,11 +20,11 @@ use crate::store::columns::RangeRow;
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::scenarios::Loader;
-use crate::store::{columns, leases, unsigned};
-use crate::training::BracketView;
+use crate::store::{columns, folds, leases, unsigned};
 use crate::training::columns::TakeColumns;
 use crate::training::lease::{Granted, Purpose, Release, Renew, TakeLease, find};
 use crate::training::sets::Sets;
+use crate::training::{BracketView, TrainingError};
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -202,12 +204,13 @@ pub(super) struct Leases {
 pub(super) async fn take(
     _: NoQuery,
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Json(wish): Json<LeaseWish>,
 ) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
     let LeaseWish { groups, group_size, policy_version, ttl_s, purpose, form } = wish;
-    let run = run_id(&run)?;
-    let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose };
+    let (run, owner) = (run_id(&run)?, caller.owns(app.each.leases));
+    let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose, owner };
     let Granted { row, groups, sets } = match form {
         Form::Groups => app.desk.lease(wish).await?,
         Form::Columns => app.writer.change(TakeColumns(wish)).await?,
@@ -235,16 +238,26 @@ pub(super) async fn list(
 ) -> Result<axum::Json<Leases>, Problem> {
     let (run, limit) = (run_id(&run)?, page.limit()?);
     let mut conn = reader_of(&app, &run).await?;
-    let rows = leases::page(&mut conn, run.as_str(), page.cursor()?.0, limit).await?;
+    let after = page.cursor()?.0;
+    let mut rows = leases::page(&mut conn, run.as_str(), after, limit).await?;
+    let folded = folds::from(&mut conn, run.as_str(), after + 1, (limit, |_| 1)).await?;
+    rows.extend(folded.into_iter().map(|folded| folded.row));
+    rows.sort_by_key(|row| row.id);
+    rows.dedup_by_key(|row| row.id); // something of it stays
+    rows.truncate(usize::try_from(limit).unwrap_or_default());
     let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
     Ok(axum::Json(Leases { leases: rows.into_iter().map(LeaseHead::of).collect(), next }))
 }
 
-/// Show a lease with its groups: what was answered when it was taken.
+/// Show a lease with its groups: what was answered when it was taken. Past what the run keeps whole only those groups are
+/// left that a level move, a layout or an example of a failure rests on.
 #[utoipa::path(
     get, path = "/runs/{run}/leases/{lease}", tag = "leases",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
-    responses((status = 200, body = Lease), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses(
+        (status = 200, body = Lease), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 410, body = Problem, description = "The run keeps nothing of it any more but how its episodes came out.")
+    )
 )]
 pub(super) async fn show(
     _: NoQuery,
@@ -255,6 +268,9 @@ pub(super) async fn show(
     let mut conn = app.readers.acquire().await?;
     let row = find(&mut conn, &run, &lease).await?;
     let groups = groups::of_lease(&mut conn, row.id).await?;
+    if row.folded != 0 && groups.is_empty() {
+        return Err(TrainingError::Expired(lease.to_string()).into());
+    }
     Ok(axum::Json(describe(&mut conn, row, groups).await?))
 }
 

@@ -20,7 +20,7 @@ use crate::store::{curriculum, from_json};
 use crate::training::status::{Look, Standing};
 
 /// Points of a curve over time.
-const POINTS: i64 = 100;
+const POINTS: usize = 100;
 
 /// What an agent has mastered.
 #[derive(Serialize, ToSchema)]
@@ -227,10 +227,10 @@ struct Point {
     success: f64,
 }
 
-impl From<Stretch> for Point {
-    fn from(s: Stretch) -> Self {
+impl From<(String, Stretch)> for Point {
+    fn from((task, s): (String, Stretch)) -> Self {
         let levels = s.low.zip(s.high).map(|(low, high)| [low, high]);
-        Self { task: s.task, at: rfc3339(s.at), levels, n: s.n, success: s.success }
+        Self { task, at: rfc3339(s.at), levels, n: s.n, success: s.sum / s.n as f64 }
     }
 }
 

@@ -1,8 +1,10 @@
 //! `/v1`: one file per resource.
 
+mod audit;
 mod columns;
 mod critique;
 mod designs;
+mod episode_list;
 mod episodes;
 mod events;
 mod failure_list;
@@ -12,6 +14,7 @@ mod leases;
 mod mastery;
 mod policy;
 mod results;
+mod retention;
 mod runs;
 mod scenarios;
 mod sessions;
@@ -32,6 +35,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(runs::pause))
         .routes(routes!(runs::resume))
         .routes(routes!(runs::set_newest))
+        .routes(routes!(retention::put))
         .routes(routes!(leases::take, leases::list))
         .routes(routes!(leases::show))
         .routes(routes!(leases::renew))
@@ -43,7 +47,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(mastery::show))
         .routes(routes!(mastery::history))
         .routes(routes!(mastery::params))
-        .routes(routes!(episodes::list))
+        .routes(routes!(episode_list::list))
         .routes(routes!(episodes::show))
         .routes(routes!(episodes::replayed))
         .routes(routes!(critique::show))
@@ -64,6 +68,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(trajectories::pull::pull))
         .routes(routes!(trajectories::ack::ack))
         .routes(routes!(tasks::list))
+        .routes(routes!(audit::list))
 }
 
 /// Parses a run's id from a path.

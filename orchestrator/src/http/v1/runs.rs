@@ -1,10 +1,12 @@
 //! Runs: create, list, show, pause, resume.
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::super::access::Caller;
 use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::failures::Backlog;
@@ -43,7 +45,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    fn of(row: RunRow) -> Result<Self, Problem> {
+    pub(super) fn of(row: RunRow) -> Result<Self, Problem> {
         Ok(Self {
             settings: from_json("a run's settings", &row.settings)?,
             id: row.id,
@@ -122,13 +124,14 @@ pub(super) struct Runs {
 pub(super) async fn create(
     _: NoQuery,
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Json(wish): Json<RunWish>,
 ) -> Result<(StatusCode, axum::Json<Run>), Problem> {
     if wish.judge == Some(Judge::Llm) && !app.judges.has_model() {
         let reason = "this server has no language model that judges; serve with --judge-url or --llm-url";
         return Err(TrainingError::Invalid { field: "judge".to_owned(), reason: reason.to_owned() }.into());
     }
-    let row = app.writer.change(CreateRun::read(&wish)?).await?;
+    let row = app.writer.change(CreateRun::read(&wish)?.of(caller.owns(app.each.runs))).await?;
     tracing::info!(run = %row.id, "A run was created.");
     Ok((StatusCode::CREATED, axum::Json(Run::of(row)?)))
 }

@@ -21,6 +21,7 @@ pub use self::open::VectorWish;
 use self::reports::Reports;
 pub use self::reports::Tally;
 use super::leased::{Held, Leased};
+use super::seat::Seat;
 use super::{Full, WishError};
 use crate::ids::{LeaseId, RunId};
 use crate::training::TrainingError;
@@ -110,7 +111,7 @@ pub struct Vector {
     last: (u32, Bytes),
     threads: Arc<rayon::ThreadPool>,
     leasing: Option<Leasing>,
-    _seat: OwnedSemaphorePermit,
+    _seat: Seat,
     _memory: OwnedSemaphorePermit,
 }
 

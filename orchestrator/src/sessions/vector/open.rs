@@ -8,8 +8,8 @@ use env_core::TaskSpec;
 use env_core::batch::{Autoreset, Batch, BatchConfig, BatchError, Feed, MAX_ENVS, Observe, Seeds, Shape};
 use uuid::Uuid;
 
-use super::super::leased::{Held, lock};
-use super::super::{Sessions, WishError, Wished};
+use super::super::leased::{Held, for_no_runs, lock};
+use super::super::{Sessions, Who, WishError, Wished};
 use super::book::{Assigned, Book, LeaseFeed, Start};
 use super::flock::Flock;
 use super::frame::{Layout, MAX_IN, MAX_OUT};
@@ -108,14 +108,22 @@ impl Sessions {
     ///
     /// # Errors
     /// A wish that cannot be granted, and no place or memory for it.
-    pub async fn open_vector(&self, wish: VectorWish, wished: Wished) -> Result<Vector, VectorError> {
+    pub async fn open_vector(
+        &self,
+        who: &Who,
+        wish: VectorWish,
+        wished: Wished,
+    ) -> Result<Vector, VectorError> {
         if wish.envs == 0 || wish.envs > MAX_ENVS {
             return Err(wrong("vector.envs", format!("it is {}, outside 1 to {MAX_ENVS}", wish.envs)));
         }
         if cfg!(target_endian = "big") {
             return Err(wrong("vector", "this server's processor has the other byte order"));
         }
-        let seat = self.seat()?;
+        let seat = self.seat(who)?;
+        if !who.runs && !matches!(wished, Wished::Free(_)) {
+            return Err(for_no_runs().into());
+        }
         let (plan, source, pool) = self.plan(&wish, wished).await?;
         let (plan, (shape, bytes)) = on(&self.threads, move || {
             let mut plan = plan;

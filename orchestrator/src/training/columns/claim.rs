@@ -190,8 +190,9 @@ fn draw(
     wanted: usize,
 ) -> Result<Vec<Pick>, TrainingError> {
     let mut seed = [0; 32];
-    rand::rngs::SysRng.try_fill_bytes(&mut seed).map_err(|error| {
-        TrainingError::NotCommitted(format!("no randomness to draw audits with: {error}"))
+    rand::rngs::SysRng.try_fill_bytes(&mut seed).map_err(|error| TrainingError::NotCommitted {
+        reason: format!("no randomness to draw audits with: {error}"),
+        trouble: None,
     })?;
     let mut rng = ChaCha12Rng::from_seed(seed);
     let urn = Urn::of(columns, ranges, group_size);

@@ -32,6 +32,8 @@ impl Change for Report {
 
     async fn apply(self, work: &mut Work) -> Result<Vec<Job>, TrainingError> {
         let row = LeaseRow {
+            folded: 0,
+            owner: None,
             id: leases::outlook(&mut work.conn, RUN).await?.next,
             token: "aaaaaa".to_owned(),
             run: RUN.to_owned(),

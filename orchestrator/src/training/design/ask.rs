@@ -17,6 +17,7 @@ use super::profile::Collected;
 use super::serve::near;
 use super::stock::{self, Last, View};
 use crate::clock::Millis;
+use crate::counts;
 use crate::curriculum::TaskPlan;
 use crate::ids::AskId;
 use crate::store::asks::{self, AskRow};
@@ -283,6 +284,7 @@ impl Change for Finish {
             }
         }
         for (verdict, count) in verdicts {
+            counts::layouts(verdict, count);
             design_counts::add_verdict(conn, &self.run, &self.task, verdict, count).await?;
         }
         let Usage { model, prompt, rounds, tokens_in, tokens_out, cost, .. } = self.usage;

@@ -159,6 +159,7 @@ impl Ground {
                 Verdict::Failed(reason) | Verdict::Refused { detail: reason, .. } => {
                     return Err(TrainingError::invalid("rollout", format!("{}: {reason}", audited.episode)));
                 }
+                Verdict::Known { .. } => return Err(TrainingError::Expired(audited.episode.clone())),
             };
             episodes.push(TrajectoryEpisode {
                 id: audited.episode.clone(),

@@ -2,6 +2,7 @@
 
 use super::body::Packed;
 use super::take::LetGo;
+use crate::counts;
 use crate::ids::LeaseId;
 use crate::store::trajectories::{self, NewGroup};
 use crate::store::{policies, signed};
@@ -81,6 +82,7 @@ impl Change for Push {
         }
         LetGo(lease).apply(work).await?;
         if id.is_some() {
+            counts::rollout_group();
             work.tell_feed();
         }
         Ok(id)

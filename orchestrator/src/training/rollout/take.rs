@@ -35,6 +35,7 @@ impl Change for TakeGroup {
             policy_version: small(policy.version),
             ttl_s: TTL_S,
             purpose: Purpose::Train,
+            owner: None,
         };
         let Some(Granted { row, .. }) = wish.apply(work).await? else { return Ok(None) };
         policies::hold(&mut work.conn, row.id).await?;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use tokio::sync::oneshot;
 
 use super::Pilots;
+use crate::counts;
 use crate::ids::{LeaseId, RunId};
 use crate::training::TrainingError;
 use crate::training::lease::Renew;
@@ -34,6 +35,7 @@ pub(super) enum Ended {
 impl Pilots {
     /// Takes a group of a run, flies it and pushes it.
     pub(super) async fn fly(&self, run: RunId) -> Ended {
+        let _busy = counts::Busy::with("rollout");
         let (lease, policy) = match self.desk.rollout(&run).await {
             Ok(taken) => taken,
             // Others take what is prepared, or the run has just been paused.
@@ -96,7 +98,7 @@ impl Pilots {
                 took,
             };
             match self.desk.writer.change(push).await {
-                Err(TrainingError::Busy | TrainingError::NotCommitted(_)) if tries < TRIES => {
+                Err(error) if error.is_passing() && tries < TRIES => {
                     tries += 1;
                     tokio::time::sleep(PAUSE).await;
                 }

@@ -11,25 +11,39 @@ pub(super) use self::routes::connect;
 use self::rpc::{Failure, Request};
 use super::read::WALK;
 use crate::service::App;
-use crate::sessions::Session;
+use crate::sessions::{Session, Who};
 
-/// Answers one request. `own` is the session of the connection it came over, if it has one.
-pub(super) async fn answer(app: &App, request: &Value, own: Option<&mut Session>) -> Value {
+/// What a request came by.
+pub(super) enum By<'a> {
+    /// A connection that has a session.
+    Own(&'a mut Session),
+    /// A request for itself; whose.
+    Itself(&'a Who),
+}
+
+/// Answers one request.
+pub(super) async fn answer(app: &App, request: &Value, by: By<'_>) -> Value {
     let request = match Request::read(request) {
         Ok(request) => request,
         Err(failure) => return rpc::failed(&Value::Null, &failure),
     };
-    match called(app, &request, own).await {
+    match called(app, &request, by).await {
         Ok(result) => rpc::succeeded(&request.id, &result),
         Err(failure) => rpc::failed(&request.id, &failure),
     }
 }
 
-async fn called(app: &App, request: &Request, own: Option<&mut Session>) -> Result<Value, Failure> {
+async fn called(app: &App, request: &Request, by: By<'_>) -> Result<Value, Failure> {
+    if request.method == "openenv/session/create" {
+        return create(app, &request.params, by).await;
+    }
+    let own = match by {
+        By::Own(session) => Some(session),
+        By::Itself(_) => None,
+    };
     match request.method.as_str() {
         "initialize" => Ok(initialized()),
         "notifications/initialized" | "ping" => Ok(json!({})),
-        "openenv/session/create" => create(app, &request.params, own).await,
         "openenv/session/close" => close(app, &request.params, own),
         "tools/list" => tools_list(app, &request.params, own).await,
         "tools/call" => tools_call(app, &request.params, own).await,
@@ -48,19 +62,24 @@ fn initialized() -> Value {
 
 /// Opens a session in which an episode flies: what `reset` takes may stand in `params`. A connection that has a session is told
 /// its name, and an episode begins in it if none flies; while one does, there is nothing to be said about it.
-async fn create(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
-    if let Some(own) = own {
-        let flies = own.shown().is_ok_and(|shown| !shown.done);
-        if flies && !params.is_empty() {
-            return Err(Failure::params("an episode flies in this session; it is flown to its end first"));
+async fn create(app: &App, params: &Map<String, Value>, by: By<'_>) -> Result<Value, Failure> {
+    let who = match by {
+        By::Itself(who) => who,
+        By::Own(own) => {
+            let flies = own.shown().is_ok_and(|shown| !shown.done);
+            if flies && !params.is_empty() {
+                return Err(Failure::params(
+                    "an episode flies in this session; it is flown to its end first",
+                ));
+            }
+            if !flies {
+                begin(own, params).await?;
+            }
+            return Ok(json!({"session_id": own.id()}));
         }
-        if !flies {
-            begin(own, params).await?;
-        }
-        return Ok(json!({"session_id": own.id()}));
-    }
+    };
     let name = uuid::Uuid::new_v4().to_string();
-    let session = app.sessions.named(&name).map_err(Failure::capacity)?;
+    let session = app.sessions.named(who, &name).map_err(Failure::capacity)?;
     let began = begin(&mut *session.lock().await, params).await;
     if let Err(failure) = began {
         app.sessions.end(&name);

@@ -1,5 +1,6 @@
 //! `/mcp`: JSON-RPC by request, and over a WebSocket with a session of its own.
 
+use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
@@ -7,28 +8,39 @@ use axum::response::Response;
 use serde_json::Value;
 
 use super::super::super::socket::{self, Received, bounded};
+use super::By;
 use super::rpc::{self, Failure};
+use crate::http::access::Caller;
 use crate::service::App;
+use crate::sessions::Who;
 
 /// JSON-RPC of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
 #[utoipa::path(
     post, path = "/mcp", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses((status = 200, body = Object, description = "JSON-RPC: an error is in the body."))
 )]
-pub(in super::super) async fn post(State(app): State<App>, body: Bytes) -> axum::Json<Value> {
+pub(in super::super) async fn post(
+    State(app): State<App>,
+    Extension(caller): Extension<Caller>,
+    body: Bytes,
+) -> axum::Json<Value> {
     axum::Json(match env_core::wire::read_json(&String::from_utf8_lossy(&body)) {
-        Ok(request) => super::answer(&app, &request, None).await,
+        Ok(request) => super::answer(&app, &request, By::Itself(&caller.who)).await,
         Err(_) => rpc::failed(&Value::Null, &Failure::unread(None)),
     })
 }
 
 /// The same over a WebSocket.
-pub(in super::super) async fn connect(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
-    bounded(upgrade).on_upgrade(move |socket| serve(socket, app))
+pub(in super::super) async fn connect(
+    State(app): State<App>,
+    who: Who,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    bounded(upgrade).on_upgrade(move |socket| serve(socket, app, who))
 }
 
-async fn serve(mut socket: WebSocket, app: App) {
-    let mut session = match app.sessions.open() {
+async fn serve(mut socket: WebSocket, app: App, who: Who) {
+    let mut session = match app.sessions.open(&who) {
         Ok(session) => session,
         Err(full) => {
             let told = rpc::failed(&Value::Null, &Failure::capacity(full));
@@ -49,7 +61,7 @@ async fn serve(mut socket: WebSocket, app: App) {
         let told = match received {
             Received::Text(text) => match env_core::wire::read_json(&text) {
                 Ok(request) => {
-                    let work = super::answer(&app, &request, Some(&mut session));
+                    let work = super::answer(&app, &request, By::Own(&mut session));
                     match socket::meanwhile(&mut socket, &mut early, work).await {
                         Some(told) => told,
                         None => return,

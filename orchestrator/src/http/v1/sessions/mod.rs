@@ -9,12 +9,14 @@ mod single;
 mod vector;
 mod wish;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
+use super::super::access::Caller;
 use super::super::extract::NoQuery;
 use super::super::problem::Problem;
 use super::super::socket::bounded_by;
@@ -36,10 +38,13 @@ use crate::sessions::vector::frame::MAX_IN;
 pub(super) async fn connect(
     _: NoQuery,
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     match upgrade {
-        Ok(upgrade) => bounded_by(upgrade, MAX_IN).on_upgrade(move |socket| serve::serve(socket, app)),
+        Ok(upgrade) => {
+            bounded_by(upgrade, MAX_IN).on_upgrade(move |socket| serve::serve(socket, app, caller.who))
+        }
         Err(_) => {
             let words = "Sessions are WebSockets: ask for the protocol to be upgraded.";
             let problem = Problem::new(StatusCode::UPGRADE_REQUIRED, "upgrade_required", words);

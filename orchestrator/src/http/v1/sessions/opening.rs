@@ -9,7 +9,7 @@ use super::{answer, wish};
 use crate::reading::{Unread, read, value};
 use crate::service::App;
 use crate::sessions::vector::frame::VERSION;
-use crate::sessions::{Craft, Lost, Mooring, Single};
+use crate::sessions::{Craft, Lost, Mooring, Single, Who};
 
 /// A session, and what is said of it.
 pub(super) struct Opened {
@@ -75,17 +75,17 @@ fn spoken(version: u16) -> Result<(), Refusal> {
 }
 
 /// Opens a session, or comes back to one.
-pub(super) async fn begin(app: &App, text: &str) -> Result<Opened, (Option<u64>, Refusal)> {
+pub(super) async fn begin(app: &App, who: &Who, text: &str) -> Result<Opened, (Option<u64>, Refusal)> {
     let Message { kind, id, fields } = message(text)?;
     let begun = match kind.as_str() {
-        "open" => open(app, fields).await,
+        "open" => open(app, who, fields).await,
         "resume" => resume(app, fields).await,
         other => Err(unknown(other, "open, resume: the first message opens a session")),
     };
     begun.map_err(|refusal| (id, refusal))
 }
 
-async fn open(app: &App, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
+async fn open(app: &App, who: &Who, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
     let version: Map<_, _> = fields.remove_entry("version").into_iter().collect();
     spoken(read::<Version>(Value::Object(version))?.version)?;
     fields.remove("id");
@@ -94,12 +94,12 @@ async fn open(app: &App, mut fields: Map<String, Value>) -> Result<Opened, Refus
     let ttl_s = app.sessions.limits().resume.as_secs();
     let (craft, text, frame) = if let Some(vector) = vector {
         let how = wish::vector(vector)?;
-        let vector = app.sessions.open_vector(how, wish::sorted(wish)?).await?;
+        let vector = app.sessions.open_vector(who, how, wish::sorted(wish)?).await?;
         let (text, frame) = (answer::vector("opened", &vector, ttl_s, None), vector.last().1);
         (Craft::Vector(Box::new(vector)), text, Some(frame))
     } else {
         let wished = wish::sorted(wish.clone())?;
-        let mut session = app.sessions.open()?;
+        let mut session = app.sessions.open(who)?;
         session.reset(wished, wish.episode_id.clone()).await?;
         let single = Single { session, wish, last: None };
         let text = answer::standing("opened", &single, ttl_s, None);

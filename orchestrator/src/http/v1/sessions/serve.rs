@@ -13,7 +13,7 @@ use super::refusal::Refusal;
 use super::vector::Told;
 use super::{single, vector};
 use crate::service::App;
-use crate::sessions::{Closing, Craft, LOOK, Mooring};
+use crate::sessions::{Closing, Craft, LOOK, Mooring, Who};
 
 /// How long a connection may take to open a session.
 const OPEN_WITHIN: Duration = Duration::from_secs(10);
@@ -36,10 +36,10 @@ fn stopping() -> Refusal {
 }
 
 /// Serves one connection.
-pub(super) async fn serve(mut socket: WebSocket, app: App) {
+pub(super) async fn serve(mut socket: WebSocket, app: App, who: Who) {
     let mut closing = app.sessions.closing();
     let mut early = None;
-    let Some(opened) = opened(&mut socket, &app, &mut closing, &mut early).await else { return };
+    let Some(opened) = opened(&mut socket, (&app, &who), &mut closing, &mut early).await else { return };
     let Opened { mooring, text, frame, known } = opened;
     let mut told = say(&mut socket, text.into()).await;
     if let (Ok(()), Some(frame)) = (&told, frame) {
@@ -55,7 +55,7 @@ pub(super) async fn serve(mut socket: WebSocket, app: App) {
 /// Waits for the message that opens a session. Until then a connection costs a buffer, and takes no place.
 async fn opened(
     socket: &mut WebSocket,
-    app: &App,
+    (app, who): (&App, &Who),
     closing: &mut Closing,
     early: &mut Option<Received>,
 ) -> Option<Opened> {
@@ -69,7 +69,7 @@ async fn opened(
             },
         };
         let refusal = match received {
-            Received::Text(text) => match to_its_end(socket, early, begin(app, &text)).await {
+            Received::Text(text) => match to_its_end(socket, early, begin(app, who, &text)).await {
                 Ok(opened) => return Some(opened),
                 Err((id, refusal)) => {
                     if say(socket, refusal.message(id).into()).await.is_err() {

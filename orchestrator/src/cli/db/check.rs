@@ -1,0 +1,104 @@
+//! `sparring db check`: whether a database is whole, and agrees with itself.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use env_core::rollout::replay;
+use sqlx::SqliteConnection;
+
+use super::super::output;
+use super::readers;
+use crate::store::folds::FoldedState;
+use crate::store::scenarios::Loader;
+use crate::store::{episodes, folds, groups, leases, survey};
+use crate::training::Mind;
+
+/// Whether a database is whole: its pages, what refers to what, that each run's curriculum can be brought back, that sums agree
+/// with episodes, and that actions replay to their scores.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Exit code 1 where something is wrong, with a sentence for each. It reads everything there is: some seconds a GiB.")]
+pub(super) struct Args {
+    /// Episodes, drawn at random, that are replayed
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    replay: u32,
+}
+
+/// Scores are stored as they are replayed: the same to the last bit.
+const EXACT: f64 = 0.0;
+
+pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
+    let readers = readers(db).await?;
+    // As it stands at one moment, whatever a server does meanwhile.
+    let mut moment = readers.begin().await?;
+    let conn = &mut *moment;
+    let mut found = survey::broken(conn).await?;
+    if found.is_empty() {
+        found.extend(survey::contradictions(conn).await?);
+        for run in survey::runs(conn).await? {
+            found.extend(of_run(conn, &run.run).await?);
+        }
+        found.extend(replayed(conn, args.replay).await?);
+    }
+    if found.is_empty() {
+        output::print(&format!("{} is whole; {} episodes were replayed at most", db.display(), args.replay))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    output::print(&found.join("\n"))?;
+    Ok(ExitCode::FAILURE)
+}
+
+/// That a run can be brought back, what was folded of it can be read, and its sums agree.
+async fn of_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<String>> {
+    let mut found = Vec::new();
+    if let Err(error) = Mind::load(conn, run).await {
+        found.push(format!("run {run} cannot be brought back: {error}"));
+    }
+    let mut counted = 0;
+    let folded = folds::each(conn, run, |lease| {
+        let accepted = lease.claim.as_ref().is_none_or(|claim| claim.state == "accepted");
+        let finished = lease.episodes().filter(|(_, episode)| episode.state == FoldedState::Finished);
+        counted += if accepted { finished.count() as i64 } else { 0 };
+    });
+    if let Err(error) = folded.await {
+        found.push(format!("what was folded of run {run} cannot be read: {error}"));
+        return Ok(found);
+    }
+    let (summed, whole) = survey::counted(conn, run).await?;
+    if summed != whole + counted {
+        found.push(format!("run {run} sums up {summed} finished episodes, and has {}", whole + counted));
+    }
+    Ok(found)
+}
+
+/// That actions lead to the scores that are stored.
+async fn replayed(conn: &mut SqliteConnection, count: u32) -> anyhow::Result<Vec<String>> {
+    let (mut found, mut loader) = (Vec::new(), Loader::default());
+    for (lease, number, stored) in survey::sample(conn, i64::from(count)).await? {
+        let score = score(conn, &mut loader, (lease, number)).await;
+        match score {
+            Ok(score) if (score - stored).abs() <= EXACT => {}
+            Ok(score) => {
+                found.push(format!("episode {number} of lease {lease} replays to {score}, not {stored}"))
+            }
+            Err(error) => {
+                found.push(format!("episode {number} of lease {lease} cannot be replayed: {error}"))
+            }
+        }
+    }
+    Ok(found)
+}
+
+async fn score(
+    conn: &mut SqliteConnection,
+    loader: &mut Loader,
+    (lease, number): (i64, i64),
+) -> anyhow::Result<f64> {
+    let row = leases::get(conn, lease).await?.ok_or_else(|| anyhow::anyhow!("its lease is gone"))?;
+    let group = groups::get(conn, lease, number / row.group_size.max(1)).await?;
+    let group = group.ok_or_else(|| anyhow::anyhow!("its group is gone"))?;
+    let scenario = loader.get(conn, &group.scenario).await?;
+    let log = episodes::log(conn, lease, number).await?;
+    let log = log.ok_or_else(|| anyhow::anyhow!("its actions are gone"))?;
+    Ok(replay(&scenario, &log)?.score)
+}

@@ -1,0 +1,166 @@
+//! `sparring token`: who may come in.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{bail, ensure};
+use clap::Subcommand;
+use jiff::{SignedDuration, Span};
+use sqlx::SqliteConnection;
+
+use super::output;
+use crate::clock::{Clock, Millis, rfc3339};
+use crate::store::{self, OpenError, tokens};
+use crate::tokens::{Role, Token};
+
+/// Make, list and revoke the tokens that a server lets in.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+A token is shown once, when it is made; of it only a hash is kept. Whoever comes sends it: `Authorization: Bearer sparring_…`. A \
+viewer reads; a trainer also creates runs, leases, reports and flies; an admin also pauses runs, sets what they keep, asks \
+designers and reads the audit log. As soon as there is a token a server lets nobody in without one, on this machine neither. A \
+running server knows of new and revoked tokens within 5 seconds.
+
+Examples:
+  sparring token create ppo-cluster --role trainer
+  sparring token create grafana --role viewer --expires never
+  sparring token list
+  sparring token revoke 3")]
+pub struct Args {
+    /// The SQLite database of the server; made where there is none
+    #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
+    db: PathBuf,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Make a token: it is printed, and kept nowhere
+    Create {
+        /// A name for people
+        name: String,
+        /// What it may do
+        #[arg(long, value_enum)]
+        role: Role,
+        /// How long it is good for, as `90d`, `12h` or `2 weeks`; or `never`
+        #[arg(long, default_value = "90d", value_name = "TIME", value_parser = lasting)]
+        expires: Lasting,
+    },
+    /// List tokens: names, roles, until when, and when each was used last
+    List,
+    /// Revoke a token, by its number
+    Revoke {
+        /// Its number: it stands in the token, too
+        id: i64,
+    },
+}
+
+/// How long something is good for.
+#[derive(Debug, Clone, Copy)]
+enum Lasting {
+    For(SignedDuration),
+    Ever,
+}
+
+fn lasting(text: &str) -> Result<Lasting, String> {
+    if text == "never" {
+        return Ok(Lasting::Ever);
+    }
+    let wanted = || format!("{text:?} is no time: say it as 90d, 12h or 2 weeks, or never");
+    let span: Span = text.parse().map_err(|_| wanted())?;
+    // Days are of 24 hours, whatever clocks do meanwhile.
+    let time = span.to_duration(jiff::SpanRelativeTo::days_are_24_hours()).map_err(|_| wanted())?;
+    if time <= SignedDuration::ZERO { Err(wanted()) } else { Ok(Lasting::For(time)) }
+}
+
+/// Longest name of a token, in characters.
+const MAX_NAME: usize = 100;
+
+/// Does it.
+///
+/// # Errors
+/// A database that cannot be used, a token that is not there.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let now = Clock::system().now();
+        let mut conn = open(&args.db).await?;
+        match &args.command {
+            Command::Create { name, role, expires } => create(&mut conn, (name, *role), now, *expires).await,
+            Command::List => list(&mut conn, now).await,
+            Command::Revoke { id } => revoke(&mut conn, *id, now).await,
+        }
+    })
+}
+
+/// A connection that writes, beside a running server if there is one: its database has this program's schema, or it would not
+/// run.
+async fn open(db: &Path) -> Result<SqliteConnection, OpenError> {
+    match store::claim(db) {
+        Ok(_claim) => store::writer(db).await,
+        Err(OpenError::Locked(_)) => {
+            store::reader_of_current(db).await?.close().await;
+            store::folder(db).await
+        }
+        Err(error) => Err(error),
+    }
+}
+
+async fn create(
+    conn: &mut SqliteConnection,
+    (name, role): (&str, Role),
+    now: Millis,
+    expires: Lasting,
+) -> anyhow::Result<ExitCode> {
+    let fits = (1..=MAX_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
+    ensure!(fits, "a token's name has 1 to {MAX_NAME} characters");
+    let expires_at = match expires {
+        Lasting::Ever => None,
+        Lasting::For(time) => Some(now.saturating_add(i64::try_from(time.as_millis()).unwrap_or(i64::MAX))),
+    };
+    let mut moment = sqlx::Connection::begin_with(conn, "BEGIN IMMEDIATE").await?;
+    let id = tokens::insert(&mut moment, (name, role.word()), now, expires_at).await?;
+    let token = Token::new(id);
+    tokens::set_hash(&mut moment, id, token.hash().as_bytes()).await?;
+    moment.commit().await?;
+    output::print(token.show())?;
+    let until = expires_at.map_or_else(|| "for ever".to_owned(), |at| format!("until {}", rfc3339(at)));
+    tracing::info!(
+        "Token {id}, {name:?}, is for a {role}, {until}. It is shown this once; revoke it by `sparring token revoke {id}`."
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCode> {
+    let tokens = tokens::all(conn).await?;
+    if tokens.is_empty() {
+        output::print("There are no tokens: the server lets in whoever is on its machine, and nobody else.")?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut table = output::table(&["token", "name", "role", "state", "made", "expires", "last used"], 7);
+    let at = |at: Option<Millis>, never: &str| at.map_or_else(|| never.to_owned(), rfc3339);
+    for token in tokens {
+        let state = token.state(now).to_owned();
+        table.add_row([
+            token.id.to_string(),
+            token.name,
+            token.role,
+            state,
+            rfc3339(token.created_at),
+            at(token.expires_at, "never"),
+            at(token.used_at, "never"),
+        ]);
+    }
+    output::print(&table.to_string())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> anyhow::Result<ExitCode> {
+    if !tokens::revoke(conn, id, now).await? {
+        let why = if tokens::get(conn, id).await?.is_some() { "was revoked before" } else { "is not there" };
+        bail!("token {id} {why}; `sparring token list` shows them");
+    }
+    output::print(&format!("Token {id} is revoked; a running server lets it in for 5 seconds at most."))?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,320 @@
+//! Who comes in: tokens, roles, limits, and the audit log of what is changed by hand.
+
+mod limits;
+mod table;
+
+use std::net::{IpAddr, SocketAddr};
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use moka::future::Cache;
+use sqlx::SqlitePool;
+
+use self::limits::Rate;
+pub(super) use self::table::{Needs, operation};
+use super::connections::Peer;
+use super::problem::Problem;
+use crate::clock::{Clock, Millis};
+use crate::sessions::Who;
+use crate::store::StoreError;
+use crate::store::tokens::{self, AuditRow, TokenRow};
+use crate::tokens::{Role, Token};
+use crate::training::Writer;
+use crate::training::access::{Note, Used};
+use crate::training::lease::Owner;
+
+/// How long what is known of a token is believed: so long a revoked one may still be used.
+const BELIEVED: Duration = Duration::from_secs(5);
+/// Tokens that are known at once.
+const KNOWN: u64 = 10_000;
+/// A token's last use is noted so seldom.
+const NOTED: Millis = 10 * 60 * 1000;
+
+/// What each may do at most.
+#[derive(Debug, Clone, Copy)]
+pub struct Each {
+    /// Requests a second of a token.
+    pub requests: NonZeroU32,
+    /// Requests a second of an address without one.
+    pub anonymous: NonZeroU32,
+    /// Runs that a token may create.
+    pub runs: u32,
+    /// Active leases that a token may have.
+    pub leases: u32,
+}
+
+impl Default for Each {
+    fn default() -> Self {
+        const fn positive(n: u32) -> NonZeroU32 {
+            NonZeroU32::MIN.saturating_add(n - 1)
+        }
+        Self { requests: positive(1000), anonymous: positive(50), runs: 1000, leases: 4096 }
+    }
+}
+
+/// Who asks.
+#[derive(Debug, Clone)]
+pub(super) struct Caller {
+    /// Their token; none where none is needed.
+    pub(super) token: Option<i64>,
+    /// As sessions see them.
+    pub(super) who: Who,
+}
+
+impl Caller {
+    /// A name that is theirs alone, where they are known: nobody else's session is reached by it, since no header has a NUL.
+    pub(super) fn own(&self, name: &str) -> String {
+        self.token.map_or_else(|| name.to_owned(), |token| format!("\0{token}\0{name}"))
+    }
+
+    /// As the owner of what they make.
+    pub(super) fn owns(&self, most: u32) -> Option<Owner> {
+        self.token.map(|token| Owner { token, most })
+    }
+}
+
+/// What is known of a token.
+#[derive(Debug, Clone)]
+struct Known {
+    id: i64,
+    role: Role,
+    expires_at: Option<Millis>,
+}
+
+/// Looks at everybody who comes in.
+#[derive(Debug)]
+pub struct Gate {
+    readers: SqlitePool,
+    writer: Writer,
+    clock: Clock,
+    /// Whether it is this machine alone that can come in.
+    loopback: bool,
+    /// Whether OpenEnv's routes are for anybody.
+    openenv_public: bool,
+    known: Cache<[u8; 32], Option<Known>>,
+    /// Whether there are tokens.
+    any: Cache<(), bool>,
+    of_tokens: Rate,
+    of_addresses: Rate,
+    /// Lines of the audit log about who was kept out: whoever tries without end does not fill it.
+    of_denials: Rate,
+}
+
+impl Gate {
+    /// A gate.
+    #[must_use]
+    pub fn new(
+        (readers, writer, clock): (SqlitePool, Writer, Clock),
+        bind: SocketAddr,
+        openenv_public: bool,
+        each: Each,
+    ) -> Self {
+        Self {
+            readers,
+            writer,
+            clock,
+            loopback: bind.ip().is_loopback(),
+            openenv_public,
+            known: Cache::builder().max_capacity(KNOWN).time_to_live(BELIEVED).build(),
+            any: Cache::builder().max_capacity(1).time_to_live(BELIEVED).build(),
+            of_tokens: Rate::new(each.requests),
+            of_addresses: Rate::new(each.anonymous),
+            of_denials: Rate::new(NonZeroU32::MIN),
+        }
+    }
+
+    /// Who it is, if they may; what is to be answered otherwise.
+    async fn admit(
+        &self,
+        needs: Needs,
+        headers: &HeaderMap,
+        uri: &Uri,
+        peer: Option<IpAddr>,
+    ) -> Result<Caller, Problem> {
+        let address = Self::address(peer);
+        let anonymous = |runs| Caller { token: None, who: Who { name: Some(Arc::clone(&address)), runs } };
+        if needs == Needs::Nothing {
+            return Ok(anonymous(false));
+        }
+        if let Some(shown) = headers.get(header::AUTHORIZATION) {
+            let Some(known) = self.known(shown).await? else {
+                self.of_addresses.take(&address).map_err(Problem::too_often)?;
+                return Err(not_known("the token is not known, expired or revoked"));
+            };
+            let name: Arc<str> = format!("token {}", known.id).into();
+            self.of_tokens.take(&name).map_err(Problem::too_often)?;
+            let enough = match needs {
+                Needs::Nothing => true,
+                Needs::Token(role) => known.role >= role,
+                Needs::OpenEnv(role) => self.openenv_public || known.role >= role,
+            };
+            if !enough {
+                return Err(not_enough(needs, known.role));
+            }
+            let who = Who { name: Some(name), runs: known.role >= Role::Trainer };
+            return Ok(Caller { token: Some(known.id), who });
+        }
+        match needs {
+            _ if self.loopback && !self.openenv_public && !self.any().await? => {
+                from_here(headers, uri)?;
+                Ok(Caller { token: None, who: Who::anybody() })
+            }
+            Needs::OpenEnv(_) if self.openenv_public => {
+                self.of_addresses.take(&address).map_err(Problem::too_often)?;
+                Ok(anonymous(false))
+            }
+            Needs::Nothing | Needs::OpenEnv(_) | Needs::Token(_) => {
+                self.of_addresses.take(&address).map_err(Problem::too_often)?;
+                Err(not_known(
+                    "send a token: Authorization: Bearer sparring_…; `sparring token create` makes one",
+                ))
+            }
+        }
+    }
+
+    fn address(peer: Option<IpAddr>) -> Arc<str> {
+        peer.map_or_else(|| "nowhere".into(), |ip| ip.to_string().into())
+    }
+
+    async fn any(&self) -> Result<bool, Problem> {
+        if let Some(any) = self.any.get(&()).await {
+            return Ok(any);
+        }
+        let (any, _) = tokens::any(&mut *self.readers.acquire().await?, self.clock.now()).await?;
+        self.any.insert((), any).await;
+        Ok(any)
+    }
+
+    /// What is known of what was shown; none of what is no token, or worth nothing any more.
+    async fn known(&self, shown: &HeaderValue) -> Result<Option<Known>, Problem> {
+        let text = shown.to_str().ok().and_then(|text| text.split_once(' '));
+        let Some((scheme, text)) = text else { return Ok(None) };
+        let token = Token::read(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"));
+        let Some(token) = token else { return Ok(None) };
+        let hash = token.hash();
+        let known = match self.known.get(hash.as_bytes()).await {
+            Some(known) => known,
+            None => {
+                let row = tokens::get(&mut *self.readers.acquire().await?, token.id).await?;
+                let known = row.and_then(|row| self.matching(&hash, row)).transpose()?;
+                self.known.insert(*hash.as_bytes(), known.clone()).await;
+                known
+            }
+        };
+        let now = self.clock.now();
+        Ok(known.filter(|known| known.expires_at.is_none_or(|at| at > now)))
+    }
+
+    /// A token's row as what is known of it, where what was shown is that token.
+    fn matching(&self, hash: &blake3::Hash, row: TokenRow) -> Option<Result<Known, StoreError>> {
+        let stored = blake3::Hash::from_slice(&row.hash).ok()?;
+        let now = self.clock.now();
+        // Two hashes are compared in constant time.
+        if stored != *hash || row.state(now) != "valid" {
+            return None;
+        }
+        if row.used_at.is_none_or(|used| now - used > NOTED) {
+            let (writer, id) = (self.writer.clone(), row.id);
+            tokio::spawn(async move { writer.change(Used(id)).await });
+        }
+        let role = row.role.parse().map_err(|()| StoreError::unreadable("a token", row.role.clone()));
+        Some(role.map(|role| Known { id: row.id, role, expires_at: row.expires_at }))
+    }
+}
+
+/// A browser that shows somebody else's page may send what that page wants: to whoever listens without tokens only this
+/// machine's own pages and programs speak.
+fn from_here(headers: &HeaderMap, uri: &Uri) -> Result<(), Problem> {
+    let text = |name| headers.get(name).and_then(|value: &HeaderValue| value.to_str().ok());
+    let host = uri.host().or_else(|| text(header::HOST)).unwrap_or("");
+    let origin = text(header::ORIGIN).map(|origin| origin.split_once("://").map_or(origin, |(_, host)| host));
+    if is_here(host) && origin.is_none_or(is_here) {
+        return Ok(());
+    }
+    let detail = "This server has no tokens and speaks to this machine alone: ask it by 127.0.0.1 or localhost, from no other site's \
+        page. `sparring token create` makes tokens.";
+    Err(Problem::new(StatusCode::FORBIDDEN, "not_from_here", detail))
+}
+
+/// Whether a host, with a port or without, is this machine.
+fn is_here(host: &str) -> bool {
+    let name = match host.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+        Some((name, _)) => name,
+        None => host.rsplit_once(':').filter(|(name, _)| !name.contains(':')).map_or(host, |(name, _)| name),
+    };
+    name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+}
+
+fn not_known(detail: &str) -> Problem {
+    Problem::new(StatusCode::UNAUTHORIZED, "unauthenticated", detail)
+}
+
+fn not_enough(needs: Needs, role: Role) -> Problem {
+    let (Needs::Token(needed) | Needs::OpenEnv(needed)) = needs else { return Problem::internal() };
+    let detail = format!("this needs a token of the role {needed}; yours is {role}");
+    Problem::new(StatusCode::FORBIDDEN, "forbidden", detail)
+}
+
+/// Lets in who may, and writes down what they change by hand.
+pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
+    let path = request.extensions().get::<MatchedPath>().map(|path| path.as_str().to_owned());
+    let Some(path) = path else { return next.run(request).await }; // there is nothing there
+    let operation = operation(request.method(), &path);
+    // What nobody wrote down is for those who may do everything; a method that is not there is refused by the route.
+    let needs = operation.map_or(Needs::Token(Role::Admin), |operation| operation.needs);
+    let peer = request.extensions().get::<Peer>().map(|Peer(address)| address.ip());
+    let admitted = gate.admit(needs, request.headers(), request.uri(), peer).await;
+    let (token, refused) = match admitted {
+        Ok(caller) => {
+            let token = caller.token;
+            request.extensions_mut().insert(caller);
+            (token, None)
+        }
+        Err(problem) => (None, Some(problem)),
+    };
+    let audited = operation.is_some_and(|operation| operation.audited);
+    let denied = refused.as_ref().is_some_and(Problem::is_denial);
+    let line =
+        (audited && !denied || denied && gate.of_denials.take(&Gate::address(peer)).is_ok()).then(|| {
+            AuditRow {
+                id: 0,
+                at: gate.clock.now(),
+                token,
+                name: None,
+                address: peer.map(|ip| ip.to_string()),
+                operation: format!("{} {path}", request.method()),
+                path: request.uri().path().chars().take(500).collect(),
+                status: 0,
+                request_id: request_id(request.headers()),
+            }
+        });
+    let response = match refused {
+        None => next.run(request).await,
+        Some(problem) => problem.into_response(),
+    };
+    if let Some(line) = line {
+        let line = AuditRow { status: response.status().as_u16().into(), ..line };
+        tracing::info!(
+            token = line.token,
+            address = line.address,
+            operation = line.operation,
+            path = line.path,
+            status = line.status,
+            "Audited."
+        );
+        if let Err(error) = gate.writer.change(Note(line)).await {
+            tracing::error!(error = %error, "A line of the audit log could not be written.");
+        }
+    }
+    response
+}
+
+fn request_id(headers: &HeaderMap) -> String {
+    let id = headers.get("x-request-id").and_then(|id| id.to_str().ok()).unwrap_or_default();
+    id.chars().take(100).collect()
+}

@@ -1,0 +1,86 @@
+//! Connections: accepted, bounded in number and in how long a request's head may take, and ended in good order.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::conn::auto::Builder;
+use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::service::TowerToHyperService;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::task::JoinSet;
+use tower_http::add_extension::AddExtension;
+
+use crate::counts;
+
+/// Connections at once; more wait to be accepted.
+const MOST: usize = 4096;
+/// How long the head of a request may take, and how long a connection may be silent between two.
+const HEAD: Duration = Duration::from_secs(75);
+/// Bytes that are read ahead of a connection at most.
+const AHEAD: usize = 64 * 1024;
+/// How long nobody is accepted where the system gives no more sockets.
+const BREATH: Duration = Duration::from_millis(500);
+
+/// Where a request came from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Peer(pub(super) SocketAddr);
+
+/// Answers until told to stop, then until what was asked is answered.
+pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Receiver<bool>) {
+    let (graceful, seats) = (GracefulShutdown::new(), Arc::new(Semaphore::new(MOST)));
+    let mut builder = Builder::new(TokioExecutor::new());
+    builder.http1().timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(AHEAD);
+    builder.http2().timer(TokioTimer::new()).keep_alive_interval(HEAD);
+    // They go with this: whoever waits no longer for them drops it.
+    let mut open = JoinSet::new();
+    loop {
+        let (stream, peer, seat) = tokio::select! {
+            accepted = accept(&listener, &seats) => accepted,
+            Some(_) = open.join_next() => continue,
+            // The sender going away means the same.
+            _ = stopped.wait_for(|stop| *stop) => break,
+        };
+        // What is sent is sent whole: nothing is gained by waiting for more.
+        drop(stream.set_nodelay(true));
+        let service = TowerToHyperService::new(AddExtension::new(routes.clone(), Peer(peer)));
+        let connection = builder.serve_connection_with_upgrades(TokioIo::new(stream), service).into_owned();
+        let connection = graceful.watch(connection);
+        let connected = counts::Connected::begin();
+        open.spawn(async move {
+            if let Err(error) = connection.await {
+                tracing::debug!(error = %error, peer = %peer, "A connection ended in the middle of something.");
+            }
+            drop((seat, connected));
+        });
+    }
+    drop(listener);
+    graceful.shutdown().await;
+}
+
+/// The next connection, once there is a place for it.
+async fn accept(
+    listener: &TcpListener,
+    seats: &Arc<Semaphore>,
+) -> (TcpStream, SocketAddr, Option<OwnedSemaphorePermit>) {
+    let seat = Arc::clone(seats).acquire_owned().await.ok(); // they are never closed
+    loop {
+        match listener.accept().await {
+            Ok((stream, peer)) => return (stream, peer, seat),
+            Err(error) if is_of_one(&error) => {}
+            Err(error) => {
+                tracing::error!(error = %error, "No connection can be accepted; trying again in a moment.");
+                tokio::time::sleep(BREATH).await;
+            }
+        }
+    }
+}
+
+/// Whether it was that connection alone.
+fn is_of_one(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    matches!(error.kind(), ConnectionRefused | ConnectionAborted | ConnectionReset)
+}

@@ -1,0 +1,98 @@
+//! `/metrics`: what the server counts, for Prometheus. docs/operations.md says what each is for.
+
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::header;
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::problem::Problem;
+use crate::counts;
+use crate::service::App;
+use crate::store::{critiques, survey};
+use crate::training::status::{Gauge, Gauges};
+
+/// Seconds that requests and commits take, from what a reader needs to what is cut off.
+const SECONDS: [f64; 14] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, 60.0];
+/// Changes that are committed together.
+const CHANGES: [f64; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+
+/// What is counted in this process. Several services of one process (tests have them) count together.
+static COUNTED: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
+
+/// Counts from here on.
+pub fn begin() {
+    COUNTED.get_or_init(|| {
+        let recorder = PrometheusBuilder::new()
+            .set_buckets_for_metric(Matcher::Suffix("_seconds".to_owned()), &SECONDS)
+            .and_then(|builder| {
+                builder.set_buckets_for_metric(Matcher::Suffix("_changes".to_owned()), &CHANGES)
+            })
+            .map(PrometheusBuilder::build_recorder);
+        let handle = recorder.ok().and_then(|recorder| {
+            let handle = recorder.handle();
+            metrics::set_global_recorder(recorder).ok().map(|()| handle)
+        });
+        if handle.is_none() {
+            tracing::warn!("Nothing is counted for /metrics: somebody else counts in this process.");
+        }
+        counts::describe();
+        handle
+    });
+}
+
+pub(super) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(show))
+}
+
+/// What the server counts, as Prometheus reads it.
+#[utoipa::path(
+    get, path = "/metrics", tag = "health",
+    responses(
+        (status = 200, body = String, content_type = "text/plain"),
+        (status = 503, body = Problem, description = "Nothing can be counted now; the detail says why.")
+    )
+)]
+async fn show(State(app): State<App>) -> Result<Response, Problem> {
+    let Some(Some(handle)) = COUNTED.get() else {
+        return Err(Problem::new(
+            axum::http::StatusCode::SERVICE_UNAVAILABLE,
+            "not_counted",
+            "Nothing is counted.",
+        ));
+    };
+    let gauges = app.writer.change(Gauges).await;
+    // A database that cannot be written is what somebody who watches wants to see: the rest is told all the same.
+    counts::writable(gauges.is_ok());
+    for Gauge { run, task, level, mastery } in gauges.unwrap_or_default() {
+        counts::standing(&run, &task, level, mastery);
+    }
+    let (urgent, bulk) = app.writer.waiting();
+    counts::waiting(urgent, bulk);
+    counts::sessions(app.sessions.active(), app.sessions.limits().most);
+    if let Ok(mut conn) = app.readers.acquire().await {
+        if let Ok(waiting) = critiques::waiting(&mut conn).await {
+            counts::critiques(waiting.iter().map(|(_, episodes)| episodes).sum());
+        }
+        if let Ok((bytes, free)) = survey::bytes(&mut conn).await {
+            counts::database(bytes, free);
+        }
+    }
+    handle.run_upkeep();
+    Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], handle.render())
+        .into_response())
+}
+
+/// Counts requests and how long each took.
+pub(super) async fn measured(request: Request, next: Next) -> Response {
+    let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
+    let (method, begun) = (request.method().clone(), Instant::now());
+    let response = next.run(request).await;
+    counts::request(&method, route, response.status(), begun.elapsed());
+    response
+}

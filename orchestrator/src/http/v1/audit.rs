@@ -1,0 +1,70 @@
+//! The audit log: what was changed by hand, and who was kept out.
+
+use axum::extract::State;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::super::extract::Query;
+use super::super::problem::Problem;
+use super::{Page, next};
+use crate::clock::rfc3339;
+use crate::service::App;
+use crate::store::tokens::{self, AuditRow};
+
+/// A line of the audit log.
+#[derive(Serialize, ToSchema)]
+struct Line {
+    /// When, RFC 3339.
+    at: String,
+    /// The number of the token; none where nobody showed one that is known.
+    token: Option<i64>,
+    /// Its name.
+    name: Option<String>,
+    /// The address it came from.
+    address: Option<String>,
+    /// The operation, as this document names it.
+    #[schema(example = "POST /v1/runs/{run}/pause")]
+    operation: String,
+    /// The path that was asked for.
+    path: String,
+    /// The HTTP status it was answered with.
+    status: i64,
+    /// The request's id, which stands in the logs, too.
+    request_id: String,
+}
+
+/// A page of the audit log.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Audit {
+    /// The newest first.
+    lines: Vec<Line>,
+    /// Cursor of the next page, if there may be one.
+    next: Option<String>,
+}
+
+/// Show what was changed by hand, and who was kept out (401, 403; one line a second of an address at most). The newest 100 000 lines
+/// are kept.
+#[utoipa::path(
+    get, path = "/audit", tag = "health", operation_id = "audit", params(Page),
+    responses((status = 200, body = Audit), (status = 400, body = Problem), (status = 422, body = Problem))
+)]
+pub(super) async fn list(
+    State(app): State<App>,
+    Query(page): Query<Page>,
+) -> Result<axum::Json<Audit>, Problem> {
+    let limit = page.limit()?;
+    let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
+    let rows = tokens::audited(&mut *app.readers.acquire().await?, before, limit).await?;
+    let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
+    let line = |row: AuditRow| Line {
+        at: rfc3339(row.at),
+        token: row.token,
+        name: row.name,
+        address: row.address,
+        operation: row.operation,
+        path: row.path,
+        status: row.status,
+        request_id: row.request_id,
+    };
+    Ok(axum::Json(Audit { lines: rows.into_iter().map(line).collect(), next }))
+}

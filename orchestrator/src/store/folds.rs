@@ -1,0 +1,552 @@
+//! Folded leases: what is left of those past a run's retention. Some leases a row, packed.
+
+use serde::{Deserialize, Serialize};
+use sqlx::{SqliteConnection, query};
+
+use super::leases::LeaseRow;
+use super::pack::{pack, unpack};
+use super::{StoreError, to_json};
+use crate::clock::Millis;
+
+/// A lease that was folded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoldedLease {
+    /// The lease as it was.
+    pub row: LeaseRow,
+    /// Its groups, but for those that something rests on.
+    pub groups: Vec<FoldedGroup>,
+    /// What became of what was claimed of it in columns.
+    pub claim: Option<FoldedClaim>,
+}
+
+/// A group of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoldedGroup {
+    /// Its number in the lease.
+    pub number: i64,
+    /// The task.
+    pub task: String,
+    /// The level.
+    pub level: Option<i64>,
+    /// The proposal's role, or `designed`.
+    pub role: String,
+    /// Its layout, where it was designed.
+    pub layout: Option<i64>,
+    /// Whether the scenario was contested.
+    pub contested: bool,
+    /// Its reported episodes, in order.
+    pub episodes: Vec<FoldedEpisode>,
+}
+
+/// What an episode came to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoldedEpisode {
+    /// Its index in the lease.
+    pub number: i64,
+    /// How it ended.
+    pub state: FoldedState,
+    /// The world's score.
+    pub score: Option<f64>,
+    /// Skill, where the scenario defines one.
+    pub skill: Option<f64>,
+    /// Whether it counts as a success.
+    pub success: Option<bool>,
+    /// The policy that flew it.
+    pub policy_version: i64,
+    /// When it was reported, milliseconds after its lease was granted.
+    pub after_ms: i64,
+}
+
+/// See [`super::episodes::EpisodeRow::state`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FoldedState {
+    /// It was flown.
+    Finished,
+    /// The infrastructure lost it.
+    Failed,
+    /// It came after its lease was over.
+    Late,
+}
+
+impl FoldedState {
+    /// As it is stored otherwise.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Finished => "finished",
+            Self::Failed => "failed",
+            Self::Late => "late",
+        }
+    }
+
+    /// From the word it is stored by.
+    #[must_use]
+    pub fn of(word: &str) -> Self {
+        match word {
+            "finished" => Self::Finished,
+            "failed" => Self::Failed,
+            _ => Self::Late,
+        }
+    }
+}
+
+/// A claim in columns, without them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoldedClaim {
+    /// `accepted`, `refused` or `unproven`.
+    pub state: String,
+    /// How many episodes.
+    pub episodes: i64,
+    /// Of these, lost to infrastructure.
+    pub failed: i64,
+}
+
+impl FoldedLease {
+    /// An episode by its index in the lease, with its group.
+    #[must_use]
+    pub fn episode(&self, number: i64) -> Option<(&FoldedGroup, &FoldedEpisode)> {
+        let group = self.group(number / self.row.group_size.max(1))?;
+        Some((group, group.episodes.iter().find(|episode| episode.number == number)?))
+    }
+
+    /// A group by its number.
+    #[must_use]
+    pub fn group(&self, number: i64) -> Option<&FoldedGroup> {
+        self.groups.iter().find(|group| group.number == number)
+    }
+
+    /// Its reported episodes, in order.
+    pub fn episodes(&self) -> impl Iterator<Item = (&FoldedGroup, &FoldedEpisode)> {
+        self.groups.iter().flat_map(|group| group.episodes.iter().map(move |episode| (group, episode)))
+    }
+}
+
+/// Stores leases of a run, in order of their numbers.
+///
+/// # Errors
+/// The database's.
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    run: &str,
+    leases: &[FoldedLease],
+    at: Millis,
+) -> Result<(), StoreError> {
+    let numbers = || leases.iter().map(|lease| lease.row.id);
+    let (Some(first), Some(last)) = (numbers().min(), numbers().max()) else { return Ok(()) };
+    let episodes = leases.iter().map(|lease| lease.episodes().count()).sum::<usize>() as i64;
+    let body = rmp_serde::to_vec(leases).map_err(|error| StoreError::unreadable("a fold", error))?;
+    let body = pack(body);
+    query!(
+        "INSERT INTO folds (run, first, last, episodes, at, body) VALUES (?, ?, ?, ?, ?, ?)",
+        run,
+        first,
+        last,
+        episodes,
+        at,
+        body
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// A folded lease by its number.
+///
+/// # Errors
+/// The database's, or a fold that cannot be read.
+pub async fn get(
+    conn: &mut SqliteConnection,
+    run: &str,
+    lease: i64,
+) -> Result<Option<FoldedLease>, StoreError> {
+    let bodies = sqlx::query_scalar!(
+        "SELECT body FROM folds WHERE run = ?1 AND first <= ?2 AND last >= ?2 ORDER BY first DESC",
+        run,
+        lease
+    )
+    .fetch_all(conn)
+    .await?;
+    let mut found = Vec::new();
+    for body in bodies {
+        found.extend(read(run, &body)?.into_iter().filter(|folded| folded.row.id == lease));
+    }
+    Ok(joined(found).pop())
+}
+
+/// In order of their numbers, each once: something of a lease may have been folded later than the rest.
+fn joined(mut leases: Vec<FoldedLease>) -> Vec<FoldedLease> {
+    leases.sort_by_key(|folded| folded.row.id);
+    let mut joined = Vec::<FoldedLease>::with_capacity(leases.len());
+    for lease in leases {
+        match joined.last_mut().filter(|last| last.row.id == lease.row.id) {
+            Some(last) => {
+                last.groups.extend(lease.groups);
+                last.groups.sort_by_key(|group| group.number);
+                last.claim = last.claim.take().or(lease.claim);
+            }
+            None => joined.push(lease),
+        }
+    }
+    joined
+}
+
+/// Folds that are read at a time.
+const FOLDS: i64 = 2;
+
+/// Folded leases of a run from a number on, in order, until they come to enough by this count.
+///
+/// # Errors
+/// The database's, or a fold that cannot be read.
+pub async fn from(
+    conn: &mut SqliteConnection,
+    run: &str,
+    lease: i64,
+    (enough, count): (i64, impl Fn(&FoldedLease) -> i64),
+) -> Result<Vec<FoldedLease>, StoreError> {
+    let (mut found, mut begin) = (Vec::<FoldedLease>::new(), i64::MIN);
+    loop {
+        let rows = query!(
+            "SELECT first, body FROM folds WHERE run = ? AND first > ? AND last >= ? ORDER BY first LIMIT ?",
+            run,
+            begin,
+            lease,
+            FOLDS
+        )
+        .fetch_all(&mut *conn)
+        .await?;
+        let Some(last) = rows.last() else { break };
+        begin = last.first;
+        // Those of later rows come after what is before the first of them: a lease that ended late is in a row of its own.
+        let settled = |folded: &&FoldedLease| folded.row.id < begin;
+        for row in &rows {
+            found.extend(read(run, &row.body)?.into_iter().filter(|folded| folded.row.id >= lease));
+        }
+        found = joined(found);
+        if found.iter().filter(settled).map(&count).sum::<i64>() >= enough {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// Every folded lease of a run, in order; one of which something was folded later comes again with that.
+///
+/// # Errors
+/// The database's, or a fold that cannot be read.
+pub async fn each(
+    conn: &mut SqliteConnection,
+    run: &str,
+    mut see: impl FnMut(FoldedLease),
+) -> Result<(), StoreError> {
+    let mut after = (i64::MIN, i64::MIN);
+    loop {
+        let rows = query!(
+            "SELECT id, first, body FROM folds WHERE run = ? AND (first, id) > (?, ?) ORDER BY first, id LIMIT ?",
+            run,
+            after.0,
+            after.1,
+            FOLDS
+        )
+        .fetch_all(&mut *conn)
+        .await?;
+        let Some(last) = rows.last() else { return Ok(()) };
+        after = (last.first, last.id);
+        for row in &rows {
+            read(run, &row.body)?.into_iter().for_each(&mut see);
+        }
+    }
+}
+
+fn read(run: &str, body: &[u8]) -> Result<Vec<FoldedLease>, StoreError> {
+    let body = unpack("a fold", body)?;
+    let mut leases: Vec<FoldedLease> =
+        rmp_serde::from_slice(&body).map_err(|error| StoreError::unreadable("a fold", error))?;
+    for lease in &mut leases {
+        run.clone_into(&mut lease.row.run);
+        lease.row.folded = 1;
+    }
+    Ok(leases)
+}
+
+/// How much a run keeps whole.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Whole {
+    /// The run.
+    pub run: String,
+    /// Its settings: JSON.
+    pub settings: String,
+    /// Episodes of its closed leases of groups.
+    pub episodes: i64,
+    /// Of those of columns.
+    pub claimed: i64,
+}
+
+/// How much each run keeps whole: by the index of what could be folded.
+///
+/// # Errors
+/// The database's.
+pub async fn whole(conn: &mut SqliteConnection) -> Result<Vec<Whole>, StoreError> {
+    Ok(sqlx::query_as!(
+        Whole,
+        r#"SELECT r.id AS run, r.settings,
+                  coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_fold
+                            WHERE run = r.id AND form = 'groups' AND folded = 0 AND status <> 'active'
+                                  AND purpose <> 'eval'), 0) AS "episodes!: i64",
+                  coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_fold
+                            WHERE run = r.id AND form = 'columns' AND folded = 0 AND status <> 'active'
+                                  AND purpose <> 'eval'), 0) AS "claimed!: i64"
+           FROM runs r"#
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// The oldest closed leases of a run that nothing waits for: neither the critique nor whoever pulls what was flown. The newest
+/// lease of all is never one: numbers are given after it.
+///
+/// # Errors
+/// The database's.
+pub async fn oldest(
+    conn: &mut SqliteConnection,
+    run: &str,
+    form: &str,
+    limit: i64,
+) -> Result<Vec<LeaseRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        LeaseRow,
+        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at,
+                folded, owner
+         FROM leases INDEXED BY leases_to_fold
+         WHERE run = ?1 AND form = ?2 AND folded = 0 AND status <> 'active' AND purpose <> 'eval'
+               AND NOT EXISTS (SELECT 1 FROM critique_queue q WHERE q.lease = leases.id)
+               AND NOT EXISTS (SELECT 1 FROM trajectory_groups t WHERE t.lease = leases.id)
+               AND id < (SELECT max(id) FROM leases)
+         ORDER BY id LIMIT ?3",
+        run,
+        form,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Folded leases of a run of which something stays, after a number.
+///
+/// # Errors
+/// The database's.
+pub async fn kept(
+    conn: &mut SqliteConnection,
+    run: &str,
+    after: i64,
+    limit: i64,
+) -> Result<Vec<LeaseRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        LeaseRow,
+        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at,
+                folded, owner
+         FROM leases INDEXED BY leases_folded WHERE run = ?1 AND folded = 1 AND id > ?2
+               AND NOT EXISTS (SELECT 1 FROM critique_queue q WHERE q.lease = leases.id)
+         ORDER BY id LIMIT ?3",
+        run,
+        after,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Episodes that an example of a failure names, of these leases.
+///
+/// # Errors
+/// The database's.
+pub async fn examples(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<(i64, i64)>, StoreError> {
+    let leases = to_json(&leases)?;
+    let rows = query!(
+        "SELECT lease, number FROM failure_examples WHERE lease IN (SELECT value FROM json_each(?))",
+        leases
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| (row.lease, row.number)).collect())
+}
+
+/// The first group that was flown on a layout: its lease and number.
+///
+/// # Errors
+/// The database's.
+pub async fn first_of_layout(
+    conn: &mut SqliteConnection,
+    layout: i64,
+) -> Result<Option<(i64, i64)>, StoreError> {
+    let row =
+        query!("SELECT lease, number FROM groups WHERE layout = ? ORDER BY lease, number LIMIT 1", layout)
+            .fetch_optional(conn)
+            .await?;
+    Ok(row.map(|row| (row.lease, row.number)))
+}
+
+/// Deletes groups, by lease and number, with their episodes and logs. `spans` are the same as (lease, first index, last index
+/// + 1).
+///
+/// # Errors
+/// The database's.
+pub async fn delete_groups(
+    conn: &mut SqliteConnection,
+    groups: &[(i64, i64)],
+    spans: &[(i64, i64, i64)],
+) -> Result<(), StoreError> {
+    let (groups, spans) = (to_json(&groups)?, to_json(&spans)?);
+    query!(
+        "DELETE FROM action_logs WHERE id IN (
+             SELECT a.id FROM json_each(?) AS s CROSS JOIN action_logs a
+             ON a.lease = s.value ->> 0 AND a.number >= s.value ->> 1 AND a.number < s.value ->> 2)",
+        spans
+    )
+    .execute(&mut *conn)
+    .await?;
+    query!(
+        "DELETE FROM episodes WHERE (lease, number) IN (
+             SELECT e.lease, e.number FROM json_each(?) AS s CROSS JOIN episodes e
+             ON e.lease = s.value ->> 0 AND e.number >= s.value ->> 1 AND e.number < s.value ->> 2)",
+        spans
+    )
+    .execute(&mut *conn)
+    .await?;
+    query!(
+        "DELETE FROM groups WHERE (lease, number) IN (SELECT value ->> 0, value ->> 1 FROM json_each(?))",
+        groups
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Deletes what leases hold beside their groups, and says of them that they are folded; those of which nothing is left, and
+/// that no mark names, go.
+///
+/// # Errors
+/// The database's.
+pub async fn delete_leases(conn: &mut SqliteConnection, leases: &[i64]) -> Result<(), StoreError> {
+    let leases = to_json(&leases)?;
+    for statement in [
+        "DELETE FROM audited_scores WHERE lease IN (SELECT value FROM json_each(?))",
+        "DELETE FROM column_claims WHERE lease IN (SELECT value FROM json_each(?))",
+        "DELETE FROM seed_ranges WHERE lease IN (SELECT value FROM json_each(?))",
+        "DELETE FROM rollout_leases WHERE lease IN (SELECT value FROM json_each(?))",
+        "UPDATE leases SET folded = 1 WHERE id IN (SELECT value FROM json_each(?))",
+        "DELETE FROM leases WHERE id IN (SELECT value FROM json_each(?))
+             AND NOT EXISTS (SELECT 1 FROM groups g WHERE g.lease = leases.id)
+             AND NOT EXISTS (SELECT 1 FROM run_marks m WHERE m.lease = leases.id)",
+    ] {
+        sqlx::query(statement).bind(&leases).execute(&mut *conn).await?;
+    }
+    Ok(())
+}
+
+/// The seq before which no proposal of a run is wanted any more: none waits, and no lease that is kept whole has one.
+///
+/// # Errors
+/// The database's.
+pub async fn unwanted_before(conn: &mut SqliteConnection, run: &str) -> Result<Option<i64>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        r#"SELECT min(seq) AS "seq: i64" FROM (
+               SELECT min(g.proposal) AS seq FROM leases l JOIN groups g ON g.lease = l.id
+               WHERE l.run = ?1 AND l.folded = 0
+               UNION ALL
+               SELECT min(s.proposal) FROM leases l JOIN seed_ranges s ON s.lease = l.id
+               WHERE l.run = ?1 AND l.folded = 0
+               UNION ALL
+               SELECT min(seq) FROM proposals INDEXED BY proposals_waiting
+               WHERE run = ?1 AND state IN ('proposed', 'prepared'))"#,
+        run
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
+/// Deletes the oldest proposals before a seq; the scenarios they had, and how many went.
+///
+/// # Errors
+/// The database's.
+pub async fn delete_proposals(
+    conn: &mut SqliteConnection,
+    run: &str,
+    before: i64,
+    limit: i64,
+) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "DELETE FROM proposals WHERE run = ?1 AND seq IN (
+             SELECT seq FROM proposals WHERE run = ?1 AND seq < ?2 AND state IN ('leased', 'dropped')
+             ORDER BY seq LIMIT ?3)
+         RETURNING scenario",
+        run,
+        before,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Deletes the oldest events of a curriculum before a seq, as far as both snapshots that are kept are newer; how many.
+///
+/// # Errors
+/// The database's.
+pub async fn delete_events(
+    conn: &mut SqliteConnection,
+    run: &str,
+    before: i64,
+    limit: i64,
+) -> Result<u64, StoreError> {
+    let done = query!(
+        "DELETE FROM curriculum_events WHERE run = ?1 AND seq IN (
+             SELECT seq FROM curriculum_events WHERE run = ?1 AND seq < ?2
+                 AND seq < (SELECT min(seq) FROM curriculum_snapshots WHERE run = ?1 HAVING count(*) > 1)
+             ORDER BY seq LIMIT ?3)",
+        run,
+        before,
+        limit
+    )
+    .execute(conn)
+    .await?;
+    Ok(done.rows_affected())
+}
+
+/// Deletes those of these scenarios that nobody refers to any more, and their recipes likewise.
+///
+/// # Errors
+/// The database's.
+pub async fn delete_scenarios(conn: &mut SqliteConnection, ids: &[Vec<u8>]) -> Result<(), StoreError> {
+    if ids.is_empty() {
+        return Ok(());
+    }
+    let ids = super::hex_list(ids)?;
+    let unwanted = sqlx::query_scalar!(
+        r#"SELECT s.id AS "id!" FROM json_each(?) AS wanted CROSS JOIN scenarios s ON s.id = unhex(wanted.value)
+           WHERE NOT EXISTS (SELECT 1 FROM groups g WHERE g.scenario = s.id)
+                 AND NOT EXISTS (SELECT 1 FROM proposals p WHERE p.scenario = s.id)
+                 AND NOT EXISTS (SELECT 1 FROM layouts l WHERE l.scenario = s.id)"#,
+        ids
+    )
+    .fetch_all(&mut *conn)
+    .await?;
+    let unwanted = super::hex_list(&unwanted)?;
+    query!("DELETE FROM brackets WHERE scenario IN (SELECT unhex(value) FROM json_each(?))", unwanted)
+        .execute(&mut *conn)
+        .await?;
+    let recipes = sqlx::query_scalar!(
+        "DELETE FROM scenarios WHERE id IN (SELECT unhex(value) FROM json_each(?)) RETURNING recipe",
+        unwanted
+    )
+    .fetch_all(&mut *conn)
+    .await?;
+    let recipes = super::hex_list(&recipes)?;
+    query!(
+        "DELETE FROM recipes WHERE id IN (SELECT unhex(value) FROM json_each(?))
+             AND NOT EXISTS (SELECT 1 FROM scenarios s WHERE s.recipe = recipes.id)
+             AND NOT EXISTS (SELECT 1 FROM seed_ranges r WHERE r.recipe = recipes.id)",
+        recipes
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}

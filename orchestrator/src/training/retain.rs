@@ -1,0 +1,300 @@
+//! Retention: what a run keeps whole is a ring. Older leases are folded: what their episodes came to stays, their actions and
+//! scenarios go, but for those that a level move, a layout or a failure's example rests on.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{Change, TrainingError, Work};
+use crate::counts;
+use crate::curriculum::Evidence;
+use crate::store::episodes::{self, EpisodeRow};
+use crate::store::folds::{self, FoldedClaim, FoldedEpisode, FoldedGroup, FoldedLease, FoldedState};
+use crate::store::groups::{self, GroupRow};
+use crate::store::leases::{COLUMNS, GROUPS, LeaseRow};
+use crate::store::progress::{self, Stretch};
+use crate::store::{StoreError, columns, curriculum, from_json, unsigned};
+
+/// Episodes folded in one change: what waits behind it waits a few milliseconds.
+const EPISODES: i64 = 256;
+/// Leases looked at in one change.
+const LEASES: i64 = 64;
+/// Proposals and events deleted in one change.
+const SWEPT: i64 = 500;
+/// Moves read at a time.
+const MOVES: i64 = 500;
+
+/// Which leases are folded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fold {
+    /// The oldest that are kept whole, and have groups.
+    Groups,
+    /// The oldest that are kept whole, and are columns.
+    Columns,
+    /// Those after this number that were folded but for what something rested on: it may rest on it no more.
+    Kept {
+        /// The number.
+        after: i64,
+    },
+}
+
+/// Folds some leases of a run.
+#[derive(Debug)]
+pub struct FoldLeases {
+    /// The run.
+    pub run: String,
+    /// Which.
+    pub which: Fold,
+}
+
+/// What was folded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Folded {
+    /// Episodes that leases had, reported or not.
+    pub episodes: i64,
+    /// The last lease that was looked at, if any was.
+    pub last: Option<i64>,
+}
+
+impl Change for FoldLeases {
+    type Answer = Folded;
+    const BULK: bool = true;
+
+    async fn apply(self, work: &mut Work) -> Result<Folded, TrainingError> {
+        let run = self.run.as_str();
+        let mut rows = match self.which {
+            Fold::Groups => folds::oldest(&mut work.conn, run, GROUPS, LEASES).await?,
+            Fold::Columns => folds::oldest(&mut work.conn, run, COLUMNS, LEASES).await?,
+            Fold::Kept { after } => folds::kept(&mut work.conn, run, after, LEASES).await?,
+        };
+        let mut together = 0;
+        rows.retain(|row| {
+            let fits = together == 0 || together + weight(row) <= EPISODES;
+            together += weight(row);
+            fits
+        });
+        let last = rows.last().map(|row| row.id);
+        if rows.is_empty() {
+            return Ok(Folded { episodes: 0, last });
+        }
+        let episodes: i64 = rows.iter().map(LeaseRow::episodes).sum();
+        let rests = Rests::of(work, run).await?;
+        let batch = Batch::read(work, rows, &rests).await?;
+        batch.write(work, run).await?;
+        counts::folded(episodes.unsigned_abs());
+        Ok(Folded { episodes, last })
+    }
+}
+
+/// Episodes that have rows, at most.
+fn weight(row: &LeaseRow) -> i64 {
+    if row.is_columns() { row.episodes().min(EPISODES / 4) } else { row.episodes() }
+}
+
+/// What level moves rest on, those that are yet to come among them.
+struct Rests {
+    /// By task: from this seq of a proposal on, and before that one.
+    spans: BTreeMap<String, Vec<(u64, u64)>>,
+}
+
+impl Rests {
+    async fn of(work: &mut Work, run: &str) -> Result<Self, TrainingError> {
+        let mut spans = BTreeMap::<String, Vec<(u64, u64)>>::new();
+        let (mut after, mut before) = (-1, BTreeMap::<String, u64>::new());
+        loop {
+            let moves = curriculum::moves(&mut work.conn, run, after, MOVES).await?;
+            let Some(last) = moves.last() else { break };
+            after = last.seq;
+            for moved in moves {
+                let evidence: Evidence = from_json("a move's evidence", &moved.evidence)?;
+                let end = unsigned(moved.seq);
+                let begin = evidence.first().or_else(|| before.get(&moved.task).copied()).unwrap_or(0);
+                spans.entry(moved.task.clone()).or_default().push((begin, end));
+                before.insert(moved.task, end);
+            }
+        }
+        let (mind, _) = work.mind(run).await?;
+        for status in mind.curriculum.status() {
+            if let Some(begin) = status.rests_on {
+                spans.entry(status.task).or_default().push((begin, u64::MAX));
+            }
+        }
+        Ok(Self { spans })
+    }
+
+    /// Whether a move may rest on this group.
+    fn on(&self, group: &GroupRow) -> bool {
+        let Some(seq) = group.proposal.map(unsigned) else { return false };
+        group.evidence != 0
+            && group.contested != 0
+            && matches!(group.role.as_str(), "placement" | "frontier")
+            && self
+                .spans
+                .get(&group.task)
+                .is_some_and(|spans| spans.iter().any(|(begin, end)| (*begin..*end).contains(&seq)))
+    }
+}
+
+/// Leases that are folded together.
+#[derive(Default)]
+struct Batch {
+    leases: Vec<FoldedLease>,
+    /// Groups that go, by lease and number.
+    groups: Vec<(i64, i64)>,
+    /// The same as spans of episodes.
+    spans: Vec<(i64, i64, i64)>,
+    /// Scenarios that nobody but those groups may refer to.
+    scenarios: Vec<Vec<u8>>,
+    /// Evidence of leases that are folded for the first time, by task.
+    progress: BTreeMap<String, Stretch>,
+}
+
+impl Batch {
+    async fn read(work: &mut Work, rows: Vec<LeaseRow>, rests: &Rests) -> Result<Self, StoreError> {
+        let ids: Vec<i64> = rows.iter().map(|row| row.id).collect();
+        let examples = folds::examples(&mut work.conn, &ids).await?;
+        let mut reported = BTreeMap::<i64, Vec<EpisodeRow>>::new();
+        for row in episodes::of_leases(&mut work.conn, &ids).await? {
+            reported.entry(row.lease).or_default().push(row);
+        }
+        let mut batch = Self::default();
+        for row in rows {
+            let size = row.group_size.max(1);
+            let shown: BTreeSet<i64> = examples
+                .iter()
+                .filter(|(lease, _)| *lease == row.id)
+                .map(|(_, number)| number / size)
+                .collect();
+            let (mut folded, mut stay) = (Vec::new(), BTreeSet::new());
+            for (group, closed_at) in groups::closed(&mut work.conn, row.id).await? {
+                if row.folded == 0 {
+                    batch.note(&group, closed_at);
+                }
+                if shown.contains(&group.number) || rests.on(&group) || first(work, &row, &group).await? {
+                    stay.insert(group.number);
+                } else {
+                    folded.push(group);
+                }
+            }
+            let episodes = reported.remove(&row.id).unwrap_or_default();
+            batch.add(work, row, folded, episodes).await?;
+        }
+        Ok(batch)
+    }
+
+    /// Counts a group's part in success over time.
+    fn note(&mut self, group: &GroupRow, closed_at: i64) {
+        let counts = group.contested != 0 && group.evidence != 0 && group.finished > 0 && group.counts();
+        if !counts || !matches!(group.state.as_str(), "complete" | "partial") {
+            return;
+        }
+        let sum = group.successes as f64 / group.finished as f64;
+        let of_group = Stretch { at: closed_at, low: group.level, high: group.level, n: 1, sum };
+        self.progress
+            .entry(group.task.clone())
+            .and_modify(|stretch| stretch.join(&of_group))
+            .or_insert(of_group);
+    }
+
+    async fn add(
+        &mut self,
+        work: &mut Work,
+        row: LeaseRow,
+        groups: Vec<GroupRow>,
+        episodes: Vec<EpisodeRow>,
+    ) -> Result<(), StoreError> {
+        let claim = match row.is_columns() {
+            true => columns::claim(&mut work.conn, row.id).await?,
+            false => None,
+        };
+        let claim = claim.map(|claim| {
+            let columns::ClaimRow { state, episodes, failed, .. } = claim;
+            FoldedClaim { state, episodes, failed }
+        });
+        let mut of_group = BTreeMap::<i64, Vec<FoldedEpisode>>::new();
+        for episode in episodes {
+            let group = episode.number / row.group_size.max(1);
+            of_group.entry(group).or_default().push(folded_episode(&row, &episode));
+        }
+        for group in &groups {
+            let first = group.number * row.group_size;
+            self.groups.push((row.id, group.number));
+            self.spans.push((row.id, first, first + row.group_size));
+            if row.is_columns() || row.folded != 0 {
+                // Of others a proposal is there, too, that has the scenario, or a layout.
+                self.scenarios.push(group.scenario.clone());
+            }
+        }
+        let groups = groups.into_iter().map(|group| FoldedGroup {
+            episodes: of_group.remove(&group.number).unwrap_or_default(),
+            number: group.number,
+            task: group.task,
+            level: group.level,
+            role: group.role,
+            layout: group.layout,
+            contested: group.contested != 0,
+        });
+        let groups = groups.collect();
+        self.leases.push(FoldedLease { row, groups, claim });
+        Ok(())
+    }
+
+    async fn write(self, work: &mut Work, run: &str) -> Result<(), StoreError> {
+        let Self { leases, groups, spans, scenarios, progress } = self;
+        let now = work.now;
+        let conn = &mut work.conn;
+        // One that was folded before is there already, but for the groups that it loses now.
+        let news = |lease: &&FoldedLease| lease.row.folded == 0 || !lease.groups.is_empty();
+        let new: Vec<FoldedLease> = leases.iter().filter(news).cloned().collect();
+        folds::insert(conn, run, &new, now).await?;
+        for (task, stretch) in &progress {
+            progress::add_folded(conn, run, task, stretch).await?;
+        }
+        folds::delete_groups(conn, &groups, &spans).await?;
+        let ids: Vec<i64> = leases.iter().map(|lease| lease.row.id).collect();
+        folds::delete_leases(conn, &ids).await?;
+        folds::delete_scenarios(conn, &scenarios).await
+    }
+}
+
+/// Whether a group is the first that was flown on its layout.
+async fn first(work: &mut Work, lease: &LeaseRow, group: &GroupRow) -> Result<bool, StoreError> {
+    let Some(layout) = group.layout else { return Ok(false) };
+    Ok(folds::first_of_layout(&mut work.conn, layout).await? == Some((lease.id, group.number)))
+}
+
+fn folded_episode(lease: &LeaseRow, row: &EpisodeRow) -> FoldedEpisode {
+    FoldedEpisode {
+        number: row.number,
+        state: FoldedState::of(&row.state),
+        score: row.score,
+        skill: row.skill,
+        success: row.success.map(|success| success != 0),
+        policy_version: row.policy_version,
+        after_ms: row.at - lease.created_at,
+    }
+}
+
+/// Deletes proposals that nothing that is kept whole comes from, with the scenarios they alone refer to, and events of the
+/// curriculum that are behind its snapshots.
+#[derive(Debug)]
+pub struct Sweep {
+    /// The run.
+    pub run: String,
+    /// The seq before which nothing is wanted any more.
+    pub before: i64,
+}
+
+impl Change for Sweep {
+    /// Whether there may be more.
+    type Answer = bool;
+    const BULK: bool = true;
+
+    async fn apply(self, work: &mut Work) -> Result<bool, TrainingError> {
+        let conn = &mut work.conn;
+        let gone = folds::delete_proposals(conn, &self.run, self.before, SWEPT).await?;
+        let more = gone.len() as i64 == SWEPT;
+        let scenarios: Vec<Vec<u8>> = gone.into_iter().flatten().collect();
+        folds::delete_scenarios(conn, &scenarios).await?;
+        let events = folds::delete_events(conn, &self.run, self.before, SWEPT).await?;
+        Ok(more || events as i64 == SWEPT)
+    }
+}

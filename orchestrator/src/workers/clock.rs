@@ -1,0 +1,32 @@
+//! Watches the clock of the day: where it jumps nobody's lease ends by that.
+
+use std::time::Duration;
+
+use crate::clock::Clock;
+use crate::training::jump::Adopt;
+use crate::training::{TrainingError, Writer};
+
+/// How often it looks.
+const EVERY: Duration = Duration::from_millis(500);
+
+/// Works until the writer is gone.
+pub async fn run(clock: Clock, writer: Writer) {
+    loop {
+        if let Some(jumped) = clock.jumped() {
+            match writer.change(Adopt(clock.clone())).await {
+                Ok(None) => {}
+                Ok(Some(by_ms)) => {
+                    tracing::warn!(by_ms, "The clock jumped; leases hold as long as they would have.");
+                }
+                Err(TrainingError::Stopping) => return,
+                Err(error) => {
+                    // It may have been adopted in a transaction that then failed.
+                    let back = clock.jumped().unwrap_or(0) - jumped;
+                    clock.adopt(back);
+                    tracing::error!(error = %error, "The clock jumped, and leases could not be moved; trying again.");
+                }
+            }
+        }
+        tokio::time::sleep(EVERY).await;
+    }
+}

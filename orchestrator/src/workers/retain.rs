@@ -1,0 +1,98 @@
+//! Folds what runs keep whole no longer.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use sqlx::SqlitePool;
+
+use crate::store::folds::{self, Whole};
+use crate::store::from_json;
+use crate::training::retain::{Fold, FoldLeases, Sweep};
+use crate::training::settings::Retention;
+use crate::training::{RunSettings, TrainingError, Writer};
+
+/// How often it looks.
+const EVERY: Duration = Duration::from_secs(2);
+/// Changes in a row before proposals and events are swept and what is kept is looked at again.
+const ROUND: u32 = 64;
+
+/// Works until the writer is gone.
+pub async fn run(readers: SqlitePool, writer: Writer) {
+    let mut keeper = Keeper { readers, writer, looked_at: HashMap::new() };
+    loop {
+        match keeper.round().await {
+            Ok(true) => continue, // there is more
+            Ok(false) => {}
+            Err(TrainingError::Stopping) => return,
+            // A queue that is full says that others have more to do.
+            Err(TrainingError::Busy) => {}
+            Err(error) => {
+                tracing::error!(error = %error, "Old leases could not be folded; trying again soon.")
+            }
+        }
+        tokio::time::sleep(EVERY).await;
+    }
+}
+
+struct Keeper {
+    readers: SqlitePool,
+    writer: Writer,
+    /// By run, up to which lease it was looked at whether something of it must still stay.
+    looked_at: HashMap<String, i64>,
+}
+
+impl Keeper {
+    /// Folds some leases of each run that keeps more than it should; whether there may be more.
+    async fn round(&mut self) -> Result<bool, TrainingError> {
+        let runs = folds::whole(&mut *self.readers.acquire().await?).await?;
+        let mut more = false;
+        for Whole { run, settings, episodes, claimed } in runs {
+            let settings: RunSettings = from_json("a run's settings", &settings)?;
+            let Retention { episodes: most, claimed: most_claimed } = settings.retention;
+            let over =
+                [(Fold::Groups, episodes - most.limit()), (Fold::Columns, claimed - most_claimed.limit())];
+            let mut folded = false;
+            for (which, over) in over {
+                folded |= self.fold(&run, which, over).await?;
+            }
+            if folded {
+                self.sweep(&run).await?;
+                self.look_again(&run).await?;
+                more = true;
+            }
+        }
+        Ok(more)
+    }
+
+    /// Folds so many episodes at least, or what can be; whether anything was.
+    async fn fold(&self, run: &str, which: Fold, over: i64) -> Result<bool, TrainingError> {
+        let mut left = over;
+        for _ in 0..ROUND {
+            if left <= 0 {
+                break;
+            }
+            let folded = self.writer.change(FoldLeases { run: run.to_owned(), which }).await?;
+            if folded.episodes == 0 {
+                break;
+            }
+            left -= folded.episodes;
+        }
+        Ok(left < over)
+    }
+
+    async fn sweep(&self, run: &str) -> Result<(), TrainingError> {
+        let before = folds::unwanted_before(&mut *self.readers.acquire().await?, run).await?;
+        let Some(before) = before else { return Ok(()) };
+        while self.writer.change(Sweep { run: run.to_owned(), before }).await? {}
+        Ok(())
+    }
+
+    /// Looks again whether what stayed of some folded leases must stay.
+    async fn look_again(&mut self, run: &str) -> Result<(), TrainingError> {
+        let after = self.looked_at.get(run).copied().unwrap_or(0);
+        let which = Fold::Kept { after };
+        let folded = self.writer.change(FoldLeases { run: run.to_owned(), which }).await?;
+        self.looked_at.insert(run.to_owned(), folded.last.unwrap_or(0)); // from the beginning, at the end
+        Ok(())
+    }
+}

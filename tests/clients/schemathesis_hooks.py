@@ -1,0 +1,21 @@
+"""MessagePack for schemathesis, which speaks JSON alone by itself."""
+import json
+
+import msgpack
+import schemathesis
+
+
+@schemathesis.serializer("application/msgpack")
+def pack(_, value):
+    # Through JSON, so that whatever it made up is of JSON's kinds.
+    return msgpack.packb(json.loads(json.dumps(value, default=str)))
+
+
+@schemathesis.deserializer("application/msgpack")
+def unpack(_, response):
+    return msgpack.unpackb(response.content)
+
+
+@schemathesis.deserializer("application/x-ndjson")
+def lines(_, response):
+    return [json.loads(line) for line in response.content.splitlines()]

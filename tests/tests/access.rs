@@ -1,0 +1,376 @@
+//! Who may come in: every role on every operation of the API's document, limits, the audit log, and what browsers are told.
+
+#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+
+use futures_util::{SinkExt, StreamExt};
+use orchestrator::http::Each;
+use orchestrator::service::{Config, Service, StartError};
+use serde_json::{Value, json};
+use system_tests::{Api, Process, Server, binary, http_client};
+use tokio_tungstenite::connect_async;
+use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+
+const ROLES: [&str; 3] = ["viewer", "trainer", "admin"];
+
+fn sparring(db: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+    let out = Command::new(binary()).args(args).arg("--db").arg(db).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (out.status.code(), text(out.stdout), text(out.stderr))
+}
+
+fn token(db: &Path, role: &str) -> String {
+    let (code, token, told) = sparring(db, &["token", "create", role, "--role", role]);
+    assert_eq!(code, Some(0), "{told}");
+    token.trim().to_owned()
+}
+
+/// A server that lets in whoever has one of these tokens, by role.
+async fn closed(
+    setup: impl Fn(Config) -> Config + Send + Sync + 'static,
+) -> (Server, BTreeMap<&'static str, String>) {
+    let mut server = Server::set_up(setup).await;
+    server.stop().await;
+    let db = server.db();
+    let tokens =
+        tokio::task::spawn_blocking(move || ROLES.map(|role| (role, token(&db, role)))).await.unwrap();
+    server.restart().await;
+    (server, tokens.into())
+}
+
+/// Operations of the document: method, path, the role they need.
+fn operations() -> Vec<(String, String, Option<String>)> {
+    let document = serde_json::to_value(orchestrator::http::openapi()).unwrap();
+    let mut operations = Vec::new();
+    for (path, item) in document["paths"].as_object().unwrap() {
+        for (method, operation) in item.as_object().unwrap() {
+            let Some(operation) = operation.as_object().filter(|o| o.contains_key("responses")) else {
+                continue;
+            };
+            let role = operation
+                .get("security")
+                .map(|security| security[0]["token"][0].as_str().unwrap().to_owned());
+            operations.push((method.to_uppercase(), path.clone(), role));
+        }
+    }
+    operations
+}
+
+#[test]
+fn every_operation_says_which_role_it_needs() {
+    let told = operations()
+        .into_iter()
+        .map(|(method, path, role)| format!("{:<8} {method:<4} {path}", role.as_deref().unwrap_or("-")));
+    let mut told: Vec<String> = told.collect();
+    told.sort();
+    // Whoever adds an operation reads here whom it is for; one that nobody thought of says nothing, and is for admins.
+    insta::assert_snapshot!("roles", told.join("\n"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_role_may_what_it_may_and_nothing_else() {
+    let each = Each {
+        requests: 10_000.try_into().unwrap(),
+        anonymous: 10_000.try_into().unwrap(),
+        ..Each::default()
+    };
+    let (server, tokens) = closed(move |config| Config { each, ..config }).await;
+    let anonymous = server.api();
+    let callers: Vec<(Option<usize>, Api)> = std::iter::once((None, anonymous.clone()))
+        .chain(std::iter::once((
+            None,
+            anonymous.clone().with_token(&format!("sparring_1_{}", "0".repeat(64))),
+        )))
+        .chain(
+            ROLES
+                .iter()
+                .enumerate()
+                .map(|(rank, role)| (Some(rank), anonymous.clone().with_token(&tokens[role]))),
+        )
+        .collect();
+    let admin = &callers.last().unwrap().1;
+    let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let mut open = Vec::new();
+    for (method, path, role) in operations() {
+        let concrete =
+            path.replace("{run}", "run").replace("{lease}", "1-aaaaaa").replace("{episode}", "ep_1-aaaaaa_0");
+        let concrete = concrete
+            .replace("{design}", "layout-1")
+            .replace("{layout}", "layout-1")
+            .replace("{ask}", "ask-1");
+        for (rank, api) in &callers {
+            if path.ends_with("/events") && rank.is_some() {
+                continue; // it goes on for ever; below
+            }
+            let query = if path.ends_with("/trajectories") { "?wait_s=0" } else { "" };
+            let answer = api.raw(&method, &format!("{concrete}{query}"), "application/json", "{}").await;
+            let needed = role.as_ref().map(|role| ROLES.iter().position(|known| known == role).unwrap());
+            let expected = match (needed, rank) {
+                (None, _) => None,
+                (Some(_), None) => Some(401),
+                (Some(needed), Some(rank)) => (*rank < needed).then_some(403),
+            };
+            match expected {
+                Some(status) => {
+                    assert_eq!(answer.status, status, "{method} {path} {rank:?} {}", answer.body);
+                    assert_eq!(answer.kind, "application/problem+json");
+                }
+                None => {
+                    assert!(![401, 403].contains(&answer.status), "{method} {path} {rank:?} {}", answer.body)
+                }
+            }
+        }
+        if role.is_none() {
+            open.push(format!("{method} {path}"));
+        }
+    }
+    assert_eq!(open, ["GET /livez", "GET /readyz"]);
+    // What the document does not name, and what is nowhere.
+    for path in ["/", "/ws", "/mcp", "/ws/ui", "/web", "/web/", "/web/state", "/web/metadata"] {
+        assert_eq!(anonymous.get(path).await.status, 401, "{path}");
+    }
+    assert_eq!(anonymous.get("/nothing").await.status, 404);
+    let listen =
+        http_client().get(format!("{}/v1/runs/run/events", anonymous.base())).bearer_auth(&tokens["viewer"]);
+    assert_eq!(listen.send().await.unwrap().status(), 200);
+    // A session over a WebSocket, by its first request.
+    for (caller, status) in [(None, 401), (Some("viewer"), 403), (Some("trainer"), 101)] {
+        assert_eq!(upgraded(anonymous.base(), caller.map(|role| tokens[role].as_str())).await, status);
+    }
+}
+
+/// How a WebSocket of /v1/sessions is answered.
+async fn upgraded(base: &str, token: Option<&str>) -> u16 {
+    let mut request =
+        format!("{}/v1/sessions", base.replacen("http", "ws", 1)).into_client_request().unwrap();
+    if let Some(token) = token {
+        request.headers_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
+    }
+    match connect_async(request).await {
+        Ok((_, response)) => response.status().as_u16(),
+        Err(tokio_tungstenite::tungstenite::Error::Http(response)) => response.status().as_u16(),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tokens_are_made_listed_and_revoked_while_a_server_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("db.sqlite3");
+    let process = Process::start(&db);
+    let api = process.api();
+    let _ = api.post("/v1/runs", json!({"id": "before"})).await.expect(201); // nobody is known: this machine may everything
+    let path = db.clone();
+    let (admin, short) = tokio::task::spawn_blocking(move || {
+        let admin = token(&path, "admin");
+        let (_, short, _) =
+            sparring(&path, &["token", "create", "short", "--role", "viewer", "--expires", "2s"]);
+        (admin, short.trim().to_owned())
+    })
+    .await
+    .unwrap();
+    let mut refused = false;
+    for _ in 0..70 {
+        refused = api.get("/v1/runs").await.status == 401;
+        if refused {
+            break;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    }
+    assert!(refused, "a server that runs knows of the first token within 5 s");
+    let _ = api.clone().with_token(&admin).get("/v1/runs").await.expect(200);
+    tokio::time::sleep(std::time::Duration::from_secs(2)).await;
+    assert_eq!(api.clone().with_token(&short).get("/v1/runs").await.status, 401, "it expired");
+
+    let (code, listed, _) = sparring(&db, &["token", "list"]);
+    assert_eq!(code, Some(0));
+    assert!(listed.contains("admin") && listed.contains("expired") && !listed.contains(&admin), "{listed}");
+    assert_eq!(sparring(&db, &["token", "revoke", "1"]).0, Some(0));
+    let (code, _, told) = sparring(&db, &["token", "revoke", "1"]);
+    assert_eq!((code, told.contains("was revoked before")), (Some(2), true), "{told}");
+    let (code, _, told) = sparring(&db, &["token", "revoke", "9"]);
+    assert_eq!((code, told.contains("is not there")), (Some(2), true), "{told}");
+    let (code, _, told) = sparring(&db, &["token", "create", "x", "--role", "viewer", "--expires", "soon"]);
+    assert_eq!((code, told.contains("say it as 90d")), (Some(2), true), "{told}");
+    let mut refused = false;
+    for _ in 0..70 {
+        refused = api.clone().with_token(&admin).get("/v1/runs").await.status == 401;
+        if refused {
+            break;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    }
+    assert!(refused, "a revoked token is let in for 5 s at most");
+    drop(process);
+    // Of a token nothing but its hash is anywhere.
+    for file in std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
+        let bytes = std::fs::read(&file).unwrap();
+        let secret = admin.rsplit('_').next().unwrap().as_bytes();
+        assert!(!bytes.windows(secret.len()).any(|window| window == secret), "{}", file.display());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_changed_by_hand_and_who_is_kept_out_is_written_down() {
+    let (server, tokens) = closed(|config| config).await;
+    let api = server.api();
+    let admin = api.clone().with_token(&tokens["admin"]);
+    let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let _ = admin.post("/v1/runs/run/pause", json!({})).await.expect(200);
+    assert_eq!(
+        api.clone().with_token(&tokens["viewer"]).post("/v1/runs/run/resume", json!({})).await.status,
+        403
+    );
+    for _ in 0..20 {
+        assert_eq!(api.get("/v1/runs").await.status, 401);
+    }
+    let audit = admin.get("/v1/audit").await.expect(200);
+    let lines = audit["lines"].as_array().unwrap();
+    let line =
+        |line: &Value| format!("{} {} {}", line["operation"].as_str().unwrap(), line["status"], line["name"]);
+    let told: Vec<String> = lines.iter().map(line).collect();
+    assert_eq!(told.last().unwrap(), "POST /v1/runs 201 \"admin\"");
+    assert!(told.contains(&"POST /v1/runs/{run}/pause 200 \"admin\"".to_owned()), "{told:?}");
+    assert!(told.iter().any(|line| line.ends_with("403 null")), "{told:?}");
+    let denials = told.iter().filter(|line| line.contains(" 40")).count();
+    assert!((1..8).contains(&denials), "who tries without end does not fill it: {told:?}");
+    assert!(
+        lines
+            .iter()
+            .all(|line| line["address"] == "127.0.0.1" && line["request_id"].as_str().unwrap().len() == 36)
+    );
+    let text = audit.to_string();
+    assert!(tokens.values().all(|token| !text.contains(token.as_str())));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_token_has_its_limits() {
+    let each =
+        Each { requests: 20.try_into().unwrap(), anonymous: 5.try_into().unwrap(), runs: 2, leases: 3 };
+    let setup = move |mut config: Config| {
+        config.sessions.each = 2;
+        Config { each, ..config }
+    };
+    let (server, tokens) = closed(setup).await;
+    let trainer = server.api().with_token(&tokens["trainer"]);
+    for id in ["a", "b"] {
+        let _ = trainer.post("/v1/runs", json!({"id": id})).await.expect(201);
+    }
+    let more = trainer.post("/v1/runs", json!({"id": "c"})).await;
+    assert_eq!(
+        (more.status, more.body["type"].as_str()),
+        (429, Some("urn:sparring:problem:too_many_of_token"))
+    );
+    let _ = server.api().with_token(&tokens["admin"]).post("/v1/runs", json!({"id": "c"})).await.expect(201);
+    let mut taken = Vec::new();
+    for form in ["groups", "columns", "groups"] {
+        taken.push(trainer.lease("a", json!({"groups": 1, "form": form})).await);
+    }
+    let more = trainer.post("/v1/runs/b/leases", json!({"groups": 1})).await;
+    assert_eq!(
+        (more.status, more.body["type"].as_str()),
+        (429, Some("urn:sparring:problem:too_many_of_token"))
+    );
+    let _ =
+        trainer.post(&format!("/v1/runs/a/leases/{}/release", taken[0].id()), json!({})).await.expect(200);
+    let _ = trainer.lease("b", json!({"groups": 1})).await;
+
+    // Sessions.
+    let mut sessions = Vec::new();
+    for at in 0..3 {
+        let mut request = format!("{}/v1/sessions", server.api().base().replacen("http", "ws", 1))
+            .into_client_request()
+            .unwrap();
+        request
+            .headers_mut()
+            .insert("authorization", format!("Bearer {}", tokens["trainer"]).parse().unwrap());
+        let (mut socket, _) = connect_async(request).await.unwrap();
+        socket
+            .send(Message::text(json!({"type": "open", "version": 1, "seed": at}).to_string()))
+            .await
+            .unwrap();
+        let told: Value =
+            serde_json::from_str(socket.next().await.unwrap().unwrap().to_text().unwrap()).unwrap();
+        assert_eq!(told["type"] == "error", at == 2, "{told}");
+        sessions.push(socket);
+    }
+    // Requests: of who is known, and of an address.
+    let mut often = trainer.get("/v1/tasks").await;
+    for _ in 0..60 {
+        often = trainer.get("/v1/tasks").await;
+        if often.status == 429 {
+            break;
+        }
+    }
+    assert_eq!((often.status, often.body["type"].as_str()), (429, Some("urn:sparring:problem:too_often")));
+    assert_eq!(often.retry_after.as_deref(), Some("1"));
+    let _ = server.api().with_token(&tokens["viewer"]).get("/v1/tasks").await.expect(200);
+    let statuses =
+        futures_util::future::join_all((0..20).map(|_| async { server.api().get("/v1/tasks").await.status }))
+            .await;
+    assert!(statuses.contains(&401) && statuses.contains(&429), "{statuses:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn openenv_alone_may_be_for_anybody() {
+    let (server, tokens) = closed(|config| Config { openenv_public: true, ..config }).await;
+    let api = server.api();
+    let _ = api.post("/reset", json!({"seed": 1})).await.expect(200);
+    let _ = api.get("/metadata").await.expect(200);
+    assert_eq!(api.get("/v1/runs").await.status, 401);
+    let trainer = api.clone().with_token(&tokens["trainer"]);
+    let _ = trainer.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let refused = api.post("/reset", json!({"run": "run"})).await;
+    assert!(
+        refused.status == 422 && refused.body.to_string().contains("fly for no runs"),
+        "{}",
+        refused.body
+    );
+    let _ = trainer.lease("run", json!({"groups": 1})).await; // once scenarios are prepared
+    let _ = trainer.post("/reset", json!({"run": "run"})).await.expect(200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_tokens_this_machine_alone_is_let_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let bind = "0.0.0.0:0".parse().unwrap();
+    let refused = Service::start(Config { bind, ..Config::local(folder.path().join("db")) }).await;
+    assert!(matches!(refused, Err(StartError::Public(_))), "{refused:?}");
+    let server = Server::start().await;
+    let url = format!("{}/v1/runs", server.api().base());
+    let port = url.split(':').nth(2).unwrap().split('/').next().unwrap().to_owned();
+    let ask = |name: &'static str, value: String| {
+        let request = http_client().get(&url).header(name, value);
+        async move { request.send().await.unwrap().status().as_u16() }
+    };
+    for (name, value, status) in [
+        ("host", format!("localhost:{port}"), 200),
+        ("host", "evil.example".to_owned(), 403), // a name that was made to lead here
+        ("host", "127.0.0.1.evil.example".to_owned(), 403),
+        ("origin", format!("http://localhost:{port}"), 200),
+        ("origin", "http://127.0.0.1:3000".to_owned(), 200),
+        ("origin", "https://evil.example".to_owned(), 403), // a page that is open beside
+        ("origin", "null".to_owned(), 403),
+    ] {
+        assert_eq!(ask(name, value.clone()).await, status, "{name}: {value}");
+    }
+}
+
+#[tokio::test]
+async fn browsers_are_told_what_nothing_here_is_for() {
+    let server = Server::start().await;
+    for path in ["/v1/runs", "/docs/", "/web/", "/nothing"] {
+        let answer = http_client().get(format!("{}{path}", server.api().base())).send().await.unwrap();
+        let header = |name: &str| answer.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
+        assert_eq!(header("x-content-type-options").as_deref(), Some("nosniff"), "{path}");
+        assert_eq!(header("referrer-policy").as_deref(), Some("no-referrer"));
+        assert!(header("content-security-policy").unwrap().starts_with("default-src '"));
+        assert_eq!(header("access-control-allow-origin"), None, "no other site's page reads this");
+        assert_eq!(header("cache-control").as_deref() == Some("no-store"), path.starts_with("/v1/"));
+        assert_eq!(header("x-request-id").unwrap().len(), 36);
+    }
+}
