@@ -9,6 +9,7 @@ mod designer;
 mod engine;
 mod growth;
 mod levels;
+mod load;
 mod results;
 mod soak;
 mod sockets;
@@ -27,11 +28,11 @@ struct Args {
     /// What to measure; all of speed if none is named. `soak` loads the server for ten minutes
     /// and watches its memory; `growth` reports ten million episodes and watches the
     /// database; `survival` kills
-    /// servers under trainers and compares what those were told with what there is; `levels` prints what policies win, level by level; `learner`
+    /// servers under trainers and compares what those were told with what there is; `load` has sixty-four trainers for some minutes; `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "stepping", "growth", "survival", "soak", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "stepping", "growth", "survival", "load", "soak", "designer", "learner", "levels"])]
     what: Vec<String>,
-    /// How long `soak` and `survival` last
+    /// How long `soak`, `survival` and `load` last
     #[arg(long, default_value_t = 10)]
     minutes: u32,
     /// How many episodes `growth` reports
@@ -83,7 +84,8 @@ fn main() -> anyhow::Result<()> {
         ("designer", &designer::measure),
     ];
     // These take minutes, and are measured only where they are named.
-    let long: [(&str, Measure<'_>); 5] = [
+    let long: [(&str, Measure<'_>); 6] = [
+        ("load", &|| load::measure(args.minutes)),
         ("survival", &|| survival::measure(args.minutes)),
         ("growth", &|| growth::measure(args.episodes, args.group_size)),
         ("soak", &|| soak::measure(args.minutes)),

@@ -7,8 +7,9 @@ import schemathesis
 
 @schemathesis.serializer("application/msgpack")
 def pack(_, value):
-    # Through JSON, so that whatever it made up is of JSON's kinds.
-    return msgpack.packb(json.loads(json.dumps(value, default=str)))
+    # Through JSON, so that whatever it made up is of JSON's kinds; whole numbers beyond MessagePack's are fractional there.
+    within = lambda text: int(text) if -(2**63) <= int(text) < 2**64 else float(text)
+    return msgpack.packb(json.loads(json.dumps(value, default=str), parse_int=within))
 
 
 @schemathesis.deserializer("application/msgpack")

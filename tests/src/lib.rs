@@ -357,23 +357,18 @@ impl Process {
     /// Where it does not start.
     #[must_use]
     pub fn start_at(bind: &str, db: &Path, options: &[&str]) -> Self {
-        Self::start_as(Command::new(binary()), bind, db, options)
+        let mut command = Command::new(binary());
+        command.args(["serve", "--bind", bind, "--db"]).arg(db).args(options);
+        Self::run(command, Stdio::null())
     }
 
-    /// Starts one by this command, which runs `sparring` and has whatever else it needs around it.
+    /// Runs `sparring serve` as a command that has all else; where its log goes.
     ///
     /// # Panics
     /// Where it does not start.
     #[must_use]
-    pub fn start_as(mut command: Command, bind: &str, db: &Path, options: &[&str]) -> Self {
-        let mut child = command
-            .args(["serve", "--bind", bind, "--db"])
-            .arg(db)
-            .args(options)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the server starts");
+    pub fn run(mut command: Command, log: Stdio) -> Self {
+        let mut child = command.stdout(Stdio::piped()).stderr(log).spawn().expect("the server starts");
         let mut line = String::new();
         let stdout = child.stdout.take().expect("its output");
         BufReader::new(stdout).read_line(&mut line).expect("its first line");

@@ -6,7 +6,7 @@
 
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -63,7 +63,8 @@ impl Faulty {
         command.env("LD_PRELOAD", library()).env("FAULTS", &control);
         // As the system names it: a temporary folder may be reached by a link.
         command.env("FAULTS_UNDER", folder.path().canonicalize().unwrap().join("data"));
-        let process = Process::start_as(command, "127.0.0.1:0", &folder.path().join("data/db.sqlite3"), &[]);
+        command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(folder.path().join("data/db.sqlite3"));
+        let process = Process::run(command, Stdio::null());
         Self { process, folder, faults }
     }
 

@@ -1,5 +1,7 @@
 //! The durable queue of proposals.
 
+use std::collections::BTreeSet;
+
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::{ROWS, StoreError, to_json};
@@ -66,6 +68,26 @@ pub async fn unprepared(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<W
     )
     .fetch_all(conn)
     .await?)
+}
+
+/// Which of these, by run and seq, still wait for a scenario.
+///
+/// # Errors
+/// The database's.
+pub async fn proposed(
+    conn: &mut SqliteConnection,
+    places: &[(&str, i64)],
+) -> Result<BTreeSet<(String, i64)>, StoreError> {
+    let places = to_json(&places)?;
+    let rows = query!(
+        r#"SELECT p.run AS "run!", p.seq AS "seq!" FROM json_each(?) AS place
+           CROSS JOIN proposals p ON p.run = place.value ->> 0 AND p.seq = place.value ->> 1
+           WHERE p.state = 'proposed'"#,
+        places
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| (row.run, row.seq)).collect())
 }
 
 /// What was prepared for a proposal.

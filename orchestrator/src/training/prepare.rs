@@ -168,7 +168,11 @@ impl Change for StorePrepared {
     type Answer = ();
     const BULK: bool = true;
 
-    async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
+    async fn apply(mut self, work: &mut Work) -> Result<(), TrainingError> {
+        // What was dropped meanwhile is wanted no more, and nobody would ever delete it.
+        let places: Vec<_> = self.prepared.iter().map(|(run, seq, _)| (run.as_str(), *seq)).collect();
+        let wanted = store::proposals::proposed(&mut work.conn, &places).await?;
+        self.prepared.retain(|(run, seq, _)| wanted.contains(&(run.clone(), *seq)));
         store_all(&mut work.conn, self.prepared.iter().map(|(.., prepared)| prepared)).await?;
         let rows = self.prepared.iter().map(|(run, seq, prepared)| {
             let (scenario, contested) = (prepared.scenario.id().0, prepared.contested);
