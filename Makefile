@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-llm bench bench-peers soak fmt lint deny sqlx check-cargo check-python
+.PHONY: help demo test test-llm test-otlp bench bench-peers soak fmt lint deny sqlx check-cargo check-python
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -33,12 +33,15 @@ bench-peers: check-cargo check-python ## openenv-core's server beside ours, and 
 	target/openenv-venv/bin/python bench/peers.py --sparring target/release/sparring --bench target/release/bench \
 		--kessler-env "$(KESSLER_ENV)"
 
+test-otlp: check-cargo check-python ## Spans reach an OpenTelemetry collector, with the feature otlp
+	scripts/test-otlp
+
 fmt: check-cargo ## Format the code
 	cargo fmt --all
 
 lint: check-cargo ## Formatting and clippy, warnings refused
 	cargo fmt --all -- --check
-	SQLX_OFFLINE=true cargo clippy --workspace --all-targets --locked -- -D warnings
+	SQLX_OFFLINE=true cargo clippy --workspace --all-targets --all-features --locked -- -D warnings
 
 deny: check-cargo ## Bans, licences and sources of dependencies (installs cargo-deny if it is missing)
 	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny

@@ -10,6 +10,7 @@ is examples/kessler.py, which is slow: a real trainer flies 10^5 episodes a seco
 import argparse
 import http.client
 import json
+import os
 import random
 import struct
 import time
@@ -23,12 +24,15 @@ try:
 except ImportError:  # JSON will do
     msgpack = None
 
+# Where the server wants a token.
+TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
+
 
 def call(url, body=None, packed=False):
     """A request, made again where the server is busy or away for a moment; what is wrong with it is told by the field at fault."""
     data = None if body is None else (msgpack.packb(body) if packed else json.dumps(body).encode())
     kind = "application/msgpack" if packed else "application/json"
-    request = urllib.request.Request(url, data, {"Content-Type": kind})
+    request = urllib.request.Request(url, data, {"Content-Type": kind, **TOKEN})
     for _ in range(60):
         try:
             with urllib.request.urlopen(request) as answer:

@@ -6,9 +6,13 @@ Nothing but the standard library: Server-Sent Events are lines of text.
 """
 import argparse
 import json
+import os
 import time
 import urllib.error
 import urllib.request
+
+# Where the server wants a token.
+TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 
 
 def listen(url, run, after):
@@ -16,7 +20,7 @@ def listen(url, run, after):
     last = after
     while True:
         query = "" if last is None else "?after=0"
-        headers = {} if last is None else {"Last-Event-ID": str(last)}
+        headers = dict(TOKEN) if last is None else {"Last-Event-ID": str(last), **TOKEN}
         try:
             request = urllib.request.Request(f"{url}/v1/runs/{run}/events{query}", headers=headers)
             with urllib.request.urlopen(request, timeout=60) as stream:

@@ -12,6 +12,7 @@ import http.client
 import itertools
 import json
 import math
+import os
 import random
 import statistics
 import time
@@ -20,6 +21,8 @@ import urllib.request
 
 import kessler
 
+# Where the server wants a token.
+TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 BATCH = 100  # results in a request
 TRIED, STEP = 0.4, 1.0  # how far siblings differ, and how far the policy moves: factors of e
 
@@ -33,7 +36,7 @@ class Api:
     def ask(self, method, path, body=None):
         data = None if body is None else json.dumps(body).encode()
         for _ in range(60):
-            request = urllib.request.Request(self.url + path, data, {"Content-Type": "application/json"}, method=method)
+            request = urllib.request.Request(self.url + path, data, {"Content-Type": "application/json", **TOKEN}, method=method)
             try:
                 with urllib.request.urlopen(request, timeout=60) as answer:
                     return json.load(answer)

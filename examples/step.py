@@ -5,12 +5,16 @@ what is flown, the server keeps the actions, and the last step of an episode is 
 """
 import contextlib
 import json
+import os
 import sys
 import time
 import urllib.request
 
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import connect
+
+# Where the server wants a token.
+TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 
 
 class Lost(Exception):
@@ -30,7 +34,7 @@ class Session:
         """Connects, and says what the connection is for."""
         for attempt in range(60):
             try:
-                self.socket = self.stack.enter_context(connect(self.url, max_size=None))
+                self.socket = self.stack.enter_context(connect(self.url, max_size=None, additional_headers=TOKEN))
                 return self.ask(message)
             except (OSError, ConnectionClosed, InvalidHandshake, Lost) as why:
                 if attempt == 59 or (message["type"] == "resume" and isinstance(why, Lost)):
@@ -80,7 +84,7 @@ def burns(seen):
 
 def main(base, episodes):
     body = json.dumps({"tasks": ["kessler/survival"]}).encode()
-    request = urllib.request.Request(base + "/v1/runs", body, {"content-type": "application/json"})
+    request = urllib.request.Request(base + "/v1/runs", body, {"content-type": "application/json", **TOKEN})
     run = json.load(urllib.request.urlopen(request))["id"]
     session, episode = Session(base, run=run), 0
     told = session.opened

@@ -12,10 +12,14 @@ This one has no weights: a built-in policy flies, and what a step of GRPO would 
 import argparse
 import http.client
 import json
+import os
 import statistics
 import time
 import urllib.error
 import urllib.request
+
+# Where the server wants a token.
+TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 
 
 class Api:
@@ -30,7 +34,7 @@ class Api:
 
     def ask(self, method, path, body=None):
         """Asks, and again where the server is busy or away for a moment."""
-        headers = {"Accept": self.accept, "Content-Type": "application/json"}
+        headers = {"Accept": self.accept, "Content-Type": "application/json", **TOKEN}
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(self.url + path, data, headers, method=method)
         for _ in range(60):

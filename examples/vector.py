@@ -7,6 +7,7 @@ dtype, count, offset)` gives the same columns without a copy.
 """
 import contextlib
 import json
+import os
 import random
 import struct
 import sys
@@ -15,6 +16,8 @@ from array import array
 
 from websockets.sync.client import connect
 
+# Where the server wants a token.
+TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 ENVS, THREATS, SIGMA, RATE = 32, 2, 0.2, 0.1
 HEADER = struct.Struct("<4sHHII")  # magic, version, kind, sequence, environments
 ACTIONS, STEPPED, DONE, IDLE = 1, 2, 1, 2
@@ -27,7 +30,7 @@ class Vector:
         assert sys.byteorder == "little", "frames are little-endian"
         self.stack = contextlib.ExitStack()
         url = base.replace("http", "ws", 1) + "/v1/sessions"
-        self.socket = self.stack.enter_context(connect(url, max_size=None, compression=None))
+        self.socket = self.stack.enter_context(connect(url, max_size=None, compression=None, additional_headers=TOKEN))
         self.told = self.ask({"type": "open", "version": 1, **wish})
         assert self.told["version"] == 1
         self.envs, self.agents, self.sequence = self.told["envs"], self.told["agents"], 0
@@ -71,7 +74,7 @@ class Vector:
 
 
 def post(base, path, body):
-    request = urllib.request.Request(base + path, json.dumps(body).encode(), {"content-type": "application/json"})
+    request = urllib.request.Request(base + path, json.dumps(body).encode(), {"content-type": "application/json", **TOKEN})
     return json.load(urllib.request.urlopen(request))
 
 

@@ -119,9 +119,9 @@ async fn ask(api: &Api, times: &Shared, what: &str, body: &Value) -> anyhow::Res
         let again = {
             let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
             if what == "leases" {
-                times.leases.push(ms)
+                times.leases.push(ms);
             } else {
-                times.results.push(ms)
+                times.results.push(ms);
             }
             let again = matches!(answer.status, 429 | 503);
             times.busy += u64::from(again);

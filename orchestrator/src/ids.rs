@@ -82,7 +82,9 @@ impl FromStr for LeaseId {
     fn from_str(text: &str) -> Result<Self, BadId> {
         let bad = BadId("a lease's id is a number, a dash and six letters or digits, as 42-x7k2p9");
         let (number, token) = text.split_once('-').ok_or_else(|| bad.clone())?;
-        let number = number.parse::<i64>().ok().filter(|n| *n > 0).ok_or_else(|| bad.clone())?;
+        // One lease, one name: not 042, not +42.
+        let one_name = |n: &i64| *n > 0 && n.to_string() == number;
+        let number = number.parse::<i64>().ok().filter(one_name).ok_or_else(|| bad.clone())?;
         let fine =
             token.len() == TOKEN && token.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
         if fine { Ok(Self { number, token: token.to_owned() }) } else { Err(bad) }
@@ -206,5 +208,27 @@ mod tests {
         }
         assert_eq!(random_token(6).len(), 6);
         assert!(random_seed() < 1 << 53);
+    }
+
+    proptest::proptest! {
+        /// Whatever comes is read or refused, and what is read is written as it came: one thing has one name.
+        #[test]
+        fn any_text_is_an_id_or_none(text in proptest::prop_oneof![
+            ".{0,40}",
+            "(ep_)?[0-9]{1,20}-[a-z0-9]{5,7}(_[0-9]{1,12})?",
+            "(layout|ask)-[0-9+-]{1,20}",
+            "[a-z0-9_-]{0,70}",
+        ]) {
+            let told = [
+                text.parse::<RunId>().map(|id| id.to_string()),
+                text.parse::<LeaseId>().map(|id| id.to_string()),
+                text.parse::<EpisodeId>().map(|id| id.to_string()),
+                text.parse::<LayoutId>().map(|id| id.to_string()),
+                text.parse::<AskId>().map(|id| id.to_string()),
+            ];
+            for told in told.into_iter().flatten() {
+                proptest::prop_assert_eq!(&told, &text);
+            }
+        }
     }
 }

@@ -111,4 +111,14 @@ mod tests {
         }
         assert!(Token::read(&format!("sparring_1_{digits}0")).is_none());
     }
+
+    proptest::proptest! {
+        /// Whatever is shown is a token as it was written, or none.
+        #[test]
+        fn any_text_is_a_token_or_none(text in proptest::prop_oneof![".{0,100}", "sparring_[0-9-]{1,20}_[0-9a-f]{63,65}"]) {
+            if let Some(token) = Token::read(&text) {
+                proptest::prop_assert_eq!(token.show(), text.as_str());
+            }
+        }
+    }
 }

@@ -120,7 +120,7 @@ async fn each_role_may_what_it_may_and_nothing_else() {
                     assert_eq!(answer.kind, "application/problem+json");
                 }
                 None => {
-                    assert!(![401, 403].contains(&answer.status), "{method} {path} {rank:?} {}", answer.body)
+                    assert!(![401, 403].contains(&answer.status), "{method} {path} {rank:?} {}", answer.body);
                 }
             }
         }
@@ -129,7 +129,11 @@ async fn each_role_may_what_it_may_and_nothing_else() {
         }
     }
     assert_eq!(open, ["GET /livez", "GET /readyz"]);
-    // What the document does not name, and what is nowhere.
+    beside_the_document(&anonymous, &tokens).await;
+}
+
+/// What the document does not name, what is nowhere, and what goes on for ever.
+async fn beside_the_document(anonymous: &Api, tokens: &BTreeMap<&'static str, String>) {
     for path in ["/", "/ws", "/mcp", "/ws/ui", "/web", "/web/", "/web/state", "/web/metadata"] {
         assert_eq!(anonymous.get(path).await.status, 401, "{path}");
     }
@@ -279,25 +283,7 @@ async fn each_token_has_its_limits() {
         trainer.post(&format!("/v1/runs/a/leases/{}/release", taken[0].id()), json!({})).await.expect(200);
     let _ = trainer.lease("b", json!({"groups": 1})).await;
 
-    // Sessions.
-    let mut sessions = Vec::new();
-    for at in 0..3 {
-        let mut request = format!("{}/v1/sessions", server.api().base().replacen("http", "ws", 1))
-            .into_client_request()
-            .unwrap();
-        request
-            .headers_mut()
-            .insert("authorization", format!("Bearer {}", tokens["trainer"]).parse().unwrap());
-        let (mut socket, _) = connect_async(request).await.unwrap();
-        socket
-            .send(Message::text(json!({"type": "open", "version": 1, "seed": at}).to_string()))
-            .await
-            .unwrap();
-        let told: Value =
-            serde_json::from_str(socket.next().await.unwrap().unwrap().to_text().unwrap()).unwrap();
-        assert_eq!(told["type"] == "error", at == 2, "{told}");
-        sessions.push(socket);
-    }
+    let _sessions = two_sessions(&server.api(), &tokens["trainer"]).await;
     // Requests: of who is known, and of an address.
     let mut often = trainer.get("/v1/tasks").await;
     for _ in 0..60 {
@@ -313,6 +299,28 @@ async fn each_token_has_its_limits() {
         futures_util::future::join_all((0..20).map(|_| async { server.api().get("/v1/tasks").await.status }))
             .await;
     assert!(statuses.contains(&401) && statuses.contains(&429), "{statuses:?}");
+}
+
+type Socket = tokio_tungstenite::WebSocketStream<tokio_tungstenite::MaybeTlsStream<tokio::net::TcpStream>>;
+
+/// Opens three sessions where two may be: the last is refused.
+async fn two_sessions(api: &Api, token: &str) -> Vec<Socket> {
+    let mut sessions = Vec::new();
+    for at in 0..3 {
+        let mut request =
+            format!("{}/v1/sessions", api.base().replacen("http", "ws", 1)).into_client_request().unwrap();
+        request.headers_mut().insert("authorization", format!("Bearer {}", token).parse().unwrap());
+        let (mut socket, _) = connect_async(request).await.unwrap();
+        socket
+            .send(Message::text(json!({"type": "open", "version": 1, "seed": at}).to_string()))
+            .await
+            .unwrap();
+        let told: Value =
+            serde_json::from_str(socket.next().await.unwrap().unwrap().to_text().unwrap()).unwrap();
+        assert_eq!(told["type"] == "error", at == 2, "{told}");
+        sessions.push(socket);
+    }
+    sessions
 }
 
 #[tokio::test(flavor = "multi_thread")]

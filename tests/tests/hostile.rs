@@ -191,6 +191,54 @@ async fn bodies_out_of_shape() {
     still_well(&api, folder.path()).await;
 }
 
+/// What stands in paths, queries and headers.
+const WORDS: &[&str] = &[
+    "run",
+    "1-aaaaaa",
+    "ep_1-aaaaaa_0",
+    "layout-1",
+    "ask-1",
+    "%00",
+    "%ff%fe",
+    "..",
+    "%2e%2e%2f",
+    "0",
+    "-1",
+    "99999999999999999999",
+    "é",
+    "a%20b",
+    "",
+    "x",
+    "'; DROP TABLE runs; --",
+];
+/// Fields of queries.
+const FIELDS: &[&str] =
+    &["limit", "cursor", "wait_s", "ttl_s", "after", "state", "task", "aim", "telemetry", "mode", "ask", "x"];
+/// Where there is something, or nothing.
+const ROUTES: &[&str] = &[
+    "/v1/runs/{}",
+    "/v1/runs/{}/episodes",
+    "/v1/runs/run/episodes/{}",
+    "/v1/runs/run/episodes/{}/replay",
+    "/v1/runs/run/leases",
+    "/v1/runs/run/leases/{}",
+    "/v1/runs/run/leases/{}/columns",
+    "/v1/runs/run/designs",
+    "/v1/runs/run/designs/{}",
+    "/v1/runs/run/designs/asks/{}",
+    "/v1/layouts",
+    "/v1/layouts/{}",
+    "/v1/runs/run/failures/list",
+    "/v1/runs/run/mastery/history",
+    "/v1/runs/run/trajectories",
+    "/v1/audit",
+    "/v1/runs",
+    "/state",
+    "/metadata",
+    "/docs/{}",
+    "/{}",
+];
+
 #[tokio::test(flavor = "multi_thread")]
 async fn paths_queries_and_headers_out_of_shape() {
     let folder = tempfile::tempdir().unwrap();
@@ -198,74 +246,19 @@ async fn paths_queries_and_headers_out_of_shape() {
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let mut draws = Draws(1);
-    let words = [
-        "run",
-        "1-aaaaaa",
-        "ep_1-aaaaaa_0",
-        "layout-1",
-        "ask-1",
-        "%00",
-        "%ff%fe",
-        "..",
-        "%2e%2e%2f",
-        "0",
-        "-1",
-        "99999999999999999999",
-        "é",
-        "a%20b",
-        "",
-        "x",
-        "'; DROP TABLE runs; --",
-    ];
-    let fields = [
-        "limit",
-        "cursor",
-        "wait_s",
-        "ttl_s",
-        "after",
-        "state",
-        "task",
-        "aim",
-        "telemetry",
-        "mode",
-        "ask",
-        "x",
-    ];
-    let routes = [
-        "/v1/runs/{}",
-        "/v1/runs/{}/episodes",
-        "/v1/runs/run/episodes/{}",
-        "/v1/runs/run/episodes/{}/replay",
-        "/v1/runs/run/leases",
-        "/v1/runs/run/leases/{}",
-        "/v1/runs/run/leases/{}/columns",
-        "/v1/runs/run/designs",
-        "/v1/runs/run/designs/{}",
-        "/v1/runs/run/designs/asks/{}",
-        "/v1/layouts",
-        "/v1/layouts/{}",
-        "/v1/runs/run/failures/list",
-        "/v1/runs/run/mastery/history",
-        "/v1/runs/run/trajectories",
-        "/v1/audit",
-        "/v1/runs",
-        "/state",
-        "/metadata",
-        "/docs/{}",
-        "/{}",
-    ];
     for _ in 0..rounds() * 6 {
-        let mut path = draws.one(&routes).replace("{}", draws.one(&words));
+        let (route, word) = (*draws.one(ROUTES), *draws.one(WORDS));
+        let mut path = route.replace("{}", word);
         for place in 0..draws.below(3) {
-            let field = draws.one(&fields);
-            let value = if *field == "wait_s" { "0" } else { draws.one(&words) };
+            let (field, word) = (*draws.one(FIELDS), *draws.one(WORDS));
+            let value = if field == "wait_s" { "0" } else { word };
             path.push_str(&format!("{}{field}={value}", if place == 0 { '?' } else { '&' }));
         }
         // By hand: a client would mend it first.
         let header = format!(
             "{}: {}\r\n",
             draws.one(&["accept", "authorization", "x-request-id", "content-type", "origin-x", "cookie"]),
-            draws.one(&words)
+            draws.one(WORDS)
         );
         let request = format!(
             "GET {} HTTP/1.1\r\nhost: 127.0.0.1\r\nconnection: close\r\n{header}\r\n",

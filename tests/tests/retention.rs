@@ -103,29 +103,7 @@ async fn what_is_old_stays_as_how_it_came_out() {
     folded(&server).await;
     let api = server.api();
 
-    // Every list is as long as ever, and says what each came to.
-    for limit in [500, 7] {
-        let listed: BTreeMap<String, Value> = all(&api, "episodes", limit)
-            .await
-            .into_iter()
-            .map(|head| (head["episode"].as_str().unwrap().to_owned(), head))
-            .collect();
-        assert_eq!(listed.len(), told.len() + 1);
-        for (_, told) in &told {
-            let head = &listed[told["episode"].as_str().unwrap()];
-            for field in ["score", "skill", "success"] {
-                assert_eq!(
-                    head.get(field).unwrap_or(&Value::Null),
-                    told.get(field).unwrap_or(&Value::Null),
-                    "{field} {head} {told}"
-                );
-            }
-        }
-        assert_eq!(all(&api, "leases", limit).await.len(), ROUNDS * LEASES.len() + 1);
-    }
-    let listed = all(&api, "episodes", 500).await;
-    let expired = listed.iter().filter(|head| head["replay"] == "expired").count();
-    assert!(expired > 100, "{expired} of {}", listed.len());
+    let listed = lists(&api, &told).await;
     let history = |api: Api| async move {
         let history = api.get("/v1/runs/run/mastery/history").await.expect(200);
         let points = history["points"].as_array().unwrap();
@@ -155,6 +133,33 @@ async fn what_is_old_stays_as_how_it_came_out() {
 
     one_that_is_old(&api, &listed, &told).await;
     what_stays(&server).await;
+}
+
+/// Every list is as long as ever, and says what each came to; the episodes.
+async fn lists(api: &Api, told: &[(Value, Value)]) -> Vec<Value> {
+    for limit in [500, 7] {
+        let listed: BTreeMap<String, Value> = all(api, "episodes", limit)
+            .await
+            .into_iter()
+            .map(|head| (head["episode"].as_str().unwrap().to_owned(), head))
+            .collect();
+        assert_eq!(listed.len(), told.len() + 1);
+        for (_, told) in told {
+            let head = &listed[told["episode"].as_str().unwrap()];
+            for field in ["score", "skill", "success"] {
+                assert_eq!(
+                    head.get(field).unwrap_or(&Value::Null),
+                    told.get(field).unwrap_or(&Value::Null),
+                    "{field} {head} {told}"
+                );
+            }
+        }
+        assert_eq!(all(api, "leases", limit).await.len(), ROUNDS * LEASES.len() + 1);
+    }
+    let listed = all(api, "episodes", 500).await;
+    let expired = listed.iter().filter(|head| head["replay"] == "expired").count();
+    assert!(expired > 100, "{expired} of {}", listed.len());
+    listed
 }
 
 /// What is said of an episode past the ring.

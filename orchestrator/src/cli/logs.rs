@@ -4,7 +4,10 @@ use std::io::IsTerminal;
 
 use anyhow::anyhow;
 use clap::ValueEnum;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Filtered;
+use tracing_subscriber::layer::{Layered, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer, Registry};
 
 /// How logs are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -37,17 +40,79 @@ pub(super) struct Logs {
 
 impl Logs {
     /// From here on, what the program logs is written; `usual` where nothing else was asked for.
-    pub(super) fn start(&self, usual: &str) -> anyhow::Result<()> {
+    pub(super) fn start(&self, usual: &str) -> anyhow::Result<Started> {
         let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?;
-        let builder = tracing_subscriber::fmt()
-            .with_env_filter(filter)
+        let lines = tracing_subscriber::fmt::layer()
             .with_writer(std::io::stderr)
             .with_ansi(std::io::stderr().is_terminal());
-        match self.log_format {
-            LogFormat::Text => builder.try_init(),
-            LogFormat::Json => builder.json().try_init(),
+        let lines = match self.log_format {
+            LogFormat::Text => lines.boxed(),
+            LogFormat::Json => lines.json().boxed(),
+        };
+        let (started, spans) = Started::begin()?;
+        tracing_subscriber::registry()
+            .with(lines.with_filter(filter))
+            .with(spans)
+            .try_init()
+            .map_err(|error| anyhow!("logs cannot be started: {error}"))?;
+        Ok(started)
+    }
+}
+
+/// Where spans go beside the log.
+type Spans = Option<Box<dyn Layer<Lines> + Send + Sync>>;
+/// What they are laid on.
+type Lines = Layered<Filtered<Box<dyn Layer<Registry> + Send + Sync>, EnvFilter, Registry>, Registry>;
+
+/// Logs are written as long as this lives.
+#[derive(Debug, Default)]
+pub(super) struct Started {
+    #[cfg(feature = "otlp")]
+    tracer: Option<opentelemetry_sdk::trace::SdkTracerProvider>,
+}
+
+#[cfg(not(feature = "otlp"))]
+impl Started {
+    fn begin() -> anyhow::Result<(Self, Spans)> {
+        Ok((Self::default(), None))
+    }
+}
+
+#[cfg(feature = "otlp")]
+impl Started {
+    /// Spans go to the collector that OpenTelemetry's own variables name; nowhere where none does.
+    fn begin() -> anyhow::Result<(Self, Spans)> {
+        use opentelemetry::trace::TracerProvider;
+        use opentelemetry_otlp::{
+            OTEL_EXPORTER_OTLP_ENDPOINT, OTEL_EXPORTER_OTLP_TRACES_ENDPOINT, SpanExporter,
+        };
+        use opentelemetry_sdk::Resource;
+        use opentelemetry_sdk::trace::SdkTracerProvider;
+
+        let named = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        if !named(OTEL_EXPORTER_OTLP_ENDPOINT) && !named(OTEL_EXPORTER_OTLP_TRACES_ENDPOINT) {
+            return Ok((Self::default(), None));
         }
-        .map_err(|error| anyhow!("logs cannot be started: {error}"))
+        // Whoever has installed one already is fine.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        let exporter = SpanExporter::builder().with_http().build()?;
+        let resource = Resource::builder().with_service_name("sparring").build();
+        let tracer =
+            SdkTracerProvider::builder().with_resource(resource).with_batch_exporter(exporter).build();
+        let level = tracing_subscriber::filter::LevelFilter::INFO;
+        let spans = tracing_opentelemetry::layer().with_tracer(tracer.tracer("sparring")).with_filter(level);
+        Ok((Self { tracer: Some(tracer) }, Some(spans.boxed())))
+    }
+}
+
+#[cfg(feature = "otlp")]
+impl Drop for Started {
+    fn drop(&mut self) {
+        if let Some(tracer) = &self.tracer
+            && let Err(error) = tracer.shutdown()
+        {
+            tracing::warn!(error = %error, "The last spans did not reach their collector.");
+        }
     }
 }
 

@@ -103,7 +103,8 @@ impl Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    match cli.logs.start(cli.command.usual_logs()).and_then(|()| cli.command.run()) {
+    let logged = cli.logs.start(cli.command.usual_logs());
+    match logged.and_then(|_started| cli.command.run()) {
         Ok(code) => code,
         Err(error) => {
             // Where stderr is gone too, the exit code is all that is left to say it with.

@@ -48,7 +48,7 @@ impl Form {
 }
 
 /// How long a body may take to come: as long as a large one does, it keeps others waiting.
-const COMING: Duration = Duration::from_secs(20);
+pub(super) const COMING: Duration = Duration::from_secs(20);
 
 /// A body, and how it is written.
 pub(super) struct Bytes(pub(super) Form, pub(super) axum::body::Bytes);

@@ -14,9 +14,9 @@ use crate::store::progress::{self, Stretch};
 use crate::store::{StoreError, columns, curriculum, from_json, unsigned};
 
 /// Episodes folded in one change: what waits behind it waits a few milliseconds.
-const EPISODES: i64 = 256;
+const EPISODES: i64 = 96;
 /// Leases looked at in one change.
-const LEASES: i64 = 64;
+const LEASES: i64 = 32;
 /// Proposals and events deleted in one change.
 const SWEPT: i64 = 500;
 /// Moves read at a time.

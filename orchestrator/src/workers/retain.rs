@@ -27,7 +27,7 @@ pub async fn run(readers: SqlitePool, writer: Writer) {
             // A queue that is full says that others have more to do.
             Err(TrainingError::Busy) => {}
             Err(error) => {
-                tracing::error!(error = %error, "Old leases could not be folded; trying again soon.")
+                tracing::error!(error = %error, "Old leases could not be folded; trying again soon.");
             }
         }
         tokio::time::sleep(EVERY).await;

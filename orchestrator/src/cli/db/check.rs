@@ -79,10 +79,10 @@ async fn replayed(conn: &mut SqliteConnection, count: u32) -> anyhow::Result<Vec
         match score {
             Ok(score) if (score - stored).abs() <= EXACT => {}
             Ok(score) => {
-                found.push(format!("episode {number} of lease {lease} replays to {score}, not {stored}"))
+                found.push(format!("episode {number} of lease {lease} replays to {score}, not {stored}"));
             }
             Err(error) => {
-                found.push(format!("episode {number} of lease {lease} cannot be replayed: {error}"))
+                found.push(format!("episode {number} of lease {lease} cannot be replayed: {error}"));
             }
         }
     }

@@ -201,7 +201,7 @@ impl Gate {
             Some(known) => known,
             None => {
                 let row = tokens::get(&mut *self.readers.acquire().await?, token.id).await?;
-                let known = row.and_then(|row| self.matching(&hash, row)).transpose()?;
+                let known = row.as_ref().and_then(|row| self.matching(&hash, row)).transpose()?;
                 self.known.insert(*hash.as_bytes(), known.clone()).await;
                 known
             }
@@ -211,7 +211,7 @@ impl Gate {
     }
 
     /// A token's row as what is known of it, where what was shown is that token.
-    fn matching(&self, hash: &blake3::Hash, row: TokenRow) -> Option<Result<Known, StoreError>> {
+    fn matching(&self, hash: &blake3::Hash, row: &TokenRow) -> Option<Result<Known, StoreError>> {
         let stored = blake3::Hash::from_slice(&row.hash).ok()?;
         let now = self.clock.now();
         // Two hashes are compared in constant time.
@@ -317,4 +317,48 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
 fn request_id(headers: &HeaderMap) -> String {
     let id = headers.get("x-request-id").and_then(|id| id.to_str().ok()).unwrap_or_default();
     id.chars().take(100).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn this_machine_is_known_by_its_names() {
+        for here in [
+            "localhost",
+            "localhost:8700",
+            "LOCALHOST",
+            "127.0.0.1:1",
+            "127.9.9.9",
+            "[::1]:8700",
+            "[::1]",
+            "::1",
+        ] {
+            assert!(is_here(here), "{here}");
+        }
+        for not in [
+            "",
+            "null",
+            "localhost.evil.example",
+            "127.0.0.1.evil.example:80",
+            "10.0.0.1",
+            "0.0.0.0",
+            "[::2]:1",
+            "evil@127.0.0.1",
+        ] {
+            assert!(!is_here(not), "{not}");
+        }
+    }
+
+    proptest! {
+        /// Whatever a client says it asked, what is looked at does not fail.
+        #[test]
+        fn any_host_is_here_or_not(host in ".{0,60}") {
+            let here = is_here(&host);
+            prop_assert!(!here || host.to_ascii_lowercase().contains("localhost") || host.contains("127.") || host.contains(':'));
+        }
+    }
 }

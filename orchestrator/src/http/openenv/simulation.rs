@@ -44,7 +44,8 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
     post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json"),
     responses(
         (status = 200, body = Object), (status = 404, body = Object), (status = 409, body = Object),
-        (status = 422, body = Object), (status = 429, body = Object), (status = 503, body = Object)
+        (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
+        (status = 429, body = Object), (status = 503, body = Object)
     )
 )]
 pub(super) async fn reset(
@@ -90,7 +91,8 @@ pub(super) async fn restart(
     post, path = "/step", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses(
         (status = 200, body = Object), (status = 409, body = Object, description = "Nothing flies, or the episode is over."),
-        (status = 422, body = Object), (status = 429, body = Object), (status = 503, body = Object)
+        (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
+        (status = 429, body = Object), (status = 503, body = Object)
     )
 )]
 pub(super) async fn step(

@@ -9,6 +9,7 @@ use env_core::batch::{Autoreset, Batch, BatchConfig, BatchError, Feed, MAX_ENVS,
 use uuid::Uuid;
 
 use super::super::leased::{Held, for_no_runs, lock};
+use super::super::seat::Seat;
 use super::super::{Sessions, Who, WishError, Wished};
 use super::book::{Assigned, Book, LeaseFeed, Start};
 use super::flock::Flock;
@@ -120,10 +121,7 @@ impl Sessions {
         if cfg!(target_endian = "big") {
             return Err(wrong("vector", "this server's processor has the other byte order"));
         }
-        let seat = self.seat(who)?;
-        if !who.runs && !matches!(wished, Wished::Free(_)) {
-            return Err(for_no_runs().into());
-        }
+        let seat = self.seat_for(who, &wished)?;
         let (plan, source, pool) = self.plan(&wish, wished).await?;
         let (plan, (shape, bytes)) = on(&self.threads, move || {
             let mut plan = plan;
@@ -176,6 +174,14 @@ impl Sessions {
             _seat: seat,
             _memory: memory,
         })
+    }
+
+    /// A place for who may fly what they wish for.
+    fn seat_for(&self, who: &Who, wished: &Wished) -> Result<Seat, VectorError> {
+        if !who.runs && !matches!(wished, Wished::Free(_)) {
+            return Err(for_no_runs().into());
+        }
+        Ok(self.seat(who)?)
     }
 
     /// What is to be flown.

@@ -1,13 +1,14 @@
 //! `/mcp`: JSON-RPC by request, and over a WebSocket with a session of its own.
 
 use axum::Extension;
-use axum::body::Bytes;
-use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
+use axum::extract::{Request, State};
 use axum::response::Response;
 use serde_json::Value;
 
 use super::super::super::socket::{self, Received, bounded};
+use super::super::body::whole;
+use super::super::refusal::Refusal;
 use super::By;
 use super::rpc::{self, Failure};
 use crate::http::access::Caller;
@@ -17,17 +18,21 @@ use crate::sessions::Who;
 /// JSON-RPC of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
 #[utoipa::path(
     post, path = "/mcp", tag = "openenv", request_body(content = Object, content_type = "application/json"),
-    responses((status = 200, body = Object, description = "JSON-RPC: an error is in the body."))
+    responses(
+        (status = 200, body = Object, description = "JSON-RPC: an error is in the body."),
+        (status = 408, body = Object), (status = 413, body = Object)
+    )
 )]
 pub(in super::super) async fn post(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
-    body: Bytes,
-) -> axum::Json<Value> {
-    axum::Json(match env_core::wire::read_json(&String::from_utf8_lossy(&body)) {
+    request: Request,
+) -> Result<axum::Json<Value>, Refusal> {
+    let body = whole(request).await?;
+    Ok(axum::Json(match env_core::wire::read_json(&String::from_utf8_lossy(&body)) {
         Ok(request) => super::answer(&app, &request, By::Itself(&caller.who)).await,
         Err(_) => rpc::failed(&Value::Null, &Failure::unread(None)),
-    })
+    }))
 }
 
 /// The same over a WebSocket.
