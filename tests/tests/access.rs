@@ -309,7 +309,7 @@ async fn two_sessions(api: &Api, token: &str) -> Vec<Socket> {
     for at in 0..3 {
         let mut request =
             format!("{}/v1/sessions", api.base().replacen("http", "ws", 1)).into_client_request().unwrap();
-        request.headers_mut().insert("authorization", format!("Bearer {}", token).parse().unwrap());
+        request.headers_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
         let (mut socket, _) = connect_async(request).await.unwrap();
         socket
             .send(Message::text(json!({"type": "open", "version": 1, "seed": at}).to_string()))
