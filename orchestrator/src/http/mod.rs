@@ -10,6 +10,7 @@ mod health;
 mod metrics;
 mod openenv;
 mod planning;
+mod polish;
 mod polls;
 mod problem;
 mod room;
@@ -93,7 +94,7 @@ fn parts(surface: Surface) -> (Router<App>, utoipa::openapi::OpenApi) {
     document::name_forms(&mut document);
     document::name_roles(&mut document);
     document::name_problems(&mut document);
-    (routes, document)
+    (routes, polish::polished(document))
 }
 
 /// The API as an OpenAPI 3.1 document.

@@ -25,7 +25,7 @@ const fn audit_groups() -> u32 {
 const RAW_THRESHOLD: f64 = 0.7;
 
 /// How many episodes are kept whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum Keep {
     /// At most so many, the newest.
@@ -40,6 +40,36 @@ pub enum Keep {
 pub enum All {
     /// `all`.
     All,
+}
+
+impl<'de> Deserialize<'de> for Keep {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Read;
+
+        impl serde::de::Visitor<'_> for Read {
+            type Value = Keep;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "a whole number from 0 to {}, or \"all\"", u32::MAX)
+            }
+
+            fn visit_u64<E: serde::de::Error>(self, number: u64) -> Result<Keep, E> {
+                u32::try_from(number)
+                    .map(Keep::Most)
+                    .map_err(|_| E::invalid_value(serde::de::Unexpected::Unsigned(number), &self))
+            }
+
+            fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<Keep, E> {
+                if word == "all" {
+                    Ok(Keep::All(All::All))
+                } else {
+                    Err(E::invalid_value(serde::de::Unexpected::Str(word), &self))
+                }
+            }
+        }
+
+        deserializer.deserialize_any(Read)
+    }
 }
 
 impl Keep {

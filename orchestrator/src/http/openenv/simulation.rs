@@ -41,7 +41,7 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
 /// Begin an episode. Without a body any scenario of the first task; with one, what it says: `seed`, `episode_id`, `task`,
 /// `params`, `physics`, `scenario`, or `run`, `lease_id`, `group_id` for what a curriculum proposes.
 #[utoipa::path(
-    post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json"),
+    post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "May be left out."),
     responses(
         (status = 200, body = Object), (status = 404, body = Object), (status = 409, body = Object),
         (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),

@@ -13,7 +13,7 @@ use crate::store::tokens::{self, AuditRow};
 
 /// A line of the audit log.
 #[derive(Serialize, ToSchema)]
-struct Line {
+struct AuditLine {
     /// When, RFC 3339.
     at: String,
     /// The number of the token; none where nobody showed one that is known.
@@ -35,9 +35,9 @@ struct Line {
 
 /// A page of the audit log.
 #[derive(Serialize, ToSchema)]
-pub(super) struct Audit {
+pub(super) struct AuditLog {
     /// The newest first.
-    lines: Vec<Line>,
+    lines: Vec<AuditLine>,
     /// Cursor of the next page, if there may be one.
     next: Option<String>,
 }
@@ -46,17 +46,17 @@ pub(super) struct Audit {
 /// are kept.
 #[utoipa::path(
     get, path = "/audit", tag = "health", operation_id = "audit", params(Page),
-    responses((status = 200, body = Audit), (status = 400, body = Problem), (status = 422, body = Problem))
+    responses((status = 200, body = AuditLog), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list(
     State(app): State<App>,
     Query(page): Query<Page>,
-) -> Result<axum::Json<Audit>, Problem> {
+) -> Result<axum::Json<AuditLog>, Problem> {
     let limit = page.limit()?;
     let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
     let rows = tokens::audited(&mut *app.readers.acquire().await?, before, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
-    let line = |row: AuditRow| Line {
+    let line = |row: AuditRow| AuditLine {
         at: rfc3339(row.at),
         token: row.token,
         name: row.name,
@@ -66,5 +66,5 @@ pub(super) async fn list(
         status: row.status,
         request_id: row.request_id,
     };
-    Ok(axum::Json(Audit { lines: rows.into_iter().map(line).collect(), next }))
+    Ok(axum::Json(AuditLog { lines: rows.into_iter().map(line).collect(), next }))
 }

@@ -70,7 +70,7 @@ const fn finished() -> Status {
 pub(super) struct Actions {
     /// One entry a step, the first step's first, in the task's own form: a list of `[agent, value, …]` with the values of its action space, as
     /// `[satellite, dvx, dvy]` for kessler. An agent without an entry goes on as it is.
-    #[schema(value_type = Vec<Vec<Object>>, example = json!([[[0, 0.1, 0.0]], [], []]))]
+    #[schema(value_type = Vec<Vec<Vec<Value>>>, example = json!([[[0, 0.1, 0.0]], [], []]))]
     pub(super) steps: Vec<Value>,
     /// `f32` or `f64` (default): the precision the actions were taken in.
     #[serde(default)]
