@@ -78,8 +78,9 @@ impl Change for FoldLeases {
         let episodes: i64 = rows.iter().map(LeaseRow::episodes).sum();
         let rests = Rests::of(work, run).await?;
         let batch = Batch::read(work, rows, &rests).await?;
+        let gone = batch.leases.iter().map(|lease| lease.episodes().count() as u64).sum();
         batch.write(work, run).await?;
-        counts::folded(episodes.unsigned_abs());
+        counts::folded(gone);
         Ok(Folded { episodes, last })
     }
 }

@@ -279,19 +279,17 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
     };
     let audited = operation.is_some_and(|operation| operation.audited);
     let denied = refused.as_ref().is_some_and(Problem::is_denial);
-    let line =
-        (audited && !denied || denied && gate.of_denials.take(&Gate::address(peer)).is_ok()).then(|| {
-            AuditRow {
-                id: 0,
-                at: gate.clock.now(),
-                token,
-                name: None,
-                address: peer.map(|ip| ip.to_string()),
-                operation: format!("{} {path}", request.method()),
-                path: request.uri().path().chars().take(500).collect(),
-                status: 0,
-                request_id: request_id(request.headers()),
-            }
+    let line = (audited && refused.is_none() || denied && gate.of_denials.take(&Gate::address(peer)).is_ok())
+        .then(|| AuditRow {
+            id: 0,
+            at: gate.clock.now(),
+            token,
+            name: None,
+            address: peer.map(|ip| ip.to_string()),
+            operation: format!("{} {path}", request.method()),
+            path: request.uri().path().chars().take(500).collect(),
+            status: 0,
+            request_id: request_id(request.headers()),
         });
     let response = match refused {
         None => next.run(request).await,
