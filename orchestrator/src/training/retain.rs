@@ -11,7 +11,7 @@ use crate::store::folds::{self, FoldedClaim, FoldedEpisode, FoldedGroup, FoldedL
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{COLUMNS, GROUPS, LeaseRow};
 use crate::store::progress::{self, Stretch};
-use crate::store::{StoreError, columns, curriculum, from_json, unsigned};
+use crate::store::{StoreError, columns, curriculum, from_json, retention, sweep, unsigned};
 
 /// Episodes folded in one change: what waits behind it waits a few milliseconds.
 const EPISODES: i64 = 96;
@@ -61,9 +61,9 @@ impl Change for FoldLeases {
     async fn apply(self, work: &mut Work) -> Result<Folded, TrainingError> {
         let run = self.run.as_str();
         let mut rows = match self.which {
-            Fold::Groups => folds::oldest(&mut work.conn, run, GROUPS, LEASES).await?,
-            Fold::Columns => folds::oldest(&mut work.conn, run, COLUMNS, LEASES).await?,
-            Fold::Kept { after } => folds::kept(&mut work.conn, run, after, LEASES).await?,
+            Fold::Groups => retention::oldest(&mut work.conn, run, GROUPS, LEASES).await?,
+            Fold::Columns => retention::oldest(&mut work.conn, run, COLUMNS, LEASES).await?,
+            Fold::Kept { after } => retention::kept(&mut work.conn, run, after, LEASES).await?,
         };
         let mut together = 0;
         rows.retain(|row| {
@@ -151,7 +151,7 @@ struct Batch {
 impl Batch {
     async fn read(work: &mut Work, rows: Vec<LeaseRow>, rests: &Rests) -> Result<Self, StoreError> {
         let ids: Vec<i64> = rows.iter().map(|row| row.id).collect();
-        let examples = folds::examples(&mut work.conn, &ids).await?;
+        let examples = retention::examples(&mut work.conn, &ids).await?;
         let mut reported = BTreeMap::<i64, Vec<EpisodeRow>>::new();
         for row in episodes::of_leases(&mut work.conn, &ids).await? {
             reported.entry(row.lease).or_default().push(row);
@@ -249,17 +249,17 @@ impl Batch {
         for (task, stretch) in &progress {
             progress::add_folded(conn, run, task, stretch).await?;
         }
-        folds::delete_groups(conn, &groups, &spans).await?;
+        sweep::delete_groups(conn, &groups, &spans).await?;
         let ids: Vec<i64> = leases.iter().map(|lease| lease.row.id).collect();
-        folds::delete_leases(conn, &ids).await?;
-        folds::delete_scenarios(conn, &scenarios).await
+        sweep::delete_leases(conn, &ids).await?;
+        sweep::delete_scenarios(conn, &scenarios).await
     }
 }
 
 /// Whether a group is the first that was flown on its layout.
 async fn first(work: &mut Work, lease: &LeaseRow, group: &GroupRow) -> Result<bool, StoreError> {
     let Some(layout) = group.layout else { return Ok(false) };
-    Ok(folds::first_of_layout(&mut work.conn, layout).await? == Some((lease.id, group.number)))
+    Ok(retention::first_of_layout(&mut work.conn, layout).await? == Some((lease.id, group.number)))
 }
 
 fn folded_episode(lease: &LeaseRow, row: &EpisodeRow) -> FoldedEpisode {
@@ -291,11 +291,11 @@ impl Change for Sweep {
 
     async fn apply(self, work: &mut Work) -> Result<bool, TrainingError> {
         let conn = &mut work.conn;
-        let gone = folds::delete_proposals(conn, &self.run, self.before, SWEPT).await?;
+        let gone = sweep::delete_proposals(conn, &self.run, self.before, SWEPT).await?;
         let more = gone.len() as i64 == SWEPT;
         let scenarios: Vec<Vec<u8>> = gone.into_iter().flatten().collect();
-        folds::delete_scenarios(conn, &scenarios).await?;
-        let events = folds::delete_events(conn, &self.run, self.before, SWEPT).await?;
+        sweep::delete_scenarios(conn, &scenarios).await?;
+        let events = sweep::delete_events(conn, &self.run, self.before, SWEPT).await?;
         Ok(more || events as i64 == SWEPT)
     }
 }

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use sqlx::SqlitePool;
 
-use crate::store::folds::{self, Whole};
-use crate::store::from_json;
+use crate::store::retention::{self, Whole};
+use crate::store::{from_json, sweep};
 use crate::training::retain::{Fold, FoldLeases, Sweep};
 use crate::training::settings::Retention;
 use crate::training::{RunSettings, TrainingError, Writer};
@@ -44,7 +44,7 @@ struct Keeper {
 impl Keeper {
     /// Folds some leases of each run that keeps more than it should; whether there may be more.
     async fn round(&mut self) -> Result<bool, TrainingError> {
-        let runs = folds::whole(&mut *self.readers.acquire().await?).await?;
+        let runs = retention::whole(&mut *self.readers.acquire().await?).await?;
         let mut more = false;
         for Whole { run, settings, episodes, claimed } in runs {
             let settings: RunSettings = from_json("a run's settings", &settings)?;
@@ -81,7 +81,7 @@ impl Keeper {
     }
 
     async fn sweep(&self, run: &str) -> Result<(), TrainingError> {
-        let before = folds::unwanted_before(&mut *self.readers.acquire().await?, run).await?;
+        let before = sweep::unwanted_before(&mut *self.readers.acquire().await?, run).await?;
         let Some(before) = before else { return Ok(()) };
         while self.writer.change(Sweep { run: run.to_owned(), before }).await? {}
         Ok(())
