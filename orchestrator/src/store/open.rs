@@ -124,7 +124,8 @@ impl Drop for Claim {
 /// `Locked` where another server has it; a folder that cannot be written.
 pub fn claim(path: &Path) -> Result<Claim, OpenError> {
     let name = path.display().to_string();
-    let mut beside = path.as_os_str().to_owned();
+    // By whatever link it is reached, it is one database; one that is yet to be made has its own path.
+    let mut beside = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()).into_os_string();
     beside.push(".lock");
     let file = std::fs::File::create(beside).map_err(|error| match error.kind() {
         std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
@@ -283,6 +284,18 @@ mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
 
     use super::claim;
+
+    #[test]
+    fn a_database_is_claimed_once_by_whatever_link_it_is_reached() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (db, link) = (folder.path().join("db"), folder.path().join("link"));
+        std::fs::write(&db, "").expect("a file");
+        std::os::unix::fs::symlink("db", &link).expect("a link");
+        let first = claim(&link).expect("nobody has it");
+        assert!(claim(&db).is_err() && claim(&link).is_err());
+        drop(first);
+        assert!(claim(&db).is_ok());
+    }
 
     #[test]
     fn a_claim_that_is_let_go_can_be_taken_while_children_are_spawned() {
