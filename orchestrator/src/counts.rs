@@ -41,6 +41,22 @@ pub fn describe() {
     describe_gauge!("sparring_workers", "Workers that are busy, by job.");
     describe_gauge!("sparring_build_info", "1, with the version.");
     gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    begin();
+}
+
+/// What has not happened yet is 0, not missing: a rate of it can be asked for from the start.
+fn begin() {
+    for state in ["taken", "done", "released", "expired"] {
+        counter!("sparring_leases_total", "state" => state).absolute(0);
+    }
+    for status in ["counted", "duplicate", "rejected"] {
+        counter!("sparring_results_total", "status" => status, "code" => "").absolute(0);
+    }
+    counter!("sparring_mismatches_total").absolute(0);
+    counter!("sparring_rollout_groups_total").absolute(0);
+    counter!("sparring_folded_episodes_total").absolute(0);
+    counter!("sparring_commit_failures_total").absolute(0);
+    gauge!("sparring_connections").increment(0.0);
 }
 
 /// A request was answered.

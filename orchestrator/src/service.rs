@@ -86,6 +86,11 @@ pub enum StartError {
         "{0} is reachable by others, and there are no tokens to keep strangers out: make one by `sparring token create`, bind a loopback address, as 127.0.0.1:8700, or show OpenEnv's routes alone by --openenv-public"
     )]
     Public(SocketAddr),
+    /// The same, and none of the tokens that there are lets anybody in.
+    #[error(
+        "{0} is reachable by others, and every token has expired or was revoked: make one by `sparring token create`, which `sparring token list` shows"
+    )]
+    Expired(SocketAddr),
     /// The system gives no threads.
     #[error("no threads to work in the background: {0}")]
     Threads(rayon::ThreadPoolBuildError),
@@ -132,6 +137,8 @@ pub struct App {
     pub endpoint: Option<Endpoint>,
     /// Who waits for groups that were flown.
     pub polls: http::Polls,
+    /// Whether the database could be written when it was last looked.
+    pub looked: http::Looked,
     /// The service is going down.
     pub stopping: Arc<AtomicBool>,
 }
@@ -169,8 +176,7 @@ impl Service {
         let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
         let events = Arc::clone(&wakes.events);
-        let stopping = Arc::new(AtomicBool::new(false));
-        let (stop, stopped) = watch::channel(false);
+        let (stopping, (stop, stopped)) = (Arc::<AtomicBool>::default(), watch::channel(false));
         let polls = http::Polls::new(wakes.feed.subscribe(), stopped.clone());
         let desk = Desk {
             writer: writer.clone(),
@@ -179,10 +185,10 @@ impl Service {
             gates: Arc::default(),
             replaying: pool("replay", 0, Priority::Bulk)?,
         };
-        let jobs = employ(&config, &desk, (wakes, ready_tx))?;
         let sessions = sessions(&config, surface, &desk)?;
-        let of_gate = (readers.clone(), writer.clone(), config.clock.clone());
-        let gate = http::Gate::new(of_gate, address, config.openenv_public, config.each);
+        let jobs = employ(&config, &desk, (wakes, ready_tx), &sessions)?;
+        let seen = (readers.clone(), writer.clone(), config.clock.clone());
+        let gate = http::Gate::new(seen, address, config.openenv_public, config.each);
         let app = App {
             writer,
             readers: readers.clone(),
@@ -199,6 +205,7 @@ impl Service {
             judges: config.judges,
             endpoint: config.endpoint,
             polls,
+            looked: http::Looked::default(),
             stopping: Arc::clone(&stopping),
         };
         let fold = tokio::spawn(workers::fold::run(folder(&config.db).await?, stopped.clone()));
@@ -297,6 +304,7 @@ async fn surface(config: &Config, connection: &mut SqliteConnection) -> Result<h
         true if any => Ok(http::Surface::Whole),
         true => Ok(http::Surface::OpenEnv),
         false if valid || config.bind.ip().is_loopback() => Ok(http::Surface::Whole),
+        false if any => Err(StartError::Expired(config.bind)),
         false => Err(StartError::Public(config.bind)),
     }
 }
@@ -321,6 +329,7 @@ fn employ(
     config: &Config,
     desk: &Desk,
     (wakes, ready): (Wakes, watch::Sender<u64>),
+    sessions: &Arc<Sessions>,
 ) -> Result<JoinSet<()>, StartError> {
     let Desk { writer, readers, .. } = desk;
     let mut jobs = JoinSet::new();
@@ -336,6 +345,7 @@ fn employ(
     jobs.spawn(workers::expire::run(writer.clone()));
     jobs.spawn(workers::clock::run(config.clock.clone(), writer.clone()));
     jobs.spawn(workers::retain::run(readers.clone(), writer.clone()));
+    jobs.spawn(workers::passes::run(readers.clone(), config.clock.clone(), Arc::clone(sessions)));
     let critic = workers::critique::Critic {
         readers: readers.clone(),
         writer: writer.clone(),

@@ -1,5 +1,6 @@
 //! Tokens: what whoever comes in shows. Only a hash of each is kept.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
@@ -7,6 +8,19 @@ use rand::TryRng;
 use secrecy::{ExposeSecret, SecretString};
 use serde::Serialize;
 use utoipa::ToSchema;
+
+/// What was written where no token belongs, without those that stand in it.
+#[must_use]
+pub fn scrubbed(text: &str) -> Cow<'_, str> {
+    let Some(at) = text.find(PREFIX) else { return text.into() };
+    let (before, rest) = text.split_at(at + PREFIX.len());
+    let of_token = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let after = rest.trim_start_matches(of_token);
+    if rest.len() - after.len() < 2 * BYTES {
+        return format!("{before}{}{}", &rest[..rest.len() - after.len()], scrubbed(after)).into();
+    }
+    format!("{before}…{}", scrubbed(after)).into()
+}
 
 /// What a token may do; each may do all that those before it may.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, ToSchema, clap::ValueEnum)]
@@ -110,6 +124,15 @@ mod tests {
             assert!(Token::read(&format!("sparring_{wrong}_{digits}")).is_none(), "{wrong}");
         }
         assert!(Token::read(&format!("sparring_1_{digits}0")).is_none());
+    }
+
+    #[test]
+    fn a_token_is_taken_out_of_what_it_stands_in() {
+        let token = Token::new(7);
+        let token = token.show();
+        assert_eq!(scrubbed("/v1/runs/sparring_demo/pause"), "/v1/runs/sparring_demo/pause");
+        assert_eq!(scrubbed(&format!("/v1/runs/{token}/pause")), "/v1/runs/sparring_…/pause");
+        assert_eq!(scrubbed(&format!("/sparring_x/{token}-{token}")), "/sparring_x/sparring_…-sparring_…");
     }
 
     proptest::proptest! {

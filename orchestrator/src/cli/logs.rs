@@ -41,7 +41,8 @@ pub(super) struct Logs {
 impl Logs {
     /// From here on, what the program logs is written; `usual` where nothing else was asked for.
     pub(super) fn start(&self, usual: &str) -> anyhow::Result<Started> {
-        let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?;
+        let filter =
+            EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?.add_directive(NO_FRAMES.parse()?);
         let lines = tracing_subscriber::fmt::layer()
             .with_writer(std::io::stderr)
             .with_ansi(std::io::stderr().is_terminal());
@@ -115,6 +116,9 @@ impl Drop for Started {
         }
     }
 }
+
+/// At `trace` it writes whole WebSocket frames, and with them the keys of sessions. This goes before what is asked for.
+const NO_FRAMES: &str = "tungstenite=debug";
 
 fn readable(filter: &str) -> Result<String, String> {
     EnvFilter::try_new(filter).map(|_| filter.to_owned()).map_err(|error| error.to_string())

@@ -1,6 +1,6 @@
 //! `sparring token`: who may come in.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{bail, ensure};
@@ -8,8 +8,10 @@ use clap::Subcommand;
 use jiff::{SignedDuration, Span};
 use sqlx::SqliteConnection;
 
+use super::db::{Database, readers};
 use super::output;
 use crate::clock::{Clock, Millis, rfc3339};
+use crate::store::tokens::AuditRow;
 use crate::store::{self, OpenError, tokens};
 use crate::tokens::{Role, Token};
 
@@ -19,17 +21,18 @@ use crate::tokens::{Role, Token};
 A token is shown once, when it is made; of it only a hash is kept. Whoever comes sends it: `Authorization: Bearer sparring_…`. A \
 viewer reads; a trainer also creates runs, leases, reports and flies; an admin also pauses runs, sets what they keep, asks \
 designers and reads the audit log. As soon as there is a token a server lets nobody in without one, on this machine neither. A \
-running server knows of new and revoked tokens within 5 seconds.
+running server knows of new and revoked tokens within 5 seconds, and then closes what a revoked or expired one has open. \
+Make the first one before the server is reachable, as the user it runs as: the database is made where there is none, and must be theirs.
 
 Examples:
-  sparring token create ppo-cluster --role trainer
+  sparring token create ppo-cluster --role trainer --db training.sqlite3
   sparring token create grafana --role viewer --expires never
+  sudo -u sparring sparring token create me --role admin --db /var/lib/sparring/sparring.sqlite3
   sparring token list
   sparring token revoke 3")]
 pub struct Args {
-    /// The SQLite database of the server; made where there is none
-    #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
-    db: PathBuf,
+    #[command(flatten)]
+    of: Database,
     #[command(subcommand)]
     command: Command,
 }
@@ -44,7 +47,7 @@ enum Command {
         #[arg(long, value_enum)]
         role: Role,
         /// How long it is good for, as `90d`, `12h` or `2 weeks`; or `never`
-        #[arg(long, default_value = "90d", value_name = "TIME", value_parser = lasting)]
+        #[arg(long, default_value = "90d", value_name = "TIME", value_parser = lasting, allow_hyphen_values = true)]
         expires: Lasting,
     },
     /// List tokens: names, roles, until when, and when each was used last
@@ -85,11 +88,20 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let now = Clock::system().now();
-        let mut conn = open(&args.db).await?;
+        let db = &args.of.db;
         match &args.command {
-            Command::Create { name, role, expires } => create(&mut conn, (name, *role), now, *expires).await,
-            Command::List => list(&mut conn, now).await,
-            Command::Revoke { id } => revoke(&mut conn, *id, now).await,
+            Command::Create { name, role, expires } => {
+                fits(name)?;
+                if !db.exists() {
+                    tracing::info!(db = %db.display(), "There is no such database yet: it is made.");
+                }
+                create(&mut open(db).await?, (name, *role), now, *expires).await
+            }
+            Command::List => list(&mut *readers(db).await?.acquire().await?, now).await,
+            Command::Revoke { id } => {
+                readers(db).await?.close().await; // what is not there is not made to revoke a token of it
+                revoke(&mut open(db).await?, *id, now).await
+            }
         }
     })
 }
@@ -107,14 +119,18 @@ async fn open(db: &Path) -> Result<SqliteConnection, OpenError> {
     }
 }
 
+fn fits(name: &str) -> anyhow::Result<()> {
+    ensure!((1..=MAX_NAME).contains(&name.chars().count()), "a token's name has 1 to {MAX_NAME} characters");
+    ensure!(!name.chars().any(char::is_control), "a token's name is of one line: no tabs, no line ends");
+    Ok(())
+}
+
 async fn create(
     conn: &mut SqliteConnection,
     (name, role): (&str, Role),
     now: Millis,
     expires: Lasting,
 ) -> anyhow::Result<ExitCode> {
-    let fits = (1..=MAX_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
-    ensure!(fits, "a token's name has 1 to {MAX_NAME} characters");
     let expires_at = match expires {
         Lasting::Ever => None,
         Lasting::For(time) => Some(now.saturating_add(i64::try_from(time.as_millis()).unwrap_or(i64::MAX))),
@@ -123,13 +139,29 @@ async fn create(
     let id = tokens::insert(&mut moment, (name, role.word()), now, expires_at).await?;
     let token = Token::new(id);
     tokens::set_hash(&mut moment, id, token.hash().as_bytes()).await?;
+    tokens::audit(&mut moment, &by_hand("create", id, now)).await?;
     moment.commit().await?;
     output::print(token.show())?;
     let until = expires_at.map_or_else(|| "for ever".to_owned(), |at| format!("until {}", rfc3339(at)));
     tracing::info!(
-        "Token {id}, {name:?}, is for a {role}, {until}. It is shown this once; revoke it by `sparring token revoke {id}`."
+        "Token {id}, {name:?}, has the role {role}, {until}. It is shown this once; revoke it by `sparring token revoke {id}`."
     );
     Ok(ExitCode::SUCCESS)
+}
+
+/// The audit log's line of what is done to a token at the command line: whoever may write the file may.
+fn by_hand(what: &str, id: i64, at: Millis) -> AuditRow {
+    AuditRow {
+        id: 0,
+        at,
+        token: None,
+        name: None,
+        address: None,
+        operation: format!("sparring token {what}"),
+        path: format!("token {id}"),
+        status: 200,
+        request_id: String::new(),
+    }
 }
 
 async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCode> {
@@ -157,10 +189,14 @@ async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCo
 }
 
 async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> anyhow::Result<ExitCode> {
-    if !tokens::revoke(conn, id, now).await? {
-        let why = if tokens::get(conn, id).await?.is_some() { "was revoked before" } else { "is not there" };
+    let mut moment = sqlx::Connection::begin_with(conn, "BEGIN IMMEDIATE").await?;
+    if !tokens::revoke(&mut moment, id, now).await? {
+        let there = tokens::get(&mut moment, id).await?.is_some();
+        let why = if there { "was revoked before" } else { "is not there" };
         bail!("token {id} {why}; `sparring token list` shows them");
     }
+    tokens::audit(&mut moment, &by_hand("revoke", id, now)).await?;
+    moment.commit().await?;
     output::print(&format!("Token {id} is revoked; a running server lets it in for 5 seconds at most."))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -22,7 +22,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderValue, Method, StatusCode, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
@@ -34,6 +34,7 @@ use utoipa_swagger_ui::SwaggerUi;
 
 pub use self::access::{Each, Gate};
 pub use self::connections::serve;
+pub use self::health::Looked;
 pub use self::metrics::begin as begin_counting;
 pub use self::openenv::Boards;
 pub use self::planning::Planning;
@@ -41,6 +42,7 @@ pub use self::polls::Polls;
 pub use self::problem::Problem;
 pub use self::room::Room;
 use crate::service::App;
+use crate::tokens::scrubbed;
 
 /// Largest request body, bytes.
 const MAX_BODY: usize = 16 * 1024 * 1024;
@@ -130,15 +132,26 @@ pub fn router(app: App, gate: Arc<Gate>, surface: Surface) -> Router {
 /// Refuses bodies that say they are too large before reading them, and cuts off what takes too long.
 async fn bounded(request: Request, next: Next) -> Response {
     let length = request.headers().get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok());
-    if length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY) {
-        return Problem::too_large().into_response();
-    }
+    let too_large =
+        length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY);
+    let persistent = request.version() <= Version::HTTP_11;
     let waits = request.method() == Method::GET && request.uri().path().ends_with("/trajectories");
     let timeout = if waits { TIMEOUT + WAITING } else { TIMEOUT };
-    match tokio::time::timeout(timeout, next.run(request)).await {
-        Ok(response) => response,
-        Err(_) => Problem::timed_out().into_response(),
-    }
+    let response = if too_large {
+        Problem::too_large().into_response()
+    } else {
+        let answered = tokio::time::timeout(timeout, next.run(request)).await;
+        answered.unwrap_or_else(|_| Problem::timed_out().into_response())
+    };
+    // Of a body that is too large or too slow the rest is not read: the connection ends with it, and says so.
+    let unread = matches!(response.status(), StatusCode::PAYLOAD_TOO_LARGE | StatusCode::REQUEST_TIMEOUT);
+    if unread && persistent { cut_off(response) } else { response }
+}
+
+/// Says that the connection ends with this.
+fn cut_off(mut response: Response) -> Response {
+    response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    response
 }
 
 /// Says to browsers what nothing here is for: to be guessed at, framed, kept, or to load what is elsewhere.
@@ -166,7 +179,8 @@ fn span(request: &Request) -> tracing::Span {
     let id = request.headers().get("x-request-id").and_then(|v| v.to_str().ok()).unwrap_or("");
     let path = request.uri().path();
     let run = path.strip_prefix("/v1/runs/").and_then(|rest| rest.split('/').next());
-    tracing::info_span!("request", method = %request.method(), path, run, request_id = id)
+    let (path, run) = (scrubbed(path), run.map(scrubbed));
+    tracing::info_span!("request", method = %request.method(), %path, run = run.as_deref(), request_id = id)
 }
 
 async fn no_such_route() -> Problem {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
 
-/// Forms of ids in paths, by the name of the parameter.
+/// Forms of ids in paths and queries, by the name of the parameter.
 const IDS: [(&str, &str); 6] = [
     ("run", "^[a-z0-9_-]{1,64}$"),
     ("lease", "^[1-9][0-9]*-[a-z0-9]{6}$"),
@@ -105,7 +105,7 @@ fn answers(operation: &mut Map<String, Value>) {
 
 fn ids(operation: &mut Map<String, Value>) {
     let Some(parameters) = operation.get_mut("parameters").and_then(Value::as_array_mut) else { return };
-    for parameter in parameters.iter_mut().filter(|parameter| parameter["in"] == "path") {
+    for parameter in parameters.iter_mut() {
         let form = IDS.iter().find(|(name, _)| parameter["name"] == *name);
         if let (Some((_, form)), Some(schema)) = (form, parameter["schema"].as_object_mut()) {
             schema.insert("pattern".to_owned(), json!(form));

@@ -175,10 +175,11 @@ impl From<TrainingError> for Problem {
             E::ClaimedOtherwise(_) => problem(StatusCode::CONFLICT, "claimed_otherwise"),
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
             E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
-            E::TooManyLeases(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5),
-            E::TooManyOfToken { .. } => {
-                problem(StatusCode::TOO_MANY_REQUESTS, "too_many_of_token").again_in(60)
+            E::TooManyLeases(_) | E::TooManyLeasesOfToken(_) => {
+                problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5)
             }
+            // Time alone does not mend it.
+            E::TooManyRuns(_) => problem(StatusCode::FORBIDDEN, "too_many_runs"),
             E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").again_in(1),
             E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").again_in(1),
             E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").again_in(5),

@@ -5,6 +5,8 @@ use std::time::Duration;
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
 
+use crate::sessions::Ending;
+
 /// Largest frame of text that is read, bytes.
 pub(super) const MAX_FRAME: usize = 4 * 1024 * 1024;
 /// Bytes that are read at once: a step has a few hundred, and every idle session holds a buffer.
@@ -30,8 +32,8 @@ pub(super) enum Received {
     TooLarge,
     /// Nothing for too long.
     Idle,
-    /// The service stops.
-    Stop,
+    /// The service stops, or the client may not stay.
+    Stop(Ending),
     /// The client said goodbye.
     Left,
     /// The client is gone.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use axum::body::Bytes;
 use tokio::sync::{OwnedMutexGuard, watch};
 
-use super::{Closing, Session, Vector, Wish};
+use super::{Closing, Session, Vector, Who, Wish};
 
 /// How often a session that is silent looks whether its lease has to be renewed: leases of a second are.
 pub const LOOK: Duration = Duration::from_millis(300);
@@ -58,6 +58,8 @@ struct Berth {
     craft: Arc<tokio::sync::Mutex<Option<Craft>>>,
     /// Counts who came for it: the last one has it.
     claims: watch::Sender<u64>,
+    /// Whose it is: nobody else comes back to it.
+    owner: Who,
 }
 
 /// All sessions that may be come back to.
@@ -93,11 +95,13 @@ pub struct Mooring {
 impl Berths {
     /// Gives a session that was just opened its place.
     #[must_use]
-    pub fn moor(&self, craft: Craft) -> Option<Mooring> {
+    pub fn moor(&self, craft: Craft, owner: &Who) -> Option<Mooring> {
         let token = craft.token().to_owned();
-        let berth =
-            Berth { craft: Arc::new(tokio::sync::Mutex::new(Some(craft))), claims: watch::Sender::new(0) };
-        let berth = Arc::new(berth);
+        let berth = Arc::new(Berth {
+            craft: Arc::new(tokio::sync::Mutex::new(Some(craft))),
+            claims: watch::Sender::new(0),
+            owner: owner.clone(),
+        });
         // Nobody else knows it yet.
         let guard = Arc::clone(&berth.craft).try_lock_owned().ok()?;
         hold(&self.0).insert(token, Arc::clone(&berth));
@@ -109,9 +113,10 @@ impl Berths {
     /// end: nobody else looks after the session then.
     ///
     /// # Errors
-    /// No such session, or another that came later.
-    pub async fn claim(&self, token: &str) -> Result<Mooring, Lost> {
-        let berth = hold(&self.0).get(token).cloned().ok_or(Lost::Unknown)?;
+    /// No such session of theirs, or another that came later.
+    pub async fn claim(&self, token: &str, who: &Who) -> Result<Mooring, Lost> {
+        let berth = hold(&self.0).get(token).filter(|berth| berth.owner == *who).cloned();
+        let berth = berth.ok_or(Lost::Unknown)?;
         let mut mine = 0;
         berth.claims.send_modify(|claims| {
             *claims += 1;
@@ -155,7 +160,7 @@ impl Mooring {
         loop {
             tokio::select! {
                 () = self.superseded() => return,
-                () = closing.closed() => return,
+                _ = closing.closed() => return,
                 () = &mut over => return,
                 () = tokio::time::sleep(LOOK) => {
                     if let Some(craft) = self.craft() {

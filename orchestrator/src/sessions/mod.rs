@@ -4,6 +4,7 @@
 mod berth;
 mod judged;
 mod leased;
+mod pass;
 mod pool;
 mod seat;
 mod session;
@@ -21,6 +22,7 @@ pub use self::berth::{Berths, Craft, LOOK, Lost, Mooring, Single};
 pub use self::judged::Standard;
 use self::leased::Leased;
 pub use self::leased::TTL_S;
+pub use self::pass::{Closing, Ending, Passes};
 pub use self::seat::Who;
 use self::seat::{Seat, Taken};
 pub use self::session::{Report, Session, SessionError, Standing, Stepped};
@@ -89,18 +91,7 @@ pub struct Sessions {
     /// By name, with when each was used last.
     named: Mutex<HashMap<String, (Shared, Instant)>>,
     closing: watch::Sender<bool>,
-}
-
-/// Tells whoever serves a session that the service stops.
-#[derive(Debug)]
-pub struct Closing(watch::Receiver<bool>);
-
-impl Closing {
-    /// Waits until it does.
-    pub async fn closed(&mut self) {
-        // The sender going away means the same.
-        drop(self.0.wait_for(|closing| *closing).await);
-    }
+    passes: Passes,
 }
 
 impl Sessions {
@@ -118,6 +109,7 @@ impl Sessions {
             judges,
             named: Mutex::default(),
             closing: watch::Sender::new(false),
+            passes: Passes::default(),
         }
     }
 
@@ -212,10 +204,16 @@ impl Sessions {
         self.named.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells when the service stops: whoever serves a session ends it then.
+    /// Tells when the service stops, or their token is worth nothing any more: whoever serves them ends it then.
     #[must_use]
-    pub fn closing(&self) -> Closing {
-        Closing(self.closing.subscribe())
+    pub fn closing(&self, who: &Who) -> Closing {
+        Closing::new(self.closing.subscribe(), &self.passes, who.token)
+    }
+
+    /// The tokens by which connections came in.
+    #[must_use]
+    pub const fn passes(&self) -> &Passes {
+        &self.passes
     }
 
     /// Ends all sessions. What they fly for runs is given back.

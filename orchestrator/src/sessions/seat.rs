@@ -10,6 +10,8 @@ use tokio::sync::OwnedSemaphorePermit;
 pub struct Who {
     /// A token or an address; none where nobody is told apart.
     pub name: Option<Arc<str>>,
+    /// The token's number, where it is one.
+    pub token: Option<i64>,
     /// Whether they may fly for runs.
     pub runs: bool,
 }
@@ -18,7 +20,7 @@ impl Who {
     /// Whoever it is on this machine.
     #[must_use]
     pub const fn anybody() -> Self {
-        Self { name: None, runs: true }
+        Self { name: None, token: None, runs: true }
     }
 }
 
@@ -69,7 +71,7 @@ mod tests {
     #[test]
     fn each_has_so_many_and_gives_them_back() {
         let (all, taken) = (Arc::new(Semaphore::new(10)), Taken::default());
-        let who = |name: &str| Who { name: Some(name.into()), runs: false };
+        let who = |name: &str| Who { name: Some(name.into()), token: None, runs: false };
         let take = |who: &Who| taken.take(who, 2, Arc::clone(&all).try_acquire_owned().expect("a place"));
         let first = take(&who("a")).expect("one");
         let _second = take(&who("a")).expect("two");

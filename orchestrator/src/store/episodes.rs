@@ -247,7 +247,7 @@ pub async fn page(
            FROM leases l JOIN episodes e ON e.lease = l.id
            JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
            WHERE l.run = ?1 AND l.id >= ?2 AND (e.lease, e.number) > (?2, ?3)
-           ORDER BY e.lease, e.number LIMIT ?4"#,
+           ORDER BY l.id, e.number LIMIT ?4"#,
         run,
         after.0,
         after.1,

@@ -48,6 +48,9 @@ pub enum StoreError {
     /// The database said no.
     #[error("the database failed: {0}")]
     Database(#[from] sqlx::Error),
+    /// The database undid all that was under way.
+    #[error("the database undid what was under way: {0}")]
+    Undone(Trouble),
     /// Something stored cannot be read back: the file was changed by hand, or by a newer version.
     #[error("{what} in the database cannot be read: {reason}")]
     Unreadable {
@@ -74,11 +77,15 @@ pub enum Trouble {
     Disk,
 }
 
+/// SQLite's primary result code, the low byte of any (sqlite.org/rescode.html).
+fn primary_code(error: &sqlx::Error) -> Option<i32> {
+    let code = error.as_database_error()?.code()?.parse::<i32>().ok()?;
+    Some(code & 0xff)
+}
+
 impl Trouble {
-    /// By SQLite's primary result code, the low byte of any (sqlite.org/rescode.html).
     fn of(error: &sqlx::Error) -> Option<Self> {
-        let code = error.as_database_error()?.code()?.parse::<i32>().ok()?;
-        match code & 0xff {
+        match primary_code(error)? {
             13 => Some(Self::Full),
             5 | 6 => Some(Self::Locked),
             8 | 10 | 14 => Some(Self::Disk),
@@ -93,8 +100,15 @@ impl StoreError {
     pub fn trouble(&self) -> Option<Trouble> {
         match self {
             Self::Database(error) => Trouble::of(error),
+            Self::Undone(trouble) => Some(*trouble),
             Self::Unreadable { .. } => None,
         }
+    }
+
+    /// Whether the file itself is damaged: pages that are none, or of another file.
+    #[must_use]
+    pub fn is_damage(&self) -> bool {
+        matches!(self, Self::Database(error) if matches!(primary_code(error), Some(11 | 26)))
     }
 
     pub(crate) fn unreadable(what: &'static str, reason: impl std::fmt::Display) -> Self {

@@ -9,6 +9,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
 use super::backup::{back_up, schema};
+use super::primary_code;
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
@@ -61,6 +62,11 @@ pub enum OpenError {
     /// Another process holds it.
     #[error("{0} is locked by another process: stop the other server, or give another path with --db")]
     Locked(String),
+    /// Reached by several names, each of which would have a log of its own (sqlite.org/howtocorrupt.html).
+    #[error(
+        "{0} has another name (it is hard-linked), and a database of two names is lost where both are used: copy it by `sparring db backup`, or remove the other name"
+    )]
+    Linked(String),
     /// Nowhere to put it.
     #[error("{0} cannot be opened: the file or its folder does not exist or may not be opened")]
     NoFolder(String),
@@ -124,6 +130,9 @@ impl Drop for Claim {
 /// `Locked` where another server has it; a folder that cannot be written.
 pub fn claim(path: &Path) -> Result<Claim, OpenError> {
     let name = path.display().to_string();
+    if names(path) > 1 {
+        return Err(OpenError::Linked(name));
+    }
     // By whatever link it is reached, it is one database; one that is yet to be made has its own path.
     let mut beside = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()).into_os_string();
     beside.push(".lock");
@@ -141,6 +150,14 @@ pub fn claim(path: &Path) -> Result<Claim, OpenError> {
             Err(OpenError::Other { path: name, reason: error.to_string() })
         }
     }
+}
+
+/// How many names a file has.
+fn names(path: &Path) -> u64 {
+    #[cfg(unix)]
+    return std::fs::metadata(path).map_or(1, |there| std::os::unix::fs::MetadataExt::nlink(&there));
+    #[cfg(not(unix))]
+    1
 }
 
 /// Opens, creating and migrating where needed. One of an older schema is copied before it is changed.
@@ -188,13 +205,34 @@ pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
 /// # Errors
 /// A file that cannot be opened.
 pub async fn reader(path: &Path) -> Result<SqlitePool, OpenError> {
-    let name = path.display().to_string();
+    readers(path, options(path)?).await
+}
+
+async fn readers(path: &Path, options: SqliteConnectOptions) -> Result<SqlitePool, OpenError> {
     SqlitePoolOptions::new()
         .max_connections(READERS)
         .test_before_acquire(false) // a file does not go away, and asking is a turn of two threads
-        .connect_with(options(path)?.pragma("query_only", "ON").pragma("cache_size", CACHES[1]))
+        .connect_with(options.pragma("query_only", "ON").pragma("cache_size", CACHES[1]))
         .await
-        .map_err(|error| explain(&name, &error))
+        .map_err(|error| explain(&path.display().to_string(), &error))
+}
+
+/// The same of one that lies where nothing can be written, as a copy on a medium that is read-only: nobody can be changing it.
+async fn reader_of_still(path: &Path) -> Result<SqlitePool, OpenError> {
+    match reader(path).await {
+        Err(OpenError::NoFolder(_) | OpenError::ReadOnly(_)) if path.is_file() && !has_log(path) => {
+            let still = options(path)?.read_only(true).immutable(true);
+            readers(path, still.journal_mode(SqliteJournalMode::Off)).await
+        }
+        opened => opened,
+    }
+}
+
+/// Whether there is a write-ahead log beside it, with what is not in the file yet.
+fn has_log(path: &Path) -> bool {
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    std::fs::metadata(log).is_ok_and(|log| log.len() > 0)
 }
 
 /// Connections that only read a database of this program's schema, which a server may use meanwhile.
@@ -204,7 +242,7 @@ pub async fn reader(path: &Path) -> Result<SqlitePool, OpenError> {
 pub async fn reader_of_current(path: &Path) -> Result<SqlitePool, OpenError> {
     let name = path.display().to_string();
     let fault = |error: &sqlx::Error| explain(&name, error);
-    let readers = reader(path).await?;
+    let readers = reader_of_still(path).await?;
     let mut connection = readers.acquire().await.map_err(|error| fault(&error))?;
     if foreign(&mut connection).await.map_err(|error| fault(&error))? {
         return Err(OpenError::Foreign(name));
@@ -268,9 +306,7 @@ fn newest() -> i64 {
 }
 
 fn explain(name: &str, error: &sqlx::Error) -> OpenError {
-    let code = error.as_database_error().and_then(|e| e.code()).and_then(|c| c.parse::<i32>().ok());
-    // Primary result codes are the low byte (sqlite.org/rescode.html).
-    match code.map(|code| code & 0xff) {
+    match primary_code(error) {
         Some(26 | 11) => OpenError::NotADatabase(name.to_owned()),
         Some(8) => OpenError::ReadOnly(name.to_owned()),
         Some(5 | 6) => OpenError::Locked(name.to_owned()),
@@ -283,7 +319,7 @@ fn explain(name: &str, error: &sqlx::Error) -> OpenError {
 mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    use super::claim;
+    use super::{OpenError, claim};
 
     #[test]
     fn a_database_is_claimed_once_by_whatever_link_it_is_reached() {
@@ -294,6 +330,11 @@ mod tests {
         let first = claim(&link).expect("nobody has it");
         assert!(claim(&db).is_err() && claim(&link).is_err());
         drop(first);
+        assert!(claim(&db).is_ok());
+        let other = folder.path().join("other");
+        std::fs::hard_link(&db, &other).expect("a second name");
+        assert!(matches!(claim(&db), Err(OpenError::Linked(_))));
+        std::fs::remove_file(other).expect("it is there");
         assert!(claim(&db).is_ok());
     }
 

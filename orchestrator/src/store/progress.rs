@@ -117,10 +117,10 @@ async fn folded(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, S
     Ok(stretches.collect())
 }
 
-/// A stretch is added to while it is shorter than all of them by this, so that a long run has some thousand of them.
+/// A stretch is added to while it is shorter than all of them by this, so that a long run has a thousand of them.
 const FRACTION: i64 = 128;
 /// And while it is shorter than this.
-const SHORTEST: i64 = 32;
+const SHORTEST: i64 = 8;
 
 /// Adds what is folded now of a task.
 ///

@@ -5,13 +5,22 @@ use sqlx::{SqliteConnection, query};
 use super::StoreError;
 use crate::clock::Millis;
 
-/// Writes it.
+/// Bytes that are written along where the last change could not be: as many as a large one has.
+const ROOM: i64 = 1 << 20;
+
+/// Writes it; after trouble a large one.
 ///
 /// # Errors
 /// The database's: what is wanted of it.
-pub async fn beat(conn: &mut SqliteConnection, now: Millis) -> Result<(), StoreError> {
-    query!("INSERT INTO pulse (id, at) VALUES (1, ?) ON CONFLICT (id) DO UPDATE SET at = excluded.at", now)
-        .execute(conn)
-        .await?;
+pub async fn beat(conn: &mut SqliteConnection, now: Millis, troubled: bool) -> Result<(), StoreError> {
+    let room = if troubled { ROOM } else { 0 };
+    query!(
+        "INSERT INTO pulse (id, at, room) VALUES (1, ?, zeroblob(?))
+         ON CONFLICT (id) DO UPDATE SET at = excluded.at, room = excluded.room",
+        now,
+        room
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }

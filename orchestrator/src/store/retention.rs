@@ -107,6 +107,20 @@ pub async fn examples(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec
     Ok(rows.into_iter().map(|row| (row.lease, row.number)).collect())
 }
 
+/// The first proposal that these leases have.
+///
+/// # Errors
+/// The database's.
+pub async fn first_proposal(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Option<i64>, StoreError> {
+    let leases = to_json(&leases)?;
+    Ok(sqlx::query_scalar!(
+        r#"SELECT min(proposal) AS "seq: i64" FROM groups WHERE lease IN (SELECT value FROM json_each(?))"#,
+        leases
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
 /// The first group that was flown on a layout: its lease and number.
 ///
 /// # Errors

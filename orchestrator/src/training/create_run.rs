@@ -73,7 +73,7 @@ impl Change for CreateRun {
         if let Some(Owner { token, most }) = self.owner
             && tokens::runs(&mut work.conn, token).await? >= i64::from(most)
         {
-            return Err(TrainingError::TooManyOfToken { what: "runs", most });
+            return Err(TrainingError::TooManyRuns(most));
         }
         if !runs::insert(&mut work.conn, &row, self.owner.map(|owner| owner.token)).await? {
             return Err(TrainingError::RunExists(row.id));

@@ -118,7 +118,7 @@ impl TakeLease {
         if let Some(Owner { token, most }) = self.owner {
             let held = tokens::leases(conn, token).await?;
             if held >= i64::from(most) {
-                return Err(TrainingError::TooManyOfToken { what: "active leases", most });
+                return Err(TrainingError::TooManyLeasesOfToken(most));
             }
         }
         let ttl_ms = i64::from(self.ttl_s) * 1000;

@@ -93,14 +93,14 @@ pub enum TrainingError {
     /// More active leases than a run may have.
     #[error("the run has {0} active leases, as many as it may; report or release some")]
     TooManyLeases(i64),
-    /// More than one token may have.
-    #[error("this token has {most} {what}, as many as it may; give some back, or use another")]
-    TooManyOfToken {
-        /// Of what.
-        what: &'static str,
-        /// How many.
-        most: u32,
-    },
+    /// More active leases than a token may have.
+    #[error("this token has {0} active leases, as many as it may; report or release some")]
+    TooManyLeasesOfToken(u32),
+    /// More runs than a token may create.
+    #[error(
+        "this token created {0} runs, as many as it may: use another, or start the server with a higher --runs-each"
+    )]
+    TooManyRuns(u32),
     /// Proposals are being prepared and do not come fast enough.
     #[error("scenarios are still being prepared; ask again in a moment")]
     NotReady,

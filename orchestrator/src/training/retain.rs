@@ -76,7 +76,9 @@ impl Change for FoldLeases {
             return Ok(Folded { episodes: 0, last });
         }
         let episodes: i64 = rows.iter().map(LeaseRow::episodes).sum();
-        let rests = Rests::of(work, run).await?;
+        let ids: Vec<i64> = rows.iter().map(|row| row.id).collect();
+        let from = retention::first_proposal(&mut work.conn, &ids).await?;
+        let rests = Rests::of(work, run, from).await?;
         let batch = Batch::read(work, rows, &rests).await?;
         let gone = batch.leases.iter().map(|lease| lease.episodes().count() as u64).sum();
         batch.write(work, run).await?;
@@ -90,16 +92,18 @@ fn weight(row: &LeaseRow) -> i64 {
     if row.is_columns() { row.episodes().min(EPISODES / 4) } else { row.episodes() }
 }
 
-/// What level moves rest on, those that are yet to come among them.
+/// What level moves rest on, those that are yet to come among them: of the moves after some proposal, since one before it
+/// rests on nothing after it.
 struct Rests {
     /// By task: from this seq of a proposal on, and before that one.
     spans: BTreeMap<String, Vec<(u64, u64)>>,
 }
 
 impl Rests {
-    async fn of(work: &mut Work, run: &str) -> Result<Self, TrainingError> {
+    async fn of(work: &mut Work, run: &str, from: Option<i64>) -> Result<Self, TrainingError> {
         let mut spans = BTreeMap::<String, Vec<(u64, u64)>>::new();
-        let (mut after, mut before) = (-1, BTreeMap::<String, u64>::new());
+        let Some(from) = from else { return Ok(Self { spans }) };
+        let (mut after, mut before) = (from, BTreeMap::<String, u64>::new());
         loop {
             let moves = curriculum::moves(&mut work.conn, run, after, MOVES).await?;
             let Some(last) = moves.last() else { break };

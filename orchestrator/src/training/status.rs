@@ -78,7 +78,7 @@ impl Change for Gauges {
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<Vec<Gauge>, TrainingError> {
-        pulse::beat(&mut work.conn, work.now).await?;
+        beat(work).await?;
         let mut gauges = Vec::new();
         for mind in work.minds().take(RUNS) {
             let mastery = mind.curriculum.mastery();
@@ -93,6 +93,13 @@ impl Change for Gauges {
     }
 }
 
+/// Writes that it was there. Where a change could not be stored, as much as a large one: a disk that is full has room for a row.
+async fn beat(work: &mut Work) -> Result<(), TrainingError> {
+    pulse::beat(&mut work.conn, work.now, work.troubled).await?;
+    work.troubled = false; // and again, where this is not committed
+    Ok(())
+}
+
 /// Writes that it was there: the answer says that the writer can write.
 #[derive(Debug)]
 pub struct Ping;
@@ -101,6 +108,64 @@ impl Change for Ping {
     type Answer = ();
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
-        Ok(pulse::beat(&mut work.conn, work.now).await?)
+        beat(work).await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::Clock;
+    use crate::store::{self, Trouble};
+    use crate::training::{Wakes, Writer};
+
+    /// Writes so many bytes, which nobody reads.
+    struct Large(i64);
+
+    impl Change for Large {
+        type Answer = ();
+
+        async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
+            let write = sqlx::query(
+                "INSERT INTO pulse (id, at, room) VALUES (1, 0, zeroblob(?)) ON CONFLICT DO UPDATE SET room = excluded.room",
+            );
+            write.bind(self.0).execute(&mut work.conn).await.map_err(store::StoreError::from)?;
+            Ok(())
+        }
+    }
+
+    /// Lets the file have so many pages.
+    struct Room(i64);
+
+    impl Change for Room {
+        type Answer = ();
+
+        async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
+            let set = format!("PRAGMA max_page_count = {}", self.0);
+            sqlx::query(sqlx::AssertSqlSafe(set))
+                .execute(&mut work.conn)
+                .await
+                .map_err(store::StoreError::from)?;
+            Ok(())
+        }
+    }
+
+    #[tokio::test]
+    async fn what_has_room_for_a_row_and_for_nothing_else_is_not_ready() {
+        let folder = tempfile::tempdir().unwrap();
+        let conn = store::writer(&folder.path().join("db.sqlite3")).await.unwrap();
+        let (writer, _) = Writer::start(conn, Clock::manual(1_000).0, Wakes::default());
+        writer.change(Room(1)).await.unwrap(); // as many as it has
+        writer.change(Ping).await.unwrap();
+        let full = |answer: Result<(), TrainingError>| {
+            assert_eq!(answer.unwrap_err().trouble(), Some(Trouble::Full))
+        };
+        full(writer.change(Large(1 << 18)).await);
+        for _ in 0..3 {
+            full(writer.change(Ping).await);
+        }
+        writer.change(Room(1 << 20)).await.unwrap();
+        writer.change(Ping).await.unwrap();
+        writer.change(Large(1 << 18)).await.unwrap();
     }
 }

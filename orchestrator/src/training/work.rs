@@ -20,6 +20,8 @@ pub struct Work {
     pub conn: SqliteConnection,
     /// The time of this change.
     pub now: Millis,
+    /// A change could not be stored since it was last looked whether one can be.
+    pub(super) troubled: bool,
     minds: HashMap<String, Mind>,
     /// Runs that the change looked at.
     touched: Vec<String>,
@@ -68,6 +70,7 @@ impl Work {
         Self {
             conn,
             now,
+            troubled: false,
             minds: HashMap::new(),
             touched: Vec::new(),
             telling: Vec::new(),

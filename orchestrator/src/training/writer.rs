@@ -19,7 +19,7 @@ use super::TrainingError;
 use super::work::{Wakes, Work};
 use crate::clock::Clock;
 use crate::counts;
-use crate::store::StoreError;
+use crate::store::{StoreError, Trouble};
 
 /// Changes that may wait.
 const QUEUE: usize = 1024;
@@ -121,7 +121,15 @@ impl Writer {
 
 /// Delivers an answer once it is known whether the commit stood.
 type Delivery = Box<dyn FnOnce(Result<(), &StoreError>) + Send>;
-type Running<'a> = Pin<Box<dyn Future<Output = (bool, Delivery)> + Send + 'a>>;
+type Running<'a> = Pin<Box<dyn Future<Output = Ran> + Send + 'a>>;
+
+/// What came of a change.
+struct Ran {
+    stands: bool,
+    /// What kept it from being stored, where that is the database's and for a while.
+    trouble: Option<Trouble>,
+    delivery: Delivery,
+}
 
 trait Errand: Send {
     fn run<'a>(self: Box<Self>, work: &'a mut Work) -> Running<'a>;
@@ -142,12 +150,14 @@ impl<C: Change> Errand for Parcel<C> {
             let Self { change, reply } = *self;
             let answer = change.apply(work).await;
             let stands = answer.is_ok();
+            let trouble = answer.as_ref().err().and_then(TrainingError::trouble);
+            work.troubled |= trouble.is_some();
             let delivery: Delivery = Box::new(move |committed| {
                 let answer = committed.map_err(TrainingError::not_committed).and(answer);
                 // A caller that went away does not want its answer any more.
                 drop(reply.send(answer));
             });
-            (stands, delivery)
+            Ran { stands, trouble, delivery }
         })
     }
 
@@ -170,6 +180,7 @@ async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
             tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
             drop(query("ROLLBACK").execute(&mut work.conn).await);
             work.forget_all();
+            work.troubled = true;
         }
         for delivery in deliveries {
             delivery(committed.as_ref().copied());
@@ -212,13 +223,15 @@ async fn attempt(
         return Err(error);
     }
     work.begin(clock.now()); // it may have come after the one before it
-    let (stands, delivery) = errand.run(work).await;
+    let Ran { stands, trouble, delivery } = errand.run(work).await;
     deliveries.push(delivery);
     if stands {
         work.keep();
         return Ok(());
     }
-    query("ROLLBACK TO change").execute(&mut work.conn).await?;
+    // Where the disk is full SQLite may have undone everything by itself, and there is nothing to go back to.
+    let undone = query("ROLLBACK TO change").execute(&mut work.conn).await;
+    undone.map_err(|error| trouble.map_or_else(|| error.into(), StoreError::Undone))?;
     work.forget();
     // Whoever restores these runs within this transaction is to find what stands of them.
     work.write_kept().await

@@ -5,6 +5,7 @@ pub mod critique;
 pub mod design;
 pub mod expire;
 pub mod fold;
+pub mod passes;
 pub mod prepare;
 pub mod retain;
 pub mod rollout;

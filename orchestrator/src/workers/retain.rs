@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use futures_util::future::try_join_all;
 use sqlx::SqlitePool;
 
 use crate::store::retention::{self, Whole};
@@ -13,8 +14,11 @@ use crate::training::{RunSettings, TrainingError, Writer};
 
 /// How often it looks.
 const EVERY: Duration = Duration::from_secs(2);
+/// Changes that wait for the writer at once where a run keeps twice what it should, and fewer where it is less: what comes in
+/// waits behind them, so that it does not come in faster than it is folded.
+const AT_ONCE: i64 = 8;
 /// Changes in a row before proposals and events are swept and what is kept is looked at again.
-const ROUND: u32 = 64;
+const ROUND: i64 = 64;
 
 /// Works until the writer is gone.
 pub async fn run(readers: SqlitePool, writer: Writer) {
@@ -49,11 +53,11 @@ impl Keeper {
         for Whole { run, settings, episodes, claimed } in runs {
             let settings: RunSettings = from_json("a run's settings", &settings)?;
             let Retention { episodes: most, claimed: most_claimed } = settings.retention;
-            let over =
-                [(Fold::Groups, episodes - most.limit()), (Fold::Columns, claimed - most_claimed.limit())];
+            let kept =
+                [(Fold::Groups, episodes, most.limit()), (Fold::Columns, claimed, most_claimed.limit())];
             let mut folded = false;
-            for (which, over) in over {
-                folded |= self.fold(&run, which, over).await?;
+            for (which, kept, most) in kept {
+                folded |= self.fold(&run, which, kept.saturating_sub(most), most).await?;
             }
             if folded {
                 self.sweep(&run).await?;
@@ -64,18 +68,18 @@ impl Keeper {
         Ok(more)
     }
 
-    /// Folds so many episodes at least, or what can be; whether anything was.
-    async fn fold(&self, run: &str, which: Fold, over: i64) -> Result<bool, TrainingError> {
-        let mut left = over;
-        for _ in 0..ROUND {
-            if left <= 0 {
-                break;
+    /// Folds so many episodes at least, or what can be, of a run that may keep `most`; whether anything was.
+    async fn fold(&self, run: &str, which: Fold, over: i64, most: i64) -> Result<bool, TrainingError> {
+        let (mut left, mut changes) = (over, 0);
+        while left > 0 && changes < ROUND {
+            let at_once = (1 + AT_ONCE * left / most.max(1)).min(AT_ONCE);
+            let fold = || self.writer.change(FoldLeases { run: run.to_owned(), which });
+            let folded = try_join_all((0..at_once).map(|_| fold())).await?;
+            if folded.iter().any(|folded| folded.episodes == 0) {
+                return Ok(changes > 0 || folded.iter().any(|folded| folded.episodes > 0));
             }
-            let folded = self.writer.change(FoldLeases { run: run.to_owned(), which }).await?;
-            if folded.episodes == 0 {
-                break;
-            }
-            left -= folded.episodes;
+            left -= folded.iter().map(|folded| folded.episodes).sum::<i64>();
+            changes += at_once;
         }
         Ok(left < over)
     }

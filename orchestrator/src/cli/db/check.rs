@@ -32,7 +32,10 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     // As it stands at one moment, whatever a server does meanwhile.
     let mut moment = readers.begin().await?;
     let conn = &mut *moment;
-    let mut found = survey::broken(conn).await?;
+    let mut found = match survey::broken(conn).await {
+        Err(error) if error.is_damage() => vec![torn(db)],
+        found => found?,
+    };
     if found.is_empty() {
         found.extend(survey::contradictions(conn).await?);
         for run in survey::runs(conn).await? {
@@ -46,6 +49,10 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     }
     output::print(&found.join("\n"))?;
     Ok(ExitCode::FAILURE)
+}
+
+fn torn(db: &Path) -> String {
+    format!("{} has pages that are torn: go back to a copy (`sparring db backup` makes them)", db.display())
 }
 
 /// That a run can be brought back, what was folded of it can be read, and its sums agree.

@@ -29,11 +29,18 @@ Examples:
   sparring db vacuum
   sparring db export --run run-1a2b3c4d | jq -c 'select(.kind == \"episode\") | [.task, .level, .success]'")]
 pub struct Args {
-    /// The SQLite database
-    #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
-    db: PathBuf,
+    #[command(flatten)]
+    of: Database,
     #[command(subcommand)]
     command: Command,
+}
+
+/// Which database.
+#[derive(Debug, clap::Args)]
+pub(super) struct Database {
+    /// The SQLite database
+    #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
+    pub(super) db: PathBuf,
 }
 
 #[derive(Debug, Subcommand)]
@@ -51,19 +58,20 @@ enum Command {
 /// A database that cannot be used.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let db = &args.of.db;
     runtime.block_on(async {
         match &args.command {
-            Command::Info(of) => info::run(&args.db, of).await,
-            Command::Check(of) => check::run(&args.db, of).await,
-            Command::Vacuum(of) => vacuum::run(&args.db, of).await,
-            Command::Backup(of) => backup::run(&args.db, of).await,
-            Command::Export(of) => export::run(&args.db, of).await,
+            Command::Info(of) => info::run(db, of).await,
+            Command::Check(of) => check::run(db, of).await,
+            Command::Vacuum(of) => vacuum::run(db, of).await,
+            Command::Backup(of) => backup::run(db, of).await,
+            Command::Export(of) => export::run(db, of).await,
         }
     })
 }
 
 /// Connections that read a database of this program's schema.
-async fn readers(db: &Path) -> anyhow::Result<SqlitePool> {
+pub(super) async fn readers(db: &Path) -> anyhow::Result<SqlitePool> {
     // An empty file would be made a database by being opened.
     let there = std::fs::metadata(db).with_context(|| format!("{} cannot be opened", db.display()))?;
     ensure!(there.len() > 0, "{} is empty", db.display());

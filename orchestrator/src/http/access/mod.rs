@@ -8,8 +8,9 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::body::HttpBody;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use moka::future::Cache;
@@ -23,7 +24,7 @@ use crate::clock::{Clock, Millis};
 use crate::sessions::Who;
 use crate::store::StoreError;
 use crate::store::tokens::{self, AuditRow, TokenRow};
-use crate::tokens::{Role, Token};
+use crate::tokens::{Role, Token, scrubbed};
 use crate::training::Writer;
 use crate::training::access::{Note, Used};
 use crate::training::lease::Owner;
@@ -60,21 +61,32 @@ impl Default for Each {
 /// Who asks.
 #[derive(Debug, Clone)]
 pub(super) struct Caller {
-    /// Their token; none where none is needed.
-    pub(super) token: Option<i64>,
-    /// As sessions see them.
+    /// Their token or address, as sessions see them.
     pub(super) who: Who,
 }
 
 impl Caller {
     /// A name that is theirs alone, where they are known: nobody else's session is reached by it, since no header has a NUL.
     pub(super) fn own(&self, name: &str) -> String {
-        self.token.map_or_else(|| name.to_owned(), |token| format!("\0{token}\0{name}"))
+        self.who.token.map_or_else(|| name.to_owned(), |token| format!("\0{token}\0{name}"))
     }
 
     /// As the owner of what they make.
     pub(super) fn owns(&self, most: u32) -> Option<Owner> {
-        self.token.map(|token| Owner { token, most })
+        self.who.token.map(|token| Owner { token, most })
+    }
+}
+
+/// Who is kept out, by what they are to be told.
+struct Refused {
+    problem: Problem,
+    /// Their token, where it is one that is known and not enough.
+    token: Option<i64>,
+}
+
+impl From<Problem> for Refused {
+    fn from(problem: Problem) -> Self {
+        Self { problem, token: None }
     }
 }
 
@@ -135,34 +147,35 @@ impl Gate {
         headers: &HeaderMap,
         uri: &Uri,
         peer: Option<IpAddr>,
-    ) -> Result<Caller, Problem> {
+    ) -> Result<Caller, Refused> {
         let address = Self::address(peer);
-        let anonymous = |runs| Caller { token: None, who: Who { name: Some(Arc::clone(&address)), runs } };
+        let anonymous = |runs| Caller { who: Who { name: Some(Arc::clone(&address)), token: None, runs } };
         if needs == Needs::Nothing {
             return Ok(anonymous(false));
         }
         if let Some(shown) = headers.get(header::AUTHORIZATION) {
             let Some(known) = self.known(shown).await? else {
                 self.of_addresses.take(&address).map_err(Problem::too_often)?;
-                return Err(not_known("the token is not known, expired or revoked"));
+                return Err(not_known("the token is not known, expired or revoked").into());
             };
             let name: Arc<str> = format!("token {}", known.id).into();
-            self.of_tokens.take(&name).map_err(Problem::too_often)?;
+            let token = Some(known.id);
+            let refused = |problem| Refused { problem, token };
+            self.of_tokens.take(&name).map_err(|seconds| refused(Problem::too_often(seconds)))?;
             let enough = match needs {
                 Needs::Nothing => true,
                 Needs::Token(role) => known.role >= role,
                 Needs::OpenEnv(role) => self.openenv_public || known.role >= role,
             };
             if !enough {
-                return Err(not_enough(needs, known.role));
+                return Err(refused(not_enough(needs, known.role)));
             }
-            let who = Who { name: Some(name), runs: known.role >= Role::Trainer };
-            return Ok(Caller { token: Some(known.id), who });
+            return Ok(Caller { who: Who { name: Some(name), token, runs: known.role >= Role::Trainer } });
         }
         match needs {
             _ if self.loopback && !self.openenv_public && !self.any().await? => {
                 from_here(headers, uri)?;
-                Ok(Caller { token: None, who: Who::anybody() })
+                Ok(Caller { who: Who::anybody() })
             }
             Needs::OpenEnv(_) if self.openenv_public => {
                 self.of_addresses.take(&address).map_err(Problem::too_often)?;
@@ -172,7 +185,8 @@ impl Gate {
                 self.of_addresses.take(&address).map_err(Problem::too_often)?;
                 Err(not_known(
                     "send a token: Authorization: Bearer sparring_…; `sparring token create` makes one",
-                ))
+                )
+                .into())
             }
         }
     }
@@ -271,11 +285,11 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
     let admitted = gate.admit(needs, request.headers(), request.uri(), peer).await;
     let (token, refused) = match admitted {
         Ok(caller) => {
-            let token = caller.token;
+            let token = caller.who.token;
             request.extensions_mut().insert(caller);
             (token, None)
         }
-        Err(problem) => (None, Some(problem)),
+        Err(Refused { problem, token }) => (token, Some(problem)),
     };
     let audited = operation.is_some_and(|operation| operation.audited);
     let denied = refused.as_ref().is_some_and(Problem::is_denial);
@@ -287,13 +301,13 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
             name: None,
             address: peer.map(|ip| ip.to_string()),
             operation: format!("{} {path}", request.method()),
-            path: request.uri().path().chars().take(500).collect(),
+            path: scrubbed(request.uri().path()).chars().take(500).collect(),
             status: 0,
             request_id: request_id(request.headers()),
         });
     let response = match refused {
         None => next.run(request).await,
-        Some(problem) => problem.into_response(),
+        Some(problem) => unread(&request, problem.into_response()),
     };
     if let Some(line) = line {
         let line = AuditRow { status: response.status().as_u16().into(), ..line };
@@ -308,6 +322,14 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
         if let Err(error) = gate.writer.change(Note(line)).await {
             tracing::error!(error = %error, "A line of the audit log could not be written.");
         }
+    }
+    response
+}
+
+/// An answer to a request whose body was not read: what follows it on the connection would be that.
+fn unread(request: &Request, mut response: Response) -> Response {
+    if request.version() <= Version::HTTP_11 && !request.body().is_end_stream() {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     response
 }

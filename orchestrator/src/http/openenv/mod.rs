@@ -43,9 +43,9 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(simulation::step))
         .routes(routes!(simulation::state))
         .routes(routes!(mcp::routes::post))
-        .route("/mcp", get(mcp_socket))
-        .route("/ws", get(socket))
-        .route("/ws/ui", get(ui_socket))
+        .routes(routes!(mcp_socket))
+        .routes(routes!(socket))
+        .routes(routes!(ui_socket))
         .route("/", get(web::home))
         .route("/web", get(web::home))
         .route("/web/", get(web::page))
@@ -57,6 +57,11 @@ pub(super) fn routes() -> OpenApiRouter<App> {
 
 type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 
+/// Fly over a WebSocket, in openenv-core's frames: `reset`, `step`, `state`, `close`.
+#[utoipa::path(
+    get, path = "/ws", tag = "openenv",
+    responses((status = 101), (status = 404, body = Object, description = "It is not asked for as a WebSocket."))
+)]
 async fn socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
         Ok(upgrade) => socket::connect(state, caller.who, upgrade).await,
@@ -65,6 +70,11 @@ async fn socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade
     }
 }
 
+/// JSON-RPC over a WebSocket: a session of its own.
+#[utoipa::path(
+    get, path = "/mcp", tag = "openenv",
+    responses((status = 101), (status = 405, body = Object, description = "It is not asked for as a WebSocket."))
+)]
 async fn mcp_socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
         Ok(upgrade) => mcp::connect(state, caller.who, upgrade).await,
@@ -75,6 +85,15 @@ async fn mcp_socket(state: State<App>, Extension(caller): Extension<Caller>, upg
     }
 }
 
+/// Look on while a web session flies, over a WebSocket.
+#[utoipa::path(
+    get, path = "/ws/ui", tag = "openenv",
+    responses(
+        (status = 101), (status = 400, body = Object),
+        (status = 404, body = Object, description = "It is not asked for as a WebSocket."),
+        (status = 503, body = Object)
+    )
+)]
 async fn ui_socket(
     state: State<App>,
     Extension(caller): Extension<Caller>,

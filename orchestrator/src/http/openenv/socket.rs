@@ -32,14 +32,14 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
             return close(socket).await;
         }
     };
-    let mut closing = app.sessions.closing();
+    let mut closing = app.sessions.closing(&who);
     let (mut room, mut early) = (ROOM, None);
     loop {
         let received = match early.take() {
             Some(received) => received,
             None => tokio::select! {
                 received = next(&mut socket, app.sessions.limits().idle) => received,
-                () = closing.closed() => Received::Stop,
+                why = closing.closed() => Received::Stop(why),
             },
         };
         // Not held while a session is silent.
@@ -61,9 +61,8 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
                 let _ = send(&mut socket, error("SESSION_TIMEOUT", words).to_string().into_bytes()).await;
                 return close(socket).await;
             }
-            Received::Stop => {
-                let words = "the server is stopping";
-                let _ = send(&mut socket, error("SESSION_ERROR", words).to_string().into_bytes()).await;
+            Received::Stop(why) => {
+                let _ = send(&mut socket, error("SESSION_ERROR", why.words()).to_string().into_bytes()).await;
                 return close(socket).await;
             }
             Received::TooLarge => return close_for_size(socket).await,

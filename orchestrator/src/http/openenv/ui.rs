@@ -16,7 +16,7 @@ use super::refusal::Refusal;
 use super::{answer, web};
 use crate::clock::rfc3339;
 use crate::service::App;
-use crate::sessions::Session;
+use crate::sessions::{Closing, Session};
 
 /// Steps that are told of an episode.
 const MOST_LOGS: usize = 200;
@@ -110,14 +110,22 @@ pub(super) async fn connect(
         .into_response();
     };
     match web::name(&headers, caller) {
-        Ok(name) => socket::bounded(upgrade).on_upgrade(move |socket| serve(socket, app, (name, seat))),
+        Ok(name) => {
+            let closing = app.sessions.closing(&caller.who);
+            let boards = Arc::clone(&app.boards);
+            socket::bounded(upgrade)
+                .on_upgrade(move |socket| serve(socket, boards.look(&name), closing, seat))
+        }
         Err(refusal) => refusal.into_response(),
     }
 }
 
-async fn serve(mut socket: WebSocket, app: App, (name, _seat): (String, OwnedSemaphorePermit)) {
-    let mut board = app.boards.look(&name);
-    let mut closing = app.sessions.closing();
+async fn serve(
+    mut socket: WebSocket,
+    mut board: watch::Receiver<Value>,
+    mut closing: Closing,
+    _seat: OwnedSemaphorePermit,
+) {
     loop {
         let told = json!({"type": "state_update", "episode_state": &*board.borrow_and_update()});
         if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {
@@ -129,7 +137,7 @@ async fn serve(mut socket: WebSocket, app: App, (name, _seat): (String, OwnedSem
                 Some(Ok(axum::extract::ws::Message::Close(_)) | Err(_)) | None => return,
                 Some(Ok(_)) => {} // nothing is asked for here; the board is told again
             },
-            () = closing.closed() => return socket::close(socket).await,
+            _ = closing.closed() => return socket::close(socket).await,
         }
     }
 }

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -14,6 +15,7 @@ use sqlx::SqlitePool;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 use utoipa::IntoParams;
 
+use super::super::access::Caller;
 use super::super::extract::{Path, Query};
 use super::super::problem::Problem;
 use super::{reader_of, run_id};
@@ -54,6 +56,7 @@ pub(super) struct From {
 )]
 pub(super) async fn listen(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Query(from): Query<From>,
     headers: HeaderMap,
@@ -83,7 +86,7 @@ pub(super) async fn listen(
     let listener = Listener {
         readers: app.readers.clone(),
         changes,
-        closing: app.sessions.closing(),
+        closing: app.sessions.closing(&caller.who),
         run,
         after,
         waiting: VecDeque::new(),
@@ -112,7 +115,7 @@ struct Listener {
 }
 
 impl Listener {
-    /// The next event; none when the service stops.
+    /// The next event; none when the service stops, or whoever listens may not any more.
     async fn next(&mut self) -> Option<Event> {
         loop {
             if let Some(event) = self.waiting.pop_front() {
@@ -126,7 +129,7 @@ impl Listener {
             if self.waiting.is_empty() {
                 tokio::select! {
                     changed = self.changes.changed() => changed.ok()?,
-                    () = self.closing.closed() => return None,
+                    _ = self.closing.closed() => return None,
                 }
             }
         }

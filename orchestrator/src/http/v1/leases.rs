@@ -240,8 +240,7 @@ pub(super) async fn list(
     let mut conn = reader_of(&app, &run).await?;
     let after = page.cursor()?.0;
     let mut rows = leases::page(&mut conn, run.as_str(), after, limit).await?;
-    let folded = folds::from(&mut conn, run.as_str(), after + 1, (limit, |_| 1)).await?;
-    rows.extend(folded.into_iter().map(|folded| folded.row));
+    rows.extend(folds::heads(&mut conn, run.as_str(), after.saturating_add(1), limit).await?);
     rows.sort_by_key(|row| row.id);
     rows.dedup_by_key(|row| row.id); // something of it stays
     rows.truncate(usize::try_from(limit).unwrap_or_default());

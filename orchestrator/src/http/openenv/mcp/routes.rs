@@ -17,7 +17,7 @@ use crate::sessions::Who;
 
 /// JSON-RPC of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
 #[utoipa::path(
-    post, path = "/mcp", tag = "openenv", request_body(content = Object, content_type = "application/json"),
+    post, path = "/mcp", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "Left out, it is what cannot be read: JSON-RPC's -32700."),
     responses(
         (status = 200, body = Object, description = "JSON-RPC: an error is in the body."),
         (status = 408, body = Object), (status = 413, body = Object)
@@ -53,14 +53,14 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
             return socket::close(socket).await;
         }
     };
-    let mut closing = app.sessions.closing();
+    let mut closing = app.sessions.closing(&who);
     let mut early = None;
     loop {
         let received = match early.take() {
             Some(received) => received,
             None => tokio::select! {
                 received = socket::next(&mut socket, app.sessions.limits().idle) => received,
-                () = closing.closed() => Received::Stop,
+                why = closing.closed() => Received::Stop(why),
             },
         };
         let told = match received {
@@ -77,7 +77,7 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
             Received::Binary(_) => {
                 rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here")))
             }
-            Received::Idle | Received::Stop => return socket::close(socket).await,
+            Received::Idle | Received::Stop(_) => return socket::close(socket).await,
             Received::TooLarge => return socket::close_for_size(socket).await,
             Received::Left | Received::Gone => return,
         };

@@ -79,7 +79,7 @@ pub(super) async fn begin(app: &App, who: &Who, text: &str) -> Result<Opened, (O
     let Message { kind, id, fields } = message(text)?;
     let begun = match kind.as_str() {
         "open" => open(app, who, fields).await,
-        "resume" => resume(app, fields).await,
+        "resume" => resume(app, who, fields).await,
         other => Err(unknown(other, "open, resume: the first message opens a session")),
     };
     begun.map_err(|refusal| (id, refusal))
@@ -105,15 +105,15 @@ async fn open(app: &App, who: &Who, mut fields: Map<String, Value>) -> Result<Op
         let text = answer::standing("opened", &single, ttl_s, None);
         (Craft::Single(Box::new(single)), text, None)
     };
-    let mooring = app.sessions.berths().moor(craft).ok_or(Lost::Unknown)?;
+    let mooring = app.sessions.berths().moor(craft, who).ok_or(Lost::Unknown)?;
     Ok(Opened { mooring, text, frame, known: false })
 }
 
-async fn resume(app: &App, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
+async fn resume(app: &App, who: &Who, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
     fields.remove("id");
     let Resume { session, version } = read(Value::Object(fields))?;
     spoken(version.unwrap_or(VERSION))?;
-    let mut mooring = app.sessions.berths().claim(&session).await?;
+    let mut mooring = app.sessions.berths().claim(&session, who).await?;
     let ttl_s = app.sessions.limits().resume.as_secs();
     let text = match mooring.craft() {
         Some(Craft::Single(single)) => answer::standing("resumed", single, ttl_s, None),

@@ -13,7 +13,7 @@ use super::refusal::Refusal;
 use super::vector::Told;
 use super::{single, vector};
 use crate::service::App;
-use crate::sessions::{Closing, Craft, LOOK, Mooring, Who};
+use crate::sessions::{Closing, Craft, Ending, LOOK, Mooring, Who};
 
 /// How long a connection may take to open a session.
 const OPEN_WITHIN: Duration = Duration::from_secs(10);
@@ -31,13 +31,18 @@ async fn bid(mut socket: WebSocket, refusal: &Refusal) {
     close(socket).await;
 }
 
-fn stopping() -> Refusal {
-    Refusal::new("stopping", "the server is stopping; the session ended")
+fn ended(why: Ending) -> Refusal {
+    match why {
+        Ending::Stopping => Refusal::new("stopping", "the server is stopping; the session ended"),
+        Ending::Expelled => {
+            Refusal::new("unauthenticated", "the token was revoked, or expired; the session ended")
+        }
+    }
 }
 
 /// Serves one connection.
 pub(super) async fn serve(mut socket: WebSocket, app: App, who: Who) {
-    let mut closing = app.sessions.closing();
+    let mut closing = app.sessions.closing(&who);
     let mut early = None;
     let Some(opened) = opened(&mut socket, (&app, &who), &mut closing, &mut early).await else { return };
     let Opened { mooring, text, frame, known } = opened;
@@ -65,7 +70,7 @@ async fn opened(
             Some(received) => received,
             None => tokio::select! {
                 received = next(socket, Some(until.saturating_duration_since(Instant::now()))) => received,
-                () = closing.closed() => Received::Stop,
+                why = closing.closed() => Received::Stop(why),
             },
         };
         let refusal = match received {
@@ -82,7 +87,7 @@ async fn opened(
                 Refusal::new("not_open", "the first message opens a session: send it as text")
             }
             Received::Idle => Refusal::new("silent", "no session was opened for too long").ending(),
-            Received::Stop => stopping().ending(),
+            Received::Stop(why) => ended(why).ending(),
             Received::TooLarge => Refusal::new("too_large", TOO_LARGE).ending(),
             Received::Left | Received::Gone => return None,
         };
@@ -110,7 +115,7 @@ async fn wait(
         let left = idle.map(|idle| idle.saturating_sub(since.elapsed()));
         tokio::select! {
             received = next(socket, left) => return Came::Received(received),
-            () = closing.closed() => return Came::Received(Received::Stop),
+            why = closing.closed() => return Came::Received(Received::Stop(why)),
             () = mooring.superseded() => return Came::Superseded,
             () = tokio::time::sleep(LOOK) => {
                 if let Some(craft) = mooring.craft() {
@@ -181,9 +186,9 @@ async fn on_board(
                 return bid(socket, &Refusal::new("silent", "the session was silent for too long and ended"))
                     .await;
             }
-            Came::Received(Received::Stop) => {
+            Came::Received(Received::Stop(why)) => {
                 drop(mooring);
-                return bid(socket, &stopping()).await;
+                return bid(socket, &ended(why)).await;
             }
             Came::Received(Received::TooLarge) => {
                 // What comes after its beginning cannot be told apart; the session can be come back to.

@@ -6,14 +6,16 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-use futures_util::{SinkExt, StreamExt};
+use futures_util::StreamExt;
 use orchestrator::http::Each;
 use orchestrator::service::{Config, Service, StartError};
 use serde_json::{Value, json};
-use system_tests::{Api, Process, Server, binary, http_client};
+use system_tests::{Api, Server, binary, http_client};
 use tokio_tungstenite::connect_async;
-use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+
+mod limits;
+mod tokens;
 
 const ROLES: [&str; 3] = ["viewer", "trainer", "admin"];
 
@@ -142,185 +144,30 @@ async fn beside_the_document(anonymous: &Api, tokens: &BTreeMap<&'static str, St
         http_client().get(format!("{}/v1/runs/run/events", anonymous.base())).bearer_auth(&tokens["viewer"]);
     assert_eq!(listen.send().await.unwrap().status(), 200);
     // A session over a WebSocket, by its first request.
-    for (caller, status) in [(None, 401), (Some("viewer"), 403), (Some("trainer"), 101)] {
-        assert_eq!(upgraded(anonymous.base(), caller.map(|role| tokens[role].as_str())).await, status);
+    for (caller, refused) in [(None, Some(401)), (Some("viewer"), Some(403)), (Some("trainer"), None)] {
+        let token = caller.map(|role| tokens[role].as_str());
+        assert_eq!(connected(anonymous.base(), "/v1/sessions", token).await.err(), refused);
     }
-}
-
-/// How a WebSocket of /v1/sessions is answered.
-async fn upgraded(base: &str, token: Option<&str>) -> u16 {
-    let mut request =
-        format!("{}/v1/sessions", base.replacen("http", "ws", 1)).into_client_request().unwrap();
-    if let Some(token) = token {
-        request.headers_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
-    }
-    match connect_async(request).await {
-        Ok((_, response)) => response.status().as_u16(),
-        Err(tokio_tungstenite::tungstenite::Error::Http(response)) => response.status().as_u16(),
-        Err(error) => panic!("{error}"),
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn tokens_are_made_listed_and_revoked_while_a_server_runs() {
-    let folder = tempfile::tempdir().unwrap();
-    let db = folder.path().join("db.sqlite3");
-    let process = Process::start(&db);
-    let api = process.api();
-    let _ = api.post("/v1/runs", json!({"id": "before"})).await.expect(201); // nobody is known: this machine may everything
-    let path = db.clone();
-    let (admin, short) = tokio::task::spawn_blocking(move || {
-        let admin = token(&path, "admin");
-        let (_, short, _) =
-            sparring(&path, &["token", "create", "short", "--role", "viewer", "--expires", "2s"]);
-        (admin, short.trim().to_owned())
-    })
-    .await
-    .unwrap();
-    let mut refused = false;
-    for _ in 0..70 {
-        refused = api.get("/v1/runs").await.status == 401;
-        if refused {
-            break;
-        }
-        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
-    }
-    assert!(refused, "a server that runs knows of the first token within 5 s");
-    let _ = api.clone().with_token(&admin).get("/v1/runs").await.expect(200);
-    tokio::time::sleep(std::time::Duration::from_secs(2)).await;
-    assert_eq!(api.clone().with_token(&short).get("/v1/runs").await.status, 401, "it expired");
-
-    let (code, listed, _) = sparring(&db, &["token", "list"]);
-    assert_eq!(code, Some(0));
-    assert!(listed.contains("admin") && listed.contains("expired") && !listed.contains(&admin), "{listed}");
-    assert_eq!(sparring(&db, &["token", "revoke", "1"]).0, Some(0));
-    let (code, _, told) = sparring(&db, &["token", "revoke", "1"]);
-    assert_eq!((code, told.contains("was revoked before")), (Some(2), true), "{told}");
-    let (code, _, told) = sparring(&db, &["token", "revoke", "9"]);
-    assert_eq!((code, told.contains("is not there")), (Some(2), true), "{told}");
-    let (code, _, told) = sparring(&db, &["token", "create", "x", "--role", "viewer", "--expires", "soon"]);
-    assert_eq!((code, told.contains("say it as 90d")), (Some(2), true), "{told}");
-    let mut refused = false;
-    for _ in 0..70 {
-        refused = api.clone().with_token(&admin).get("/v1/runs").await.status == 401;
-        if refused {
-            break;
-        }
-        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
-    }
-    assert!(refused, "a revoked token is let in for 5 s at most");
-    drop(process);
-    // Of a token nothing but its hash is anywhere.
-    for file in std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
-        let bytes = std::fs::read(&file).unwrap();
-        let secret = admin.rsplit('_').next().unwrap().as_bytes();
-        assert!(!bytes.windows(secret.len()).any(|window| window == secret), "{}", file.display());
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn what_is_changed_by_hand_and_who_is_kept_out_is_written_down() {
-    let (server, tokens) = closed(|config| config).await;
-    let api = server.api();
-    let admin = api.clone().with_token(&tokens["admin"]);
-    let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
-    let _ = admin.post("/v1/runs/run/pause", json!({})).await.expect(200);
-    assert_eq!(
-        api.clone().with_token(&tokens["viewer"]).post("/v1/runs/run/resume", json!({})).await.status,
-        403
-    );
-    for _ in 0..20 {
-        assert_eq!(api.get("/v1/runs").await.status, 401);
-    }
-    let audit = admin.get("/v1/audit").await.expect(200);
-    let lines = audit["lines"].as_array().unwrap();
-    let line =
-        |line: &Value| format!("{} {} {}", line["operation"].as_str().unwrap(), line["status"], line["name"]);
-    let told: Vec<String> = lines.iter().map(line).collect();
-    assert_eq!(told.last().unwrap(), "POST /v1/runs 201 \"admin\"");
-    assert!(told.contains(&"POST /v1/runs/{run}/pause 200 \"admin\"".to_owned()), "{told:?}");
-    assert!(told.iter().any(|line| line.ends_with("403 null")), "{told:?}");
-    let denials = told.iter().filter(|line| line.contains(" 40")).count();
-    assert!((1..8).contains(&denials), "who tries without end does not fill it: {told:?}");
-    assert!(
-        lines
-            .iter()
-            .all(|line| line["address"] == "127.0.0.1" && line["request_id"].as_str().unwrap().len() == 36)
-    );
-    let text = audit.to_string();
-    assert!(tokens.values().all(|token| !text.contains(token.as_str())));
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn each_token_has_its_limits() {
-    let each =
-        Each { requests: 20.try_into().unwrap(), anonymous: 5.try_into().unwrap(), runs: 2, leases: 3 };
-    let setup = move |mut config: Config| {
-        config.sessions.each = 2;
-        Config { each, ..config }
-    };
-    let (server, tokens) = closed(setup).await;
-    let trainer = server.api().with_token(&tokens["trainer"]);
-    for id in ["a", "b"] {
-        let _ = trainer.post("/v1/runs", json!({"id": id})).await.expect(201);
-    }
-    let more = trainer.post("/v1/runs", json!({"id": "c"})).await;
-    assert_eq!(
-        (more.status, more.body["type"].as_str()),
-        (429, Some("urn:sparring:problem:too_many_of_token"))
-    );
-    let _ = server.api().with_token(&tokens["admin"]).post("/v1/runs", json!({"id": "c"})).await.expect(201);
-    let mut taken = Vec::new();
-    for form in ["groups", "columns", "groups"] {
-        taken.push(trainer.lease("a", json!({"groups": 1, "form": form})).await);
-    }
-    let more = trainer.post("/v1/runs/b/leases", json!({"groups": 1})).await;
-    assert_eq!(
-        (more.status, more.body["type"].as_str()),
-        (429, Some("urn:sparring:problem:too_many_of_token"))
-    );
-    let _ =
-        trainer.post(&format!("/v1/runs/a/leases/{}/release", taken[0].id()), json!({})).await.expect(200);
-    let _ = trainer.lease("b", json!({"groups": 1})).await;
-
-    let _sessions = two_sessions(&server.api(), &tokens["trainer"]).await;
-    // Requests: of who is known, and of an address.
-    let mut often = trainer.get("/v1/tasks").await;
-    for _ in 0..60 {
-        often = trainer.get("/v1/tasks").await;
-        if often.status == 429 {
-            break;
-        }
-    }
-    assert_eq!((often.status, often.body["type"].as_str()), (429, Some("urn:sparring:problem:too_often")));
-    assert_eq!(often.retry_after.as_deref(), Some("1"));
-    let _ = server.api().with_token(&tokens["viewer"]).get("/v1/tasks").await.expect(200);
-    let statuses =
-        futures_util::future::join_all((0..20).map(|_| async { server.api().get("/v1/tasks").await.status }))
-            .await;
-    assert!(statuses.contains(&401) && statuses.contains(&429), "{statuses:?}");
 }
 
 type Socket = tokio_tungstenite::WebSocketStream<tokio_tungstenite::MaybeTlsStream<tokio::net::TcpStream>>;
 
-/// Opens three sessions where two may be: the last is refused.
-async fn two_sessions(api: &Api, token: &str) -> Vec<Socket> {
-    let mut sessions = Vec::new();
-    for at in 0..3 {
-        let mut request =
-            format!("{}/v1/sessions", api.base().replacen("http", "ws", 1)).into_client_request().unwrap();
+/// A WebSocket, or the status that it is refused by.
+async fn connected(base: &str, path: &str, token: Option<&str>) -> Result<Socket, u16> {
+    let mut request = format!("{}{path}", base.replacen("http", "ws", 1)).into_client_request().unwrap();
+    if let Some(token) = token {
         request.headers_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
-        let (mut socket, _) = connect_async(request).await.unwrap();
-        socket
-            .send(Message::text(json!({"type": "open", "version": 1, "seed": at}).to_string()))
-            .await
-            .unwrap();
-        let told: Value =
-            serde_json::from_str(socket.next().await.unwrap().unwrap().to_text().unwrap()).unwrap();
-        assert_eq!(told["type"] == "error", at == 2, "{told}");
-        sessions.push(socket);
     }
-    sessions
+    match connect_async(request).await {
+        Ok((socket, _)) => Ok(socket),
+        Err(tokio_tungstenite::tungstenite::Error::Http(response)) => Err(response.status().as_u16()),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// The next message.
+async fn said(socket: &mut Socket) -> Value {
+    serde_json::from_str(socket.next().await.unwrap().unwrap().to_text().unwrap()).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]

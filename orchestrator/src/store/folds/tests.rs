@@ -1,0 +1,106 @@
+//! Folds: whatever was folded when is found.
+
+use super::*;
+
+fn lease(id: i64, numbers: &[i64]) -> FoldedLease {
+    let row = LeaseRow {
+        id,
+        token: "aaaaaa".to_owned(),
+        run: "run".to_owned(),
+        purpose: "train".to_owned(),
+        form: "groups".to_owned(),
+        status: "done".to_owned(),
+        groups: 8,
+        group_size: 1,
+        policy_version: 0,
+        ttl_ms: 1000,
+        created_at: 5,
+        expires_at: 6,
+        folded: 1,
+        owner: None,
+    };
+    let group = |number: &i64| FoldedGroup {
+        number: *number,
+        task: "kessler/survival".to_owned(),
+        level: Some(3),
+        role: "frontier".to_owned(),
+        layout: None,
+        contested: true,
+        episodes: vec![FoldedEpisode {
+            number: *number,
+            state: FoldedState::Finished,
+            score: Some(0.5),
+            skill: None,
+            success: Some(true),
+            policy_version: 1,
+            after_ms: 7,
+        }],
+    };
+    FoldedLease { row, groups: numbers.iter().map(group).collect(), claim: None }
+}
+
+async fn database() -> (tempfile::TempDir, SqliteConnection) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut conn = crate::store::writer(&folder.path().join("db")).await.expect("a database");
+    sqlx::query("INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES ('run', '', 1, 'active', '{}', 0)")
+        .execute(&mut conn)
+        .await
+        .expect("a run");
+    (folder, conn)
+}
+
+/// Whatever was folded when: every episode is found once and in order, from wherever it is asked for, however few at a time.
+#[tokio::test]
+async fn folds_that_overlap_lose_nothing() {
+    let (_folder, mut conn) = database().await;
+    let folds: [&[FoldedLease]; 6] = [
+        &[lease(1, &[0, 1, 2]), lease(2, &[0, 7]), lease(5, &[3])],
+        &[lease(5, &[4, 5]), lease(6, &[0])],
+        &[lease(5, &[6]), lease(9, &[1])],
+        &[lease(3, &[0, 1, 2, 3])],
+        &[lease(5, &[0]), lease(8, &[0, 1])],
+        &[lease(9, &[0, 2]), lease(10, &[5])],
+    ];
+    for leases in folds {
+        insert(&mut conn, "run", leases, 9).await.expect("it is stored");
+    }
+    let all = from(&mut conn, "run", 0, (i64::MAX, |_| 1)).await.expect("they are read");
+    let numbers: Vec<(i64, Vec<i64>)> = all
+        .iter()
+        .map(|lease| (lease.row.id, lease.episodes().map(|(_, episode)| episode.number).collect()))
+        .collect();
+    assert_eq!(
+        numbers,
+        [
+            (1, vec![0, 1, 2]),
+            (2, vec![0, 7]),
+            (3, vec![0, 1, 2, 3]),
+            (5, vec![0, 3, 4, 5, 6]),
+            (6, vec![0]),
+            (8, vec![0, 1]),
+            (9, vec![0, 1, 2]),
+            (10, vec![5]),
+        ]
+    );
+    for begin in 0..12 {
+        for enough in 1..30 {
+            let count = |lease: &FoldedLease| lease.episodes().count() as i64;
+            let found = from(&mut conn, "run", begin, (enough, count)).await.expect("they are read");
+            let wanted: Vec<&FoldedLease> = all.iter().filter(|lease| lease.row.id >= begin).collect();
+            // As many as were asked for are as they should be; what follows them may not be there yet.
+            let mut reached = 0;
+            for (found, wanted) in found.iter().zip(&wanted) {
+                if reached >= enough {
+                    break;
+                }
+                assert_eq!(found, *wanted, "from {begin}, {enough}");
+                reached += count(found);
+            }
+            assert!(reached >= enough || found.len() == wanted.len(), "from {begin}, {enough}: {reached}");
+        }
+    }
+    for wanted in &all {
+        assert_eq!(get(&mut conn, "run", wanted.row.id).await.expect("it is read").as_ref(), Some(wanted));
+    }
+    assert_eq!(get(&mut conn, "run", 4).await.expect("it is read"), None);
+}
