@@ -29,3 +29,18 @@ CREATE INDEX proposals_of_scenario ON proposals (scenario);
 
 DROP INDEX layouts_of_scenario;
 CREATE INDEX layouts_of_scenario ON layouts (scenario);
+
+-- What may rest on a proposal is the next move of its task.
+CREATE INDEX moves_of_task ON level_moves (run, task, seq);
+
+-- Who was kept out, in a ring of its own: whoever tries without end drives out no line of what was changed.
+CREATE TABLE denials (
+    id         INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+    at         INTEGER NOT NULL,
+    token      INTEGER REFERENCES tokens (id), -- none: not known
+    address    TEXT,
+    operation  TEXT    NOT NULL,
+    path       TEXT    NOT NULL,
+    status     INTEGER NOT NULL,
+    request_id TEXT    NOT NULL
+) STRICT;

@@ -8,13 +8,13 @@ use std::time::Duration;
 
 use sqlx::{SqliteConnection, SqlitePool};
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 
 use crate::clock::Clock;
 use crate::http;
 use crate::judging::{Judges, ModelJudge};
-use crate::sessions::{Limits, Sessions};
+use crate::sessions::{Limits, Seats, Sessions};
 use crate::store::{
     Claim, OpenError, StoreError, asks, claim, folder, policies, reader, tokens, unsigned, verdicts, writer,
 };
@@ -26,7 +26,7 @@ use crate::workers;
 
 /// Batches of results that are parsed and replayed at once: each may take a few hundred MiB while it is.
 const LARGE_BODIES: usize = 3;
-/// How many may listen to events at once.
+/// How many may listen to events at once; of each a quarter.
 const LISTENERS: usize = 256;
 /// How long requests may still run when the service stops.
 const GRACE: Duration = Duration::from_secs(10);
@@ -125,8 +125,8 @@ pub struct App {
     pub room: http::Room,
     /// Moves whenever something that is told of a run was committed.
     pub events: Arc<watch::Sender<u64>>,
-    /// How many may still listen to that.
-    pub listeners: Arc<Semaphore>,
+    /// Who listens to that.
+    pub listeners: Arc<Seats>,
     /// Scenarios by hand that are planned on at once.
     pub planning: http::Planning,
     /// Who designs layouts.
@@ -199,7 +199,7 @@ impl Service {
             boards: Arc::default(),
             room: http::Room::new(LARGE_BODIES),
             events,
-            listeners: Arc::new(Semaphore::new(LISTENERS)),
+            listeners: Arc::new(Seats::new(LISTENERS, LISTENERS / 4)),
             planning: http::Planning::default(),
             designers: config.designers,
             judges: config.judges,
@@ -254,8 +254,12 @@ impl Service {
         }
         // The writer ends when nobody is left who could ask it for something.
         drop(self.sessions);
-        if let Err(error) = self.writer.await {
-            tracing::error!(error = %error, "The writer did not end well.");
+        match tokio::time::timeout(GRACE, self.writer).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => tracing::error!(error = %error, "The writer did not end well."),
+            Err(_) => {
+                tracing::warn!("Somebody still holds on to the writer; what was acknowledged is stored.");
+            }
         }
         self.readers.close().await;
         drop(self.claim);

@@ -4,8 +4,9 @@ use std::io::IsTerminal;
 
 use anyhow::anyhow;
 use clap::ValueEnum;
-use tracing_subscriber::filter::Filtered;
-use tracing_subscriber::layer::{Layered, SubscriberExt};
+use tracing::{Level, Metadata};
+use tracing_subscriber::filter::{FilterExt, Filtered, filter_fn};
+use tracing_subscriber::layer::{Filter, Layered, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry};
 
@@ -41,8 +42,8 @@ pub(super) struct Logs {
 impl Logs {
     /// From here on, what the program logs is written; `usual` where nothing else was asked for.
     pub(super) fn start(&self, usual: &str) -> anyhow::Result<Started> {
-        let filter =
-            EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?.add_directive(NO_FRAMES.parse()?);
+        let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?;
+        let filter = filter.and(filter_fn(|line| !is_frames(line))).boxed();
         let lines = tracing_subscriber::fmt::layer()
             .with_writer(std::io::stderr)
             .with_ansi(std::io::stderr().is_terminal());
@@ -63,7 +64,9 @@ impl Logs {
 /// Where spans go beside the log.
 type Spans = Option<Box<dyn Layer<Lines> + Send + Sync>>;
 /// What they are laid on.
-type Lines = Layered<Filtered<Box<dyn Layer<Registry> + Send + Sync>, EnvFilter, Registry>, Registry>;
+type Lines = Layered<Filtered<Box<dyn Layer<Registry> + Send + Sync>, Sieve, Registry>, Registry>;
+/// What lets lines through.
+type Sieve = Box<dyn Filter<Registry> + Send + Sync>;
 
 /// Logs are written as long as this lives.
 #[derive(Debug, Default)]
@@ -117,8 +120,10 @@ impl Drop for Started {
     }
 }
 
-/// At `trace` it writes whole WebSocket frames, and with them the keys of sessions. This goes before what is asked for.
-const NO_FRAMES: &str = "tungstenite=debug";
+/// Whole WebSocket frames, which tungstenite writes at `trace`: with them the keys of sessions.
+fn is_frames(line: &Metadata<'_>) -> bool {
+    *line.level() == Level::TRACE && line.target().starts_with("tungstenite")
+}
 
 fn readable(filter: &str) -> Result<String, String> {
     EnvFilter::try_new(filter).map(|_| filter.to_owned()).map_err(|error| error.to_string())

@@ -1,7 +1,6 @@
 //! Connections: accepted, bounded in number and in how long a request's head may take, and ended in good order.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -10,14 +9,16 @@ use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tower_http::add_extension::AddExtension;
 
-use crate::counts;
+use super::places::{Held, Place, Places};
 
-/// Connections at once; more wait to be accepted.
+/// Connections at once, WebSockets among them; more wait to be accepted.
 const MOST: usize = 4096;
+/// Of these, those of one address; more are closed.
+const MOST_EACH: usize = MOST / 4 * 3;
 /// How long the head of a request may take, and how long a connection may be silent between two.
 const HEAD: Duration = Duration::from_secs(75);
 /// Bytes that are read ahead of a connection at most.
@@ -31,15 +32,15 @@ pub(super) struct Peer(pub(super) SocketAddr);
 
 /// Answers until told to stop, then until what was asked is answered.
 pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Receiver<bool>) {
-    let (graceful, seats) = (GracefulShutdown::new(), Arc::new(Semaphore::new(MOST)));
-    let mut builder = Builder::new(TokioExecutor::new());
+    let (graceful, places) = (GracefulShutdown::new(), Places::new(MOST, MOST_EACH));
+    // HTTP/1.1 alone, as proxies speak it to what is behind them: there is no way to end a connection of HTTP/2 that is silent.
+    let mut builder = Builder::new(TokioExecutor::new()).http1_only();
     builder.http1().timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(AHEAD);
-    builder.http2().timer(TokioTimer::new()).keep_alive_interval(HEAD);
     // They go with this: whoever waits no longer for them drops it.
     let mut open = JoinSet::new();
     loop {
-        let (stream, peer, seat) = tokio::select! {
-            accepted = accept(&listener, &seats) => accepted,
+        let (stream, peer, place) = tokio::select! {
+            accepted = accept(&listener, &places) => accepted,
             Some(_) = open.join_next() => continue,
             // The sender going away means the same.
             _ = stopped.wait_for(|stop| *stop) => break,
@@ -47,14 +48,13 @@ pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Re
         // What is sent is sent whole: nothing is gained by waiting for more.
         drop(stream.set_nodelay(true));
         let service = TowerToHyperService::new(AddExtension::new(routes.clone(), Peer(peer)));
-        let connection = builder.serve_connection_with_upgrades(TokioIo::new(stream), service).into_owned();
+        let held = Held::new(stream, place);
+        let connection = builder.serve_connection_with_upgrades(TokioIo::new(held), service).into_owned();
         let connection = graceful.watch(connection);
-        let connected = counts::Connected::begin();
         open.spawn(async move {
             if let Err(error) = connection.await {
                 tracing::debug!(error = %error, peer = %peer, "A connection ended in the middle of something.");
             }
-            drop((seat, connected));
         });
     }
     drop(listener);
@@ -62,14 +62,16 @@ pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Re
 }
 
 /// The next connection, once there is a place for it.
-async fn accept(
-    listener: &TcpListener,
-    seats: &Arc<Semaphore>,
-) -> (TcpStream, SocketAddr, Option<OwnedSemaphorePermit>) {
-    let seat = Arc::clone(seats).acquire_owned().await.ok(); // they are never closed
+async fn accept(listener: &TcpListener, places: &Places) -> (TcpStream, SocketAddr, Place) {
     loop {
+        let Some(of_all) = places.free().await else { std::future::pending().await };
         match listener.accept().await {
-            Ok((stream, peer)) => return (stream, peer, seat),
+            Ok((stream, peer)) => match places.take(of_all, peer.ip()) {
+                Some(place) => return (stream, peer, place),
+                None => {
+                    tracing::debug!(peer = %peer, "It has as many connections as it may; one more is not taken.");
+                }
+            },
             Err(error) if is_of_one(&error) => {}
             Err(error) => {
                 tracing::error!(error = %error, "No connection can be accepted; trying again in a moment.");

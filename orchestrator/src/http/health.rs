@@ -54,6 +54,20 @@ fn unwritable(error: &TrainingError) -> String {
     format!("The database cannot be written: {why}.")
 }
 
+/// Whether the database can be written; why not.
+pub(super) async fn writable(app: &App) -> Result<(), String> {
+    let mut looked = app.looked.0.lock().await;
+    let said = match looked.take().filter(|(at, _)| at.elapsed() < LOOK) {
+        Some(looked) => looked,
+        None => {
+            let pinged = app.writer.change(crate::training::status::Ping).await;
+            (Instant::now(), pinged.map_err(|error| unwritable(&error)))
+        }
+    };
+    let (_, ready) = looked.insert(said);
+    ready.clone()
+}
+
 /// The database can be read and written (it writes a row, once a second at most however many ask), and the server is not going down.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
@@ -64,15 +78,6 @@ async fn readyz(State(app): State<App>) -> Result<axum::Json<Health>, Problem> {
     if app.stopping.load(Ordering::SeqCst) {
         return Err(not_ready("The server is going down.".to_owned()));
     }
-    let mut looked = app.looked.0.lock().await;
-    let said = match looked.take().filter(|(at, _)| at.elapsed() < LOOK) {
-        Some(looked) => looked,
-        None => {
-            let pinged = app.writer.change(crate::training::status::Ping).await;
-            (Instant::now(), pinged.map_err(|error| unwritable(&error)))
-        }
-    };
-    let (_, ready) = looked.insert(said);
-    ready.clone().map_err(not_ready)?;
+    writable(&app).await.map_err(not_ready)?;
     Ok(axum::Json(Health { status: "ok" }))
 }

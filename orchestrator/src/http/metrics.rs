@@ -11,6 +11,7 @@ use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::health;
 use super::problem::Problem;
 use crate::counts;
 use crate::service::App;
@@ -66,10 +67,9 @@ async fn show(State(app): State<App>) -> Result<Response, Problem> {
             "Nothing is counted.",
         ));
     };
-    let gauges = app.writer.change(Gauges).await;
     // A database that cannot be written is what somebody who watches wants to see: the rest is told all the same.
-    counts::writable(gauges.is_ok());
-    for Gauge { run, task, level, mastery } in gauges.unwrap_or_default() {
+    counts::writable(health::writable(&app).await.is_ok());
+    for Gauge { run, task, level, mastery } in app.writer.change(Gauges).await.unwrap_or_default() {
         counts::standing(&run, &task, level, mastery);
     }
     let (urgent, bulk) = app.writer.waiting();

@@ -9,6 +9,7 @@ mod extract;
 mod health;
 mod metrics;
 mod openenv;
+mod places;
 mod planning;
 mod polish;
 mod polls;

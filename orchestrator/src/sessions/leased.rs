@@ -18,7 +18,7 @@ use crate::store::verdicts::VerdictRow;
 use crate::store::{episodes, from_json, groups, runs, small};
 use crate::training::audit::{Claim, Claimed};
 use crate::training::lease::{Purpose, Release, Renew, TakeLease, find};
-use crate::training::report::Receipt;
+use crate::training::receipt::Receipt;
 use crate::training::verdict::KeepVerdict;
 use crate::training::{Desk, RunSettings, TrainingError};
 

@@ -22,9 +22,8 @@ pub use self::berth::{Berths, Craft, LOOK, Lost, Mooring, Single};
 pub use self::judged::Standard;
 use self::leased::Leased;
 pub use self::leased::TTL_S;
-pub use self::pass::{Closing, Ending, Passes};
-pub use self::seat::Who;
-use self::seat::{Seat, Taken};
+pub use self::pass::{Closing, Ending, Pass, Passes};
+pub use self::seat::{Full, Seat, Seats, Who};
 pub use self::session::{Report, Session, SessionError, Standing, Stepped};
 pub use self::vector::{Source, Tally, Vector, VectorError, VectorWish};
 pub use self::wish::{MOST_GROUP, Wish, WishError, Wished};
@@ -61,14 +60,19 @@ impl Default for Limits {
     }
 }
 
-/// As many sessions as may be are open: in all, or of those who ask.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("Server at capacity: {active}/{most} sessions active. Cannot accept new connections.")]
-pub struct Full {
-    /// How many are open.
-    pub active: usize,
-    /// How many may be.
-    pub most: usize,
+/// A session's name, among those of whoever gave it: nobody else's is reached by it.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Named {
+    whose: Option<Arc<str>>,
+    name: String,
+}
+
+impl Named {
+    /// This name, as they give it.
+    #[must_use]
+    pub fn of(who: &Who, name: impl Into<String>) -> Self {
+        Self { whose: who.name.clone(), name: name.into() }
+    }
 }
 
 /// A session that several requests reach by its name.
@@ -78,8 +82,7 @@ type Shared = Arc<tokio::sync::Mutex<Session>>;
 #[derive(Debug)]
 pub struct Sessions {
     limits: Limits,
-    seats: Arc<Semaphore>,
-    taken: Taken,
+    seats: Seats,
     /// What is free of the memory for environments, KiB.
     memory: Arc<Semaphore>,
     /// Where environments of vector sessions are stepped.
@@ -89,7 +92,7 @@ pub struct Sessions {
     leased: Arc<Leased>,
     judges: Arc<Judges>,
     /// By name, with when each was used last.
-    named: Mutex<HashMap<String, (Shared, Instant)>>,
+    named: Mutex<HashMap<Named, (Shared, Instant)>>,
     closing: watch::Sender<bool>,
     passes: Passes,
 }
@@ -102,9 +105,8 @@ impl Sessions {
             memory: Arc::new(Semaphore::new(limits.memory_mib as usize * 1024)),
             threads,
             berths: Berths::default(),
-            taken: Taken::default(),
             limits,
-            seats: Arc::new(Semaphore::new(limits.most.min(Semaphore::MAX_PERMITS))),
+            seats: Seats::new(limits.most, limits.each),
             leased: Arc::new(Leased::new(desk, limits.runs)),
             judges,
             named: Mutex::default(),
@@ -122,7 +124,7 @@ impl Sessions {
     /// How many are open.
     #[must_use]
     pub fn active(&self) -> usize {
-        self.limits.most.saturating_sub(self.seats.available_permits())
+        self.seats.taken()
     }
 
     /// Opens one. It is closed, and its place free, when it is dropped.
@@ -131,19 +133,15 @@ impl Sessions {
     /// As many as may be are open.
     pub fn open(&self, who: &Who) -> Result<Session, Full> {
         let seat = self.seat(who)?;
-        Ok(Session::new((seat, who.runs), Arc::clone(&self.leased), Arc::clone(&self.judges)))
+        Ok(Session::new((seat, who.clone()), Arc::clone(&self.leased), Arc::clone(&self.judges)))
     }
 
     /// A place, free again when it is dropped.
     fn seat(&self, who: &Who) -> Result<Seat, Full> {
-        let seat = || Arc::clone(&self.seats).try_acquire_owned();
-        let seat = seat().or_else(|_| {
+        self.seats.take(who).or_else(|_| {
             self.sweep();
-            seat()
-        });
-        let seat = seat.map_err(|_| Full { active: self.active(), most: self.limits.most })?;
-        let each = self.limits.each;
-        self.taken.take(who, each, seat).map_err(|active| Full { active, most: each })
+            self.seats.take(who)
+        })
     }
 
     /// Memory for environments, free again when it is dropped.
@@ -166,20 +164,20 @@ impl Sessions {
     ///
     /// # Errors
     /// As many as may be are open.
-    pub fn named(&self, who: &Who, name: &str) -> Result<Shared, Full> {
+    pub fn named(&self, who: &Who, name: &Named) -> Result<Shared, Full> {
         if let Some(session) = self.known(name) {
             return Ok(session);
         }
         let session = Arc::new(tokio::sync::Mutex::new(self.open(who)?));
         let mut named = self.hold();
         // Two may have opened it at once: the first stays.
-        let entry = named.entry(name.to_owned()).or_insert_with(|| (session, Instant::now()));
+        let entry = named.entry(name.clone()).or_insert_with(|| (session, Instant::now()));
         Ok(Arc::clone(&entry.0))
     }
 
     /// The session of a name, if there is one.
     #[must_use]
-    pub fn known(&self, name: &str) -> Option<Shared> {
+    pub fn known(&self, name: &Named) -> Option<Shared> {
         self.sweep();
         let mut named = self.hold();
         let (session, used) = named.get_mut(name)?;
@@ -188,7 +186,7 @@ impl Sessions {
     }
 
     /// Closes the session of a name; false if there is none.
-    pub fn end(&self, name: &str) -> bool {
+    pub fn end(&self, name: &Named) -> bool {
         self.hold().remove(name).is_some()
     }
 
@@ -199,7 +197,7 @@ impl Sessions {
         self.hold().retain(|_, (session, used)| used.elapsed() < idle || Arc::strong_count(session) > 1);
     }
 
-    fn hold(&self) -> MutexGuard<'_, HashMap<String, (Shared, Instant)>> {
+    fn hold(&self) -> MutexGuard<'_, HashMap<Named, (Shared, Instant)>> {
         // Nothing that holds it can panic; if something did, the map is still a map.
         self.named.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -207,10 +205,10 @@ impl Sessions {
     /// Tells when the service stops, or their token is worth nothing any more: whoever serves them ends it then.
     #[must_use]
     pub fn closing(&self, who: &Who) -> Closing {
-        Closing::new(self.closing.subscribe(), &self.passes, who.token)
+        Closing::new(self.closing.subscribe(), &self.passes, who.pass())
     }
 
-    /// The tokens by which connections came in.
+    /// By what connections came in.
     #[must_use]
     pub const fn passes(&self) -> &Passes {
         &self.passes
@@ -221,8 +219,7 @@ impl Sessions {
         self.closing.send_replace(true);
         self.hold().clear();
         // Those over a socket end by themselves, which takes a moment.
-        let all = u32::try_from(self.limits.most.min(Semaphore::MAX_PERMITS)).unwrap_or(u32::MAX);
-        let ended = tokio::time::timeout(Duration::from_secs(2), self.seats.acquire_many(all)).await;
+        let ended = tokio::time::timeout(Duration::from_secs(2), self.seats.all_free()).await;
         if ended.is_err() {
             tracing::warn!(active = self.active(), "Some sessions did not end in time.");
         }

@@ -11,12 +11,12 @@ use uuid::Uuid;
 
 use super::judged::{self, Standard};
 use super::leased::{Leased, Ticket, for_no_runs};
-use super::seat::Seat;
+use super::seat::{Seat, Who};
 use super::wish::Wished;
 use crate::judging::{Judge, Judges, Step};
 use crate::policy::Seen;
 use crate::training::TrainingError;
-use crate::training::report::Receipt;
+use crate::training::receipt::Receipt;
 
 /// Why a session does not do what is asked.
 #[derive(Debug, thiserror::Error)]
@@ -50,8 +50,8 @@ pub struct Session {
     episode_id: String,
     resets: u64,
     flying: Option<Flying>,
-    /// Whether it may fly for runs.
-    runs: bool,
+    /// Whose it is.
+    who: Who,
     _seat: Seat,
 }
 
@@ -123,16 +123,22 @@ impl std::fmt::Debug for Flying {
 }
 
 impl Session {
-    pub(super) fn new((seat, runs): (Seat, bool), leased: Arc<Leased>, judges: Arc<Judges>) -> Self {
+    pub(super) fn new((seat, who): (Seat, Who), leased: Arc<Leased>, judges: Arc<Judges>) -> Self {
         let id = Uuid::new_v4().to_string();
         let episode_id = Uuid::new_v4().to_string();
-        Self { id, leased, judges, episode_id, resets: 0, flying: None, runs, _seat: seat }
+        Self { id, leased, judges, episode_id, resets: 0, flying: None, who, _seat: seat }
     }
 
     /// What it is called, from its beginning to its end.
     #[must_use]
     pub fn id(&self) -> &str {
         &self.id
+    }
+
+    /// Whose it is.
+    #[must_use]
+    pub const fn who(&self) -> &Who {
+        &self.who
     }
 
     /// How often it was reset.
@@ -172,7 +178,7 @@ impl Session {
         if flown.is_some_and(|ticket| ticket.is_of(&wished)) {
             self.flying = None;
         }
-        if !self.runs {
+        if !self.who.runs {
             return Err(for_no_runs());
         }
         self.leased.take(wished).await

@@ -151,3 +151,28 @@ pub async fn moves(
     .fetch_all(conn)
     .await?)
 }
+
+/// Moves of a task after its proposal `first`, up to the first one after its proposal `last`.
+///
+/// # Errors
+/// The database's.
+pub async fn moves_about(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+    (first, last): (i64, i64),
+) -> Result<Vec<MoveRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        MoveRow,
+        "SELECT seq, task, kind, from_level, to_level, evidence, at FROM level_moves INDEXED BY moves_of_task
+         WHERE run = ?1 AND task = ?2 AND seq > ?3 AND seq <= coalesce(
+             (SELECT min(seq) FROM level_moves INDEXED BY moves_of_task WHERE run = ?1 AND task = ?2 AND seq > ?4), ?4)
+         ORDER BY seq",
+        run,
+        task,
+        first,
+        last
+    )
+    .fetch_all(conn)
+    .await?)
+}

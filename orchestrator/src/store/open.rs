@@ -29,6 +29,9 @@ pub enum OpenError {
     /// Not a database.
     #[error("{0} is not an SQLite database: give another path with --db, or move the file away")]
     NotADatabase(String),
+    /// A database of which pages are torn.
+    #[error("{0} is damaged: pages of it are torn; go back to a copy, as `sparring db backup` makes them")]
+    Damaged(String),
     /// Another application's database.
     #[error("{0} is a database, but not one of Sparring's: give another path with --db")]
     Foreign(String),
@@ -307,7 +310,8 @@ fn newest() -> i64 {
 
 fn explain(name: &str, error: &sqlx::Error) -> OpenError {
     match primary_code(error) {
-        Some(26 | 11) => OpenError::NotADatabase(name.to_owned()),
+        Some(26) => OpenError::NotADatabase(name.to_owned()),
+        Some(11) => OpenError::Damaged(name.to_owned()),
         Some(8) => OpenError::ReadOnly(name.to_owned()),
         Some(5 | 6) => OpenError::Locked(name.to_owned()),
         Some(14) => OpenError::NoFolder(name.to_owned()),

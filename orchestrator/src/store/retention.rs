@@ -1,5 +1,7 @@
 //! What is kept whole, what of it could be folded, and what rests on it.
 
+use std::collections::BTreeMap;
+
 use sqlx::{SqliteConnection, query};
 
 use super::leases::LeaseRow;
@@ -107,18 +109,47 @@ pub async fn examples(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec
     Ok(rows.into_iter().map(|row| (row.lease, row.number)).collect())
 }
 
-/// The first proposal that these leases have.
+/// What leases have of a task's proposals.
+#[derive(Debug)]
+pub struct Proposed {
+    /// The task.
+    pub task: String,
+    /// Seq of the first.
+    pub first: i64,
+    /// And of the last.
+    pub last: i64,
+}
+
+/// What these leases have of each task's proposals.
 ///
 /// # Errors
 /// The database's.
-pub async fn first_proposal(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Option<i64>, StoreError> {
+pub async fn proposed(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<Proposed>, StoreError> {
     let leases = to_json(&leases)?;
-    Ok(sqlx::query_scalar!(
-        r#"SELECT min(proposal) AS "seq: i64" FROM groups WHERE lease IN (SELECT value FROM json_each(?))"#,
+    Ok(sqlx::query_as!(
+        Proposed,
+        r#"SELECT task AS "task!", min(proposal) AS "first!: i64", max(proposal) AS "last!: i64" FROM groups
+           WHERE lease IN (SELECT value FROM json_each(?)) AND proposal IS NOT NULL GROUP BY task"#,
         leases
     )
-    .fetch_one(conn)
+    .fetch_all(conn)
     .await?)
+}
+
+/// How many episodes of these leases are there.
+///
+/// # Errors
+/// The database's.
+pub async fn left(conn: &mut SqliteConnection, leases: &[i64]) -> Result<BTreeMap<i64, i64>, StoreError> {
+    let leases = to_json(&leases)?;
+    let rows = query!(
+        r#"SELECT lease AS "lease!", count(*) AS "left!: i64" FROM episodes
+           WHERE lease IN (SELECT value FROM json_each(?)) GROUP BY lease"#,
+        leases
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| (row.lease, row.left)).collect())
 }
 
 /// The first group that was flown on a layout: its lease and number.

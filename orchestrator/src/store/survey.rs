@@ -129,7 +129,7 @@ pub async fn contradictions(conn: &mut SqliteConnection) -> Result<Vec<String>, 
                        AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
                       AS "there!: i64"
            FROM groups g JOIN leases l ON l.id = g.lease
-           WHERE l.form = 'groups' AND g.finished <> (
+           WHERE l.form = 'groups' AND l.folded = 0 AND g.finished <> (
                SELECT count(*) FROM episodes e WHERE e.lease = g.lease AND e.state = 'finished'
                    AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
            LIMIT 20"#

@@ -55,6 +55,7 @@ pub async fn delete_leases(conn: &mut SqliteConnection, leases: &[i64]) -> Resul
         "UPDATE leases SET folded = 1 WHERE id IN (SELECT value FROM json_each(?))",
         "DELETE FROM leases WHERE id IN (SELECT value FROM json_each(?))
              AND NOT EXISTS (SELECT 1 FROM groups g WHERE g.lease = leases.id)
+             AND NOT EXISTS (SELECT 1 FROM episodes e WHERE e.lease = leases.id)
              AND NOT EXISTS (SELECT 1 FROM run_marks m WHERE m.lease = leases.id)",
     ] {
         sqlx::query(statement).bind(&leases).execute(&mut *conn).await?;

@@ -180,6 +180,8 @@ pub struct AuditRow {
 
 /// Lines of the audit log that are kept.
 const AUDITED: i64 = 100_000;
+/// Lines about who was kept out that are.
+const DENIED: i64 = 20_000;
 
 /// Writes a line of the audit log, and forgets those past its ring.
 ///
@@ -204,6 +206,27 @@ pub async fn audit(conn: &mut SqliteConnection, row: &AuditRow) -> Result<(), St
     Ok(())
 }
 
+/// Writes a line about somebody who was kept out, and forgets those past its ring.
+///
+/// # Errors
+/// The database's.
+pub async fn deny(conn: &mut SqliteConnection, row: &AuditRow) -> Result<(), StoreError> {
+    query!(
+        "INSERT INTO denials (at, token, address, operation, path, status, request_id) VALUES (?, ?, ?, ?, ?, ?, ?)",
+        row.at,
+        row.token,
+        row.address,
+        row.operation,
+        row.path,
+        row.status,
+        row.request_id
+    )
+    .execute(&mut *conn)
+    .await?;
+    query!("DELETE FROM denials WHERE id <= (SELECT max(id) FROM denials) - ?", DENIED).execute(conn).await?;
+    Ok(())
+}
+
 /// The audit log, the newest first, before a number.
 ///
 /// # Errors
@@ -217,6 +240,26 @@ pub async fn audited(
         AuditRow,
         r#"SELECT a.id, a.at, a.token, t.name AS "name?", a.address, a.operation, a.path, a.status, a.request_id
            FROM audit_log a LEFT JOIN tokens t ON t.id = a.token WHERE a.id < ? ORDER BY a.id DESC LIMIT ?"#,
+        before,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Who was kept out, the newest first, before a number.
+///
+/// # Errors
+/// The database's.
+pub async fn denied(
+    conn: &mut SqliteConnection,
+    before: i64,
+    limit: i64,
+) -> Result<Vec<AuditRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        AuditRow,
+        r#"SELECT a.id, a.at, a.token, t.name AS "name?", a.address, a.operation, a.path, a.status, a.request_id
+           FROM denials a LEFT JOIN tokens t ON t.id = a.token WHERE a.id < ? ORDER BY a.id DESC LIMIT ?"#,
         before,
         limit
     )

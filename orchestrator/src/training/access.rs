@@ -17,14 +17,22 @@ impl Change for Used {
 }
 
 /// Writes a line of the audit log.
-#[derive(Debug)]
-pub struct Note(pub AuditRow);
+#[derive(Debug, Clone)]
+pub struct Note {
+    /// The line.
+    pub line: AuditRow,
+    /// Whether it is of somebody who was kept out.
+    pub denied: bool,
+}
 
 impl Change for Note {
     type Answer = ();
-    const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
-        Ok(tokens::audit(&mut work.conn, &self.0).await?)
+        match self.denied {
+            true => tokens::deny(&mut work.conn, &self.line).await?,
+            false => tokens::audit(&mut work.conn, &self.line).await?,
+        }
+        Ok(())
     }
 }

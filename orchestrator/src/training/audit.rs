@@ -19,7 +19,7 @@ use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::store::episodes::StoredLog;
 use crate::store::folds::{self, FoldedLease};
 use crate::store::leases::LeaseRow;
-use crate::store::{groups, leases};
+use crate::store::{StoreError, groups, leases};
 
 /// What a trainer says of one episode.
 #[derive(Debug, Clone)]
@@ -149,10 +149,13 @@ pub async fn audit(
 ) -> Result<(Vec<Audited>, Vec<Found>), TrainingError> {
     let mut finder = Finder::new(run);
     let mut places = Vec::with_capacity(claims.len());
+    // As things stand at one moment: what is folded in between would be neither here nor there.
+    let mut moment = sqlx::Connection::begin(conn).await.map_err(StoreError::from)?;
     for claim in &claims {
-        places.push(finder.place(conn, &claim.episode).await?);
+        places.push(finder.place(&mut moment, &claim.episode).await?);
     }
-    finder.load(conn).await?;
+    finder.load(&mut moment).await?;
+    moment.rollback().await.map_err(StoreError::from)?; // nothing was written
     for place in &mut places {
         finder.check(place);
     }
@@ -242,16 +245,7 @@ impl<'a> Finder<'a> {
         {
             self.folded.insert(lease.id, folded);
         }
-        let known = self.folded.get(&lease.id).and_then(|folded| folded.episode(index));
-        Ok(known.map_or_else(
-            || {
-                refused(
-                    "expired",
-                    "its lease is over, and what it was to be flown on is kept no longer".to_owned(),
-                )
-            },
-            |(_, known)| Verdict::Known { score: known.score, skill: known.skill, success: known.success },
-        ))
+        Ok(past(self.folded.get(&lease.id), index))
     }
 
     /// Loads what the groups that are needed are flown and judged by.
@@ -308,6 +302,15 @@ impl<'a> Finder<'a> {
         self.leases.insert(id.clone(), found.clone());
         Ok(found)
     }
+}
+
+/// What is to be said of an episode of a lease of which nothing is kept but how its episodes came out.
+pub(super) fn past(lease: Option<&FoldedLease>, index: i64) -> Verdict {
+    let Some((_, known)) = lease.and_then(|folded| folded.episode(index)) else {
+        let why = "its lease is over, and what it was to be flown on is kept no longer";
+        return refused("expired", why.to_owned());
+    };
+    Verdict::Known { score: known.score, skill: known.skill, success: known.success }
 }
 
 const fn refused(code: &'static str, detail: String) -> Verdict {

@@ -15,8 +15,9 @@ impl Change for Adopt {
     async fn apply(self, work: &mut Work) -> Result<Option<i64>, TrainingError> {
         let Some(jumped) = self.0.jumped() else { return Ok(None) };
         times::shift(&mut work.conn, jumped).await?;
-        // What is committed with this is to see the new time; where the commit fails the clock jumps back, and is looked at again.
+        // What is committed with this is to see the new time; where the commit fails the writer lets the clock jump back.
         self.0.adopt(jumped);
+        work.adopted += jumped;
         Ok(Some(jumped))
     }
 }

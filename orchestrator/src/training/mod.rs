@@ -18,6 +18,7 @@ mod mind;
 pub mod prepare;
 pub mod profile;
 mod queue;
+pub mod receipt;
 pub mod report;
 pub mod retain;
 pub mod rollout;

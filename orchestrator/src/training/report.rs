@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::audit::{Audited, Found, Verdict};
+use super::audit::{Audited, Found, Verdict, past};
 use super::close::update_and_close;
 use super::criticise::JOB;
+use super::receipt::Receipt;
 use super::work::Work;
 use super::{Change, Happening, TrainingError, columns};
 use crate::counts;
@@ -15,48 +16,7 @@ use crate::store::episodes::{self, Before, EpisodeRow, StoredLog};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{self, critiques, runs, to_json};
-
-/// What became of one reported episode.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
-pub struct Receipt {
-    /// The episode, as it was written.
-    pub episode: String,
-    /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, a designed
-    /// layout, or too old a policy), `audited` (as its columns claim; it counts once all that is audited is),
-    /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
-    pub status: &'static str,
-    /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    /// `conflict`, `expired` (past what the run keeps whole, and never reported), `not_as_claimed` (its columns said otherwise, and are refused).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub code: Option<&'static str>,
-    /// The same for people.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub detail: Option<String>,
-    /// The score, by replay.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub score: Option<f64>,
-    /// The skill, where the scenario defines one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub skill: Option<f64>,
-    /// Whether it is a success, by the run's rule.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub success: Option<bool>,
-}
-
-impl Receipt {
-    fn refused(episode: String, code: &'static str, detail: String) -> Self {
-        Self {
-            episode,
-            status: "refused",
-            code: Some(code),
-            detail: Some(detail),
-            score: None,
-            skill: None,
-            success: None,
-        }
-    }
-}
+use crate::store::{self, critiques, folds, runs, to_json};
 
 /// Takes audited results.
 #[derive(Debug)]
@@ -76,13 +36,14 @@ impl Change for Report {
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
-        let ids: Vec<_> = self.found.iter().map(|found| found.scenario.id()).collect();
-        let brackets = ids.iter().zip(&self.found).map(|(id, found)| (id.0.as_slice(), &found.bracket));
-        brackets::insert(&mut work.conn, &brackets.collect::<Vec<_>>()).await?;
-        for Found { group, contested, .. } in &self.found {
-            groups::set_contested(&mut work.conn, *group, *contested).await?;
+        for Found { group: (lease, number), scenario, bracket, contested } in &self.found {
+            // It may have been folded since it was looked up.
+            if groups::get(&mut work.conn, *lease, *number).await?.is_some() {
+                brackets::insert(&mut work.conn, &[(scenario.id().0.as_slice(), bracket)]).await?;
+                groups::set_contested(&mut work.conn, (*lease, *number), *contested).await?;
+            }
         }
-        let mut books = Books::open(work, &self.results).await?;
+        let mut books = Books::open(work, &self.run, &self.results).await?;
         let mut receipts = Vec::with_capacity(self.results.len());
         for result in self.results {
             receipts.push(books.enter(work, self.policy_version, result).await?);
@@ -96,6 +57,8 @@ impl Change for Report {
 /// What one batch touches, read once and written once.
 #[derive(Default)]
 struct Books {
+    /// Of this run.
+    run: String,
     /// What was reported before, of what is reported now.
     before: BTreeMap<(i64, i64), Before>,
     /// What is new, with its action log: written when all has been entered.
@@ -116,16 +79,17 @@ struct Books {
 
 impl Books {
     /// Reads what these results are about: a few statements, however many they are.
-    async fn open(work: &mut Work, results: &[Audited]) -> Result<Self, TrainingError> {
-        let mut books = Self::default();
+    async fn open(work: &mut Work, run: &RunId, results: &[Audited]) -> Result<Self, TrainingError> {
+        let mut books = Self { run: run.to_string(), ..Self::default() };
         let places: Vec<_> = results.iter().filter_map(|result| result.place).collect();
         for before in episodes::before(&mut work.conn, &places).await? {
             books.before.insert((before.lease, before.number), before);
         }
         let mut wanted: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
         for (lease, number) in &places {
-            let size = books.lease(work, *lease).await?.group_size.max(1);
-            wanted.entry(*lease).or_default().insert(number / size);
+            if let Some(lease) = books.lease(work, *lease).await? {
+                wanted.entry(lease.id).or_default().insert(number / lease.group_size.max(1));
+            }
         }
         if books.leases.values().any(LeaseRow::is_columns) {
             books.claimed = store::columns::scores(&mut work.conn, &places).await?;
@@ -146,21 +110,19 @@ impl Books {
         result: Audited,
     ) -> Result<Receipt, TrainingError> {
         let Audited { episode, place, policy_version, metrics, verdict } = result;
-        if let Verdict::Refused { code, detail } = verdict {
-            return Ok(Receipt::refused(episode, code, detail));
+        let Some((lease_id, number)) = place else { return Ok(Receipt::without(episode, verdict)) };
+        if matches!(verdict, Verdict::Refused { .. } | Verdict::Known { .. }) {
+            return Ok(Receipt::without(episode, verdict));
         }
-        if let Verdict::Known { score, skill, success } = verdict {
-            let status = "duplicate";
-            return Ok(Receipt { episode, status, code: None, detail: None, score, skill, success });
-        }
-        let Some((lease_id, number)) = place else {
-            return Ok(Receipt::refused(episode, "unknown_episode", "it has no place".to_owned()));
-        };
         let digest = digest(&verdict);
         if let Some(before) = self.before.get(&(lease_id, number)) {
             return Ok(again(episode, before, &digest));
         }
-        let lease = self.lease(work, lease_id).await?;
+        let Some(lease) = self.lease(work, lease_id).await?.filter(|lease| self.keeps(lease, number)) else {
+            // It was folded since it was looked up.
+            let folded = folds::get(&mut work.conn, &self.run, lease_id).await?;
+            return Ok(Receipt::without(episode, past(folded.as_ref(), number)));
+        };
         let late = lease.status != "active" || lease.expires_at <= work.now;
         let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);
         let row = row(lease_id, number, late, &verdict, digest, version, metrics, work.now)?;
@@ -201,15 +163,22 @@ impl Books {
         self.fresh.push((row, log));
     }
 
-    async fn lease(&mut self, work: &mut Work, id: i64) -> Result<LeaseRow, TrainingError> {
+    /// A lease; none that was folded and is gone.
+    async fn lease(&mut self, work: &mut Work, id: i64) -> Result<Option<LeaseRow>, TrainingError> {
         if let Some(row) = self.leases.get(&id) {
-            return Ok(row.clone());
+            return Ok(Some(row.clone()));
         }
-        let row = leases::get(&mut work.conn, id)
-            .await?
-            .ok_or_else(|| TrainingError::UnknownLease(id.to_string()))?;
-        self.leases.insert(id, row.clone());
+        let row = leases::get(&mut work.conn, id).await?;
+        if let Some(row) = &row {
+            self.leases.insert(id, row.clone());
+        }
         Ok(row)
+    }
+
+    /// Whether an episode that was not reported yet can be: its group is there, and was not folded around what rests on it.
+    fn keeps(&self, lease: &LeaseRow, number: i64) -> bool {
+        let key = (lease.id, number / lease.group_size.max(1));
+        lease.folded == 0 && (self.known.contains_key(&key) || self.groups.contains_key(&key))
     }
 
     /// The group of an episode, to count into.

@@ -11,7 +11,8 @@ use crate::store::folds::{self, FoldedClaim, FoldedEpisode, FoldedGroup, FoldedL
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{COLUMNS, GROUPS, LeaseRow};
 use crate::store::progress::{self, Stretch};
-use crate::store::{StoreError, columns, curriculum, from_json, retention, sweep, unsigned};
+use crate::store::retention::{self, Proposed};
+use crate::store::{StoreError, columns, curriculum, from_json, sweep, unsigned};
 
 /// Episodes folded in one change: what waits behind it waits a few milliseconds.
 const EPISODES: i64 = 96;
@@ -19,9 +20,6 @@ const EPISODES: i64 = 96;
 const LEASES: i64 = 32;
 /// Proposals and events deleted in one change.
 const SWEPT: i64 = 500;
-/// Moves read at a time.
-const MOVES: i64 = 500;
-
 /// Which leases are folded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fold {
@@ -65,10 +63,18 @@ impl Change for FoldLeases {
             Fold::Columns => retention::oldest(&mut work.conn, run, COLUMNS, LEASES).await?,
             Fold::Kept { after } => retention::kept(&mut work.conn, run, after, LEASES).await?,
         };
+        let ids: Vec<i64> = rows.iter().map(|row| row.id).collect();
+        let (left, most) = match self.which {
+            // Little is left of most of them, and little of that goes.
+            Fold::Kept { .. } => (Some(retention::left(&mut work.conn, &ids).await?), 4 * EPISODES),
+            Fold::Groups | Fold::Columns => (None, EPISODES),
+        };
         let mut together = 0;
         rows.retain(|row| {
-            let fits = together == 0 || together + weight(row) <= EPISODES;
-            together += weight(row);
+            let left = left.as_ref().map(|left| left.get(&row.id).copied().unwrap_or(0));
+            let weight = left.unwrap_or_else(|| weight(row));
+            let fits = together == 0 || together + weight <= most;
+            together += weight;
             fits
         });
         let last = rows.last().map(|row| row.id);
@@ -77,8 +83,7 @@ impl Change for FoldLeases {
         }
         let episodes: i64 = rows.iter().map(LeaseRow::episodes).sum();
         let ids: Vec<i64> = rows.iter().map(|row| row.id).collect();
-        let from = retention::first_proposal(&mut work.conn, &ids).await?;
-        let rests = Rests::of(work, run, from).await?;
+        let rests = Rests::of(work, run, &ids).await?;
         let batch = Batch::read(work, rows, &rests).await?;
         let gone = batch.leases.iter().map(|lease| lease.episodes().count() as u64).sum();
         batch.write(work, run).await?;
@@ -92,28 +97,23 @@ fn weight(row: &LeaseRow) -> i64 {
     if row.is_columns() { row.episodes().min(EPISODES / 4) } else { row.episodes() }
 }
 
-/// What level moves rest on, those that are yet to come among them: of the moves after some proposal, since one before it
-/// rests on nothing after it.
+/// What level moves rest on, those that are yet to come among them: of each task those up to the first after the last proposal that
+/// is asked about, since an outcome is evidence for the next move of its task or for none.
 struct Rests {
     /// By task: from this seq of a proposal on, and before that one.
     spans: BTreeMap<String, Vec<(u64, u64)>>,
 }
 
 impl Rests {
-    async fn of(work: &mut Work, run: &str, from: Option<i64>) -> Result<Self, TrainingError> {
+    async fn of(work: &mut Work, run: &str, leases: &[i64]) -> Result<Self, TrainingError> {
         let mut spans = BTreeMap::<String, Vec<(u64, u64)>>::new();
-        let Some(from) = from else { return Ok(Self { spans }) };
-        let (mut after, mut before) = (from, BTreeMap::<String, u64>::new());
-        loop {
-            let moves = curriculum::moves(&mut work.conn, run, after, MOVES).await?;
-            let Some(last) = moves.last() else { break };
-            after = last.seq;
-            for moved in moves {
+        for Proposed { task, first, last } in retention::proposed(&mut work.conn, leases).await? {
+            let mut before = 0;
+            for moved in curriculum::moves_about(&mut work.conn, run, &task, (first, last)).await? {
                 let evidence: Evidence = from_json("a move's evidence", &moved.evidence)?;
-                let end = unsigned(moved.seq);
-                let begin = evidence.first().or_else(|| before.get(&moved.task).copied()).unwrap_or(0);
-                spans.entry(moved.task.clone()).or_default().push((begin, end));
-                before.insert(moved.task, end);
+                let (begin, end) = (evidence.first().unwrap_or(before), unsigned(moved.seq));
+                spans.entry(task.clone()).or_default().push((begin, end));
+                before = end;
             }
         }
         let (mind, _) = work.mind(run).await?;
@@ -138,13 +138,20 @@ impl Rests {
     }
 }
 
+/// A group that goes, but for episodes that are shown as examples: those stay, and it with them.
+struct Going {
+    group: GroupRow,
+    /// Their indices in the lease.
+    shown: BTreeSet<i64>,
+}
+
 /// Leases that are folded together.
 #[derive(Default)]
 struct Batch {
     leases: Vec<FoldedLease>,
-    /// Groups that go, by lease and number.
+    /// Groups that go as wholes, by lease and number.
     groups: Vec<(i64, i64)>,
-    /// The same as spans of episodes.
+    /// Episodes that go, as spans.
     spans: Vec<(i64, i64, i64)>,
     /// Scenarios that nobody but those groups may refer to.
     scenarios: Vec<Vec<u8>>,
@@ -163,24 +170,21 @@ impl Batch {
         let mut batch = Self::default();
         for row in rows {
             let size = row.group_size.max(1);
-            let shown: BTreeSet<i64> = examples
-                .iter()
-                .filter(|(lease, _)| *lease == row.id)
-                .map(|(_, number)| number / size)
-                .collect();
-            let (mut folded, mut stay) = (Vec::new(), BTreeSet::new());
+            let shown: BTreeSet<i64> =
+                examples.iter().filter(|(lease, _)| *lease == row.id).map(|(_, number)| *number).collect();
+            let mut going = Vec::new();
             for (group, closed_at) in groups::closed(&mut work.conn, row.id).await? {
                 if row.folded == 0 {
                     batch.note(&group, closed_at);
                 }
-                if shown.contains(&group.number) || rests.on(&group) || first(work, &row, &group).await? {
-                    stay.insert(group.number);
-                } else {
-                    folded.push(group);
+                if !rests.on(&group) && !first(work, &row, &group).await? {
+                    let first = group.number * size;
+                    let shown = shown.range(first..first + size).copied().collect();
+                    going.push(Going { group, shown });
                 }
             }
             let episodes = reported.remove(&row.id).unwrap_or_default();
-            batch.add(work, row, folded, episodes).await?;
+            batch.add(work, row, going, episodes).await?;
         }
         Ok(batch)
     }
@@ -203,7 +207,7 @@ impl Batch {
         &mut self,
         work: &mut Work,
         row: LeaseRow,
-        groups: Vec<GroupRow>,
+        going: Vec<Going>,
         episodes: Vec<EpisodeRow>,
     ) -> Result<(), StoreError> {
         let claim = match row.is_columns() {
@@ -219,25 +223,38 @@ impl Batch {
             let group = episode.number / row.group_size.max(1);
             of_group.entry(group).or_default().push(folded_episode(&row, &episode));
         }
-        for group in &groups {
+        let mut groups = Vec::new();
+        for Going { group, shown } in going {
             let first = group.number * row.group_size;
-            self.groups.push((row.id, group.number));
-            self.spans.push((row.id, first, first + row.group_size));
-            if row.is_columns() || row.folded != 0 {
-                // Of others a proposal is there, too, that has the scenario, or a layout.
-                self.scenarios.push(group.scenario.clone());
+            let mut from = first;
+            for stays in shown.iter().copied().chain([first + row.group_size]) {
+                if from < stays {
+                    self.spans.push((row.id, from, stays));
+                }
+                from = stays + 1;
             }
+            if shown.is_empty() {
+                self.groups.push((row.id, group.number));
+                if row.is_columns() || row.folded != 0 {
+                    // Of others a proposal is there, too, that has the scenario, or a layout.
+                    self.scenarios.push(group.scenario.clone());
+                }
+            }
+            let mut episodes = of_group.remove(&group.number).unwrap_or_default();
+            episodes.retain(|episode| !shown.contains(&episode.number));
+            if episodes.is_empty() && !shown.is_empty() {
+                continue; // nothing of it goes
+            }
+            groups.push(FoldedGroup {
+                episodes,
+                number: group.number,
+                task: group.task,
+                level: group.level,
+                role: group.role,
+                layout: group.layout,
+                contested: group.contested != 0,
+            });
         }
-        let groups = groups.into_iter().map(|group| FoldedGroup {
-            episodes: of_group.remove(&group.number).unwrap_or_default(),
-            number: group.number,
-            task: group.task,
-            level: group.level,
-            role: group.role,
-            layout: group.layout,
-            contested: group.contested != 0,
-        });
-        let groups = groups.collect();
         self.leases.push(FoldedLease { row, groups, claim });
         Ok(())
     }

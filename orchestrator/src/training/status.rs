@@ -66,7 +66,7 @@ pub struct Gauge {
     pub mastery: Option<f64>,
 }
 
-/// Asks where the runs stand that are in memory, and whether the database can be written: it writes.
+/// Asks where the runs stand that are in memory.
 #[derive(Debug)]
 pub struct Gauges;
 
@@ -78,7 +78,6 @@ impl Change for Gauges {
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<Vec<Gauge>, TrainingError> {
-        beat(work).await?;
         let mut gauges = Vec::new();
         for mind in work.minds().take(RUNS) {
             let mastery = mind.curriculum.mastery();
@@ -93,14 +92,8 @@ impl Change for Gauges {
     }
 }
 
-/// Writes that it was there. Where a change could not be stored, as much as a large one: a disk that is full has room for a row.
-async fn beat(work: &mut Work) -> Result<(), TrainingError> {
-    pulse::beat(&mut work.conn, work.now, work.troubled).await?;
-    work.troubled = false; // and again, where this is not committed
-    Ok(())
-}
-
-/// Writes that it was there: the answer says that the writer can write.
+/// Writes that it was there: the answer says that the writer can write. Where a change could not be stored it writes as much as a
+/// large one: a disk that is full has room for a row.
 #[derive(Debug)]
 pub struct Ping;
 
@@ -108,7 +101,9 @@ impl Change for Ping {
     type Answer = ();
 
     async fn apply(self, work: &mut Work) -> Result<(), TrainingError> {
-        beat(work).await
+        pulse::beat(&mut work.conn, work.now, work.troubled).await?;
+        work.troubled = false; // and again, where this is not committed
+        Ok(())
     }
 }
 

@@ -22,6 +22,8 @@ pub struct Work {
     pub now: Millis,
     /// A change could not be stored since it was last looked whether one can be.
     pub(super) troubled: bool,
+    /// How far the clock was let jump in this transaction.
+    pub(super) adopted: i64,
     minds: HashMap<String, Mind>,
     /// Runs that the change looked at.
     touched: Vec<String>,
@@ -71,6 +73,7 @@ impl Work {
             conn,
             now,
             troubled: false,
+            adopted: 0,
             minds: HashMap::new(),
             touched: Vec::new(),
             telling: Vec::new(),

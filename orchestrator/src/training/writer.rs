@@ -181,7 +181,9 @@ async fn serve(mut work: Work, mut inbox: Inbox, clock: Clock, wakes: Wakes) {
             drop(query("ROLLBACK").execute(&mut work.conn).await);
             work.forget_all();
             work.troubled = true;
+            clock.adopt(-work.adopted); // nothing was moved with it
         }
+        work.adopted = 0;
         for delivery in deliveries {
             delivery(committed.as_ref().copied());
         }

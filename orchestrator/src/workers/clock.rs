@@ -12,7 +12,7 @@ const EVERY: Duration = Duration::from_millis(500);
 /// Works until the writer is gone.
 pub async fn run(clock: Clock, writer: Writer) {
     loop {
-        if let Some(jumped) = clock.jumped() {
+        if clock.jumped().is_some() {
             match writer.change(Adopt(clock.clone())).await {
                 Ok(None) => {}
                 Ok(Some(by_ms)) => {
@@ -20,9 +20,6 @@ pub async fn run(clock: Clock, writer: Writer) {
                 }
                 Err(TrainingError::Stopping) => return,
                 Err(error) => {
-                    // It may have been adopted in a transaction that then failed.
-                    let back = clock.jumped().unwrap_or(0) - jumped;
-                    clock.adopt(back);
                     tracing::error!(error = %error, "The clock jumped, and leases could not be moved; trying again.");
                 }
             }

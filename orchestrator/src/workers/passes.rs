@@ -25,12 +25,19 @@ pub async fn run(readers: SqlitePool, clock: Clock, sessions: Arc<Sessions>) {
 
 async fn look(readers: &SqlitePool, clock: &Clock, sessions: &Sessions) -> Result<(), StoreError> {
     let passes = sessions.passes();
-    for token in passes.held() {
-        let row = tokens::get(&mut *readers.acquire().await?, token).await?;
-        let state = row.map_or("gone", |row| row.state(clock.now()));
+    for pass in passes.held() {
+        let mut conn = readers.acquire().await?;
+        let Some(token) = pass else {
+            if tokens::any(&mut conn, clock.now()).await?.0 {
+                tracing::info!("There are tokens now: connections that came in without one are closed.");
+                passes.end(None);
+            }
+            continue;
+        };
+        let state = tokens::get(&mut conn, token).await?.map_or("gone", |row| row.state(clock.now()));
         if state != "valid" {
             tracing::info!(token, state, "The connections that this token opened are closed.");
-            passes.end(token);
+            passes.end(pass);
         }
     }
     Ok(())

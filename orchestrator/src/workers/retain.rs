@@ -1,6 +1,6 @@
 //! Folds what runs keep whole no longer.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
 use futures_util::future::try_join_all;
@@ -22,7 +22,7 @@ const ROUND: i64 = 64;
 
 /// Works until the writer is gone.
 pub async fn run(readers: SqlitePool, writer: Writer) {
-    let mut keeper = Keeper { readers, writer, looked_at: HashMap::new() };
+    let mut keeper = Keeper { readers, writer, looked_at: HashMap::new(), unseen: HashSet::new() };
     loop {
         match keeper.round().await {
             Ok(true) => continue, // there is more
@@ -43,45 +43,67 @@ struct Keeper {
     writer: Writer,
     /// By run, up to which lease it was looked at whether something of it must still stay.
     looked_at: HashMap<String, i64>,
+    /// Runs that were folded since all of what stayed of them was looked at.
+    unseen: HashSet<String>,
 }
 
 impl Keeper {
-    /// Folds some leases of each run that keeps more than it should; whether there may be more.
+    /// Folds some leases of each run that keeps more than it should; whether there may be more. A run that cannot be folded keeps no
+    /// other from it.
     async fn round(&mut self) -> Result<bool, TrainingError> {
         let runs = retention::whole(&mut *self.readers.acquire().await?).await?;
         let mut more = false;
-        for Whole { run, settings, episodes, claimed } in runs {
-            let settings: RunSettings = from_json("a run's settings", &settings)?;
-            let Retention { episodes: most, claimed: most_claimed } = settings.retention;
-            let kept =
-                [(Fold::Groups, episodes, most.limit()), (Fold::Columns, claimed, most_claimed.limit())];
-            let mut folded = false;
-            for (which, kept, most) in kept {
-                folded |= self.fold(&run, which, kept.saturating_sub(most), most).await?;
-            }
-            if folded {
-                self.sweep(&run).await?;
-                self.look_again(&run).await?;
-                more = true;
+        for whole in runs {
+            match self.of_run(&whole).await {
+                Ok(folded) => more |= folded,
+                Err(error @ (TrainingError::Stopping | TrainingError::Busy)) => return Err(error),
+                Err(error) => {
+                    // What of it fails is left behind for now.
+                    let after = self.looked_at.get(&whole.run).copied().unwrap_or(0);
+                    self.looked_at.insert(whole.run.clone(), after + 1);
+                    let run = whole.run;
+                    tracing::error!(run, error = %error, "Old leases could not be folded; trying again soon.");
+                }
             }
         }
         Ok(more)
     }
 
-    /// Folds so many episodes at least, or what can be, of a run that may keep `most`; whether anything was.
-    async fn fold(&self, run: &str, which: Fold, over: i64, most: i64) -> Result<bool, TrainingError> {
+    /// The same of one run.
+    async fn of_run(&mut self, whole: &Whole) -> Result<bool, TrainingError> {
+        let Whole { run, settings, episodes, claimed } = whole;
+        let settings: RunSettings = from_json("a run's settings", settings)?;
+        let Retention { episodes: most, claimed: most_claimed } = settings.retention;
+        let kept = [(Fold::Groups, episodes, most.limit()), (Fold::Columns, claimed, most_claimed.limit())];
+        let mut changes = 0;
+        for (which, kept, most) in kept {
+            changes += self.fold(run, which, kept.saturating_sub(most), most).await?;
+        }
+        if changes > 0 {
+            self.sweep(run).await?;
+            self.unseen.insert(run.clone());
+        }
+        if self.unseen.contains(run) {
+            self.look_again(run, changes.max(1)).await?;
+        }
+        Ok(changes > 0 || self.unseen.contains(run))
+    }
+
+    /// Folds so many episodes at least, or what can be, of a run that may keep `most`; by how many changes.
+    async fn fold(&self, run: &str, which: Fold, over: i64, most: i64) -> Result<i64, TrainingError> {
         let (mut left, mut changes) = (over, 0);
         while left > 0 && changes < ROUND {
             let at_once = (1 + AT_ONCE * left / most.max(1)).min(AT_ONCE);
             let fold = || self.writer.change(FoldLeases { run: run.to_owned(), which });
             let folded = try_join_all((0..at_once).map(|_| fold())).await?;
-            if folded.iter().any(|folded| folded.episodes == 0) {
-                return Ok(changes > 0 || folded.iter().any(|folded| folded.episodes > 0));
-            }
             left -= folded.iter().map(|folded| folded.episodes).sum::<i64>();
-            changes += at_once;
+            let made = folded.iter().filter(|folded| folded.episodes > 0).count() as i64;
+            changes += made;
+            if made < at_once {
+                break; // there is nothing more that can be
+            }
         }
-        Ok(left < over)
+        Ok(changes)
     }
 
     async fn sweep(&self, run: &str) -> Result<(), TrainingError> {
@@ -91,12 +113,19 @@ impl Keeper {
         Ok(())
     }
 
-    /// Looks again whether what stayed of some folded leases must stay.
-    async fn look_again(&mut self, run: &str) -> Result<(), TrainingError> {
-        let after = self.looked_at.get(run).copied().unwrap_or(0);
-        let which = Fold::Kept { after };
-        let folded = self.writer.change(FoldLeases { run: run.to_owned(), which }).await?;
-        self.looked_at.insert(run.to_owned(), folded.last.unwrap_or(0)); // from the beginning, at the end
+    /// Looks again whether what stayed of folded leases must stay: by as many changes as there were folded, so that what is no
+    /// example any more does not stay for long.
+    async fn look_again(&mut self, run: &str, changes: i64) -> Result<(), TrainingError> {
+        for _ in 0..changes {
+            let after = self.looked_at.get(run).copied().unwrap_or(0);
+            let which = Fold::Kept { after };
+            let folded = self.writer.change(FoldLeases { run: run.to_owned(), which }).await?;
+            self.looked_at.insert(run.to_owned(), folded.last.unwrap_or(0)); // from the beginning, at the end
+            if folded.last.is_none() {
+                self.unseen.remove(run);
+                break;
+            }
+        }
         Ok(())
     }
 }

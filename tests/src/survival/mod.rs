@@ -48,8 +48,10 @@ pub struct Plan {
 pub async fn survive(db: &Path, plan: Plan) -> anyhow::Result<Ledger> {
     let mut server = Process::start(db);
     let address = server.address().to_owned();
+    // It keeps little whole, so that servers are killed while they fold, too.
     let wish = json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery",
-                      "tasks": ["kessler/survival", "kessler/eco_station"]});
+                      "tasks": ["kessler/survival", "kessler/eco_station"],
+                      "retention": {"episodes": 400, "claimed": 800}});
     let created = server.api().post("/v1/runs", wish).await;
     ensure!(created.status == 201, "no run: {}", created.body);
     let policy = json!({"policy": "random", "version": 1, "ahead": 64}).to_string();

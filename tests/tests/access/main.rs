@@ -139,6 +139,11 @@ async fn beside_the_document(anonymous: &Api, tokens: &BTreeMap<&'static str, St
     for path in ["/", "/ws", "/mcp", "/ws/ui", "/web", "/web/", "/web/state", "/web/metadata"] {
         assert_eq!(anonymous.get(path).await.status, 401, "{path}");
     }
+    for path in ["/web/reset", "/web/step"] {
+        assert_eq!(anonymous.post(path, json!({})).await.status, 401, "{path}");
+        let viewer = anonymous.clone().with_token(&tokens["viewer"]);
+        assert_eq!(viewer.post(path, json!({})).await.status, 403, "{path}");
+    }
     assert_eq!(anonymous.get("/nothing").await.status, 404);
     let listen =
         http_client().get(format!("{}/v1/runs/run/events", anonymous.base())).bearer_auth(&tokens["viewer"]);

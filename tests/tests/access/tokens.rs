@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use futures_util::{SinkExt, StreamExt};
+use futures_util::SinkExt;
+use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::{Api, Process};
 use tokio_tungstenite::tungstenite::Message;
@@ -82,8 +83,11 @@ async fn what_is_changed_by_hand_and_who_is_kept_out_is_written_down() {
     }
     // A token where none belongs is not written down.
     let _ = admin.post(&format!("/v1/runs/{}/pause", tokens["viewer"]), json!({})).await;
-    let audit = admin.get("/v1/audit").await.expect(200);
-    let lines = audit["lines"].as_array().unwrap();
+    let changed = admin.get("/v1/audit").await.expect(200);
+    let denied = admin.get("/v1/audit?denied=true").await.expect(200);
+    let audit = json!({"changed": changed, "denied": denied});
+    let of = |log: &Value| log["lines"].as_array().unwrap().clone();
+    let lines = [of(&changed), of(&denied)].concat();
     let line =
         |line: &Value| format!("{} {} {}", line["operation"].as_str().unwrap(), line["status"], line["name"]);
     let told: Vec<String> = lines.iter().map(line).collect();
@@ -125,6 +129,7 @@ async fn what_a_token_has_open_ends_with_it() {
     };
     let (mut session, key, mut flown) = open(&tokens["trainer"]).await;
     let (mut others, ..) = open(&tokens["admin"]).await;
+    let (_, _, mut talkative) = open(&tokens["trainer"]).await;
     let url = format!("{}/v1/runs/run/events", api.base());
     let heard = system_tests::http_client().get(url).bearer_auth(&tokens["trainer"]).send().await.unwrap();
 
@@ -144,6 +149,18 @@ async fn what_a_token_has_open_ends_with_it() {
     assert!(told["type"] == "error" && told.to_string().contains("revoked"), "{told}");
     let told = tokio::time::timeout(soon, said(&mut flown)).await.expect("it is told within 5 s");
     assert!(told["type"] == "error" && told.to_string().contains("revoked"), "{told}");
+    // Who always has something to say is not overlooked.
+    let talk = async {
+        loop {
+            let state = json!({"type": "state"}).to_string();
+            if talkative.send(Message::text(state)).await.is_err()
+                || said(&mut talkative).await["type"] == "error"
+            {
+                return;
+            }
+        }
+    };
+    tokio::time::timeout(soon, talk).await.expect("it is told within 5 s");
     tokio::time::timeout(soon, heard.bytes()).await.expect("it ends within 5 s").unwrap();
     refused(&api.clone().with_token(&tokens["trainer"])).await;
     assert_eq!(connected(api.base(), "/v1/sessions", Some(&tokens["trainer"])).await.err(), Some(401));
@@ -181,4 +198,33 @@ async fn who_is_refused_before_their_body_is_read_is_told_that_the_connection_en
     );
     let made = ask(Some(&tokens["trainer"])).send().await.unwrap();
     assert!(made.status().as_u16() == 201 && !made.headers().contains_key("connection"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_by_a_name_is_reached_by_whoever_gave_it_and_nobody_else() {
+    let (server, tokens) = closed(|config| Config { openenv_public: true, ..config }).await;
+    let api = server.api();
+    let (admin, trainer) =
+        (api.clone().with_token(&tokens["admin"]), api.clone().with_token(&tokens["trainer"]));
+    let _ = admin.post("/reset", json!({"seed": 7})).await.expect(200);
+    let call = |method: &str, id: &str| {
+        let params = json!({"name": "hold", "session_id": id});
+        json!({"jsonrpc": "2.0", "id": 1, "method": method, "params": params})
+    };
+    let number = tokens["admin"].split('_').nth(1).unwrap();
+    let made_up = [format!("\0{number}\0shared"), format!("token {number}\0shared"), "shared".to_owned()];
+    for (other, id) in
+        [&trainer, &api].into_iter().flat_map(|other| made_up.iter().map(move |id| (other, id)))
+    {
+        for method in ["tools/call", "openenv/session/close"] {
+            let answer = other.post("/mcp", call(method, id)).await.expect(200);
+            assert!(
+                answer["error"]["message"].as_str().unwrap().to_lowercase().contains("session"),
+                "{answer}"
+            );
+        }
+        assert_eq!(other.get("/state").await.expect(200)["step_count"], 0);
+    }
+    let _ = admin.post("/mcp", call("tools/call", "shared")).await.expect(200);
+    assert_eq!(admin.get("/state").await.expect(200)["step_count"], 1);
 }

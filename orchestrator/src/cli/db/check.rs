@@ -10,7 +10,7 @@ use super::super::output;
 use super::readers;
 use crate::store::folds::FoldedState;
 use crate::store::scenarios::Loader;
-use crate::store::{episodes, folds, groups, leases, survey};
+use crate::store::{OpenError, episodes, folds, groups, leases, survey};
 use crate::training::Mind;
 
 /// Whether a database is whole: its pages, what refers to what, that each run's curriculum can be brought back, that sums agree
@@ -28,12 +28,19 @@ pub(super) struct Args {
 const EXACT: f64 = 0.0;
 
 pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
-    let readers = readers(db).await?;
+    let damaged = || OpenError::Damaged(db.display().to_string()).to_string();
+    let readers = match readers(db).await {
+        Err(error) if matches!(error.downcast_ref(), Some(OpenError::Damaged(_))) => {
+            output::print(&damaged())?;
+            return Ok(ExitCode::FAILURE);
+        }
+        readers => readers?,
+    };
     // As it stands at one moment, whatever a server does meanwhile.
     let mut moment = readers.begin().await?;
     let conn = &mut *moment;
     let mut found = match survey::broken(conn).await {
-        Err(error) if error.is_damage() => vec![torn(db)],
+        Err(error) if error.is_damage() => vec![damaged()],
         found => found?,
     };
     if found.is_empty() {
@@ -49,10 +56,6 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     }
     output::print(&found.join("\n"))?;
     Ok(ExitCode::FAILURE)
-}
-
-fn torn(db: &Path) -> String {
-    format!("{} has pages that are torn: go back to a copy (`sparring db backup` makes them)", db.display())
 }
 
 /// That a run can be brought back, what was folded of it can be read, and its sums agree.

@@ -15,8 +15,10 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use moka::future::Cache;
 use sqlx::SqlitePool;
+use tracing::Instrument;
 
 use self::limits::Rate;
+use self::table::Operation;
 pub(super) use self::table::{Needs, operation};
 use super::connections::Peer;
 use super::problem::Problem;
@@ -25,14 +27,21 @@ use crate::sessions::Who;
 use crate::store::StoreError;
 use crate::store::tokens::{self, AuditRow, TokenRow};
 use crate::tokens::{Role, Token, scrubbed};
-use crate::training::Writer;
 use crate::training::access::{Note, Used};
 use crate::training::lease::Owner;
+use crate::training::{TrainingError, Writer};
 
 /// How long what is known of a token is believed: so long a revoked one may still be used.
 const BELIEVED: Duration = Duration::from_secs(5);
 /// Tokens that are known at once.
 const KNOWN: u64 = 10_000;
+/// Tokens a second that are looked for in the database, of an address: each is then known for some seconds.
+const LOOKUPS: NonZeroU32 = NonZeroU32::MIN.saturating_add(199);
+/// Lines a second that the audit log has of who was kept out.
+const DENIALS: NonZeroU32 = NonZeroU32::MIN.saturating_add(9);
+/// How often it is tried to write a line of the audit log, and how long in between, where the writer has too much to do.
+const TRIES: u32 = 10;
+const PAUSE: Duration = Duration::from_millis(500);
 /// A token's last use is noted so seldom.
 const NOTED: Millis = 10 * 60 * 1000;
 
@@ -66,11 +75,6 @@ pub(super) struct Caller {
 }
 
 impl Caller {
-    /// A name that is theirs alone, where they are known: nobody else's session is reached by it, since no header has a NUL.
-    pub(super) fn own(&self, name: &str) -> String {
-        self.who.token.map_or_else(|| name.to_owned(), |token| format!("\0{token}\0{name}"))
-    }
-
     /// As the owner of what they make.
     pub(super) fn owns(&self, most: u32) -> Option<Owner> {
         self.who.token.map(|token| Owner { token, most })
@@ -113,8 +117,10 @@ pub struct Gate {
     any: Cache<(), bool>,
     of_tokens: Rate,
     of_addresses: Rate,
-    /// Lines of the audit log about who was kept out: whoever tries without end does not fill it.
-    of_denials: Rate,
+    /// Looks at the database for tokens that are not known: whoever makes them up does not keep others from it.
+    of_lookups: Rate,
+    /// Lines of the audit log about who was kept out, of an address and of all: whoever tries without end does not fill it.
+    of_denials: [Rate; 2],
 }
 
 impl Gate {
@@ -136,7 +142,8 @@ impl Gate {
             any: Cache::builder().max_capacity(1).time_to_live(BELIEVED).build(),
             of_tokens: Rate::new(each.requests),
             of_addresses: Rate::new(each.anonymous),
-            of_denials: Rate::new(NonZeroU32::MIN),
+            of_lookups: Rate::new(LOOKUPS),
+            of_denials: [Rate::new(NonZeroU32::MIN), Rate::new(DENIALS)],
         }
     }
 
@@ -154,7 +161,7 @@ impl Gate {
             return Ok(anonymous(false));
         }
         if let Some(shown) = headers.get(header::AUTHORIZATION) {
-            let Some(known) = self.known(shown).await? else {
+            let Some(known) = self.known(shown, &address).await? else {
                 self.of_addresses.take(&address).map_err(Problem::too_often)?;
                 return Err(not_known("the token is not known, expired or revoked").into());
             };
@@ -191,8 +198,34 @@ impl Gate {
         }
     }
 
+    /// Whether the audit log has a line of it.
+    fn is_noted(
+        &self,
+        operation: Option<&Operation>,
+        refused: Option<&Problem>,
+        peer: Option<IpAddr>,
+    ) -> bool {
+        let [of_each, of_all] = &self.of_denials;
+        match refused {
+            None => operation.is_some_and(|operation| operation.audited),
+            Some(problem) => {
+                problem.is_denial()
+                    && of_each.take(&Self::address(peer)).is_ok()
+                    && of_all.take(&"all".into()).is_ok()
+            }
+        }
+    }
+
     fn address(peer: Option<IpAddr>) -> Arc<str> {
-        peer.map_or_else(|| "nowhere".into(), |ip| ip.to_string().into())
+        match peer.map(|ip| ip.to_canonical()) {
+            None => "nowhere".into(),
+            Some(IpAddr::V4(ip)) => ip.to_string().into(),
+            // Whoever has one address of a network has all of them.
+            Some(IpAddr::V6(ip)) => {
+                let [a, b, c, d, ..] = ip.segments();
+                format!("{a:x}:{b:x}:{c:x}:{d:x}::/64").into()
+            }
+        }
     }
 
     async fn any(&self) -> Result<bool, Problem> {
@@ -205,7 +238,7 @@ impl Gate {
     }
 
     /// What is known of what was shown; none of what is no token, or worth nothing any more.
-    async fn known(&self, shown: &HeaderValue) -> Result<Option<Known>, Problem> {
+    async fn known(&self, shown: &HeaderValue, address: &Arc<str>) -> Result<Option<Known>, Problem> {
         let text = shown.to_str().ok().and_then(|text| text.split_once(' '));
         let Some((scheme, text)) = text else { return Ok(None) };
         let token = Token::read(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"));
@@ -214,6 +247,7 @@ impl Gate {
         let known = match self.known.get(hash.as_bytes()).await {
             Some(known) => known,
             None => {
+                self.of_lookups.take(address).map_err(Problem::too_often)?;
                 let row = tokens::get(&mut *self.readers.acquire().await?, token.id).await?;
                 let known = row.as_ref().and_then(|row| self.matching(&hash, row)).transpose()?;
                 self.known.insert(*hash.as_bytes(), known.clone()).await;
@@ -291,39 +325,58 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
         }
         Err(Refused { problem, token }) => (token, Some(problem)),
     };
-    let audited = operation.is_some_and(|operation| operation.audited);
-    let denied = refused.as_ref().is_some_and(Problem::is_denial);
-    let line = (audited && refused.is_none() || denied && gate.of_denials.take(&Gate::address(peer)).is_ok())
-        .then(|| AuditRow {
-            id: 0,
-            at: gate.clock.now(),
-            token,
-            name: None,
-            address: peer.map(|ip| ip.to_string()),
-            operation: format!("{} {path}", request.method()),
-            path: scrubbed(request.uri().path()).chars().take(500).collect(),
-            status: 0,
-            request_id: request_id(request.headers()),
-        });
-    let response = match refused {
-        None => next.run(request).await,
-        Some(problem) => unread(&request, problem.into_response()),
+    let line = gate.is_noted(operation, refused.as_ref(), peer).then(|| AuditRow {
+        id: 0,
+        at: gate.clock.now(),
+        token,
+        name: None,
+        address: peer.map(|ip| ip.to_string()),
+        operation: format!("{} {path}", request.method()),
+        path: scrubbed(request.uri().path()).chars().take(500).collect(),
+        status: 0,
+        request_id: request_id(request.headers()),
+    });
+    let denied = refused.is_some();
+    let answered = async move {
+        match refused {
+            None => next.run(request).await,
+            Some(problem) => unread(&request, problem.into_response()),
+        }
     };
-    if let Some(line) = line {
+    let Some(line) = line else { return answered.await };
+    // Whoever goes away before the answer leaves a line all the same.
+    let noted = async move {
+        let response = answered.await;
         let line = AuditRow { status: response.status().as_u16().into(), ..line };
-        tracing::info!(
-            token = line.token,
-            address = line.address,
-            operation = line.operation,
-            path = line.path,
-            status = line.status,
-            "Audited."
-        );
-        if let Err(error) = gate.writer.change(Note(line)).await {
-            tracing::error!(error = %error, "A line of the audit log could not be written.");
+        note(&gate.writer, Note { line, denied }).await;
+        response
+    };
+    let noted = tokio::spawn(noted.in_current_span()).await;
+    noted.unwrap_or_else(|_| Problem::internal().into_response()) // it panicked: that is in the log
+}
+
+/// Writes a line of the audit log.
+async fn note(writer: &Writer, note: Note) {
+    let line = &note.line;
+    tracing::info!(
+        token = line.token,
+        address = line.address,
+        operation = line.operation,
+        path = line.path,
+        status = line.status,
+        "Audited."
+    );
+    for _ in 0..TRIES {
+        match writer.change(note.clone()).await {
+            Ok(()) => return,
+            Err(TrainingError::Busy) => tokio::time::sleep(PAUSE).await,
+            Err(error) => {
+                tracing::error!(error = %error, "A line of the audit log could not be written.");
+                return;
+            }
         }
     }
-    response
+    tracing::error!("A line of the audit log could not be written: the writer has too much to do.");
 }
 
 /// An answer to a request whose body was not read: what follows it on the connection would be that.

@@ -13,7 +13,7 @@ use super::body::{self, Body};
 use super::read::{Fields, WALK, wish};
 use super::refusal::{Refusal, wish_fault};
 use crate::service::App;
-use crate::sessions::{MOST_GROUP, Standing};
+use crate::sessions::{MOST_GROUP, Named, Standing};
 
 /// The header that names a session, and the cookie that does for browsers.
 pub(super) const HEADER: &str = "x-session-id";
@@ -22,14 +22,14 @@ pub(super) const COOKIE_NAME: &str = "sparring_session";
 const SHARED: &str = "shared";
 
 /// Which session a request is for.
-pub(super) fn session_name(headers: &HeaderMap, caller: &Caller) -> Result<String, Refusal> {
+pub(super) fn session_name(headers: &HeaderMap, caller: &Caller) -> Result<Named, Refusal> {
     let named = headers.get(HEADER).map(|value| value.to_str().unwrap_or_default().to_owned());
     let name = named.or_else(|| cookie(headers)).unwrap_or_else(|| SHARED.to_owned());
     if name.is_empty() || name.len() > MOST_GROUP {
         let words = format!("{HEADER}: a session's name is 1 to {MOST_GROUP} printable characters");
         return Err(Refusal::new(StatusCode::BAD_REQUEST, words));
     }
-    Ok(caller.own(&name))
+    Ok(Named::of(&caller.who, name))
 }
 
 pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
@@ -63,7 +63,7 @@ pub(super) async fn reset(
 }
 
 /// A session that never flew anything takes nobody's place.
-pub(super) fn let_go(app: &App, name: &str, session: &crate::sessions::Session) {
+pub(super) fn let_go(app: &App, name: &Named, session: &crate::sessions::Session) {
     if session.resets() == 0 {
         app.sessions.end(name);
     }
@@ -148,7 +148,7 @@ pub(super) async fn state(
 }
 
 /// Where a session of this name stands.
-pub(super) async fn standing(app: &App, name: &str) -> Result<axum::Json<Value>, Refusal> {
+pub(super) async fn standing(app: &App, name: &Named) -> Result<axum::Json<Value>, Refusal> {
     let Some(session) = app.sessions.known(name) else {
         // Looking takes nobody's place.
         let (episode_id, steps) = (&*uuid::Uuid::new_v4().to_string(), 0);

@@ -35,7 +35,7 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
     let mut closing = app.sessions.closing(&who);
     let (mut room, mut early) = (ROOM, None);
     loop {
-        let received = match early.take() {
+        let received = match closing.over().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
                 received = next(&mut socket, app.sessions.limits().idle) => received,

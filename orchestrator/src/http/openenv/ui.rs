@@ -8,7 +8,7 @@ use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::watch;
 
 use super::super::access::Caller;
 use super::super::socket;
@@ -16,54 +16,54 @@ use super::refusal::Refusal;
 use super::{answer, web};
 use crate::clock::rfc3339;
 use crate::service::App;
-use crate::sessions::{Closing, Session};
+use crate::sessions::{Closing, Named, Seat, Seats, Session};
 
 /// Steps that are told of an episode.
 const MOST_LOGS: usize = 200;
 /// Boards that are kept of sessions at which nobody looks.
 const MOST_BOARDS: usize = 256;
 
-/// How many may look at once.
+/// How many may look at once; of each a quarter.
 const MOST_WATCHERS: usize = 256;
 
 /// One board a web session: what it shows, and who waits for the next.
 #[derive(Debug)]
 pub struct Boards {
-    boards: Mutex<HashMap<String, watch::Sender<Value>>>,
-    seats: Arc<Semaphore>,
+    boards: Mutex<HashMap<Named, watch::Sender<Value>>>,
+    seats: Seats,
 }
 
 impl Default for Boards {
     fn default() -> Self {
-        Self { boards: Mutex::default(), seats: Arc::new(Semaphore::new(MOST_WATCHERS)) }
+        Self { boards: Mutex::default(), seats: Seats::new(MOST_WATCHERS, MOST_WATCHERS / 4) }
     }
 }
 
 impl Boards {
-    fn hold(&self) -> MutexGuard<'_, HashMap<String, watch::Sender<Value>>> {
+    fn hold(&self) -> MutexGuard<'_, HashMap<Named, watch::Sender<Value>>> {
         // Nothing that holds it can panic; if something did, the map is still a map.
         self.boards.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn look(&self, name: &str) -> watch::Receiver<Value> {
+    fn look(&self, name: &Named) -> watch::Receiver<Value> {
         let mut boards = self.hold();
         if boards.len() >= MOST_BOARDS {
             boards.retain(|_, board| board.receiver_count() > 0);
         }
-        boards.entry(name.to_owned()).or_insert_with(|| watch::Sender::new(blank())).subscribe()
+        boards.entry(name.clone()).or_insert_with(|| watch::Sender::new(blank())).subscribe()
     }
 
     /// Tells that an episode began.
-    pub(super) fn began(&self, name: &str, session: &Session) {
+    pub(super) fn began(&self, name: &Named, session: &Session) {
         self.show(name, session, None);
     }
 
     /// Tells that a step was taken.
-    pub(super) fn stepped(&self, name: &str, session: &Session, action: &Value, now: i64) {
+    pub(super) fn stepped(&self, name: &Named, session: &Session, action: &Value, now: i64) {
         self.show(name, session, Some((action, now)));
     }
 
-    fn show(&self, name: &str, session: &Session, stepped: Option<(&Value, i64)>) {
+    fn show(&self, name: &Named, session: &Session, stepped: Option<(&Value, i64)>) {
         let Ok(shown) = session.shown() else { return };
         let told = answer::value(&shown);
         let standing = session.standing();
@@ -102,7 +102,7 @@ pub(super) async fn connect(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Ok(seat) = Arc::clone(&app.boards.seats).try_acquire_owned() else {
+    let Ok(seat) = app.boards.seats.take(&caller.who) else {
         return Refusal::new(
             StatusCode::SERVICE_UNAVAILABLE,
             "as many look as may; try again in a moment".to_owned(),
@@ -120,12 +120,7 @@ pub(super) async fn connect(
     }
 }
 
-async fn serve(
-    mut socket: WebSocket,
-    mut board: watch::Receiver<Value>,
-    mut closing: Closing,
-    _seat: OwnedSemaphorePermit,
-) {
+async fn serve(mut socket: WebSocket, mut board: watch::Receiver<Value>, mut closing: Closing, _seat: Seat) {
     loop {
         let told = json!({"type": "state_update", "episode_state": &*board.borrow_and_update()});
         if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {

@@ -17,7 +17,7 @@ use super::read::WALK;
 use super::refusal::Refusal;
 use super::simulation::{self, COOKIE_NAME, HEADER};
 use crate::service::App;
-use crate::sessions::SessionError;
+use crate::sessions::{Named, SessionError};
 
 /// The page. It asks nothing of any other address.
 const PAGE: &str = include_str!("page.html");
@@ -36,9 +36,9 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
 });
 
 /// Which web session a request is for: that of its cookie or header, or the one all others share.
-pub(super) fn name(headers: &HeaderMap, caller: &Caller) -> Result<String, Refusal> {
+pub(super) fn name(headers: &HeaderMap, caller: &Caller) -> Result<Named, Refusal> {
     let named = headers.contains_key(HEADER) || simulation::cookie(headers).is_some();
-    if named { simulation::session_name(headers, caller) } else { Ok(caller.own("web")) }
+    if named { simulation::session_name(headers, caller) } else { Ok(Named::of(&caller.who, "web")) }
 }
 
 /// The way to the page.

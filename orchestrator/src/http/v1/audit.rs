@@ -1,8 +1,8 @@
 //! The audit log: what was changed by hand, and who was kept out.
 
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
 
 use super::super::extract::Query;
 use super::super::problem::Problem;
@@ -42,19 +42,38 @@ pub(super) struct AuditLog {
     next: Option<String>,
 }
 
-/// Show what was changed by hand, and who was kept out (401, 403; one line a second of an address at most). The newest 100 000 lines
-/// are kept.
+/// Which lines.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Which {
+    /// Those about who was kept out, instead of what was changed (false).
+    #[serde(default)]
+    denied: bool,
+    /// How many at most: 1 to 500 (50).
+    limit: Option<u32>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// Show what was changed by hand; or, with `denied=true`, who was kept out (401, 403; a line a second of an address at most, and ten of
+/// all). The newest 100 000 lines are kept, of who was kept out 20 000.
 #[utoipa::path(
-    get, path = "/audit", tag = "health", operation_id = "audit", params(Page),
+    get, path = "/audit", tag = "health", operation_id = "audit", params(Which),
     responses((status = 200, body = AuditLog), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list(
     State(app): State<App>,
-    Query(page): Query<Page>,
+    Query(Which { denied, limit, cursor }): Query<Which>,
 ) -> Result<axum::Json<AuditLog>, Problem> {
+    let page = Page { limit, cursor };
     let limit = page.limit()?;
     let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
-    let rows = tokens::audited(&mut *app.readers.acquire().await?, before, limit).await?;
+    let mut conn = app.readers.acquire().await?;
+    let rows = match denied {
+        true => tokens::denied(&mut conn, before, limit).await?,
+        false => tokens::audited(&mut conn, before, limit).await?,
+    };
     let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
     let line = |row: AuditRow| AuditLine {
         at: rfc3339(row.at),

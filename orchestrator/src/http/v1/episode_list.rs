@@ -129,10 +129,10 @@ pub(super) async fn list(
     let mut conn = reader_of(&app, &run).await?;
     let whole = episodes::page(&mut conn, run.as_str(), after, limit).await?;
     let mut heads: Vec<((i64, i64), EpisodeHead)> = whole.into_iter().map(head).collect();
-    let reported = |folded: &FoldedLease| folded.episodes().count() as i64;
-    // Of the first lease some are before the cursor.
-    let enough = limit + index + 1;
-    for folded in folds::from(&mut conn, run.as_str(), lease, (enough, reported)).await? {
+    let reported = |folded: &FoldedLease| {
+        folded.episodes().filter(|(_, known)| (folded.row.id, known.number) > after).count() as i64
+    };
+    for folded in folds::from(&mut conn, run.as_str(), lease, (limit, reported)).await? {
         for (group, known) in folded.episodes() {
             let place = (folded.row.id, known.number);
             if place > after {
@@ -141,6 +141,7 @@ pub(super) async fn list(
         }
     }
     heads.sort_by_key(|(place, _)| *place);
+    heads.dedup_by_key(|(place, _)| *place); // one that was folded meanwhile: whole it came first
     heads.truncate(usize::try_from(limit).unwrap_or_default());
     let last = heads.last().map(|((lease, index), _)| (*lease, index.to_string()));
     let next = next(heads.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));

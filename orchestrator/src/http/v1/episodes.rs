@@ -206,6 +206,13 @@ impl Found {
             return Err(if within { NotFound::Expired(id) } else { unknown().into() });
         };
         let row = episodes::get(conn, lease.id, id.index).await?;
+        if row.is_none() && lease.folded != 0 {
+            // Something rests on another of its group.
+            let folded = folds::get(conn, run.as_str(), lease.id).await?;
+            if folded.is_some_and(|folded| folded.episode(id.index).is_some()) {
+                return Err(NotFound::Expired(id));
+            }
+        }
         let log = episodes::log(conn, lease.id, id.index).await?;
         let scenario = Loader::default().get(conn, &group.scenario).await?;
         Ok(Self { id, lease, group, row, log, scenario })

@@ -12,7 +12,7 @@ use futures_util::Stream;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sqlx::SqlitePool;
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::sync::watch;
 use utoipa::IntoParams;
 
 use super::super::access::Caller;
@@ -22,7 +22,7 @@ use super::{reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::RunId;
 use crate::service::App;
-use crate::sessions::Closing;
+use crate::sessions::{Closing, Seat};
 use crate::store::events::{self, EventRow};
 use crate::store::{StoreError, from_json};
 
@@ -78,7 +78,7 @@ pub(super) async fn listen(
         None => events::newest(&mut conn, run.as_str()).await?,
     };
     drop(conn);
-    let seat = std::sync::Arc::clone(&app.listeners).try_acquire_owned();
+    let seat = app.listeners.take(&caller.who);
     let seat = seat.map_err(|_| {
         let words = "As many listen as may; try again in a moment.";
         Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_listeners", words).again_in(5)
@@ -111,13 +111,16 @@ struct Listener {
     waiting: VecDeque<Event>,
     /// Whether it was looked at where the listener left off.
     begun: bool,
-    _seat: OwnedSemaphorePermit,
+    _seat: Seat,
 }
 
 impl Listener {
     /// The next event; none when the service stops, or whoever listens may not any more.
     async fn next(&mut self) -> Option<Event> {
         loop {
+            if self.closing.over().is_some() {
+                return None;
+            }
             if let Some(event) = self.waiting.pop_front() {
                 return Some(event);
             }

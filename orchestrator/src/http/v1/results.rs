@@ -16,7 +16,7 @@ use crate::reading;
 use crate::service::App;
 use crate::store::to_json;
 use crate::training::audit::{Claim, Claimed};
-use crate::training::report::Receipt;
+use crate::training::receipt::Receipt;
 
 /// Most results of a batch.
 const MAX_RESULTS: usize = 5000;

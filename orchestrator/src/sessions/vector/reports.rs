@@ -106,7 +106,7 @@ impl Tally {
     fn count(
         &mut self,
         episodes: u64,
-        receipts: &Result<Vec<crate::training::report::Receipt>, TrainingError>,
+        receipts: &Result<Vec<crate::training::receipt::Receipt>, TrainingError>,
     ) {
         self.waiting = self.waiting.saturating_sub(episodes);
         let Ok(receipts) = receipts else {

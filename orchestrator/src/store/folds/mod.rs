@@ -71,7 +71,15 @@ fn joined(mut leases: Vec<FoldedLease>) -> Vec<FoldedLease> {
     for lease in leases {
         match joined.last_mut().filter(|last| last.row.id == lease.row.id) {
             Some(last) => {
-                last.groups.extend(lease.groups);
+                for group in lease.groups {
+                    match last.groups.iter_mut().find(|known| known.number == group.number) {
+                        Some(known) => {
+                            known.episodes.extend(group.episodes);
+                            known.episodes.sort_by_key(|episode| episode.number);
+                        }
+                        None => last.groups.push(group),
+                    }
+                }
                 last.groups.sort_by_key(|group| group.number);
                 last.claim = last.claim.take().or(lease.claim);
             }

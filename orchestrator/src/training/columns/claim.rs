@@ -13,6 +13,7 @@ use super::settle;
 use super::{Columns, MOST_SCORE_GAP, decode};
 use crate::ids::{LeaseId, RunId};
 use crate::store::columns::{self, ClaimRow, RangeRow};
+use crate::store::folds::{self, FoldedClaim};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::scenarios::{self, Loader};
@@ -243,6 +244,16 @@ impl Change for Enter {
                 return Err(TrainingError::ClaimedOtherwise(self.lease.to_string()));
             }
             return standing_of(&mut work.conn, lease, before).await;
+        }
+        if lease.folded != 0
+            && let Some(folded) = folds::get(&mut work.conn, self.run.as_str(), lease.id).await?
+            && let Some(FoldedClaim { state, episodes, failed }) = folded.claim
+        {
+            // They came, and are kept no longer: there is nothing left to compare these with.
+            let (policy_version, at) = (lease.policy_version, lease.created_at);
+            let claim =
+                ClaimRow { state, digest: self.digest, policy_version, episodes, failed, why: None, at };
+            return Ok(Claimed { claim, lease, audited: Vec::new() });
         }
         if lease.status != "active" || lease.expires_at <= work.now {
             let status = if lease.status == "active" { "expired".to_owned() } else { lease.status };

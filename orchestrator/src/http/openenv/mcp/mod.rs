@@ -11,7 +11,7 @@ pub(super) use self::routes::connect;
 use self::rpc::{Failure, Request};
 use super::read::WALK;
 use crate::service::App;
-use crate::sessions::{Session, Who};
+use crate::sessions::{Named, Session, Who};
 
 /// What a request came by.
 pub(super) enum By<'a> {
@@ -37,16 +37,17 @@ async fn called(app: &App, request: &Request, by: By<'_>) -> Result<Value, Failu
     if request.method == "openenv/session/create" {
         return create(app, &request.params, by).await;
     }
-    let own = match by {
-        By::Own(session) => Some(session),
-        By::Itself(_) => None,
+    let (who, own) = match by {
+        By::Own(session) => (session.who().clone(), Some(session)),
+        By::Itself(who) => (who.clone(), None),
     };
+    let at = (app, &who);
     match request.method.as_str() {
         "initialize" => Ok(initialized()),
         "notifications/initialized" | "ping" => Ok(json!({})),
-        "openenv/session/close" => close(app, &request.params, own),
-        "tools/list" => tools_list(app, &request.params, own).await,
-        "tools/call" => tools_call(app, &request.params, own).await,
+        "openenv/session/close" => close(at, &request.params, own),
+        "tools/list" => tools_list(at, &request.params, own).await,
+        "tools/call" => tools_call(at, &request.params, own).await,
         other => Err(Failure::no_method(other)),
     }
 }
@@ -78,14 +79,15 @@ async fn create(app: &App, params: &Map<String, Value>, by: By<'_>) -> Result<Va
             return Ok(json!({"session_id": own.id()}));
         }
     };
-    let name = uuid::Uuid::new_v4().to_string();
+    let id = uuid::Uuid::new_v4().to_string();
+    let name = Named::of(who, id.as_str());
     let session = app.sessions.named(who, &name).map_err(Failure::capacity)?;
     let began = begin(&mut *session.lock().await, params).await;
     if let Err(failure) = began {
         app.sessions.end(&name);
         return Err(failure);
     }
-    Ok(json!({"session_id": name}))
+    Ok(json!({"session_id": id}))
 }
 
 /// Lets an episode begin.
@@ -104,13 +106,17 @@ async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(),
         .map_err(|error| Failure::internal(&super::refused_in_words(&error)))
 }
 
-fn close(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> Result<Value, Failure> {
+fn close(
+    (app, who): (&App, &Who),
+    params: &Map<String, Value>,
+    own: Option<&mut Session>,
+) -> Result<Value, Failure> {
     let name = params.get("session_id").and_then(Value::as_str);
     let name = name.ok_or_else(|| Failure::params("'session_id' is required"))?;
     if own.is_some_and(|own| own.id() == name) {
         return Err(Failure::params("this session is the connection's own, and ends with it"));
     }
-    if app.sessions.end(name) {
+    if app.sessions.end(&Named::of(who, name)) {
         Ok(json!({"session_id": name, "closed": true}))
     } else {
         Err(Failure::no_session(name))
@@ -118,11 +124,11 @@ fn close(app: &App, params: &Map<String, Value>, own: Option<&mut Session>) -> R
 }
 
 async fn tools_list(
-    app: &App,
+    at: (&App, &Who),
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, Failure> {
-    let tools = match (named(app, params, own.as_deref())?, own) {
+    let tools = match (named(at, params, own.as_deref())?, own) {
         (None, Some(own)) => tools::list(own),
         (Some(session), _) => tools::list(&*session.lock().await),
         (None, None) => tools::of(super::usual(WALK[0])),
@@ -131,7 +137,7 @@ async fn tools_list(
 }
 
 async fn tools_call(
-    app: &App,
+    at: (&App, &Who),
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, Failure> {
@@ -142,7 +148,7 @@ async fn tools_call(
         Some(Value::Object(arguments)) => arguments.clone(),
         Some(_) => return Err(Failure::params("'arguments' must be an object")),
     };
-    match (named(app, params, own.as_deref())?, own) {
+    match (named(at, params, own.as_deref())?, own) {
         (None, Some(own)) => played(own, name, arguments).await,
         (Some(session), _) => played(&mut *session.lock().await, name, arguments).await,
         // Without a session every call would be a world of its own.
@@ -157,9 +163,9 @@ async fn played(session: &mut Session, name: &str, arguments: Map<String, Value>
     tools::call(session, name, arguments).await.map(|told| tools::result(&told))
 }
 
-/// The session that is named; none where none is, or the connection's own.
+/// The session of theirs that is named; none where none is, or the connection's own.
 fn named(
-    app: &App,
+    (app, who): (&App, &Who),
     params: &Map<String, Value>,
     own: Option<&Session>,
 ) -> Result<Option<std::sync::Arc<tokio::sync::Mutex<Session>>>, Failure> {
@@ -167,7 +173,8 @@ fn named(
         None | Some(Value::Null) => Ok(None),
         Some(Value::String(name)) if own.is_some_and(|own| own.id() == name) => Ok(None),
         Some(Value::String(name)) => {
-            app.sessions.known(name).map(Some).ok_or_else(|| Failure::no_session(name))
+            let known = app.sessions.known(&Named::of(who, name.as_str()));
+            known.map(Some).ok_or_else(|| Failure::no_session(name))
         }
         Some(other) => Err(Failure::no_session(&other.to_string())),
     }

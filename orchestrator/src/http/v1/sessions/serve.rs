@@ -33,10 +33,8 @@ async fn bid(mut socket: WebSocket, refusal: &Refusal) {
 
 fn ended(why: Ending) -> Refusal {
     match why {
-        Ending::Stopping => Refusal::new("stopping", "the server is stopping; the session ended"),
-        Ending::Expelled => {
-            Refusal::new("unauthenticated", "the token was revoked, or expired; the session ended")
-        }
+        Ending::Stopping => Refusal::new("stopping", format!("{}; the session ended", why.words())),
+        Ending::Expelled => Refusal::new("unauthenticated", format!("{}; the session ended", why.words())),
     }
 }
 
@@ -66,7 +64,7 @@ async fn opened(
 ) -> Option<Opened> {
     let until = Instant::now() + OPEN_WITHIN;
     loop {
-        let received = match early.take() {
+        let received = match closing.over().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
                 received = next(socket, Some(until.saturating_duration_since(Instant::now()))) => received,
@@ -169,7 +167,8 @@ async fn on_board(
     let limits = app.sessions.limits();
     let ttl_s = limits.resume.as_secs();
     loop {
-        let came = match early.take() {
+        let over = closing.over().map(Received::Stop);
+        let came = match over.or_else(|| early.take()) {
             _ if mooring.is_superseded() => Came::Superseded,
             Some(received) => Came::Received(received),
             None => wait(&mut socket, &mut mooring, &mut closing, limits.idle).await,
