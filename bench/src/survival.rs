@@ -10,7 +10,8 @@ use crate::Row;
 pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let until = Until::Time(Duration::from_secs(60 * u64::from(minutes)));
-    let plan = Plan { until, seed: u64::from(std::process::id()), life_ms: (50, 20_000), told_every_s: 60 };
+    let seed = u64::from(std::process::id());
+    let plan = Plan { until, seed, life_ms: (50, 20_000), folds: true, told_every_s: 60 };
     writeln!(std::io::stderr(), "seed {}", plan.seed)?;
     let ledger =
         tokio::runtime::Runtime::new()?.block_on(survive(&folder.path().join("survivor.sqlite3"), plan))?;

@@ -1,5 +1,6 @@
 //! A server that is killed again and again has lost nothing it acknowledged, and counts nothing twice.
 
+use std::path::Path;
 use std::process::Command;
 
 use orchestrator::curriculum::{Curriculum, CurriculumEvent};
@@ -7,30 +8,47 @@ use orchestrator::training::RunSettings;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};
 use system_tests::binary;
-use system_tests::survival::{Plan, Until, survive};
+use system_tests::survival::{Ledger, Plan, Until, survive};
+
+/// Lets servers be killed so often; what came of it.
+async fn survived(db: &Path, kills: u32, folds: bool) -> Ledger {
+    let seed = std::env::var("SPARRING_SURVIVAL_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
+    let plan = Plan { until: Until::Kills(kills), seed, life_ms: (50, 1500), folds, told_every_s: 0 };
+    let ledger = match survive(db, plan).await {
+        Ok(ledger) => ledger,
+        Err(error) => panic!("seed {seed}: {error:#}"),
+    };
+    println!("{ledger}"); // for who asks for it: cargo test --test survival -- --nocapture
+
+    // The file is whole, agrees with itself, and every action that is sampled replays to its score.
+    let check =
+        Command::new(binary()).args(["db", "check", "--replay", "2000", "--db"]).arg(db).output().unwrap();
+    assert_eq!(check.status.code(), Some(0), "{}", String::from_utf8_lossy(&check.stdout));
+    ledger
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nothing_is_lost_where_servers_are_killed_while_they_fold() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("survivor.sqlite3");
+    let ledger = survived(&db, 12, true).await;
+    let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
+    let folded: i64 =
+        sqlx::query_scalar("SELECT sum(episodes) FROM folds").fetch_one(&mut conn).await.unwrap();
+    assert!(folded > 200, "{folded} episodes were folded: {ledger}");
+}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn nothing_that_was_acknowledged_is_lost_or_counted_twice() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("survivor.sqlite3");
-    let seed = std::env::var("SPARRING_SURVIVAL_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
-    let plan = Plan { until: Until::Kills(22), seed, life_ms: (50, 1500), told_every_s: 0 };
-    let ledger = match survive(&db, plan).await {
-        Ok(ledger) => ledger,
-        Err(error) => panic!("seed {seed}: {error:#}"),
-    };
-    println!("{ledger}"); // for who asks for it: cargo test --test survival -- --nocapture
+    let ledger = survived(&db, 22, false).await;
     assert!(ledger.kills >= 20 && ledger.stops >= 3 && ledger.away > 20, "{ledger}");
     assert_eq!(
         ledger.by_way.keys().copied().collect::<Vec<_>>(),
         ["columns", "results", "steps", "trajectories"]
     );
     assert!(ledger.by_way.values().all(|episodes| *episodes > 4) && ledger.acked > 4, "{ledger}");
-
-    // The file is whole, agrees with itself, and every action that is sampled replays to its score.
-    let check =
-        Command::new(binary()).args(["db", "check", "--replay", "2000", "--db"]).arg(&db).output().unwrap();
-    assert_eq!(check.status.code(), Some(0), "{}", String::from_utf8_lossy(&check.stdout));
 
     // The curriculum is what its events lead to from the first one on, whatever snapshots were taken on the way.
     let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();

@@ -37,6 +37,8 @@ pub struct Plan {
     pub seed: u64,
     /// Shortest and longest life of a server, milliseconds after it answers.
     pub life_ms: (u64, u64),
+    /// Whether little is kept whole, so that servers are killed while they fold, too.
+    pub folds: bool,
     /// Each so many seconds a line on stderr; none if 0.
     pub told_every_s: u64,
 }
@@ -48,10 +50,12 @@ pub struct Plan {
 pub async fn survive(db: &Path, plan: Plan) -> anyhow::Result<Ledger> {
     let mut server = Process::start(db);
     let address = server.address().to_owned();
-    // It keeps little whole, so that servers are killed while they fold, too.
+    let retention = match plan.folds {
+        true => json!({"episodes": 200, "claimed": 400}),
+        false => json!({"episodes": "all", "claimed": "all"}),
+    };
     let wish = json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery",
-                      "tasks": ["kessler/survival", "kessler/eco_station"],
-                      "retention": {"episodes": 400, "claimed": 800}});
+                      "tasks": ["kessler/survival", "kessler/eco_station"], "retention": retention});
     let created = server.api().post("/v1/runs", wish).await;
     ensure!(created.status == 201, "no run: {}", created.body);
     let policy = json!({"policy": "random", "version": 1, "ahead": 64}).to_string();
