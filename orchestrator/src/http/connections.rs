@@ -16,7 +16,7 @@ use tower_http::add_extension::AddExtension;
 use super::places::{Held, Place, Places};
 
 /// Connections at once, WebSockets among them; more wait to be accepted.
-const MOST: usize = 4096;
+const MOST: usize = 16_384;
 /// Of these, those of one address; more are closed.
 const MOST_EACH: usize = MOST / 4 * 3;
 /// How long the head of a request may take, and how long a connection may be silent between two.
@@ -48,11 +48,14 @@ pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Re
         // What is sent is sent whole: nothing is gained by waiting for more.
         drop(stream.set_nodelay(true));
         let service = TowerToHyperService::new(AddExtension::new(routes.clone(), Peer(peer)));
-        let held = Held::new(stream, place);
-        let connection = builder.serve_connection_with_upgrades(TokioIo::new(held), service).into_owned();
-        let connection = graceful.watch(connection);
+        let (held, builder, watcher) = (Held::new(stream, place), builder.clone(), graceful.watcher());
+        let stopped = stopped.clone();
         open.spawn(async move {
-            if let Err(error) = connection.await {
+            if !held.speaks(HEAD, stopped).await {
+                return;
+            }
+            let connection = builder.serve_connection_with_upgrades(TokioIo::new(held), service).into_owned();
+            if let Err(error) = watcher.watch(connection).await {
                 tracing::debug!(error = %error, peer = %peer, "A connection ended in the middle of something.");
             }
         });

@@ -6,10 +6,11 @@ use std::net::IpAddr;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
+use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use crate::counts;
 
@@ -80,6 +81,15 @@ impl Held {
     pub(super) fn new(stream: TcpStream, place: Place) -> Self {
         Self { stream, _place: place, _connected: counts::Connected::begin() }
     }
+
+    /// Waits for its first byte: false where none comes in this time, or before the service stops. From there on the library looks.
+    pub(super) async fn speaks(&self, within: Duration, mut stopped: watch::Receiver<bool>) -> bool {
+        let mut first = [0];
+        tokio::select! {
+            came = tokio::time::timeout(within, self.stream.peek(&mut first)) => matches!(came, Ok(Ok(1..))),
+            _ = stopped.wait_for(|stop| *stop) => false,
+        }
+    }
 }
 
 impl AsyncRead for Held {
@@ -120,7 +130,33 @@ impl AsyncWrite for Held {
 
 #[cfg(test)]
 mod tests {
+    use tokio::io::AsyncWriteExt;
+    use tokio::net::TcpListener;
+
     use super::*;
+
+    #[tokio::test]
+    async fn who_says_nothing_is_not_waited_for() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let places = Places::new(2, 2);
+        let (stop, stopped) = watch::channel(false);
+        let connect = || async {
+            let client =
+                TcpStream::connect(listener.local_addr().expect("its address")).await.expect("it listens");
+            let (stream, peer) = listener.accept().await.expect("a connection");
+            let place = places.take(places.free().await.expect("one"), peer.ip()).expect("its place");
+            (client, Held::new(stream, place))
+        };
+        let soon = Duration::from_millis(50);
+        let (mut client, held) = connect().await;
+        assert!(!held.speaks(soon, stopped.clone()).await);
+        client.write_all(b"G").await.expect("it is taken");
+        assert!(held.speaks(Duration::from_secs(60), stopped.clone()).await);
+        drop(client);
+        let (_silent, held) = connect().await;
+        stop.send_replace(true);
+        assert!(!held.speaks(Duration::from_secs(60), stopped).await, "the service stops");
+    }
 
     #[tokio::test]
     async fn those_of_one_address_never_take_all() {
