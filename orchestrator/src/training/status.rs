@@ -153,7 +153,7 @@ mod tests {
         writer.change(Room(1)).await.unwrap(); // as many as it has
         writer.change(Ping).await.unwrap();
         let full = |answer: Result<(), TrainingError>| {
-            assert_eq!(answer.unwrap_err().trouble(), Some(Trouble::Full))
+            assert_eq!(answer.unwrap_err().trouble(), Some(Trouble::Full));
         };
         full(writer.change(Large(1 << 18)).await);
         for _ in 0..3 {

@@ -50,17 +50,7 @@ pub struct Plan {
 pub async fn survive(db: &Path, plan: Plan) -> anyhow::Result<Ledger> {
     let mut server = Process::start(db);
     let address = server.address().to_owned();
-    let retention = match plan.folds {
-        true => json!({"episodes": 200, "claimed": 400}),
-        false => json!({"episodes": "all", "claimed": "all"}),
-    };
-    let wish = json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery",
-                      "tasks": ["kessler/survival", "kessler/eco_station"], "retention": retention});
-    let created = server.api().post("/v1/runs", wish).await;
-    ensure!(created.status == 201, "no run: {}", created.body);
-    let policy = json!({"policy": "random", "version": 1, "ahead": 64}).to_string();
-    let put = server.api().raw("PUT", &format!("/v1/runs/{RUN}/policy"), "application/json", policy).await;
-    ensure!(put.status == 200, "no policy: {}", put.body);
+    prepare(&server.api(), plan).await?;
 
     let (book, over) = (Arc::new(Book::default()), Arc::new(AtomicBool::new(false)));
     let mut work = JoinSet::new();
@@ -110,6 +100,22 @@ pub async fn survive(db: &Path, plan: Plan) -> anyhow::Result<Ledger> {
     let ledger = settle(&server.api(), &book, (kills, stops)).await?;
     ensure!(server.terminate() == Some(0), "the last server did not stop in good order");
     Ok(ledger)
+}
+
+/// The run and the policy that it learns from: what trainers find.
+async fn prepare(api: &Api, plan: Plan) -> anyhow::Result<()> {
+    let retention = match plan.folds {
+        true => json!({"episodes": 200, "claimed": 400}),
+        false => json!({"episodes": "all", "claimed": "all"}),
+    };
+    let wish = json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery",
+                      "tasks": ["kessler/survival", "kessler/eco_station"], "retention": retention});
+    let created = api.post("/v1/runs", wish).await;
+    ensure!(created.status == 201, "no run: {}", created.body);
+    let policy = json!({"policy": "random", "version": 1, "ahead": 64}).to_string();
+    let put = api.raw("PUT", &format!("/v1/runs/{RUN}/policy"), "application/json", policy).await;
+    ensure!(put.status == 200, "no policy: {}", put.body);
+    Ok(())
 }
 
 /// Waits until nothing goes on any more, then compares.

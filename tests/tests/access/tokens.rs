@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use system_tests::{Api, Process};
 use tokio_tungstenite::tungstenite::Message;
 
-use super::{Socket, closed, connected, said, sparring, token};
+use super::{closed, connected, said, sparring, token};
 
 /// Waits until they are let in no more.
 async fn refused(api: &Api) {
