@@ -113,6 +113,10 @@ async fn what_is_wrong_is_found() {
         ("UPDATE episodes SET score = 0.123 WHERE flown IS NOT NULL", "replays to"),
         ("DELETE FROM action_logs", "has no actions"),
         ("UPDATE task_sums SET episodes = episodes + 1", "sums up"),
+        (
+            "INSERT INTO claimed_sums VALUES ('run', 'kessler/survival', 0, 3, 1.5, 0, 0, 0, 0)",
+            "sums up columns as",
+        ),
         ("UPDATE groups SET finished = finished + 1", "finished episodes, and has"),
         ("UPDATE folds SET body = x'0102'", "cannot be read"),
         ("UPDATE curriculum_snapshots SET body = '{}'", "cannot be brought back"),

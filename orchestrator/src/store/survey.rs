@@ -163,6 +163,60 @@ pub async fn counted(conn: &mut SqliteConnection, run: &str) -> Result<(i64, i64
     Ok((row.summed, row.there))
 }
 
+/// Episodes claimed in columns by what became of their claims: accepted and finished, lost of accepted ones, refused, unproven.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Claimed {
+    /// Of accepted claims, those that finished.
+    pub finished: i64,
+    /// Of accepted claims, those lost to infrastructure.
+    pub failed: i64,
+    /// Of refused claims.
+    pub refused: i64,
+    /// Of claims whose audited logs never came.
+    pub unproven: i64,
+}
+
+impl Claimed {
+    /// Adds a claim; one that waits for its logs counts nowhere yet.
+    pub fn add(&mut self, state: &str, episodes: i64, failed: i64) {
+        match state {
+            "accepted" => {
+                self.finished += episodes - failed;
+                self.failed += failed;
+            }
+            "refused" => self.refused += episodes,
+            "unproven" => self.unproven += episodes,
+            _ => {}
+        }
+    }
+}
+
+/// Episodes claimed in columns of a run as plain sums count them, and as its claims say that are not folded.
+///
+/// # Errors
+/// The database's.
+pub async fn claimed(conn: &mut SqliteConnection, run: &str) -> Result<(Claimed, Claimed), StoreError> {
+    let summed = query!(
+        r#"SELECT coalesce(sum(episodes), 0) AS "finished!: i64", coalesce(sum(failed), 0) AS "failed!: i64",
+                  coalesce(sum(refused), 0) AS "refused!: i64", coalesce(sum(unproven), 0) AS "unproven!: i64"
+           FROM claimed_sums WHERE run = ?"#,
+        run
+    );
+    let row = summed.fetch_one(&mut *conn).await?;
+    let summed =
+        Claimed { finished: row.finished, failed: row.failed, refused: row.refused, unproven: row.unproven };
+    let whole = query!(
+        r#"SELECT c.state, sum(c.episodes) AS "episodes!: i64", sum(c.failed) AS "failed!: i64"
+           FROM leases l JOIN column_claims c ON c.lease = l.id WHERE l.run = ? GROUP BY c.state"#,
+        run
+    );
+    let mut there = Claimed::default();
+    for row in whole.fetch_all(conn).await? {
+        there.add(&row.state, row.episodes, row.failed);
+    }
+    Ok((summed, there))
+}
+
 /// Numbers of episodes that are kept whole and were flown, some of them.
 ///
 /// # Errors

@@ -263,15 +263,16 @@ impl Batch {
         let Self { leases, groups, spans, scenarios, progress } = self;
         let now = work.now;
         let conn = &mut work.conn;
+        let ids: Vec<i64> = leases.iter().map(|lease| lease.row.id).collect();
         // One that was folded before is there already, but for the groups that it loses now.
-        let news = |lease: &&FoldedLease| lease.row.folded == 0 || !lease.groups.is_empty();
-        let new: Vec<FoldedLease> = leases.iter().filter(news).cloned().collect();
+        let (known, new): (Vec<_>, Vec<_>) = leases.into_iter().partition(|lease| lease.row.folded != 0);
+        let known: Vec<_> = known.into_iter().filter(|lease| !lease.groups.is_empty()).collect();
         folds::insert(conn, run, &new, now).await?;
+        folds::extend(conn, run, &known, now).await?;
         for (task, stretch) in &progress {
             progress::add_folded(conn, run, task, stretch).await?;
         }
         sweep::delete_groups(conn, &groups, &spans).await?;
-        let ids: Vec<i64> = leases.iter().map(|lease| lease.row.id).collect();
         sweep::delete_leases(conn, &ids).await?;
         sweep::delete_scenarios(conn, &scenarios).await
     }

@@ -64,9 +64,13 @@ async fn of_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<St
     if let Err(error) = Mind::load(conn, run).await {
         found.push(format!("run {run} cannot be brought back: {error}"));
     }
+    let (claimed, mut claims) = survey::claimed(conn, run).await?;
     let mut counted = 0;
     let folded = folds::each(conn, run, |lease| {
         let accepted = lease.claim.as_ref().is_none_or(|claim| claim.state == "accepted");
+        if let Some(claim) = &lease.claim {
+            claims.add(&claim.state, claim.episodes, claim.failed);
+        }
         let finished = lease.episodes().filter(|(_, episode)| episode.state == FoldedState::Finished);
         counted += if accepted { finished.count() as i64 } else { 0 };
     });
@@ -77,6 +81,9 @@ async fn of_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<St
     let (summed, whole) = survey::counted(conn, run).await?;
     if summed != whole + counted {
         found.push(format!("run {run} sums up {summed} finished episodes, and has {}", whole + counted));
+    }
+    if claimed != claims {
+        found.push(format!("run {run} sums up columns as {claimed:?}, and its claims say {claims:?}"));
     }
     Ok(found)
 }

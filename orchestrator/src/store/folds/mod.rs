@@ -40,6 +40,77 @@ pub async fn insert(
     Ok(())
 }
 
+/// Adds to leases that were folded before what more of them was, where they are: many small rows about the same leases would make
+/// every list of them slow.
+///
+/// # Errors
+/// The database's, or a fold that cannot be read.
+pub async fn extend(
+    conn: &mut SqliteConnection,
+    run: &str,
+    leases: &[FoldedLease],
+    at: Millis,
+) -> Result<(), StoreError> {
+    let mut open: Option<(i64, Vec<FoldedLease>)> = None;
+    for lease in leases {
+        let holds = |(_, all): &(i64, Vec<FoldedLease>)| all.iter().any(|known| known.row.id == lease.row.id);
+        if !open.as_ref().is_some_and(holds) {
+            if let Some((id, all)) = open.take() {
+                rewrite(conn, id, &all).await?;
+            }
+            open = holding(conn, run, lease.row.id).await?;
+        }
+        match &mut open {
+            Some((_, all)) => {
+                all.push(lease.clone());
+                *all = joined(std::mem::take(all));
+            }
+            None => insert(conn, run, std::slice::from_ref(lease), at).await?,
+        }
+    }
+    match open {
+        Some((id, all)) => rewrite(conn, id, &all).await,
+        None => Ok(()),
+    }
+}
+
+/// A row that a lease is in, with all its leases.
+async fn holding(
+    conn: &mut SqliteConnection,
+    run: &str,
+    lease: i64,
+) -> Result<Option<(i64, Vec<FoldedLease>)>, StoreError> {
+    let mut before = (lease, i64::MAX);
+    // As a rule the first that is looked at: leases are folded in order.
+    loop {
+        let row = query!(
+            "SELECT id, first, heads, body FROM folds
+             WHERE run = ? AND (first, id) <= (?, ?) AND last >= ? ORDER BY first DESC, id DESC LIMIT 1",
+            run,
+            before.0,
+            before.1,
+            lease
+        )
+        .fetch_optional(&mut *conn)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        let all = form::whole(run, row.heads.as_deref(), Some(&row.body))?;
+        if all.iter().any(|known| known.row.id == lease) {
+            return Ok(Some((row.id, all)));
+        }
+        before = (row.first, row.id - 1);
+    }
+}
+
+async fn rewrite(conn: &mut SqliteConnection, id: i64, leases: &[FoldedLease]) -> Result<(), StoreError> {
+    let episodes = leases.iter().map(|lease| lease.episodes().count()).sum::<usize>() as i64;
+    let (heads, body) = form::packed(leases)?;
+    query!("UPDATE folds SET episodes = ?, heads = ?, body = ? WHERE id = ?", episodes, heads, body, id)
+        .execute(conn)
+        .await?;
+    Ok(())
+}
+
 /// A folded lease by its number.
 ///
 /// # Errors

@@ -104,3 +104,35 @@ async fn folds_that_overlap_lose_nothing() {
     }
     assert_eq!(get(&mut conn, "run", 4).await.expect("it is read"), None);
 }
+
+/// What more of a lease is folded comes where the lease is: rows do not add up.
+#[tokio::test]
+async fn what_is_folded_later_is_put_where_its_lease_is() {
+    let (_folder, mut conn) = database().await;
+    for leases in
+        [[lease(1, &[0]), lease(5, &[3])], [lease(2, &[1]), lease(3, &[2])], [lease(6, &[1]), lease(7, &[1])]]
+    {
+        insert(&mut conn, "run", &leases, 9).await.expect("it is stored");
+    }
+    let more =
+        [lease(1, &[4]), lease(3, &[0]), lease(5, &[1, 7]), lease(6, &[0]), lease(7, &[2]), lease(20, &[5])];
+    extend(&mut conn, "run", &more, 10).await.expect("it is stored");
+    let rows: Vec<(i64, i64, i64)> = sqlx::query_as("SELECT first, last, episodes FROM folds ORDER BY id")
+        .fetch_all(&mut conn)
+        .await
+        .expect("they are there");
+    assert_eq!(rows, [(1, 5, 5), (2, 3, 3), (6, 7, 4), (20, 20, 1)]);
+    let wanted = [
+        lease(1, &[0, 4]),
+        lease(2, &[1]),
+        lease(3, &[0, 2]),
+        lease(5, &[1, 3, 7]),
+        lease(6, &[0, 1]),
+        lease(7, &[1, 2]),
+        lease(20, &[5]),
+    ];
+    assert_eq!(from(&mut conn, "run", 0, (i64::MAX, |_| 1)).await.expect("they are read"), wanted);
+    for wanted in &wanted {
+        assert_eq!(get(&mut conn, "run", wanted.row.id).await.expect("it is read").as_ref(), Some(wanted));
+    }
+}
