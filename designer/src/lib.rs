@@ -5,6 +5,7 @@
 //! worked; [`llm`] asks a language model; [`replay`] reads layouts from a file. What designs are said in is the world's: [`language`], [`kessler`].
 
 pub mod brief;
+mod docking;
 pub mod gate;
 pub mod kessler;
 pub mod language;
@@ -13,6 +14,7 @@ pub mod picture;
 pub mod procedural;
 pub mod profile;
 pub mod replay;
+pub mod vary;
 
 use std::future::Future;
 use std::pin::Pin;
@@ -21,6 +23,7 @@ pub use self::brief::Brief;
 pub use self::gate::{Admitted, Gate, Judged, Refusal, Usage};
 pub use self::language::{Claim, Language, Listing, language};
 pub use self::profile::Profile;
+pub use self::vary::{Varied, vary};
 
 /// What a designer came up with.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -132,6 +132,12 @@ pub fn panel_success(scenario: &Scenario, bracket: &Bracket) -> usize {
     bracket.panel.iter().filter(|flown| success(scenario, SuccessRule::Task, bracket, flown)).count()
 }
 
+/// The share of blind plans that succeed.
+#[must_use]
+pub fn panel_share(scenario: &Scenario, bracket: &Bracket) -> f64 {
+    panel_success(scenario, bracket) as f64 / bracket.panel.len().max(1) as f64
+}
+
 /// Whether acting well matters on this scenario: by the task's own rule, whatever rule a run judges its episodes by.
 #[must_use]
 pub fn contested(scenario: &Scenario, bracket: &Bracket) -> bool {

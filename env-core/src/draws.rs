@@ -19,6 +19,8 @@ pub enum Purpose {
     Design,
     /// Which layouts a lease gets: (run seed, lease).
     Serving,
+    /// What a simulated learner and its scenarios are like: (seed, seq).
+    Synthetic,
 }
 
 impl Purpose {
@@ -27,6 +29,7 @@ impl Purpose {
             Self::Course => b"sparring course1",
             Self::Design => b"sparring designs",
             Self::Serving => b"sparring serving",
+            Self::Synthetic => b"sparring synthet",
         }
     }
 }

@@ -37,7 +37,7 @@ pub(super) fn edit(design: &Design, brief: &Brief, sky: &Scenario, draws: &mut D
     None
 }
 
-fn pick<'a>(design: &'a mut Design, draws: &mut Draws) -> Option<&'a mut Encounter> {
+pub(super) fn pick<'a>(design: &'a mut Design, draws: &mut Draws) -> Option<&'a mut Encounter> {
     let last = u32::try_from(design.encounters.len()).ok()?.checked_sub(1)?;
     design.encounters.get_mut(draws.between(0, last) as usize)
 }
@@ -56,12 +56,12 @@ fn turn(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     true
 }
 
-fn retime(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+pub(super) fn retime(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     pick(design, draws).map(|e| e.step = jittered(e.step, 4, STEP.min, STEP.max, draws)).is_some()
 }
 
 /// Everything happens some steps earlier or later.
-fn rephase(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+pub(super) fn rephase(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     let by = draws.between(0, 12);
     for encounter in &mut design.encounters {
         encounter.step = (encounter.step + by).saturating_sub(6).clamp(STEP.min, STEP.max);
@@ -69,14 +69,14 @@ fn rephase(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     true
 }
 
-fn speed_up(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+pub(super) fn speed_up(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     pick(design, draws)
         .map(|e| e.relative_speed = jittered(e.relative_speed, 10, SPEED.min, SPEED.max, draws))
         .is_some()
 }
 
 /// One passes nearer or wider, within what its kind may.
-fn nearer(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+pub(super) fn nearer(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     let Some(encounter) = pick(design, draws) else { return false };
     let (_, _, min, max, _) = *encounter.kind.row();
     encounter.miss_distance = jittered(encounter.miss_distance, (max - min) / 3, min, max, draws);
@@ -85,7 +85,11 @@ fn nearer(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
 
 /// One more like one that is there, at another step.
 fn add(design: &mut Design, brief: &Brief, draws: &mut Draws) -> bool {
-    let room = MAX_ENCOUNTERS.min(brief.param("debris") as usize);
+    one_more(design, MAX_ENCOUNTERS.min(brief.param("debris") as usize), draws)
+}
+
+/// One more, where there is room for so many in all.
+pub(super) fn one_more(design: &mut Design, room: usize, draws: &mut Draws) -> bool {
     let Some(mut more) = pick(design, draws).map(|e| *e).filter(|_| design.encounters.len() < room) else {
         return false;
     };
@@ -95,7 +99,7 @@ fn add(design: &mut Design, brief: &Brief, draws: &mut Draws) -> bool {
     true
 }
 
-fn remove(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+pub(super) fn remove(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     let count = design.encounters.len() as u32;
     let spare = count > 1;
     if spare {
@@ -104,7 +108,7 @@ fn remove(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     spare
 }
 
-fn other_satellite(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+pub(super) fn other_satellite(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
     pick(design, draws).map(|e| e.satellite = draws.between(SATELLITE.min, SATELLITE.max)).is_some()
 }
 

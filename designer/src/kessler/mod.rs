@@ -18,7 +18,9 @@ mod sky;
 mod speak;
 #[cfg(test)]
 mod tests;
+mod vary;
 
 pub use self::compile::{Compiled, compile};
 pub use self::language::{Aim, Design, Encounter, Kind};
 pub use self::speak::Kessler;
+pub(crate) use self::vary::vary;

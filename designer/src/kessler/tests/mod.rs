@@ -3,6 +3,7 @@
 mod agents;
 mod fuzz;
 mod gate;
+mod vary;
 
 use std::collections::BTreeMap;
 
