@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::StoredSettings;
+use super::settings::TaskPlan;
+use super::stored::StoredSettings;
 
 /// What a proposal is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -16,8 +17,70 @@ pub enum Role {
     Frontier,
     /// A level already passed, so that it is not forgotten.
     Rehearsal,
-    /// Drawn by a strategy without levels to climb (uniform, fixed).
+    /// Drawn by a strategy without levels to climb.
     Sample,
+    /// A scenario nobody has seen, to find out what it has to teach (learnability, plr, accel).
+    Explore,
+    /// A scenario again that has something to teach.
+    Replay,
+    /// An edit of such a scenario (accel).
+    Edit,
+    /// One param at the bound that it may move (adr).
+    Boundary,
+}
+
+/// Where a proposal's scenario comes from.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "from", rename_all = "snake_case")]
+pub enum Source {
+    /// It is drawn.
+    #[default]
+    Fresh,
+    /// It is the scenario of an earlier proposal.
+    Again {
+        /// That one's seq.
+        of: u64,
+    },
+    /// It is the scenario of an earlier proposal with something changed.
+    Edited {
+        /// That one's seq.
+        of: u64,
+    },
+    /// It is the one of some that are drawn whose predicted success is nearest one half.
+    Chosen {
+        /// How many are drawn.
+        among: u32,
+        /// The logit of success where no blind plan succeeds.
+        base: f64,
+        /// What is added where all of them do, and in part where some do.
+        panel: f64,
+    },
+}
+
+impl Source {
+    /// Whether it is drawn as any other.
+    #[must_use]
+    pub const fn is_fresh(&self) -> bool {
+        matches!(self, Self::Fresh)
+    }
+
+    /// The earlier proposal whose scenario is wanted.
+    #[must_use]
+    pub const fn origin(&self) -> Option<u64> {
+        match self {
+            Self::Again { of } | Self::Edited { of } => Some(*of),
+            Self::Fresh | Self::Chosen { .. } => None,
+        }
+    }
+}
+
+const fn yes() -> bool {
+    true
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde asks")]
+const fn is_yes(whether: &bool) -> bool {
+    *whether
 }
 
 /// What an agent should face next.
@@ -38,6 +101,13 @@ pub struct Proposal {
     /// The physics options that are not at their defaults; left out where there are none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub physics: BTreeMap<String, String>,
+    /// Where its scenario comes from; left out where it is drawn. Level and params are those at which it, or what it was edited
+    /// from, was drawn.
+    #[serde(default, skip_serializing_if = "Source::is_fresh")]
+    pub source: Source,
+    /// False: the agent should fly it and not learn from it (plr_robust, accel); left out where it should.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub train: bool,
     /// A short sentence for people.
     pub why: String,
 }
@@ -54,6 +124,25 @@ impl Proposal {
             && self.contested == other.contested
             && self.params == other.params
             && self.physics == other.physics
+            && self.source == other.source
+            && self.train == other.train
+    }
+
+    /// A plain draw at a level of a task, to be filled up.
+    #[must_use]
+    pub fn at(plan: &TaskPlan, level: Option<u32>, role: Role) -> Self {
+        Self {
+            task: plan.task.clone(),
+            level,
+            epoch: 0,
+            role,
+            contested: false,
+            params: plan.params(level),
+            physics: plan.physics.clone(),
+            source: Source::Fresh,
+            train: true,
+            why: String::new(),
+        }
     }
 }
 
@@ -88,6 +177,39 @@ pub struct GroupOutcome {
     pub mean_score: f64,
     /// Mean skill of the finished episodes, where the scenario defines one.
     pub mean_skill: Option<f64>,
+    /// What the proposal's scenario came from.
+    #[serde(default, skip_serializing_if = "Source::is_fresh")]
+    pub source: Source,
+    /// The proposal's params, where it has no level to say them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub params: Vec<(String, f64)>,
+    /// What else is known of how it went.
+    #[serde(default, skip_serializing_if = "Signals::are_none")]
+    pub signals: Signals,
+}
+
+/// What says how much a scenario has to teach, beside success.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Signals {
+    /// Mean over the finished episodes of max(0, reference − score)/(reference − floor): how far short of the planner, a lower
+    /// bound on regret. None where reference and floor are one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regret: Option<f64>,
+    /// The share of blind plans that succeed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub panel: Option<f64>,
+    /// Mean positive value loss, as the trainer reports it (Jiang et al. 2021).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub positive_value_loss: Option<f64>,
+    /// Mean MaxMC regret, as the trainer reports it (Jiang et al. 2021b).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_mc: Option<f64>,
+}
+
+impl Signals {
+    fn are_none(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 impl GroupOutcome {
@@ -97,11 +219,33 @@ impl GroupOutcome {
         (self.finished > 0).then(|| f64::from(self.successes.min(self.finished)) / f64::from(self.finished))
     }
 
+    /// The seq of the proposal that made its scenario.
+    #[must_use]
+    pub const fn made_by(&self) -> u64 {
+        match self.source {
+            Source::Again { of } => of,
+            _ => self.proposal,
+        }
+    }
+
+    /// k(L − k)/(L(L − 1)) of k successes in L episodes: an unbiased estimate of p(1 − p), how much a scenario tells apart what
+    /// works (Rutherford et al. 2024). None of fewer than two episodes.
+    #[must_use]
+    pub fn learnability(&self) -> Option<f64> {
+        learnability(self.successes.min(self.finished), self.finished)
+    }
+
     /// Episodes that ended without a score.
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.failed.saturating_add(self.expired)
     }
+}
+
+/// See [`GroupOutcome::learnability`].
+pub(super) fn learnability(successes: u32, episodes: u32) -> Option<f64> {
+    let (k, n) = (f64::from(successes), f64::from(episodes));
+    (episodes > 1).then(|| k * (n - k) / (n * (n - 1.0)))
 }
 
 /// Which way a level went.

@@ -28,16 +28,8 @@ impl Strategy for Fixed {
         let turn = usize::try_from(self.proposed % tasks.len() as u64).unwrap_or(0);
         self.proposed += 1;
         let plan = &tasks[turn];
-        Proposal {
-            task: plan.task.clone(),
-            level: None,
-            epoch: 0,
-            role: Role::Sample,
-            contested: false,
-            params: plan.params(None),
-            physics: plan.physics.clone(),
-            why: format!("its turn, {} of {}", turn + 1, tasks.len()),
-        }
+        let why = format!("its turn, {} of {}", turn + 1, tasks.len());
+        Proposal { why, ..Proposal::at(plan, None, Role::Sample) }
     }
 
     fn observe(&mut self, _outcome: &GroupOutcome, _ctx: &Context<'_>) -> Vec<Move> {
@@ -45,10 +37,6 @@ impl Strategy for Fixed {
     }
 
     fn adopt(&mut self, _afresh: &[&str], _ctx: &Context<'_>) {}
-
-    fn epoch(&self, _task: &str) -> u32 {
-        0
-    }
 
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
         settings.tasks.iter().map(|plan| TaskStatus::unmoved(&plan.task, plan.params(None))).collect()

@@ -1,13 +1,15 @@
 //! The curriculum of a run: a fold over its events.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::event::{CurriculumEvent, GroupOutcome, Move, Proposal};
 use super::explain::{Explanation, TaskStatus};
 use super::mastery::{Mastery, Tracker};
 use super::restore::{RestoreError, Snapshot};
-use super::settings::{Settings, SettingsError, StoredSettings};
-use super::strategy::{self, Context, Strategy};
+use super::settings::{Settings, SettingsError};
+use super::stored::StoredSettings;
+use super::strategy::{self, Context, Job, Strategy};
 
 /// A run's strategy, the mastery it has seen, its settings and the seq of its next event.
 ///
@@ -92,8 +94,10 @@ impl Curriculum {
             self.mastery.forget(task);
         }
         self.since.retain(|task, _| self.settings.task(task).is_some());
+        // Under other settings of the strategy what was proposed before means something else, too.
+        let other_tuning = old.tuning != self.settings.tuning;
         for plan in &self.settings.tasks {
-            if other_strategy || other_course.contains(&plan.task.as_str()) {
+            if other_strategy || other_tuning || other_course.contains(&plan.task.as_str()) {
                 self.since.insert(plan.task.clone(), self.next_seq);
             }
         }
@@ -173,6 +177,18 @@ impl Curriculum {
             next_seq: snapshot.next_seq,
             since: snapshot.since,
         })
+    }
+
+    /// The seqs of proposals whose scenarios may be wanted again.
+    #[must_use]
+    pub fn held(&self) -> Vec<u64> {
+        self.strategy.held()
+    }
+
+    /// Work that the strategy will need, each piece told of once: done before, it takes no time when it is due.
+    #[must_use]
+    pub fn jobs(&self) -> Vec<Arc<dyn Job>> {
+        self.strategy.jobs()
     }
 
     /// What the agent has mastered, per task and level with evidence.

@@ -108,16 +108,7 @@ impl Strategy for Ladder {
                 }
             }
         };
-        Proposal {
-            task: plan.task.clone(),
-            level: Some(level),
-            epoch: climb.epoch,
-            role,
-            contested,
-            params: plan.params(Some(level)),
-            physics: plan.physics.clone(),
-            why,
-        }
+        Proposal { epoch: climb.epoch, contested, why, ..Proposal::at(plan, Some(level), role) }
     }
 
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &Context<'_>) -> Vec<Move> {

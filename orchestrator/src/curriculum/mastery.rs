@@ -59,9 +59,11 @@ pub(super) struct Tracker {
 }
 
 impl Tracker {
-    /// Takes an outcome into its own level's mastery, whatever it was proposed for. Only contested evidence counts.
+    /// Takes an outcome into its own level's mastery, whatever it was proposed for. Only contested evidence counts, of scenarios as
+    /// they are drawn: those chosen because the agent fails on them say nothing of the others.
     pub(super) fn observe(&mut self, outcome: &GroupOutcome) {
-        let Some(value) = outcome.value().filter(|_| outcome.contested && outcome.evidence) else { return };
+        let counts = outcome.contested && outcome.evidence && outcome.source.is_fresh();
+        let Some(value) = outcome.value().filter(|_| counts) else { return };
         let ring = self.rings.entry(outcome.task.clone()).or_default().entry(outcome.level).or_default();
         if ring.values.len() == MEMORY {
             ring.values.pop_front();

@@ -7,31 +7,45 @@
 //!
 //! - [`Curriculum`] is the fold: a [`Strategy`], the mastery it rests on, the settings and the next seq.
 //! - [`Settings`] say which tasks, tables and rules; [`Proposal`] and [`GroupOutcome`] go out and come back.
-//! - One strategy a file: `ladder` (the default), `uniform` and `fixed` (the baselines).
+//! - One strategy a file: `ladder` (the default); `uniform` and `fixed` (the baselines); `adr`, `learnability`, `replay` (plr,
+//!   plr_robust, accel) and `alp_gmm`.
 
+mod adr;
+mod alp_gmm;
 mod block;
 mod event;
 mod explain;
 mod fixed;
 mod fold;
+mod kind;
 mod ladder;
+mod learnability;
 mod mastery;
 mod placement;
 mod posterior;
+mod replay;
 mod restore;
+mod scale;
 mod settings;
 mod shares;
+mod stored;
 mod strategy;
 #[cfg(test)]
 mod tests;
+mod tuning;
 mod uniform;
 
 pub use event::{
     BlockEvidence, CurriculumEvent, Evidence, GroupOutcome, Move, MoveKind, ProbeEvidence, Proposal, Role,
+    Signals, Source,
 };
 pub use explain::{BlockFill, Explanation, TaskExplanation, TaskStatus, Thresholds};
 pub use fold::Curriculum;
+pub use kind::StrategyKind;
 pub use mastery::{Mastery, StoredMastery};
 pub use restore::{RestoreError, Snapshot};
-pub use settings::{Settings, SettingsError, StoredSettings, StoredTaskPlan, StrategyKind, Target, TaskPlan};
-pub use strategy::{Context, Strategy};
+pub use scale::difficulty;
+pub use settings::{Settings, SettingsError, Target, TaskPlan};
+pub use stored::{StoredSettings, StoredTaskPlan};
+pub use strategy::{Context, Job, Strategy};
+pub use tuning::{Hyper, Range, Tuning};

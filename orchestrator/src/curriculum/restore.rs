@@ -6,8 +6,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::event::Proposal;
+use super::kind::StrategyKind;
 use super::mastery::StoredMastery;
-use super::settings::{SettingsError, StoredSettings, StrategyKind};
+use super::settings::SettingsError;
+use super::stored::StoredSettings;
 
 /// A curriculum at one moment, complete but for the run's seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -7,27 +7,10 @@ use env_core::scenario::PHYSICS;
 use env_core::space::Levels;
 use serde::{Deserialize, Serialize};
 
-/// How proposals are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StrategyKind {
-    /// Climbs each task's table of levels on evidence. The default.
-    Ladder,
-    /// Levels drawn uniformly: domain randomisation (Tobin et al. 2017).
-    Uniform,
-    /// The tasks in turn, at their default params.
-    Fixed,
-}
-
-impl std::fmt::Display for StrategyKind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Ladder => "ladder",
-            Self::Uniform => "uniform",
-            Self::Fixed => "fixed",
-        })
-    }
-}
+use super::kind::StrategyKind;
+use super::learnability;
+use super::stored::{StoredSettings, StoredTaskPlan};
+use super::tuning::Tuning;
 
 /// What the ladder climbs by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -155,7 +138,7 @@ impl TaskPlan {
         read_options(&self.task, &format!("{field}.physics"), &self.physics).map(|_| ())
     }
 
-    fn rows(&self) -> Vec<Vec<f64>> {
+    pub(super) fn rows(&self) -> Vec<Vec<f64>> {
         (0..self.levels.len())
             .map(|level| self.levels.params(level).map(|(_, value)| value).collect())
             .collect()
@@ -185,11 +168,13 @@ fn read_options(
 pub struct Settings {
     /// How proposals are chosen.
     pub strategy: StrategyKind,
+    /// The strategy's own settings.
+    pub tuning: Tuning,
     /// What the ladder climbs by.
     pub target: Target,
     /// Whether the ladder first finds where a task should start. Changed later, it holds for tasks that start then.
     pub placement: bool,
-    /// The share of ladder proposals whose scenario must be contested; the others come as they come.
+    /// The share of proposals whose scenario must be contested, where the strategy draws both kinds; the others come as they come.
     pub contested_share: f64,
     /// The share of ladder proposals at the current level; the others rehearse the four levels below it.
     pub frontier_share: f64,
@@ -200,15 +185,28 @@ pub struct Settings {
 impl Settings {
     /// A ladder over these tasks with everything else at its default.
     #[must_use]
-    pub const fn ladder(tasks: Vec<TaskPlan>) -> Self {
+    pub fn ladder(tasks: Vec<TaskPlan>) -> Self {
         Self {
             strategy: StrategyKind::Ladder,
+            tuning: Tuning::standard(StrategyKind::Ladder),
             target: Target::Mastery,
             placement: true,
             contested_share: 0.5,
             frontier_share: 0.7,
             tasks,
         }
+    }
+
+    /// The same by another strategy, as that is unless told.
+    #[must_use]
+    pub fn by(self, strategy: StrategyKind) -> Self {
+        Self { strategy, tuning: Tuning::standard(strategy), ..self }
+    }
+
+    /// Whether the strategy goes by the share of blind plans that succeed on a scenario.
+    #[must_use]
+    pub fn wants_panel(&self) -> bool {
+        self.strategy == StrategyKind::Learnability && learnability::by_model(self)
     }
 
     /// The plan of a task.
@@ -256,7 +254,7 @@ pub struct SettingsError {
 }
 
 impl SettingsError {
-    fn new(field: impl Into<String>, reason: impl Into<String>) -> Self {
+    pub(super) fn new(field: impl Into<String>, reason: impl Into<String>) -> Self {
         Self { field: field.into(), reason: reason.into() }
     }
 
@@ -267,106 +265,8 @@ impl SettingsError {
         Self::new(field, reason)
     }
 
-    fn unknown_task(field: &str, task: &str) -> Self {
+    pub(super) fn unknown_task(field: &str, task: &str) -> Self {
         let known = env_core::tasks().map(|spec| spec.id()).collect::<Vec<_>>().join(", ");
         Self::new(field, format!("{task:?} is not a task; known are {known}"))
-    }
-}
-
-/// [`Settings`] as they are stored and sent: plain columns and rows, which become a table only when the task's
-/// parameter space accepts them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StoredSettings {
-    /// See [`Settings`].
-    pub strategy: StrategyKind,
-    /// See [`Settings`].
-    pub target: Target,
-    /// See [`Settings`].
-    pub placement: bool,
-    /// See [`Settings`].
-    pub contested_share: f64,
-    /// See [`Settings`].
-    pub frontier_share: f64,
-    /// See [`Settings`].
-    pub tasks: Vec<StoredTaskPlan>,
-}
-
-/// [`TaskPlan`] as it is stored and sent.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StoredTaskPlan {
-    /// The task's id.
-    pub task: String,
-    /// See [`TaskPlan`].
-    pub weight: f64,
-    /// The names of the table's columns.
-    pub columns: Vec<String>,
-    /// The table, easy to hard.
-    pub rows: Vec<Vec<f64>>,
-    /// See [`TaskPlan`].
-    pub default_params: Vec<(String, f64)>,
-    /// See [`TaskPlan`]. Left out where there are none, as in runs stored before there were options.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub physics: BTreeMap<String, String>,
-}
-
-impl From<Settings> for StoredSettings {
-    fn from(settings: Settings) -> Self {
-        Self {
-            strategy: settings.strategy,
-            target: settings.target,
-            placement: settings.placement,
-            contested_share: settings.contested_share,
-            frontier_share: settings.frontier_share,
-            tasks: settings.tasks.into_iter().map(StoredTaskPlan::from).collect(),
-        }
-    }
-}
-
-impl From<TaskPlan> for StoredTaskPlan {
-    fn from(plan: TaskPlan) -> Self {
-        let (columns, rows) = (plan.levels.columns().to_vec(), plan.rows());
-        let TaskPlan { task, weight, default_params, physics, .. } = plan;
-        Self { task, weight, columns, rows, default_params, physics }
-    }
-}
-
-impl TryFrom<StoredSettings> for Settings {
-    type Error = SettingsError;
-
-    fn try_from(stored: StoredSettings) -> Result<Self, SettingsError> {
-        let tasks = stored
-            .tasks
-            .into_iter()
-            .enumerate()
-            .map(|(at, plan)| {
-                TaskPlan::try_from(plan).map_err(|error| SettingsError {
-                    field: format!("tasks.{at}.{}", error.field),
-                    reason: error.reason,
-                })
-            })
-            .collect::<Result<_, _>>()?;
-        let settings = Self {
-            strategy: stored.strategy,
-            target: stored.target,
-            placement: stored.placement,
-            contested_share: stored.contested_share,
-            frontier_share: stored.frontier_share,
-            tasks,
-        };
-        settings.validate()?;
-        Ok(settings)
-    }
-}
-
-impl TryFrom<StoredTaskPlan> for TaskPlan {
-    type Error = SettingsError;
-
-    fn try_from(stored: StoredTaskPlan) -> Result<Self, SettingsError> {
-        let spec =
-            env_core::task(&stored.task).ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
-        let levels = Levels::new(spec.params(), stored.columns, stored.rows)
-            .map_err(|error| SettingsError::new("levels", error.to_string()))?;
-        let StoredTaskPlan { task, weight, default_params, physics, .. } = stored;
-        Ok(Self { task, weight, levels, default_params, physics })
     }
 }

@@ -1,14 +1,21 @@
 //! What every strategy answers to.
 
+use std::sync::Arc;
+
 use env_core::draws::{Draws, Purpose};
 use serde_json::Value;
 
+use super::adr::Adr;
+use super::alp_gmm::AlpGmm;
 use super::event::{GroupOutcome, Move, Proposal};
 use super::explain::{Explanation, TaskStatus};
 use super::fixed::Fixed;
+use super::kind::StrategyKind;
 use super::ladder::Ladder;
+use super::learnability::Learnability;
+use super::replay::Replay;
 use super::restore::RestoreError;
-use super::settings::{Settings, StrategyKind};
+use super::settings::Settings;
 use super::uniform::Uniform;
 
 /// What a strategy may look at besides its own state.
@@ -40,7 +47,17 @@ pub trait Strategy: Send + Sync {
     /// that are gone are forgotten.
     fn adopt(&mut self, afresh: &[&str], ctx: &Context<'_>);
     /// How many moves a task has had. A proposal of an earlier epoch is stale.
-    fn epoch(&self, task: &str) -> u32;
+    fn epoch(&self, _task: &str) -> u32 {
+        0
+    }
+    /// The seqs of proposals whose scenarios may be wanted again.
+    fn held(&self) -> Vec<u64> {
+        Vec::new()
+    }
+    /// Work that would take long where its result is due, each piece told of once: whoever has time may do it before.
+    fn jobs(&self) -> Vec<Arc<dyn Job>> {
+        Vec::new()
+    }
     /// Where each task stands.
     fn status(&self, settings: &Settings) -> Vec<TaskStatus>;
     /// For people: what moved, on what evidence, and by which rules.
@@ -53,12 +70,22 @@ pub trait Strategy: Send + Sync {
     fn boxed_clone(&self) -> Box<dyn Strategy>;
 }
 
+/// Work of a strategy that may be done anywhere and at any time: its result is a function of what it was begun with.
+pub trait Job: Send + Sync {
+    /// Does it; nothing happens where it was done.
+    fn run(&self);
+}
+
 /// A strategy at its start.
 pub(super) fn fresh(settings: &Settings) -> Box<dyn Strategy> {
     match settings.strategy {
         StrategyKind::Ladder => Box::new(Ladder::new(settings)),
         StrategyKind::Uniform => Box::new(Uniform),
         StrategyKind::Fixed => Box::new(Fixed::default()),
+        StrategyKind::Adr => Box::new(Adr::default()),
+        StrategyKind::Learnability => Box::new(Learnability::default()),
+        StrategyKind::Plr | StrategyKind::PlrRobust | StrategyKind::Accel => Box::new(Replay::new(settings)),
+        StrategyKind::AlpGmm => Box::new(AlpGmm::default()),
     }
 }
 
@@ -74,13 +101,16 @@ pub(super) fn restored(
         return Err(RestoreError::OtherVersion { strategy, found: version, wanted });
     }
     let broken = |reason: String| RestoreError::State { strategy, reason };
-    match strategy {
-        StrategyKind::Ladder => {
-            Ladder::restore(settings, state).map(|ladder| Box::new(ladder) as _).map_err(broken)
+    let read = |error: serde_json::Error| broken(error.to_string());
+    Ok(match strategy {
+        StrategyKind::Ladder => Box::new(Ladder::restore(settings, state).map_err(broken)?),
+        StrategyKind::Uniform => Box::new(Uniform),
+        StrategyKind::Fixed => Box::new(Fixed::restore(state).map_err(read)?),
+        StrategyKind::Adr => Box::new(Adr::restore(settings, state).map_err(broken)?),
+        StrategyKind::Learnability => Box::new(Learnability::restore(state).map_err(read)?),
+        StrategyKind::Plr | StrategyKind::PlrRobust | StrategyKind::Accel => {
+            Box::new(Replay::restore(settings, state).map_err(read)?)
         }
-        StrategyKind::Uniform => Ok(Box::new(Uniform)),
-        StrategyKind::Fixed => {
-            Fixed::restore(state).map(|fixed| Box::new(fixed) as _).map_err(|error| broken(error.to_string()))
-        }
-    }
+        StrategyKind::AlpGmm => Box::new(AlpGmm::restore(state).map_err(read)?),
+    })
 }

@@ -19,16 +19,8 @@ impl Strategy for Uniform {
         let mut draws = ctx.draws();
         let plan = shares::pick(ctx.settings, draws.uniform());
         let level = draws.below(plan.top() + 1);
-        Proposal {
-            task: plan.task.clone(),
-            level: Some(level),
-            epoch: 0,
-            role: Role::Sample,
-            contested: false,
-            params: plan.params(Some(level)),
-            physics: plan.physics.clone(),
-            why: format!("level {level}, drawn uniformly from 0 to {}", plan.top()),
-        }
+        let why = format!("level {level}, drawn uniformly from 0 to {}", plan.top());
+        Proposal { why, ..Proposal::at(plan, Some(level), Role::Sample) }
     }
 
     fn observe(&mut self, _outcome: &GroupOutcome, _ctx: &Context<'_>) -> Vec<Move> {
@@ -36,10 +28,6 @@ impl Strategy for Uniform {
     }
 
     fn adopt(&mut self, _afresh: &[&str], _ctx: &Context<'_>) {}
-
-    fn epoch(&self, _task: &str) -> u32 {
-        0
-    }
 
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
         settings.tasks.iter().map(|plan| TaskStatus::unmoved(&plan.task, Vec::new())).collect()

@@ -33,18 +33,25 @@ fn happenings() -> impl Strategy<Value = Vec<Happening>> {
     let one = prop_oneof![
         40 => Just(Happening::Propose),
         40 => report,
-        1 => (0..5usize).prop_map(Happening::Change),
+        1 => (0..WAYS).prop_map(Happening::Change),
     ];
     prop::collection::vec(one, 0..1200)
 }
+
+/// Settings there are.
+const WAYS: usize = 13;
 
 fn settings(which: usize) -> Settings {
     let mut changed = placed(&[SURVIVAL, RENDEZVOUS]);
     match which {
         0 => {}
         1 => changed.tasks.truncate(1),
-        2 => changed.strategy = StrategyKind::Uniform,
-        3 => changed.strategy = StrategyKind::Fixed,
+        2..11 => return changed.by(StrategyKind::ALL[which - 2]),
+        11 => {
+            let told = serde_json::from_str(r#"{"filled": 2, "replay": 1.0, "capacity": 6}"#).unwrap();
+            let tuning = Tuning::read(StrategyKind::Accel, &told).unwrap();
+            return Settings { tuning, ..changed.by(StrategyKind::Accel) };
+        }
         _ => {
             (changed.target, changed.placement) = (Target::Half, false);
             changed.tasks[0].default_params[0].1 = 30.0;
@@ -104,7 +111,7 @@ proptest! {
     #[test]
     fn a_snapshot_anywhere_and_the_events_after_it_are_the_run(
         seed in any::<u64>(),
-        first in 0..5usize,
+        first in 0..WAYS,
         happenings in happenings(),
         cut in any::<prop::sample::Index>(),
     ) {
@@ -169,8 +176,8 @@ fn another_seed_proposes_something_else() {
 
 #[test]
 fn a_snapshot_of_another_version_is_refused() {
-    for strategy in [StrategyKind::Ladder, StrategyKind::Uniform, StrategyKind::Fixed] {
-        let curriculum = Curriculum::new(1, Settings { strategy, ..placed(&[SURVIVAL]) }).unwrap();
+    for strategy in StrategyKind::ALL {
+        let curriculum = Curriculum::new(1, placed(&[SURVIVAL]).by(strategy)).unwrap();
         let mut snapshot = curriculum.snapshot();
         snapshot.version += 1;
         let error = Curriculum::restore(1, snapshot).unwrap_err();
@@ -238,7 +245,7 @@ fn changed_settings_keep_what_they_do_not_touch() {
     assert_eq!(run.status(ECO).block.unwrap().n, 1);
 
     let mastery = run.curriculum.mastery();
-    settings.strategy = StrategyKind::Uniform;
+    settings = settings.by(StrategyKind::Uniform);
     run.curriculum.change(settings.clone()).unwrap();
     assert_eq!(run.curriculum.mastery(), mastery);
     settings.tasks.clear();

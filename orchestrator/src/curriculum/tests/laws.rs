@@ -156,7 +156,7 @@ fn no_task_starves_whatever_the_weights() {
     let mut settings = from_zero(&[SURVIVAL, ECO, RENDEZVOUS]);
     settings.tasks[0].weight = 1e9;
     for strategy in [StrategyKind::Ladder, StrategyKind::Uniform] {
-        let settings = Settings { strategy, ..settings.clone() };
+        let settings = settings.clone().by(strategy);
         let mut curriculum = Curriculum::new(5, settings).unwrap();
         let (n, mut eco, mut rendezvous) = (80_000, 0u32, 0u32);
         for _ in 0..n {

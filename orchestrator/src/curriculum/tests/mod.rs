@@ -30,6 +30,9 @@ pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: 
         evidence: true,
         mean_score: 0.5,
         mean_skill: None,
+        source: Source::Fresh,
+        params: Vec::new(),
+        signals: Signals::default(),
     }
 }
 
@@ -40,6 +43,13 @@ fn answer(seq: u64, proposal: &Proposal, finished: u32, successes: u32) -> Group
         epoch: proposal.epoch,
         role: proposal.role,
         contested: proposal.contested,
+        source: proposal.source.clone(),
+        params: if proposal.level.is_none() { proposal.params.clone() } else { Vec::new() },
+        signals: Signals {
+            regret: (finished > 0).then(|| 1.0 - f64::from(successes.min(finished)) / f64::from(finished)),
+            panel: Some(0.25),
+            ..Signals::default()
+        },
         ..outcome(&proposal.task, proposal.level, finished, successes)
     }
 }

@@ -250,7 +250,7 @@ fn at_the_bottom_everything_is_frontier_and_rehearsal_stays_in_the_table() {
 
 #[test]
 fn uniform_draws_every_level_as_it_comes_and_nothing_moves() {
-    let settings = Settings { strategy: StrategyKind::Uniform, ..placed(&[SURVIVAL]) };
+    let settings = placed(&[SURVIVAL]).by(StrategyKind::Uniform);
     let mut run = Simulation::new(2, settings);
     let mut levels = [0u32; 10];
     for _ in 0..10_000 {
@@ -269,7 +269,7 @@ fn uniform_draws_every_level_as_it_comes_and_nothing_moves() {
 
 #[test]
 fn fixed_takes_the_tasks_in_turn_at_their_defaults() {
-    let settings = Settings { strategy: StrategyKind::Fixed, ..placed(&[SURVIVAL, ECO, RENDEZVOUS]) };
+    let settings = placed(&[SURVIVAL, ECO, RENDEZVOUS]).by(StrategyKind::Fixed);
     let mut curriculum = Curriculum::new(2, settings.clone()).unwrap();
     for turn in 0..30 {
         let (_, proposal) = curriculum.propose();
@@ -342,8 +342,11 @@ fn a_curriculum_explains_itself() {
     assert_eq!((explanation.strategy.as_str(), explanation.tasks[0].share), ("ladder", 1.0));
     assert!(explanation.tasks[0].last_move.as_ref().unwrap().contains("32.00 and 32.00 of 32"));
     assert!(explanation.rules.iter().any(|rule| rule.contains("70 %")), "{:?}", explanation.rules);
-    for strategy in [StrategyKind::Uniform, StrategyKind::Fixed] {
-        let other = Curriculum::new(1, Settings { strategy, ..placed(&[SURVIVAL, ECO]) }).unwrap().explain();
+    for strategy in StrategyKind::ALL {
+        let other = Curriculum::new(1, placed(&[SURVIVAL, ECO]).by(strategy)).unwrap().explain();
         assert_eq!((other.strategy, other.tasks.len()), (strategy.to_string(), 2));
+        assert!(!other.rules.is_empty() && other.tasks.iter().all(|task| !task.now.is_empty()), "{strategy}");
+        let shares: f64 = other.tasks.iter().map(|task| task.share).sum();
+        assert!((shares - 1.0).abs() < 1e-9, "{strategy}");
     }
 }
