@@ -295,6 +295,27 @@ pub struct Fared {
     pub policy_version: i64,
 }
 
+/// How the finished episodes of a range flew, in order, as JSON.
+///
+/// # Errors
+/// The database's.
+pub async fn finished_of(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    (from, to): (i64, i64),
+) -> Result<Vec<String>, StoreError> {
+    let rows = sqlx::query_scalar!(
+        "SELECT flown FROM episodes
+         WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
+        lease,
+        from,
+        to
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().flatten().collect())
+}
+
 /// How the finished episodes of one group fared, in order.
 ///
 /// # Errors

@@ -35,6 +35,8 @@ pub struct GroupRow {
     pub successes: i64,
     /// Whether its outcome could move the curriculum.
     pub evidence: i64,
+    /// Whether it is to be learnt from.
+    pub train: i64,
 }
 
 impl GroupRow {
@@ -61,13 +63,13 @@ pub async fn insert(conn: &mut SqliteConnection, lease: i64, groups: &[GroupRow]
 pub(super) fn push(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
     statement.push(
         "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
-                             evidence) ",
+                             evidence, train) ",
     );
     statement.push_values(rows, |mut values, row| {
         values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
         values.push_bind(row.scenario.clone()).push_bind(row.task.clone()).push_bind(row.level);
         values.push_bind(row.role.clone()).push_bind(row.contested).push_bind(row.state.clone());
-        values.push_bind(row.failed).push_bind(row.evidence);
+        values.push_bind(row.failed).push_bind(row.evidence).push_bind(row.train);
     });
 }
 
@@ -79,7 +81,7 @@ pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<Gro
     Ok(sqlx::query_as!(
         GroupRow,
         "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence
+                evidence, train
          FROM groups WHERE lease = ? ORDER BY number",
         lease
     )
@@ -94,7 +96,7 @@ pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<Gro
 pub async fn closed(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<(GroupRow, Millis)>, StoreError> {
     let rows = query!(
         "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence, closed_at
+                evidence, train, closed_at
          FROM groups WHERE lease = ? ORDER BY number",
         lease
     )
@@ -115,6 +117,7 @@ pub async fn closed(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<(Grou
             failed: r.failed,
             successes: r.successes,
             evidence: r.evidence,
+            train: r.train,
         };
         (row, r.closed_at.unwrap_or(0))
     });
@@ -133,7 +136,7 @@ pub async fn get(
     Ok(sqlx::query_as!(
         GroupRow,
         "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence
+                evidence, train
          FROM groups WHERE lease = ? AND number = ?",
         lease,
         number
@@ -155,7 +158,7 @@ pub async fn some(
     Ok(sqlx::query_as!(
         GroupRow,
         "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence
+                evidence, train
          FROM groups WHERE lease = ? AND number IN (SELECT value FROM json_each(?))",
         lease,
         numbers
@@ -227,6 +230,17 @@ pub struct Closing {
     pub score: Option<f64>,
     /// The mean skill of what finished and has one.
     pub skill: Option<f64>,
+    /// The lowest score of what finished.
+    pub lowest: Option<f64>,
+    /// The highest.
+    pub highest: Option<f64>,
+    /// The mean over what finished of how far it fell short of the reference, as a share of what was to be had above the floor; of
+    /// the reference where there was hardly anything (a bracket's `MIN_GAP`).
+    pub regret: Option<f64>,
+    /// The mean positive value loss that the trainer reported of it.
+    pub positive_value_loss: Option<f64>,
+    /// The mean MaxMC regret that the trainer reported of it.
+    pub max_mc: Option<f64>,
 }
 
 /// What groups of a lease that end are judged by.
@@ -242,7 +256,12 @@ pub async fn closing(
     Ok(sqlx::query_as!(
         Closing,
         r#"SELECT wanted.value + 0 AS "number!: i64", p.body AS "body?: String", avg(e.score) AS "score?: f64",
-                  avg(e.skill) AS "skill?: f64"
+                  avg(e.skill) AS "skill?: f64", min(e.score) AS "lowest?: f64", max(e.score) AS "highest?: f64",
+                  avg(min(1.0, max(0.0, (e.reference - e.score)
+                      / CASE WHEN e.reference - e.floor >= 0.05 THEN e.reference - e.floor
+                             ELSE max(abs(e.reference), 0.05) END))) AS "regret?: f64",
+                  avg(e.metrics ->> '$.positive_value_loss') AS "positive_value_loss?: f64",
+                  avg(e.metrics ->> '$.max_mc') AS "max_mc?: f64"
            FROM json_each(?1) AS wanted CROSS JOIN groups g ON g.lease = ?2 AND g.number = wanted.value
            LEFT JOIN proposals p ON p.run = ?3 AND p.seq = g.proposal
            LEFT JOIN episodes e ON e.lease = ?2 AND e.number >= wanted.value * ?4

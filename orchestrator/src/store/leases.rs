@@ -199,14 +199,14 @@ pub async fn set_expiry(conn: &mut SqliteConnection, id: i64, expires_at: Millis
     Ok(())
 }
 
-/// Ends an active lease of which no group is open any more; whether there was something to end.
+/// Ends an active lease of which no group is open any more, and that is owed none; whether there was something to end.
 ///
 /// # Errors
 /// The database's.
 pub async fn end_if_done(conn: &mut SqliteConnection, id: i64) -> Result<bool, StoreError> {
     let done = query!(
         "UPDATE leases SET status = 'done' WHERE id = ?1 AND status = 'active'
-         AND NOT EXISTS (SELECT 1 FROM groups WHERE lease = ?1 AND state = 'open')",
+         AND owed = 0 AND NOT EXISTS (SELECT 1 FROM groups WHERE lease = ?1 AND state = 'open')",
         id
     )
     .execute(conn)

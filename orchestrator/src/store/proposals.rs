@@ -90,6 +90,21 @@ pub async fn proposed(
     Ok(rows.into_iter().map(|row| (row.run, row.seq)).collect())
 }
 
+/// The scenario of a proposal, and whether it is contested; none where it has none, or is not kept any more.
+///
+/// # Errors
+/// The database's.
+pub async fn scenario_of(
+    conn: &mut SqliteConnection,
+    run: &str,
+    seq: i64,
+) -> Result<Option<(Vec<u8>, bool)>, StoreError> {
+    let row = query!("SELECT scenario, contested FROM proposals WHERE run = ? AND seq = ?", run, seq)
+        .fetch_optional(conn)
+        .await?;
+    Ok(row.and_then(|row| Some((row.scenario?, row.contested.unwrap_or(0) != 0))))
+}
+
 /// What was prepared for a proposal.
 #[derive(Debug, Clone, Copy)]
 pub struct PreparedRow<'a> {

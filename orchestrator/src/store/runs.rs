@@ -111,6 +111,39 @@ pub async fn set_settings(conn: &mut SqliteConnection, id: &str, settings: &str)
     Ok(())
 }
 
+/// What the curriculum of a run was told when it began, as JSON, where that has changed since.
+///
+/// # Errors
+/// The database's.
+pub async fn first_curriculum(conn: &mut SqliteConnection, id: &str) -> Result<Option<String>, StoreError> {
+    let first = sqlx::query_scalar!("SELECT first_curriculum FROM runs WHERE id = ?", id);
+    Ok(first.fetch_optional(conn).await?.flatten())
+}
+
+/// Keeps what the curriculum of a run was told when it began, before the first change of it.
+///
+/// # Errors
+/// The database's.
+pub async fn keep_first_curriculum(
+    conn: &mut SqliteConnection,
+    id: &str,
+    settings: &str,
+) -> Result<(), StoreError> {
+    query!("UPDATE runs SET first_curriculum = ? WHERE id = ? AND first_curriculum IS NULL", settings, id)
+        .execute(conn)
+        .await?;
+    Ok(())
+}
+
+/// Sets the name for people.
+///
+/// # Errors
+/// The database's.
+pub async fn set_name(conn: &mut SqliteConnection, id: &str, name: &str) -> Result<(), StoreError> {
+    query!("UPDATE runs SET name = ? WHERE id = ?", name, id).execute(conn).await?;
+    Ok(())
+}
+
 /// Sets the newest policy version.
 ///
 /// # Errors

@@ -84,7 +84,8 @@ pub async fn unwanted_before(conn: &mut SqliteConnection, run: &str) -> Result<O
     .await?)
 }
 
-/// Deletes the oldest proposals before a seq; the scenarios they had, and how many went.
+/// Deletes the oldest proposals before a seq, but for those that are held and those that one that waits goes on from; the
+/// scenarios they had, and how many went.
 ///
 /// # Errors
 /// The database's.
@@ -92,16 +93,22 @@ pub async fn delete_proposals(
     conn: &mut SqliteConnection,
     run: &str,
     before: i64,
-    limit: i64,
+    (held, limit): (&[i64], i64),
 ) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
+    let held = to_json(&held)?;
     Ok(sqlx::query_scalar!(
         "DELETE FROM proposals WHERE run = ?1 AND seq IN (
              SELECT seq FROM proposals WHERE run = ?1 AND seq < ?2 AND state IN ('leased', 'dropped')
+             AND seq NOT IN (SELECT value FROM json_each(?4))
+             AND seq NOT IN (SELECT body ->> '$.source.of' FROM proposals INDEXED BY proposals_waiting
+                             WHERE run = ?1 AND state IN ('proposed', 'prepared')
+                             AND body ->> '$.source.of' IS NOT NULL)
              ORDER BY seq LIMIT ?3)
          RETURNING scenario",
         run,
         before,
-        limit
+        limit,
+        held
     )
     .fetch_all(conn)
     .await?)
