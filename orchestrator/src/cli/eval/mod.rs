@@ -1,23 +1,24 @@
 //! `sparring eval`: policies on a frozen suite.
 
-mod fly;
 mod physics;
-mod report;
+mod picture;
+mod tables;
 #[cfg(test)]
 mod tests;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::builder::PossibleValuesParser;
 
-use self::fly::Row;
 use self::physics::Physics;
-use self::report::Report;
 use super::options::{self, Chosen};
 use super::output::{self, Format};
-use super::suite::{Suite, file};
 use super::worlds;
+use crate::evaluation::report::Terms;
+use crate::evaluation::suite::{Suite, file};
+use crate::evaluation::{Flown, Report, fly};
 
 /// Fly policies over a frozen suite: one table, with 95 % intervals.
 ///
@@ -31,6 +32,11 @@ use super::worlds;
 /// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
 /// together; there the suite decides how many are of which kind. All tasks together stand first where they are of one
 /// world; scores and fuel of several have no common mean.
+///
+/// The worst tenth is the mean score over the tenth of the scenarios on which the policy does worst (CVaR). Where a policy has chance
+/// in it these are found by one half of its episodes and told by the other, so that bad luck is not taken for weakness: that takes
+/// --rollouts 8 or more. Below stand differences from one of the policies on the same scenarios, which say far more than two
+/// intervals side by side.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
@@ -47,6 +53,12 @@ pub struct Args {
     /// How often policies with chance in them fly each scenario: their mean counts as one
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rollouts: u32,
+    /// The policy that the others are compared with (the first of --policy; frozen where there is one alone)
+    #[arg(long, value_name = "POLICY", value_parser = PossibleValuesParser::new(against_names()))]
+    against: Option<String>,
+    /// Draw the shares of successes, too: an SVG file
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
     /// Fly it under this physics option instead of the suite's, for all its tasks or those named; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<Chosen>,
@@ -54,6 +66,15 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
 }
+
+fn against_names() -> Vec<&'static str> {
+    worlds::policy_names().into_iter().chain([BLIND_PANEL]).collect()
+}
+
+/// The row of the plans that look at nothing.
+const BLIND_PANEL: &str = "blind_panel";
+/// The policy that has learnt nothing.
+const FROZEN: &str = "frozen";
 
 fn after_help() -> String {
     format!(
@@ -69,15 +90,18 @@ Under other options than the suite's, floors and references are worked out anew,
 parts stay what they are in the suite. Such a report does not compare with one of the suite, and says so.
 
 JSON (--format json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
-resamples, scenarios, rows}. physics are the options that were flown under instead of the suite's, by task; comparable is false \
+resamples, scenarios, rows, against, comparisons}. physics are the options that were flown under instead of the suite's, by task; comparable is false \
 where there are any, and note then says so in words. \
 Each row: {task (an id, or \"all\" where the suite is of one world), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
-skill, lost, fuel_used}, the last five as {mean, low, high, scenarios}; skill is null where it is nowhere defined.
+skill, lost, fuel_used, cvar10}, the last six as {mean, low, high, scenarios}; skill is null where it is nowhere defined, cvar10 where \
+there were too few rollouts. Each comparison: {task, part, policy, scenarios, score, success, skill, improvement}, the last four as \
+before: mean differences from the policy against, and how likely an episode scores higher.
 
 Examples:
   sparring eval --policy heuristic
   sparring eval --suite docking-heldout-v1 --policy hold,blind,heuristic,reference --format json
   sparring eval --policy heuristic --physics contact=swept --physics gravity=j2
+  sparring eval --policy hold,random,heuristic --rollouts 8 --against heuristic --svg policies.svg
   sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
 
 /// Flies the policies and prints what they earned.
@@ -88,13 +112,32 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (suite, hash) = file::open(&args.suite).with_context(|| format!("suite {}", args.suite))?;
     check(&suite, args)?;
     let (suite, physics) = under(suite, args)?;
-    let rows = fly_all(&suite, args)?;
-    let report = Report::new(&suite, hash, args, physics, &rows);
+    let flown = fly_all(&suite, args)?;
+    let report = report(&suite, hash, args, physics, &flown);
     match args.format {
-        Format::Table => output::print(&report.tables())?,
+        Format::Table => output::print(&tables::tables(&report))?,
         Format::Json => output::print_json(&report)?,
     }
+    if let Some(path) = &args.svg {
+        let drawn = picture::draw(&report).map_err(|error| anyhow!("{error}"))?;
+        std::fs::write(path, drawn).with_context(|| path.display().to_string())?;
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What was found, and how that is not as the suite was built.
+fn report(suite: &Suite, hash: String, args: &Args, physics: Option<Physics>, flown: &[Flown]) -> Report {
+    let first = || match args.policies.as_slice() {
+        [one] if one != FROZEN => Some(FROZEN.to_owned()),
+        several => several.first().cloned(),
+    };
+    let terms =
+        Terms { seed: args.seed, rollouts: args.rollouts, against: args.against.clone().or_else(first) };
+    let mut report = Report::new(suite, hash, &terms, flown);
+    report.comparable = physics.is_none();
+    report.note = physics.as_ref().map(Physics::note);
+    report.physics = physics.map(|physics| physics.options).unwrap_or_default();
+    report
 }
 
 /// The suite as it is to be flown, and how that is not as it was built.
@@ -114,7 +157,8 @@ fn check(suite: &Suite, args: &Args) -> anyhow::Result<()> {
     for group in &suite.groups {
         let task = group.recipe.task();
         let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
-        if let Some(name) = args.policies.iter().find(|name| !known.contains(&name.as_str())) {
+        let asked = args.policies.iter().chain(args.against.iter().filter(|name| *name != BLIND_PANEL));
+        if let Some(name) = asked.into_iter().find(|name| !known.contains(&name.as_str())) {
             let (task, known) = (task.id(), known.join(", "));
             bail!("suite {} has scenarios of {task}, which has no policy {name}; it has {known}", suite.name);
         }
@@ -122,18 +166,19 @@ fn check(suite: &Suite, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The policies asked for, then `frozen`, then the blind panel.
-fn fly_all(suite: &Suite, args: &Args) -> anyhow::Result<Vec<Row>> {
+/// The policies asked for and the one that they are compared with, then `frozen`, then the blind panel.
+fn fly_all(suite: &Suite, args: &Args) -> anyhow::Result<Vec<Flown>> {
     let mut names: Vec<&str> = Vec::new();
-    for name in args.policies.iter().map(String::as_str).chain(["frozen"]) {
-        if !names.contains(&name) {
+    for name in args.policies.iter().chain(&args.against).map(String::as_str).chain([FROZEN]) {
+        if !names.contains(&name) && name != BLIND_PANEL {
             names.push(name);
         }
     }
     let bar = output::progress(names.len() * suite.entries().count(), "episodes")?;
-    let flown = names.into_iter().map(|name| fly::fly(suite, name, args.seed, args.rollouts, &bar));
-    let mut rows = flown.collect::<anyhow::Result<Vec<_>>>()?;
+    let terms = (args.seed, args.rollouts);
+    let flown = names.into_iter().map(|name| fly::fly(suite, name, terms, &|| bar.inc(1)));
+    let mut flown = flown.collect::<Result<Vec<_>, _>>()?;
     bar.finish_and_clear();
-    rows.push(fly::blind_panel(suite));
-    Ok(rows)
+    flown.push(Flown::blind_panel(suite));
+    Ok(flown)
 }

@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::cli::options::{self, ByTask};
-use crate::cli::suite::{Entry, Group, Part, Suite};
+use crate::evaluation::suite::{Entry, Group, Part, Suite};
 
 /// How a suite was flown otherwise than it was built.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,14 +1,12 @@
 //! Evaluations of policies whose results are known beforehand.
 
-use indicatif::ProgressBar;
-
-use super::fly::{Row, blind_panel, fly, measure};
-use super::report::Report;
 use super::*;
 use crate::cli::suite::tests::{mixed, small};
+use crate::evaluation::flown::measure;
+use crate::evaluation::suite::Part;
 
-fn flown(suite: &Suite, policy: &str, rollouts: u32) -> Row {
-    fly(suite, policy, 0, rollouts, &ProgressBar::hidden()).unwrap()
+fn flown(suite: &Suite, policy: &str, rollouts: u32) -> Flown {
+    fly::fly(suite, policy, (0, rollouts), &|| ()).unwrap()
 }
 
 fn args(policies: &[&str]) -> Args {
@@ -17,6 +15,8 @@ fn args(policies: &[&str]) -> Args {
         policies: policies.iter().map(|&name| name.to_owned()).collect(),
         seed: 0,
         rollouts: 2,
+        against: None,
+        svg: None,
         options: Vec::new(),
         format: Format::Json,
     }
@@ -26,15 +26,15 @@ fn args(policies: &[&str]) -> Args {
 fn hold_earns_the_stored_hold_numbers_exactly() {
     let suite = small();
     let stored: Vec<_> = suite.entries().map(|entry| measure(entry, &entry.bracket.panel[0])).collect();
-    assert_eq!(flown(&suite, "hold", 1).measures, stored);
+    assert_eq!(flown(&suite, "hold", 1).means(), stored);
 }
 
 #[test]
 fn the_reference_earns_the_stored_reference_and_succeeds_where_solvable() {
     let suite = small();
     let row = flown(&suite, "reference", 1);
-    for (entry, measures) in suite.entries().zip(&row.measures) {
-        assert_eq!(*measures, measure(entry, &entry.bracket.reference));
+    for (entry, measures) in suite.entries().zip(row.means()) {
+        assert_eq!(measures, measure(entry, &entry.bracket.reference));
         let solvable = env_core::bracket::solvable(&entry.scenario, &entry.bracket);
         assert_eq!(measures[1], Some(f64::from(u8::from(solvable))));
     }
@@ -46,7 +46,7 @@ fn chance_follows_the_seed_and_every_rollout_is_another() {
     let (once, twice) = (flown(&suite, "frozen", 1), flown(&suite, "frozen", 2));
     assert_eq!(once, flown(&suite, "frozen", 1));
     assert_ne!(once, twice);
-    assert_ne!(once, fly(&suite, "frozen", 1, 1, &ProgressBar::hidden()).unwrap());
+    assert_ne!(once, fly::fly(&suite, "frozen", (1, 1), &|| ()).unwrap());
     assert_eq!(flown(&suite, "heuristic", 1), flown(&suite, "heuristic", 3));
 }
 
@@ -57,7 +57,7 @@ fn the_report_has_every_block_and_the_controls() {
     let rows = fly_all(&suite, &args).unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row.policy.as_str()).collect();
     assert_eq!(names, ["hold", "reference", "frozen", "blind_panel"]);
-    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args, None, &rows);
+    let report = report(&suite, "0123456789abcdef".repeat(4), &args, None, &rows);
     let value = serde_json::to_value(&report).unwrap();
     let told = value["rows"].as_array().unwrap();
     assert_eq!(told.len(), 4 * 3 * 4);
@@ -72,13 +72,29 @@ fn the_report_has_every_block_and_the_controls() {
     // The floor of survival is the panel's mean score: its skill is 0 but for plans cut off at −1.
     let panel = find("kessler/survival", "contested", "blind_panel");
     assert!((-1e-9..0.2).contains(&panel["skill"]["mean"].as_f64().unwrap()), "{panel}");
+    // The others against the first that was asked for.
+    assert_eq!(value["against"], "hold");
+    let against = value["comparisons"].as_array().unwrap();
+    assert_eq!(against.len(), 4 * 3 * 3);
+    let better =
+        against.iter().find(|r| r["task"] == "all" && r["part"] == "contested" && r["policy"] == "reference");
+    let better = better.unwrap();
+    // Where both are perfect, or lose all, neither is better.
+    assert!((0.8..=1.0).contains(&better["improvement"]["mean"].as_f64().unwrap()), "{better}");
+    let gap = best["score"]["mean"].as_f64().unwrap()
+        - find("all", "contested", "hold")["score"]["mean"].as_f64().unwrap();
+    assert!((better["score"]["mean"].as_f64().unwrap() - gap).abs() < 1e-9, "{better}");
+    // Two rollouts of a policy with chance in it say nothing of its worst.
+    assert!(
+        find("all", "all", "frozen")["cvar10"].is_null() && find("all", "all", "hold")["cvar10"].is_object()
+    );
 }
 
 #[test]
 fn no_mean_is_made_of_two_worlds() {
     let suite = mixed();
     let rows = [flown(&suite, "hold", 1)];
-    let report = serde_json::to_value(Report::new(&suite, "0".repeat(64), &args(&[]), None, &rows)).unwrap();
+    let report = serde_json::to_value(report(&suite, "0".repeat(64), &args(&[]), None, &rows)).unwrap();
     let tasks: std::collections::BTreeSet<&str> =
         report["rows"].as_array().unwrap().iter().map(|row| row["task"].as_str().unwrap()).collect();
     assert!(!tasks.contains("all") && tasks.len() > 1, "{tasks:?}");
@@ -88,18 +104,22 @@ fn no_mean_is_made_of_two_worlds() {
 #[test]
 fn the_tables_are_readable() {
     let suite = small();
-    let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), blind_panel(&suite)];
-    let report = Report::new(&suite, "0123456789abcdef".repeat(4), &args(&[]), None, &rows);
-    insta::assert_snapshot!("tables", report.tables());
+    let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), Flown::blind_panel(&suite)];
+    let report = report(&suite, "0123456789abcdef".repeat(4), &args(&["hold", "reference"]), None, &rows);
+    insta::assert_snapshot!("tables", tables::tables(&report));
+    let drawn = picture::draw(&report).unwrap();
+    assert!(
+        drawn.starts_with("<svg") && drawn.contains("kessler/survival") && drawn.contains("blind_panel"),
+        "{drawn}"
+    );
 }
 
 #[test]
 fn policies_are_those_of_every_world_in_the_suite() {
     let suite = mixed();
     let row = flown(&suite, "heuristic", 1);
-    assert_eq!(row.measures.len(), 9);
-    let contested =
-        suite.entries().zip(&row.measures).filter(|(e, _)| e.part == crate::cli::suite::Part::Contested);
+    assert_eq!(row.episodes.len(), 9);
+    let contested = suite.entries().zip(row.means()).filter(|(e, _)| e.part == Part::Contested);
     let successes: f64 = contested.filter_map(|(_, measures)| measures[1]).sum();
     assert!(successes >= 5.0, "the heuristics of both worlds are good at level 2: {successes} of 6");
     assert!(check(&suite, &args(&["hold", "reference"])).is_ok());
@@ -110,8 +130,8 @@ fn policies_are_those_of_every_world_in_the_suite() {
 #[test]
 fn the_panel_is_the_mean_of_its_plans() {
     let suite = small();
-    let row = blind_panel(&suite);
-    for (entry, measures) in suite.entries().zip(&row.measures) {
+    let row = Flown::blind_panel(&suite);
+    for (entry, measures) in suite.entries().zip(row.means()) {
         let scores: f64 = entry.bracket.panel.iter().map(|flown| flown.score).sum();
         assert!((measures[0].unwrap() - scores / 16.0).abs() < 1e-12);
         assert!(measures[3].unwrap() <= 1.0);
@@ -136,14 +156,14 @@ fn other_physics_are_judged_by_brackets_of_their_own_and_say_so() {
     }
     let floors = |suite: &Suite| suite.entries().map(|entry| entry.bracket.floor).collect::<Vec<_>>();
     assert_ne!(floors(&flown), floors(&suite), "another physics is worth something else");
-    let rows = [fly::blind_panel(&flown)];
-    let report = Report::new(&flown, "0123456789abcdef".repeat(4), &args, physics, &rows);
+    let rows = [Flown::blind_panel(&flown)];
+    let report = report(&flown, "0123456789abcdef".repeat(4), &args, physics, &rows);
     let told = serde_json::to_value(&report).unwrap();
     assert_eq!(told["comparable"], false);
     assert_eq!(told["physics"]["kessler/rendezvous"]["gravity"], "j2");
     assert_eq!(told["physics"]["kessler/survival"].as_object().unwrap().len(), 1);
     assert_eq!(told["suite"], "small");
-    let head: Vec<_> = report.tables().lines().take(8).map(str::to_owned).collect();
+    let head: Vec<_> = tables::tables(&report).lines().take(8).map(str::to_owned).collect();
     insta::assert_snapshot!("other_physics", head.join("\n"));
 }
 
@@ -154,7 +174,7 @@ fn options_that_change_nothing_leave_a_report_comparable() {
     args.options = vec![options::parse("contact=end_of_step").unwrap()];
     let (flown, physics) = under(suite.clone(), &args).unwrap();
     assert!(flown == suite && physics.is_none());
-    let report = Report::new(&flown, String::new(), &args, None, &[]);
+    let report = report(&flown, String::new(), &args, None, &[]);
     let told = serde_json::to_value(&report).unwrap();
     assert!(told["comparable"] == true && told["note"].is_null() && told["physics"] == serde_json::json!({}));
     args.options = vec![options::parse("compat=upstream").unwrap()];

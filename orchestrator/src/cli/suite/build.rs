@@ -12,9 +12,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
-use super::{Entry, Group, Part, Suite, file};
 use crate::cli::options::{self, ByTask, Chosen};
 use crate::cli::{output, worlds};
+use crate::evaluation::suite::{Entry, Group, Part, Suite, file};
 
 /// Draws after which a level is given up on: the rarest contested scenarios of the committed levels are 1 in 27.
 const MOST_DRAWS: usize = 20_000;

@@ -6,8 +6,8 @@ use indicatif::ProgressBar;
 
 use super::build::{Plan, build};
 use super::verify::differences;
-use super::{Part, Suite, SuiteError, file};
 use crate::cli::options::{self, ByTask};
+use crate::evaluation::suite::{Part, Suite, SuiteError, file};
 
 /// A small suite of another world, with one level of a task of the first.
 pub(crate) fn mixed() -> Suite {

@@ -7,8 +7,8 @@ use env_core::Bracket;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use super::{Entry, Group, Part, Suite, file};
 use crate::cli::output;
+use crate::evaluation::suite::{Entry, Group, Part, Suite, file};
 
 /// Differences that are told one by one.
 const TOLD: usize = 10;

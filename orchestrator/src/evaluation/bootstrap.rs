@@ -54,9 +54,48 @@ pub fn estimates<const M: usize>(rows: &[[Option<f64>; M]], seed: u64) -> [Optio
     })
 }
 
+/// Any statistic of scenarios and its interval; none where it is not defined of all of them.
+///
+/// The same scenarios and seed give the same bits.
+#[must_use]
+pub fn estimate_by<T: Copy>(
+    scenarios: &[T],
+    seed: u64,
+    statistic: impl Fn(Drawn<'_, T>) -> Option<f64>,
+) -> Option<Estimate> {
+    let whole: Vec<usize> = (0..scenarios.len()).collect();
+    let mean = statistic(Drawn { of: scenarios, at: whole.iter() })?;
+    let mut generator = generator(seed);
+    let mut resampled: Vec<f64> = (0..RESAMPLES)
+        .filter_map(|_| {
+            let drawn: Vec<usize> = whole.iter().map(|_| below(scenarios.len(), &mut generator)).collect();
+            statistic(Drawn { of: scenarios, at: drawn.iter() })
+        })
+        .collect();
+    resampled.sort_by(f64::total_cmp);
+    let tail = 0.5 * (1.0 - CONFIDENCE);
+    let (low, high) = (quantile(&resampled, tail)?, quantile(&resampled, 1.0 - tail)?);
+    Some(Estimate { mean, low, high, scenarios: scenarios.len() })
+}
+
+/// Scenarios as they were drawn.
+#[derive(Debug, Clone)]
+pub struct Drawn<'a, T> {
+    of: &'a [T],
+    at: std::slice::Iter<'a, usize>,
+}
+
+impl<T: Copy> Iterator for Drawn<'_, T> {
+    type Item = T;
+
+    fn next(&mut self) -> Option<T> {
+        self.of.get(*self.at.next()?).copied()
+    }
+}
+
 /// The mean of each column where it is defined, and on how many rows that is.
 #[expect(clippy::cast_precision_loss, reason = "numbers of scenarios are small")]
-pub(super) fn column_means<'a, const M: usize>(
+pub fn column_means<'a, const M: usize>(
     rows: impl Iterator<Item = &'a [Option<f64>; M]>,
 ) -> [(Option<f64>, usize); M] {
     let mut sums = [(0.0, 0usize); M];
@@ -78,7 +117,7 @@ pub(super) fn column_means<'a, const M: usize>(
     clippy::cast_sign_loss,
     reason = "an index into a list that fits memory, within its bounds for shares from 0 to 1"
 )]
-pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+pub fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let place = share * (sorted.len().checked_sub(1)?) as f64;
     let below = place as usize;
     let low = *sorted.get(below)?;

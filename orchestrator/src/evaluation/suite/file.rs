@@ -19,7 +19,7 @@
 
 use std::fmt::Write;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use env_core::{ActionLog, Bracket, Flown, Recipe, Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
@@ -27,15 +27,30 @@ use serde_json::Value;
 
 use super::{Entry, Group, Part, Suite, SuiteError};
 
-/// A suite that comes with the program: its name and its file.
-type BuiltIn = (&'static str, &'static [u8]);
+/// A suite that comes with the program, read.
+#[derive(Debug)]
+pub struct BuiltIn {
+    /// The suite.
+    pub suite: Suite,
+    /// Its hash.
+    pub hash: String,
+}
 
-/// The suites that come with the program.
-pub const BUILT_IN: &[BuiltIn] = &[
+/// The suites that come with the program: name and file.
+pub const BUILT_IN: &[(&str, &[u8])] = &[
     ("kessler-heldout-v2", include_bytes!("../../../suites/kessler-heldout-v2.json")),
     ("docking-heldout-v1", include_bytes!("../../../suites/docking-heldout-v1.json")),
     ("kessler-heldout-v1", include_bytes!("../../../suites/kessler-heldout-v1.json")),
 ];
+
+/// A suite that comes with the program, read once; none that there is not.
+#[must_use]
+pub fn built_in(name: &str) -> Option<&'static BuiltIn> {
+    static READ: [OnceLock<Option<BuiltIn>>; BUILT_IN.len()] = [const { OnceLock::new() }; BUILT_IN.len()];
+    let at = BUILT_IN.iter().position(|(known, _)| *known == name)?;
+    let reading = || read(BUILT_IN[at].1).ok().map(|(suite, hash)| BuiltIn { suite, hash });
+    READ[at].get_or_init(reading).as_ref()
+}
 
 /// The suite that is meant where nobody says which.
 pub const DEFAULT: &str = "kessler-heldout-v2";
