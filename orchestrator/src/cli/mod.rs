@@ -5,7 +5,6 @@
 
 pub mod agreement;
 pub mod bench;
-pub mod bootstrap;
 pub mod critique;
 pub mod db;
 pub mod demo;
@@ -20,6 +19,7 @@ pub mod play;
 pub mod policy;
 pub mod replay;
 pub mod serve;
+pub mod simulate;
 pub mod suite;
 #[cfg(test)]
 mod tests;
@@ -63,6 +63,7 @@ enum Command {
     Eval(eval::Args),
     Play(play::Args),
     Suite(suite::Args),
+    SimulateCurriculum(simulate::Args),
     Replay(replay::Args),
     Critique(critique::Args),
     JudgeAgreement(agreement::Args),
@@ -89,6 +90,7 @@ impl Command {
             Self::Eval(args) => eval::run(args),
             Self::Play(args) => play::run(args),
             Self::Suite(args) => suite::run(args),
+            Self::SimulateCurriculum(args) => simulate::run(args),
             Self::Replay(args) => replay::run(args),
             Self::Critique(args) => critique::run(args),
             Self::JudgeAgreement(args) => agreement::run(args),

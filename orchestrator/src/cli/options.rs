@@ -17,8 +17,7 @@ pub struct Chosen {
     choice: String,
 }
 
-/// Options by task's id, then by name.
-pub type ByTask = BTreeMap<&'static str, BTreeMap<String, String>>;
+pub use crate::evaluation::report::ByTask;
 
 impl std::fmt::Display for Chosen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

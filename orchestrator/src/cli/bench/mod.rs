@@ -12,9 +12,9 @@ use env_core::{Recipe, World};
 use serde::Serialize;
 
 use self::flying::Flying;
-use super::bootstrap::quantile;
 use super::options::{self, Chosen};
 use super::{output, worlds};
+use crate::evaluation::bootstrap::quantile;
 
 /// Pieces a measurement is cut into; their median is told, so that one disturbance does not count.
 const SLICES: u32 = 20;

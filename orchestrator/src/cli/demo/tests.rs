@@ -15,8 +15,8 @@ use super::feed::{
 use super::train::{MEMBERS, Moved, Plan, Progress, Watch, train};
 use super::trainee::{Kind, Member, Trainee};
 use crate::cli::options::ByTask;
-use crate::curriculum::{Curriculum, GroupOutcome, Proposal, Settings, TaskPlan};
-use crate::training::prepare::{Hopeless, prepare};
+use crate::curriculum::{Curriculum, GroupOutcome, Proposal, Settings, Signals, Source, TaskPlan};
+use crate::training::prepare::{Hopeless, Place, prepare};
 
 struct Local {
     seed: u64,
@@ -53,7 +53,12 @@ impl Feed for Local {
         let mut lease = Lease { recipes: Vec::new(), groups: Vec::new() };
         for index in 0..groups {
             let (seq, proposal) = books.curriculum.propose();
-            let prepared = prepare(SeedSpace::Training, self.seed, seq, &proposal, &Hopeless::default())?;
+            let prepared = prepare(
+                Place { space: SeedSpace::Training, run_seed: self.seed, seq },
+                &proposal,
+                None,
+                &Hopeless::default(),
+            )?;
             let episodes: Vec<String> = (0..MEMBERS).map(|i| format!("ep_{seq}_{i}")).collect();
             lease.recipes.push(prepared.scenario.recipe().to_json());
             lease.groups.push(LeasedGroup {
@@ -144,6 +149,9 @@ fn outcome(open: &Open, successes: usize) -> GroupOutcome {
         evidence: true,
         mean_score: 0.0,
         mean_skill: None,
+        source: Source::Fresh,
+        params: Vec::new(),
+        signals: Signals::default(),
     }
 }
 
@@ -182,7 +190,13 @@ fn fitness(members: &[Member]) -> f64 {
     assert_eq!((proposal.level, proposal.contested), (Some(4), true));
     let (mut successes, n) = (0, 40);
     for seq in 0..n {
-        let prepared = prepare(SeedSpace::Evaluation, 0, seq, &proposal, &Hopeless::default()).unwrap();
+        let prepared = prepare(
+            Place { space: SeedSpace::Evaluation, run_seed: 0, seq },
+            &proposal,
+            None,
+            &Hopeless::default(),
+        )
+        .unwrap();
         for member in members {
             let mut pilot = member.pilot(&prepared.scenario).unwrap();
             let (flown, _) = rollout::fly(&prepared.scenario, &mut *pilot).unwrap();
