@@ -36,6 +36,10 @@ pub struct LayoutId(pub i64);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct AskId(pub i64);
 
+/// An evaluation, written `eval-<number>`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct EvaluationId(pub i64);
+
 /// An id that is none.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -150,6 +154,20 @@ impl FromStr for AskId {
 impl fmt::Display for AskId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "ask-{}", self.0)
+    }
+}
+
+impl FromStr for EvaluationId {
+    type Err = BadId;
+
+    fn from_str(text: &str) -> Result<Self, BadId> {
+        numbered(text, "eval").map(Self).ok_or(BadId("an evaluation's id is eval- and a number, as eval-7"))
+    }
+}
+
+impl fmt::Display for EvaluationId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "eval-{}", self.0)
     }
 }
 

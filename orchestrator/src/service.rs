@@ -349,6 +349,8 @@ fn employ(
     jobs.spawn(workers::expire::run(writer.clone()));
     jobs.spawn(workers::clock::run(config.clock.clone(), writer.clone()));
     jobs.spawn(workers::retain::run(readers.clone(), writer.clone()));
+    let evaluating = pool("evaluate", threads::half(), Priority::Background)?;
+    jobs.spawn(workers::evaluate::run(readers.clone(), writer.clone(), evaluating));
     jobs.spawn(workers::passes::run(readers.clone(), config.clock.clone(), Arc::clone(sessions)));
     let critic = workers::critique::Critic {
         readers: readers.clone(),

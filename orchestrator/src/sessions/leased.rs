@@ -212,6 +212,8 @@ impl Leased {
             ttl_s: TTL_S,
             purpose,
             owner: None,
+            refill: false,
+            evaluation: None,
         };
         let granted = self.desk.lease(wish).await?;
         self.read(run, granted.row.lease_id()).await

@@ -2,13 +2,19 @@
 
 use std::collections::BTreeMap;
 
+use env_core::bracket;
+use sqlx::SqliteConnection;
+
+use super::ended::{Ended, GroupEnd};
+use super::sets::Sets;
 use super::work::Work;
-use super::{Happening, TrainingError, design, queue};
-use crate::curriculum::{GroupOutcome, Move, Proposal};
+use super::{Happening, TrainingError, design, evaluation, queue, refill};
+use crate::curriculum::{GroupOutcome, Move, Proposal, Signals};
+use crate::store::closings::{self, GroupSums};
 use crate::store::groups::{self, Closing, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::sums::{self, Sums};
-use crate::store::{from_json, proposals, small, unsigned};
+use crate::store::{StoreError, from_json, proposals, small, unsigned};
 
 /// How often a scenario is offered: one that makes every trainer fall over must not come back for ever.
 const MOST_ATTEMPTS: i64 = 3;
@@ -18,7 +24,7 @@ pub(super) async fn close_groups(
     work: &mut Work,
     lease: &LeaseRow,
     groups: Vec<GroupRow>,
-) -> Result<Vec<Move>, TrainingError> {
+) -> Result<Ended, TrainingError> {
     update_and_close(work, lease, (Vec::new(), groups)).await
 }
 
@@ -27,7 +33,7 @@ pub(super) async fn update_and_close(
     work: &mut Work,
     lease: &LeaseRow,
     (mut rows, mut groups): (Vec<GroupRow>, Vec<GroupRow>),
-) -> Result<Vec<Move>, TrainingError> {
+) -> Result<Ended, TrainingError> {
     let now = work.now;
     let (mind, conn) = work.mind(&lease.run).await?;
     let least = i64::from(mind.settings.enough(small(lease.group_size)));
@@ -41,18 +47,48 @@ pub(super) async fn update_and_close(
     }
     rows.extend(groups.iter().cloned());
     groups::update(conn, lease.id, &rows, now).await?;
+    let (mut ended, mut sums) = (Ended::default(), Vec::new());
     if groups.is_empty() {
-        return Ok(Vec::new());
+        return Ok(ended);
     }
     let numbers: Vec<i64> = groups.iter().map(|group| group.number).collect();
     let closing = groups::closing(conn, lease, &numbers).await?;
     let closing: BTreeMap<i64, Closing> = closing.into_iter().map(|c| (c.number, c)).collect();
-    let mut moves = Vec::new();
     for group in &groups {
         let Some(closing) = closing.get(&group.number) else { continue }; // cannot be: it is in the store
-        moves.extend(close_group(work, lease, (group, group.finished >= least, closing)).await?);
+        let (end, moves) = close_group(work, lease, (group, group.finished >= least, closing)).await?;
+        if lease.group_size > 1 && group.counts() {
+            sums.push(part(group, &end));
+        }
+        ended.moves.extend(moves);
+        ended.groups.push(end);
     }
-    Ok(moves)
+    closings::add(&mut work.conn, &lease.run, &sums).await?;
+    if !lease.is_columns() {
+        let flat = ended.groups.iter().filter(|end| end.zero_variance == Some(true)).count();
+        if flat > 0 {
+            ended.refills = refill::owe(work, lease, flat as i64).await?;
+        }
+    } else {
+        ended.groups.clear();
+    }
+    Ok(ended)
+}
+
+/// What a group came to.
+fn group_end(lease: &LeaseRow, group: &GroupRow, closing: &Closing) -> GroupEnd {
+    let flat = closing.lowest.zip(closing.highest).map(|(lowest, highest)| highest <= lowest);
+    GroupEnd {
+        lease: lease.name(),
+        group: group.number,
+        state: group.state.clone(),
+        finished: group.finished,
+        failed: group.failed,
+        expired: (lease.group_size - group.finished - group.failed).max(0),
+        successes: group.successes,
+        mean_score: closing.score,
+        zero_variance: flat.filter(|_| group.finished > 1),
+    }
 }
 
 /// Closes a group; whether enough of it finished to count.
@@ -60,8 +96,9 @@ async fn close_group(
     work: &mut Work,
     lease: &LeaseRow,
     (group, enough, closing): (&GroupRow, bool, &Closing),
-) -> Result<Vec<Move>, TrainingError> {
-    let expired = (lease.group_size - group.finished - group.failed).max(0);
+) -> Result<(GroupEnd, Vec<Move>), TrainingError> {
+    let end = group_end(lease, group, closing);
+    let expired = end.expired;
     work.tell(&lease.run, &Happening::group(lease, group, expired))?;
     let (mind, conn) = work.mind(&lease.run).await?;
     if expired > 0 && group.counts() {
@@ -69,20 +106,26 @@ async fn close_group(
         sums::add(conn, &lease.run, &BTreeMap::from([(sums::Key::of(group), lost)])).await?;
     }
     let Some(seq) = group.proposal else {
-        return match group.layout {
-            Some(_) => design::outcome::take(work, lease, group, (enough, expired)).await,
-            None => Ok(Vec::new()), // an evaluation
+        let moves = match group.layout {
+            Some(_) => design::outcome::take(work, lease, group, (enough, expired)).await?,
+            None => {
+                evaluation::fill::take(work, lease, group).await?;
+                Vec::new()
+            }
         };
+        return Ok((end, moves));
     };
-    let Some(body) = &closing.body else { return Ok(Vec::new()) };
+    let Some(body) = &closing.body else { return Ok((end, Vec::new())) };
     let proposal: Proposal = from_json("a proposal", body)?;
     let current = mind.curriculum.is_current(unsigned(seq), &proposal);
-    let epoch = proposal.epoch;
+    let panel = match mind.settings.curriculum.wants_panel() {
+        true => panel_share(conn, &group.scenario).await?,
+        false => None,
+    };
     let outcome = GroupOutcome {
         proposal: unsigned(seq),
-        task: proposal.task,
         level: proposal.level,
-        epoch,
+        epoch: proposal.epoch,
         role: proposal.role,
         contested: group.contested != 0,
         // Too few siblings say nothing about the scenario, but that the others were lost is said.
@@ -93,11 +136,40 @@ async fn close_group(
         evidence: group.evidence != 0,
         mean_score: closing.score.unwrap_or(0.0),
         mean_skill: closing.skill,
+        source: proposal.source,
+        params: if proposal.level.is_none() { proposal.params } else { Vec::new() },
+        signals: Signals {
+            regret: closing.regret,
+            panel,
+            positive_value_loss: closing.positive_value_loss,
+            max_mc: closing.max_mc,
+        },
+        task: proposal.task,
     };
     if !enough && current {
         proposals::offer_again(conn, &lease.run, seq, MOST_ATTEMPTS).await?;
     }
-    observe(work, &lease.run, outcome).await
+    Ok((end, observe(work, &lease.run, outcome).await?))
+}
+
+/// A group's part in how groups of several episodes end.
+fn part(group: &GroupRow, end: &GroupEnd) -> GroupSums {
+    let of = |state: &str| i64::from(group.state == state);
+    GroupSums {
+        task: group.task.clone(),
+        level: group.level.unwrap_or(-1),
+        complete: of("complete"),
+        partial: of("partial"),
+        lost: of("lost"),
+        flat: i64::from(group.state != "lost" && end.zero_variance == Some(true)),
+    }
+}
+
+/// The share of blind plans that succeed on a scenario; none where it has no bracket.
+async fn panel_share(conn: &mut SqliteConnection, id: &[u8]) -> Result<Option<f64>, StoreError> {
+    let sets = Sets::of(conn, &[id]).await?;
+    let (scenario, bracket) = sets.get(id, true)?;
+    Ok(bracket.map(|bracket| bracket::panel_share(scenario, bracket)))
 }
 
 /// Tells the curriculum, and drops what a move made stale.
@@ -110,6 +182,9 @@ pub(super) async fn observe(
     let (mind, conn) = work.mind(run).await?;
     let before = mind.curriculum.status();
     let moves = mind.observe(conn, outcome, now).await?;
+    for job in mind.curriculum.jobs() {
+        tokio::task::spawn_blocking(move || job.run());
+    }
     let after = mind.curriculum.status();
     for moved in &moves {
         work.tell(run, &Happening::Move(moved))?;

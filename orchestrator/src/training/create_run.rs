@@ -39,9 +39,7 @@ impl CreateRun {
                 .map_err(|e: crate::ids::BadId| TrainingError::invalid("id", e.to_string()))?,
         };
         let name = wish.name.clone().unwrap_or_else(|| id.to_string());
-        if name.is_empty() || name.chars().count() > MAX_NAME {
-            return Err(TrainingError::invalid("name", format!("it must have 1 to {MAX_NAME} characters")));
-        }
+        named(&name)?;
         let seed = wish.seed.unwrap_or_else(random_seed);
         // One bound for every seed that people choose.
         Seed::user(seed).map_err(|_| {
@@ -55,6 +53,14 @@ impl CreateRun {
     pub fn of(self, owner: Option<Owner>) -> Self {
         Self { owner, ..self }
     }
+}
+
+/// A name, if it is one.
+pub(super) fn named(name: &str) -> Result<&str, TrainingError> {
+    if name.is_empty() || name.chars().count() > MAX_NAME {
+        return Err(TrainingError::invalid("name", format!("it must have 1 to {MAX_NAME} characters")));
+    }
+    Ok(name)
 }
 
 impl Change for CreateRun {

@@ -9,13 +9,14 @@ use sqlx::SqlitePool;
 use tokio::sync::watch;
 
 use super::audit::{Audited, Claim, Found, audit};
+use super::ended::Ended;
 use super::eval_lease::take_eval;
+use super::evaluation::lease::take_suite;
 use super::lease::{Granted, Purpose, TakeLease};
 use super::receipt::Receipt;
 use super::report::Report;
 use super::rollout::take::TakeGroup;
 use super::{RunSettings, TrainingError, Writer};
-use crate::curriculum::Move;
 use crate::ids::{LeaseId, RunId};
 use crate::store::policies::PolicyRow;
 use crate::store::{from_json, runs};
@@ -60,6 +61,9 @@ impl Desk {
     /// # Errors
     /// A wish that cannot be granted, and [`TrainingError::NotReady`] where preparing takes too long.
     pub async fn lease(&self, wish: TakeLease) -> Result<Granted, TrainingError> {
+        if let Some(evaluation) = wish.evaluation.filter(|_| wish.purpose == Purpose::Eval) {
+            return take_suite(&self.writer, &self.replaying, wish, evaluation).await;
+        }
         if wish.purpose == Purpose::Eval {
             return take_eval(&self.writer, &self.replaying, wish).await;
         }
@@ -105,19 +109,19 @@ impl Desk {
         run: RunId,
         policy_version: Option<u32>,
         claims: Vec<Claim>,
-    ) -> Result<(Vec<Receipt>, Vec<Move>), TrainingError> {
+    ) -> Result<(Vec<Receipt>, Ended), TrainingError> {
         let (results, mut found) = self.audited(&run, claims).await?;
-        let (mut receipts, mut moves) = (Vec::with_capacity(results.len()), Vec::new());
+        let (mut receipts, mut ended) = (Vec::with_capacity(results.len()), Ended::default());
         let mut results = results.into_iter();
         loop {
             let part: Vec<_> = results.by_ref().take(PART).collect();
             let (run, found) = (run.clone(), std::mem::take(&mut found));
             let report = Report { run, policy_version, results: part, found };
-            let (told, moved) = self.writer.change(report).await?;
+            let (told, more) = self.writer.change(report).await?;
             receipts.extend(told);
-            moves.extend(moved);
+            ended.add(more);
             if results.len() == 0 {
-                return Ok((receipts, moves));
+                return Ok((receipts, ended));
             }
         }
     }

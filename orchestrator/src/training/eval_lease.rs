@@ -8,7 +8,7 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use super::lease::{Granted, TakeLease};
-use super::prepare::{Hopeless, Prepared, prepare, store_all};
+use super::prepare::{Hopeless, Place, Prepared, prepare, store_all};
 use super::{Change, Happening, TrainingError, Work, Writer};
 use crate::curriculum::{Proposal, Role};
 use crate::store::groups::{self, GroupRow};
@@ -34,8 +34,8 @@ pub async fn take_eval(
         let numbered: Vec<(u64, Proposal)> = (first..).zip(proposals).collect();
         let hopeless = Hopeless::default(); // nothing contested is asked for
         let one = |(number, proposal): (u64, Proposal)| {
-            prepare(SeedSpace::Evaluation, run_seed, number, &proposal, &hopeless)
-                .map(|prepared| (proposal, prepared))
+            let place = Place { space: SeedSpace::Evaluation, run_seed, seq: number };
+            prepare(place, &proposal, None, &hopeless).map(|prepared| (proposal, prepared))
         };
         threads.install(|| numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>())
     });
@@ -70,16 +70,7 @@ impl Change for Reserve {
         let tasks = &mind.settings.curriculum.tasks;
         let proposals = tasks.iter().cycle().take(wish.groups as usize).map(|plan| {
             let level = status.iter().find(|s| s.task == plan.task).and_then(|s| s.level);
-            Proposal {
-                task: plan.task.clone(),
-                level,
-                epoch: 0,
-                role: Role::Sample,
-                contested: false,
-                params: plan.params(level),
-                physics: plan.physics.clone(),
-                why: "an evaluation".to_owned(),
-            }
+            Proposal { why: "an evaluation".to_owned(), ..Proposal::at(plan, level, Role::Sample) }
         });
         let (run_seed, proposals) = (mind.seed, proposals.collect());
         work.tell(&row.run, &Happening::lease(&row, "taken"))?;
@@ -120,6 +111,7 @@ impl Change for Fill {
                 failed: 0,
                 successes: 0,
                 evidence: 0,
+                train: 0,
             });
         }
         groups::insert(&mut work.conn, row.id, &groups).await?;

@@ -4,16 +4,17 @@ use sqlx::SqliteConnection;
 
 use super::close::close_groups;
 use super::design::serve;
+use super::ended::Ended;
 use super::queue::{self, AHEAD};
 use super::sets::Sets;
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
 use super::{Change, Happening, Mind, TrainingError, Work, columns};
-use crate::curriculum::{Move, Proposal};
+use crate::curriculum::Proposal;
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::proposals::{self, Queued};
-use crate::store::{design_counts, folds, from_json, serving, tokens};
+use crate::store::{design_counts, folds, from_json, refills, serving, tokens};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -65,6 +66,10 @@ pub struct TakeLease {
     pub purpose: Purpose,
     /// Whose it will be, where a token is needed.
     pub owner: Option<Owner>,
+    /// Whether groups whose episodes all came to the same are replaced, up to as many as there are.
+    pub refill: bool,
+    /// The evaluation whose scenarios are wanted.
+    pub evaluation: Option<i64>,
 }
 
 /// Who owns what is made, and how much of it they may have.
@@ -101,6 +106,14 @@ impl TakeLease {
         within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         within("ttl_s", self.ttl_s, TTL_S.0, TTL_S.1)?;
         within("groups × group_size", self.groups * group_size, 1, MAX_EPISODES)?;
+        if self.evaluation.is_some() && self.purpose != Purpose::Eval {
+            let why = "its scenarios are flown with purpose: eval";
+            return Err(TrainingError::invalid("evaluation", why));
+        }
+        if self.refill && (group_size < 2 || self.purpose != Purpose::Train) {
+            let why = "only groups of two or more episodes for training can come to the same; leave it out";
+            return Err(TrainingError::invalid("refill", why));
+        }
         Ok(group_size)
     }
 
@@ -181,11 +194,14 @@ impl Change for TakeLease {
                 }
                 None => {
                     let Some(queued) = head.next() else { continue }; // the queue was filled for as many
-                    proposed_group(number, queued, evidence)?
+                    proposed_group(number, queued, (evidence, self.purpose == Purpose::Train))?
                 }
             });
         }
         leases::insert(conn, &row, &groups).await?;
+        if self.refill {
+            refills::allow(conn, row.id, row.groups).await?;
+        }
         if self.purpose == Purpose::Train {
             let designed = i64::from(self.groups) - proposed as i64;
             design_counts::add_groups(conn, run, i64::from(self.groups), designed).await?;
@@ -200,7 +216,12 @@ impl Change for TakeLease {
     }
 }
 
-fn proposed_group(number: i64, queued: Queued, evidence: bool) -> Result<GroupRow, TrainingError> {
+/// The group that serves a prepared proposal: whether it may be evidence, and whether it may be learnt from.
+pub(super) fn proposed_group(
+    number: i64,
+    queued: Queued,
+    (evidence, learn): (bool, bool),
+) -> Result<GroupRow, TrainingError> {
     let proposal: Proposal = from_json("a proposal", &queued.body)?;
     Ok(GroupRow {
         number,
@@ -216,6 +237,7 @@ fn proposed_group(number: i64, queued: Queued, evidence: bool) -> Result<GroupRo
         failed: 0,
         successes: 0,
         evidence: i64::from(evidence),
+        train: i64::from(proposal.train && learn),
     })
 }
 
@@ -310,12 +332,12 @@ impl Change for Expire {
 }
 
 /// Ends a lease: what was not reported is offered again.
-pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Vec<Move>, TrainingError> {
+pub(super) async fn end(work: &mut Work, lease: &LeaseRow, status: &str) -> Result<Ended, TrainingError> {
     leases::set_status(&mut work.conn, lease.id, status).await?;
     work.tell(&lease.run, &Happening::lease(lease, status))?;
     if lease.is_columns() {
         columns::abandon(work, lease).await?;
-        return Ok(Vec::new());
+        return Ok(Ended::default());
     }
     let mut groups = groups::of_lease(&mut work.conn, lease.id).await?;
     groups.retain(|group| group.state == "open");

@@ -9,7 +9,7 @@ use super::criticise::Ledger;
 use super::settings::RunSettings;
 use crate::clock::Millis;
 use crate::counts;
-use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Snapshot};
+use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Settings, Snapshot};
 use crate::store::curriculum::Event;
 use crate::store::{self, StoreError, from_json, signed, to_json, unsigned};
 
@@ -53,7 +53,13 @@ impl Mind {
         let seed = unsigned(row.seed);
         let mut curriculum = match store::curriculum::newest_snapshot(conn, run).await? {
             Some((_, body)) => Curriculum::restore(seed, from_json::<Snapshot>("a snapshot", &body)?)?,
-            None => Curriculum::new(seed, settings.curriculum.clone())?,
+            None => {
+                let first = match store::runs::first_curriculum(conn, run).await? {
+                    Some(told) => from_json("a run's first settings", &told)?,
+                    None => settings.curriculum.clone(),
+                };
+                Curriculum::new(seed, first)?
+            }
         };
         let snapshot_at = curriculum.next_seq();
         loop {
@@ -134,6 +140,17 @@ impl Mind {
         }
         self.snapshot_if_due(conn).await?;
         Ok(moves)
+    }
+
+    /// Puts other settings of the curriculum in force; the event is written with the others.
+    ///
+    /// # Errors
+    /// Settings that cannot be.
+    pub fn change(&mut self, settings: Settings, now: Millis) -> Result<(), TrainingError> {
+        let event = CurriculumEvent::Settings(settings.clone().into());
+        let seq = self.curriculum.change(settings)?;
+        self.unwritten.push((signed(seq), to_json(&event)?, now));
+        Ok(())
     }
 
     async fn snapshot_if_due(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {

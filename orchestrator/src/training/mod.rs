@@ -4,13 +4,16 @@
 pub mod access;
 pub mod audit;
 mod bracket_view;
+pub mod change_run;
 mod close;
 pub mod columns;
 pub mod create_run;
 pub mod criticise;
 pub mod design;
 pub mod desk;
+pub mod ended;
 pub mod eval_lease;
+pub mod evaluation;
 pub mod happening;
 pub mod jump;
 pub mod lease;
@@ -19,15 +22,18 @@ pub mod prepare;
 pub mod profile;
 mod queue;
 pub mod receipt;
+mod refill;
 pub mod report;
 pub mod retain;
 pub mod rollout;
 pub mod sample;
 pub mod sets;
+pub(crate) mod setting_form;
 pub mod settings;
 pub mod standing;
 pub mod status;
 pub mod verdict;
+pub mod version;
 pub mod work;
 pub mod writer;
 
@@ -60,6 +66,9 @@ pub enum TrainingError {
     /// No such layout in this run, or at all.
     #[error("there is no layout {0} here")]
     UnknownLayout(String),
+    /// No such evaluation.
+    #[error("there is no evaluation eval-{0}")]
+    UnknownEvaluation(i64),
     /// No such ask in this run.
     #[error("there is no ask {0} in this run")]
     UnknownAsk(String),

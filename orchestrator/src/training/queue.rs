@@ -22,6 +22,15 @@ pub(super) async fn fill(work: &mut Work, run: &str, want: u32) -> Result<(), Tr
     Ok(())
 }
 
+/// Drops all that waits, and fills up by the settings that are in force now.
+pub(super) async fn renew(work: &mut Work, run: &str) -> Result<(), TrainingError> {
+    let (_, conn) = work.mind(run).await?;
+    let waiting: Vec<i64> =
+        proposals::head(conn, run, i64::MAX).await?.into_iter().map(|queued| queued.seq).collect();
+    proposals::discard(conn, run, &waiting).await?;
+    fill(work, run, AHEAD).await
+}
+
 /// Drops what a move made stale, and fills up again.
 pub(super) async fn refresh(work: &mut Work, run: &str) -> Result<(), TrainingError> {
     let (mind, conn) = work.mind(run).await?;

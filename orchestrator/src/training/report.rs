@@ -5,18 +5,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::audit::{Audited, Found, Verdict, past};
 use super::close::update_and_close;
 use super::criticise::JOB;
+use super::ended::Ended;
 use super::receipt::Receipt;
 use super::work::Work;
 use super::{Change, Happening, TrainingError, columns};
 use crate::counts;
-use crate::curriculum::Move;
 use crate::ids::RunId;
 use crate::store::brackets::{self, StoredFlown};
 use crate::store::episodes::{self, Before, EpisodeRow, StoredLog};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::sums::{self, Sums};
-use crate::store::{self, critiques, folds, runs, to_json};
+use crate::store::{self, critiques, folds, runs, to_json, versions};
 
 /// Takes audited results.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ pub struct Report {
 }
 
 impl Change for Report {
-    type Answer = (Vec<Receipt>, Vec<Move>);
+    type Answer = (Vec<Receipt>, Ended);
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
@@ -48,9 +48,9 @@ impl Change for Report {
         for result in self.results {
             receipts.push(books.enter(work, self.policy_version, result).await?);
         }
-        let moves = books.close(work, self.run.as_str()).await?;
+        let ended = books.close(work, self.run.as_str()).await?;
         receipts.iter().for_each(|receipt| counts::result(receipt.status, receipt.code));
-        Ok((receipts, moves))
+        Ok((receipts, ended))
     }
 }
 
@@ -68,6 +68,7 @@ struct Books {
     known: BTreeMap<(i64, i64), GroupRow>,
     groups: BTreeMap<(i64, i64), GroupRow>,
     sums: BTreeMap<sums::Key, Sums>,
+    versions: versions::Fared,
     /// Indices of episodes that the critique has to look at, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
@@ -236,6 +237,10 @@ impl Books {
         let (key, evidence) = (sums::Key::of(group), group.evidence != 0);
         // An evaluation moves nothing, plain sums included.
         if counts {
+            if row.state == "finished" {
+                let fared = self.versions.entry((row.policy_version, key.task.clone())).or_default();
+                *fared = (fared.0 + 1, fared.1 + sums.successes, fared.2 + sums.score);
+            }
             self.newest_policy = newest;
             if row.state == "finished" {
                 self.to_criticise.entry((lease.id, key.task.clone())).or_default().push(row.number);
@@ -250,10 +255,11 @@ impl Books {
     }
 
     /// Writes groups and sums, closes groups that are whole and leases that are done.
-    async fn close(self, work: &mut Work, run: &str) -> Result<Vec<Move>, TrainingError> {
-        let mut moves = Vec::new();
+    async fn close(self, work: &mut Work, run: &str) -> Result<Ended, TrainingError> {
+        let mut ended = Ended::default();
         episodes::insert(&mut work.conn, &self.fresh).await?;
         sums::add(&mut work.conn, run, &self.sums).await?;
+        versions::add(&mut work.conn, run, &self.versions, work.now).await?;
         let jobs = self.to_criticise.iter().flat_map(|((lease, task), numbers)| {
             numbers.chunks(JOB).map(move |numbers| (task.as_str(), *lease, numbers))
         });
@@ -277,12 +283,12 @@ impl Books {
             let whole =
                 |group: &GroupRow| !lease.is_columns() && group.finished + group.failed >= lease.group_size;
             let (whole, open): (Vec<_>, Vec<_>) = groups.into_iter().partition(whole);
-            moves.extend(update_and_close(work, lease, (open, whole)).await?);
+            ended.add(update_and_close(work, lease, (open, whole)).await?);
         }
         for lease in self.leases.values().filter(|lease| lease.is_columns() && lease.status == "active") {
             match self.refuted.get(&lease.id) {
                 Some(why) => columns::refuse(work, lease, why).await?,
-                None => moves.extend(columns::settle(work, lease).await?),
+                None => ended.add(columns::settle(work, lease).await?),
             }
         }
         for lease in self.leases.values().filter(|lease| !lease.is_columns()) {
@@ -290,7 +296,7 @@ impl Books {
                 work.tell(&lease.run, &Happening::lease(lease, "done"))?;
             }
         }
-        Ok(moves)
+        Ok(ended)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{COLUMNS, GROUPS, LeaseRow};
 use crate::store::progress::{self, Stretch};
 use crate::store::retention::{self, Proposed};
-use crate::store::{StoreError, columns, curriculum, from_json, sweep, unsigned};
+use crate::store::{StoreError, columns, curriculum, from_json, signed, sweep, unsigned};
 
 /// Episodes folded in one change: what waits behind it waits a few milliseconds.
 const EPISODES: i64 = 96;
@@ -312,8 +312,10 @@ impl Change for Sweep {
     const BULK: bool = true;
 
     async fn apply(self, work: &mut Work) -> Result<bool, TrainingError> {
-        let conn = &mut work.conn;
-        let gone = sweep::delete_proposals(conn, &self.run, self.before, SWEPT).await?;
+        let (mind, conn) = work.mind(&self.run).await?;
+        // What the curriculum may want again stays.
+        let held: Vec<i64> = mind.curriculum.held().into_iter().map(signed).collect();
+        let gone = sweep::delete_proposals(conn, &self.run, self.before, (&held, SWEPT)).await?;
         let more = gone.len() as i64 == SWEPT;
         let scenarios: Vec<Vec<u8>> = gone.into_iter().flatten().collect();
         sweep::delete_scenarios(conn, &scenarios).await?;

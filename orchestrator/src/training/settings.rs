@@ -4,18 +4,19 @@ use std::collections::BTreeMap;
 
 use env_core::SuccessRule;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::TrainingError;
 use super::design::{DesignSettings, DesignWish};
-use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan};
+use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
 use crate::judging::Judge;
 
 /// Most episodes of a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;
 /// Groups of a lease of columns that are audited where a run does not say, and at most.
 const AUDIT_GROUPS: u32 = 64;
-const MAX_AUDIT_GROUPS: u32 = 1024;
+pub(super) const MAX_AUDIT_GROUPS: u32 = 1024;
 
 const fn audit_groups() -> u32 {
     AUDIT_GROUPS
@@ -184,6 +185,9 @@ pub struct RunWish {
     /// How proposals are chosen (ladder).
     #[schema(value_type = Option<String>, example = "ladder")]
     pub strategy: Option<StrategyKind>,
+    /// The strategy's own settings, by name; those left out are at their defaults. `GET /v1/strategies` lists them.
+    #[schema(schema_with = super::setting_form::settings)]
+    pub strategy_settings: BTreeMap<String, Value>,
     /// What the ladder climbs by: `mastery`, or `half` (the default when group_size > 1).
     #[schema(value_type = Option<String>, example = "mastery")]
     pub target: Option<Target>,
@@ -282,8 +286,10 @@ impl RunSettings {
                 "it is none of the run's tasks",
             ));
         }
+        let strategy = wish.strategy.unwrap_or(StrategyKind::Ladder);
         let curriculum = Settings {
-            strategy: wish.strategy.unwrap_or(StrategyKind::Ladder),
+            strategy,
+            tuning: Tuning::read(strategy, &wish.strategy_settings)?,
             target: wish.target.unwrap_or_else(|| Target::default_for(group_size)),
             placement: wish.placement.unwrap_or(true),
             contested_share: wish.contested_share.unwrap_or(0.5),
@@ -329,7 +335,7 @@ impl RunSettings {
     }
 }
 
-fn specialise(
+pub(super) fn specialise(
     mut plan: TaskPlan,
     special: &TaskWish,
     thresholds: &mut BTreeMap<String, f64>,

@@ -3,6 +3,7 @@
 use super::{Change, RunSettings, TrainingError, Work};
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
+use crate::store::closings::{self, GroupSums};
 use crate::store::columns::{self, ClaimedSums};
 use crate::store::pulse;
 use crate::store::sums::{self, Sums};
@@ -31,6 +32,8 @@ pub struct Standing {
     pub designed: Vec<(String, Sums)>,
     /// Plain sums of what was claimed in columns, per task.
     pub claimed: Vec<(String, ClaimedSums)>,
+    /// How groups of several episodes ended, per task and level.
+    pub groups: Vec<GroupSums>,
     /// Events so far.
     pub next_seq: u64,
 }
@@ -48,6 +51,7 @@ impl Change for Look {
             sums: sums::of_run(conn, self.run.as_str(), false).await?,
             designed: sums::of_run(conn, self.run.as_str(), true).await?,
             claimed: columns::sums(conn, self.run.as_str()).await?,
+            groups: closings::of_run(conn, self.run.as_str()).await?,
             next_seq: mind.curriculum.next_seq(),
         })
     }

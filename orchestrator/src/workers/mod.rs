@@ -3,6 +3,7 @@
 pub mod clock;
 pub mod critique;
 pub mod design;
+pub mod evaluate;
 pub mod expire;
 pub mod fold;
 pub mod passes;

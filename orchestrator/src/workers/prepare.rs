@@ -6,16 +6,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use env_core::SeedSpace;
-use sqlx::SqlitePool;
+use sqlx::{SqliteConnection, SqlitePool};
 use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinSet;
 
 use crate::counts;
 use crate::curriculum::Proposal;
-use crate::store::proposals::{Waiting, unprepared};
-use crate::store::{StoreError, from_json, unsigned};
-use crate::training::prepare::{Hopeless, Prepared, StorePrepared, prepare};
-use crate::training::{TrainingError, Writer};
+use crate::store::proposals::{self, Waiting, unprepared};
+use crate::store::{from_json, runs, signed, unsigned};
+use crate::training::prepare::{Hopeless, Origin, Place, Prepared, StorePrepared, prepare};
+use crate::training::sets::Sets;
+use crate::training::{RunSettings, TrainingError, Writer};
 
 /// Proposals that are prepared at once, of all runs together. More than there are cores: a scenario that takes seconds must
 /// not keep those that take milliseconds waiting, and the system shares the cores out among them.
@@ -132,19 +133,25 @@ impl Preparer {
         if begun.jobs.len() >= AT_ONCE {
             return Ok(());
         }
-        let waiting = {
-            let mut conn = self.readers.acquire().await?;
-            unprepared(&mut conn, LOOK).await?
-        };
+        let mut conn = self.readers.acquire().await?;
+        let waiting = unprepared(&mut conn, LOOK).await?;
         let most = begun.share(&waiting);
         for waiting in waiting {
             if begun.takes(&waiting, most) {
                 begun.of.entry(waiting.run.clone()).or_default().insert(waiting.seq);
+                let read = read(&mut conn, &waiting).await.inspect_err(|error| {
+                    let (run, seq) = (&waiting.run, waiting.seq);
+                    tracing::warn!(run, seq, error = %error, "A proposal cannot be read and is dropped.");
+                });
+                let Ok((proposal, origin)) = read else {
+                    begun.jobs.spawn(async move { Some((waiting.run, waiting.seq, None)) });
+                    continue;
+                };
                 let (told, done) = oneshot::channel();
                 let hopeless = Arc::clone(&self.hopeless);
                 self.pool.spawn(move || {
                     // Nobody listens any more where the service stops.
-                    let _ = told.send(one(waiting, &hopeless));
+                    let _ = told.send(one(&waiting, &proposal, origin.as_ref(), &hopeless));
                 });
                 begun.jobs.spawn(async { done.await.ok() });
             }
@@ -153,14 +160,47 @@ impl Preparer {
     }
 }
 
+/// A proposal that waits, and what it goes on from.
+async fn read(
+    conn: &mut SqliteConnection,
+    waiting: &Waiting,
+) -> Result<(Proposal, Option<Origin>), TrainingError> {
+    let proposal: Proposal = from_json("a proposal", &waiting.body)?;
+    let origin = match proposal.source.origin() {
+        Some(of) => origin(conn, &waiting.run, of, &proposal).await?,
+        None => None,
+    };
+    Ok((proposal, origin))
+}
+
+/// What an earlier proposal of the run left; none where it is not kept any more.
+async fn origin(
+    conn: &mut SqliteConnection,
+    run: &str,
+    of: u64,
+    proposal: &Proposal,
+) -> Result<Option<Origin>, TrainingError> {
+    let Some((id, contested)) = proposals::scenario_of(conn, run, signed(of)).await? else { return Ok(None) };
+    let row = runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
+    let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+    let sets = Sets::of(conn, &[&id]).await?;
+    let (scenario, bracket) = sets.get(&id, false)?;
+    let levels = settings.curriculum.task(&proposal.task).map(|plan| plan.levels.clone());
+    Ok(bracket.zip(levels).map(|(bracket, levels)| Origin {
+        scenario: scenario.clone(),
+        bracket: bracket.clone(),
+        contested,
+        levels,
+    }))
+}
+
 /// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
-fn one(waiting: Waiting, hopeless: &Hopeless) -> Done {
+fn one(waiting: &Waiting, proposal: &Proposal, origin: Option<&Origin>, hopeless: &Hopeless) -> Done {
     let _busy = counts::Busy::with("prepare");
-    let Waiting { run, run_seed, seq, body } = waiting;
+    let (run, seq) = (&waiting.run, waiting.seq);
     let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
-        let proposal: Proposal = from_json("a proposal", &body)?;
-        prepare(SeedSpace::Training, unsigned(run_seed), unsigned(seq), &proposal, hopeless)
-            .map_err(StoreError::from)
+        let (run_seed, seq) = (unsigned(waiting.run_seed), unsigned(seq));
+        prepare(Place { space: SeedSpace::Training, run_seed, seq }, proposal, origin, hopeless)
     }));
     let prepared = match prepared {
         Ok(Ok(prepared)) => Some(prepared),
@@ -173,5 +213,5 @@ fn one(waiting: Waiting, hopeless: &Hopeless) -> Done {
             None
         }
     };
-    (run, seq, prepared)
+    (run.clone(), seq, prepared)
 }

@@ -14,7 +14,7 @@ use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, id, next, reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::ids::{EpisodeId, LayoutId, LeaseId};
+use crate::ids::{EpisodeId, EvaluationId, LayoutId, LeaseId};
 use crate::service::App;
 use crate::store::columns::RangeRow;
 use crate::store::groups::{self, GroupRow};
@@ -47,6 +47,13 @@ pub(super) struct LeaseWish {
     /// second: ranges of seeds, as they come, without brackets; results are columns, of which some groups are audited.
     #[serde(default)]
     form: Form,
+    /// Whether groups whose episodes all have the same score are replaced, up to as many as were asked for (false). The answer to
+    /// their results names the groups that came in their place.
+    #[serde(default)]
+    refill: bool,
+    /// With `purpose: eval`: the evaluation whose scenarios are wanted, of those that nobody flies. As many groups are answered as there
+    /// are, at most as many as were asked for.
+    evaluation: Option<String>,
 }
 
 /// How a lease's episodes are named and reported.
@@ -130,8 +137,10 @@ struct Group {
     task: String,
     /// The level.
     level: Option<i64>,
-    /// `placement`, `frontier`, `rehearsal`, `sample` or `designed`.
+    /// `placement`, `frontier`, `rehearsal`, `sample`, `explore`, `replay`, `edit`, `boundary`, `designed` or `suite`.
     role: String,
+    /// Whether to learn from it: some curricula only want to know how it goes.
+    train: bool,
     /// The layout's id, where it was designed.
     layout: Option<String>,
     /// Whether acting well matters on this scenario.
@@ -208,9 +217,22 @@ pub(super) async fn take(
     Path(run): Path<String>,
     Json(wish): Json<LeaseWish>,
 ) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
-    let LeaseWish { groups, group_size, policy_version, ttl_s, purpose, form } = wish;
+    let LeaseWish { groups, group_size, policy_version, ttl_s, purpose, form, refill, evaluation } = wish;
     let (run, owner) = (run_id(&run)?, caller.owns(app.each.leases));
-    let wish = TakeLease { run: run.clone(), groups, group_size, policy_version, ttl_s, purpose, owner };
+    let evaluation = evaluation.map(|text| text.parse::<EvaluationId>()).transpose();
+    let evaluation =
+        evaluation.map_err(|error| Problem::invalid("evaluation", error.to_string()))?.map(|id| id.0);
+    let wish = TakeLease {
+        run: run.clone(),
+        groups,
+        group_size,
+        policy_version,
+        ttl_s,
+        purpose,
+        owner,
+        refill,
+        evaluation,
+    };
     let Granted { row, groups, sets } = match form {
         Form::Groups => app.desk.lease(wish).await?,
         Form::Columns => app.writer.change(TakeColumns(wish)).await?,
@@ -403,6 +425,7 @@ fn view(
         task: group.task,
         level: group.level,
         role: group.role,
+        train: group.train != 0,
         layout: group.layout.map(|id| LayoutId(id).to_string()),
         state: group.state,
     }

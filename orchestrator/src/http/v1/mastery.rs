@@ -13,6 +13,7 @@ use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::service::App;
+use crate::store::closings::GroupSums;
 use crate::store::columns::ClaimedSums;
 use crate::store::progress::{self, Stretch};
 use crate::store::sums::Sums;
@@ -55,6 +56,8 @@ struct TaskMastery {
     designed: Plain,
     /// What was claimed in columns: statistics, but for the groups that were audited, which count above.
     claimed: ClaimedView,
+    /// How groups of several episodes ended; all zeros where groups have one.
+    groups: Groups,
     /// How full the current block is, what it takes to move.
     #[schema(value_type = Object)]
     status: TaskStatus,
@@ -89,6 +92,37 @@ impl Posterior {
     /// Before any evidence: Beta(1, 1), uniform.
     const fn unseen(level: u32) -> Self {
         Self { level: Some(level), n: 0, mean: 0.5, q10: 0.1, q90: 0.9, seen: 0 }
+    }
+}
+
+/// How groups of several episodes ended, at all levels together.
+#[derive(Default, Serialize, ToSchema)]
+struct Groups {
+    /// All of their episodes finished.
+    complete: i64,
+    /// `min_group` or more of them finished.
+    partial: i64,
+    /// Fewer finished.
+    lost: i64,
+    /// Of the complete and partial ones, those whose episodes all have the same score: there is nothing to learn from their
+    /// differences.
+    zero_variance: i64,
+    /// zero_variance / (complete + partial).
+    zero_variance_share: Option<f64>,
+}
+
+impl Groups {
+    fn of<'a>(sums: impl Iterator<Item = &'a GroupSums>) -> Self {
+        let mut groups = sums.fold(Self::default(), |all, sums| Self {
+            complete: all.complete + sums.complete,
+            partial: all.partial + sums.partial,
+            lost: all.lost + sums.lost,
+            zero_variance: all.zero_variance + sums.flat,
+            zero_variance_share: None,
+        });
+        let counted = groups.complete + groups.partial;
+        groups.zero_variance_share = (counted > 0).then(|| groups.zero_variance as f64 / counted as f64);
+        groups
     }
 }
 
@@ -166,7 +200,7 @@ pub(super) async fn show(
     Path(run): Path<String>,
 ) -> Result<axum::Json<Masteries>, Problem> {
     let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
-    let Standing { status, mastery, explanation, sums, designed, claimed, .. } = standing;
+    let Standing { status, mastery, explanation, sums, designed, claimed, groups, .. } = standing;
     let tasks = status
         .into_iter()
         .map(|status| {
@@ -191,6 +225,7 @@ pub(super) async fn show(
                     let sums = claimed.iter().find(|(task, _)| *task == status.task);
                     ClaimedView::of(sums.map_or(&ClaimedSums::default(), |(_, sums)| sums))
                 },
+                groups: Groups::of(groups.iter().filter(|sums| sums.task == status.task)),
                 warnings: status.warnings.clone(),
                 task: status.task.clone(),
                 status,

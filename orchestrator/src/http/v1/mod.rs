@@ -6,6 +6,7 @@ mod critique;
 mod designs;
 mod episode_list;
 mod episodes;
+mod evaluations;
 mod events;
 mod failure_list;
 mod failures;
@@ -15,11 +16,14 @@ mod mastery;
 mod policy;
 mod results;
 mod retention;
+mod run_change;
 mod runs;
 mod scenarios;
 mod sessions;
+mod strategies;
 mod tasks;
 mod trajectories;
+mod versions;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -31,11 +35,13 @@ use crate::service::App;
 pub(super) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(runs::create, runs::list))
-        .routes(routes!(runs::show))
+        .routes(routes!(runs::show, run_change::change))
         .routes(routes!(runs::pause))
         .routes(routes!(runs::resume))
         .routes(routes!(runs::set_newest))
         .routes(routes!(retention::put))
+        .routes(routes!(versions::list))
+        .routes(routes!(versions::put))
         .routes(routes!(leases::take, leases::list))
         .routes(routes!(leases::show))
         .routes(routes!(leases::renew))
@@ -68,6 +74,10 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(trajectories::pull::pull))
         .routes(routes!(trajectories::ack::ack))
         .routes(routes!(tasks::list))
+        .routes(routes!(strategies::list))
+        .routes(routes!(evaluations::list::list, evaluations::begin::begin))
+        .routes(routes!(evaluations::compare::compare))
+        .routes(routes!(evaluations::show::show))
         .routes(routes!(audit::list))
 }
 

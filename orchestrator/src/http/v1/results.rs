@@ -16,6 +16,7 @@ use crate::reading;
 use crate::service::App;
 use crate::store::to_json;
 use crate::training::audit::{Claim, Claimed};
+use crate::training::ended::{Ended, GroupEnd, Refill};
 use crate::training::receipt::Receipt;
 
 /// Most results of a batch.
@@ -133,6 +134,12 @@ struct Metrics {
     /// Answers that were no action.
     #[serde(skip_serializing_if = "Option::is_none")]
     invalid_actions: Option<u64>,
+    /// Mean positive value loss over its steps: what `plr` and its kin go by under `score: positive_value_loss`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    positive_value_loss: Option<f64>,
+    /// Its MaxMC regret: the same under `score: max_mc`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_mc: Option<f64>,
 }
 
 /// What became of a batch.
@@ -143,6 +150,10 @@ pub(super) struct Receipts {
     /// Level moves that these results caused.
     #[schema(value_type = Vec<Object>)]
     moves: Vec<Move>,
+    /// Groups that these results closed.
+    groups: Vec<GroupEnd>,
+    /// Groups that leases were given in place of those whose episodes all have the same score (`refill`).
+    refills: Vec<Refill>,
 }
 
 /// Report results. Idempotent: what was reported before is answered as before and counts once. Each result gets its own
@@ -166,8 +177,9 @@ pub(super) async fn report(
     let run = run_id(&run)?;
     let (body, _room) = app.room.body(request).await?;
     let (policy_version, claims) = aside(move || claims(body)).await?;
-    let (results, moves) = app.desk.report(run, policy_version, claims).await?;
-    Ok(axum::Json(Receipts { results, moves }))
+    let (results, ended) = app.desk.report(run, policy_version, claims).await?;
+    let Ended { moves, groups, refills } = ended;
+    Ok(axum::Json(Receipts { results, moves, groups, refills }))
 }
 
 /// What a body claims, and the policy version it names.

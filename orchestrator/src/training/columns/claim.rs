@@ -317,6 +317,7 @@ async fn audit(
         failed: lease.group_size - pick.scores.len() as i64,
         successes: 0,
         evidence: i64::from(evidence),
+        train: 1,
     };
     groups::insert(conn, lease.id, &picks.iter().map(group).collect::<Vec<_>>()).await?;
     let scores = picks.iter().flat_map(|pick| &pick.scores).map(|(index, score)| (*index, f64::from(*score)));

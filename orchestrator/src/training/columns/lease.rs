@@ -31,6 +31,20 @@ impl TakeColumns {
             let why = "evaluations are flown on groups, every one of them replayed; leave form out";
             return Err(TrainingError::invalid("form", why));
         }
+        if wish.evaluation.is_some() {
+            return Err(TrainingError::invalid("evaluation", "suites are flown on groups; leave form out"));
+        }
+        if wish.refill {
+            let why = "what comes in columns is not told apart group by group; leave it out";
+            return Err(TrainingError::invalid("refill", why));
+        }
+        let strategy = mind.settings.curriculum.strategy;
+        if strategy.returns() {
+            let why = format!(
+                "{strategy} faces single scenarios again, and columns are ranges of seeds; leave form out"
+            );
+            return Err(TrainingError::invalid("form", why));
+        }
         let group_size = wish.group_size.unwrap_or(mind.settings.group_size);
         within("groups", wish.groups, 1, MAX_GROUPS)?;
         within("group_size", group_size, 1, MAX_GROUP_SIZE)?;

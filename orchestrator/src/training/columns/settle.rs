@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use super::claim::episodes;
 use super::{Columns, MOST_SCORE_GAP};
-use crate::curriculum::Move;
 use crate::store::columns::{self, ClaimRow, ClaimedSums, RangeRow};
 use crate::store::episodes::{EpisodeRow, Fared};
 use crate::store::groups::{self, GroupRow};
@@ -14,6 +13,7 @@ use crate::store::sums::{self, Sums};
 use crate::store::{self, critiques, marks, runs};
 use crate::training::close::close_groups;
 use crate::training::criticise::JOB;
+use crate::training::ended::Ended;
 use crate::training::{Happening, TrainingError, Work};
 
 /// What columns come to, range by range: finished, failed, and the sum of the scores of those that finished.
@@ -85,15 +85,12 @@ pub(in crate::training) fn check(claimed: Option<f64>, group: &GroupRow, row: &E
 
 /// Ends a claim whose audited groups are all in: refused where a log says otherwise, else accepted and counted. Nothing
 /// happens while logs are still due.
-pub(in crate::training) async fn settle(
-    work: &mut Work,
-    lease: &LeaseRow,
-) -> Result<Vec<Move>, TrainingError> {
-    let Some(claim) = columns::claim(&mut work.conn, lease.id).await? else { return Ok(Vec::new()) };
+pub(in crate::training) async fn settle(work: &mut Work, lease: &LeaseRow) -> Result<Ended, TrainingError> {
+    let Some(claim) = columns::claim(&mut work.conn, lease.id).await? else { return Ok(Ended::default()) };
     let mut groups = groups::of_lease(&mut work.conn, lease.id).await?;
     if claim.state != "claimed" || groups.iter().any(|group| group.finished + group.failed < lease.group_size)
     {
-        return Ok(Vec::new());
+        return Ok(Ended::default());
     }
     let (mind, conn) = work.mind(&lease.run).await?;
     let newest = mind.policy_version.max(claim.policy_version);

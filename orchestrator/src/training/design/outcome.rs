@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::life::{Life, Standing};
 use super::serve::at_frontier;
-use crate::curriculum::{GroupOutcome, Move, Role};
+use crate::curriculum::{GroupOutcome, Move, Role, Signals, Source};
 use crate::store::episodes::Fared;
 use crate::store::groups::GroupRow;
 use crate::store::layouts::{self, Flown, LayoutRow, Turn};
@@ -59,6 +59,9 @@ pub(in crate::training) async fn take(
         evidence: !stale,
         mean_score: mean(fared.iter().map(|f| f.score)).unwrap_or(0.0),
         mean_skill: mean(fared.iter().filter_map(|f| f.skill)),
+        source: Source::Fresh,
+        params: Vec::new(),
+        signals: Signals::default(),
     };
     observe(work, &lease.run, outcome).await
 }

@@ -135,7 +135,8 @@ impl Ground {
         outcomes.iter().enumerate().map(claim).collect()
     }
 
-    /// What is told of the group; none where too few of its episodes were flown to count.
+    /// What is told of the group; none where too few of its episodes were flown to count, where it is not to be learnt from, and where
+    /// there is nothing to learn from it and the run wants only others.
     ///
     /// # Errors
     /// An episode that does not replay.
@@ -147,7 +148,7 @@ impl Ground {
     ) -> Result<Option<TrajectoryGroup>, TrainingError> {
         let failed = outcomes.iter().filter(|outcome| outcome.flight.is_err()).count();
         let flown = outcomes.len() - failed;
-        if flown == 0 || flown < self.enough {
+        if flown == 0 || flown < self.enough || self.group.train == 0 {
             return Ok(None);
         }
         let chat = outcomes.iter().any(|outcome| outcome.metrics.is_some());
@@ -171,6 +172,10 @@ impl Ground {
                 steps: flight.steps,
                 last_observation: flight.last,
             });
+        }
+        let flat = episodes.windows(2).all(|two| two[0].score.total_cmp(&two[1].score).is_eq());
+        if self.settings.refill && flat && episodes.len() > 1 {
+            return Ok(None);
         }
         let mut told = self.head(failed, episodes, chat);
         if room.lacks_observations() {

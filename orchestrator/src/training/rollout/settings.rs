@@ -60,6 +60,8 @@ pub struct PolicyWish {
     pub observations: Option<Observations>,
     /// Groups that may wait in the feed unacknowledged, 1 to 4 096 (32). Nothing is flown beyond.
     pub ahead: Option<u32>,
+    /// Whether groups whose episodes all have the same score are kept out of the feed, and others flown in their place (false).
+    pub refill: Option<bool>,
 }
 
 /// The same, complete, as stored.
@@ -75,6 +77,9 @@ pub struct PolicySettings {
     pub observations: Observations,
     /// Groups that may wait in the feed unacknowledged.
     pub ahead: u32,
+    /// Whether groups whose episodes all have the same score are kept out of the feed.
+    #[serde(default)]
+    pub refill: bool,
 }
 
 impl Default for PolicySettings {
@@ -85,6 +90,7 @@ impl Default for PolicySettings {
             max_tokens: None,
             observations: Observations::default(),
             ahead: AHEAD,
+            refill: false,
         }
     }
 }
@@ -113,6 +119,7 @@ impl PolicySettings {
             max_tokens: wish.max_tokens,
             observations: wish.observations.unwrap_or_default(),
             ahead: wish.ahead.unwrap_or(usual.ahead),
+            refill: wish.refill.unwrap_or(usual.refill),
         };
         within("history", settings.history, 0, 64)?;
         within("ahead", settings.ahead, 1, 4096)?;

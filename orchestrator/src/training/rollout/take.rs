@@ -36,6 +36,8 @@ impl Change for TakeGroup {
             ttl_s: TTL_S,
             purpose: Purpose::Train,
             owner: None,
+            refill: false,
+            evaluation: None,
         };
         let Some(Granted { row, .. }) = wish.apply(work).await? else { return Ok(None) };
         policies::hold(&mut work.conn, row.id).await?;

@@ -2,15 +2,20 @@
 //! come by itself. A pure function of (run seed, seq, proposal), so that it does not matter who computes it, when,
 //! or how often.
 
+mod choice;
+mod origin;
+
 use env_core::bracket::{self, Bracket};
 use env_core::{Recipe, RecipeId, Scenario, ScenarioError, Seed, SeedSpace};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use sqlx::SqliteConnection;
 
-use super::{Change, TrainingError, Work};
-use crate::curriculum::Proposal;
+use self::choice::Choice;
+pub use self::origin::Origin;
+use super::{Change, TrainingError, Work, refill};
+use crate::curriculum::{Proposal, Source};
 use crate::store::proposals::PreparedRow;
 use crate::store::{self, StoreError};
 
@@ -94,20 +99,68 @@ pub fn recipe_of(proposal: &Proposal) -> Result<Recipe, ScenarioError> {
     Recipe::with_params(task, params)?.with_options(options)
 }
 
-/// Prepares a proposal.
+/// Where a proposal's draws come from.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// Whose seeds.
+    pub space: SeedSpace,
+    /// The run's seed.
+    pub run_seed: u64,
+    /// The proposal's seq.
+    pub seq: u64,
+}
+
+impl Place {
+    /// The seed of a draw.
+    fn seed(self, draw: u64) -> Seed {
+        seed_of(self.space, self.run_seed, self.seq, draw)
+    }
+}
+
+/// Why a proposal has no scenario.
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    /// Its params cannot be, or no fair start exists under them.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// It goes on from a scenario that is not there.
+    #[error("the scenario of proposal {0}, which it goes on from, is not kept any more")]
+    Gone(u64),
+    /// None of the edits that were tried is fair and can be solved.
+    #[error("none of {0} edits of the scenario of proposal {1} is fair and can be solved")]
+    NoEdit(u64, u64),
+}
+
+/// Prepares a proposal. One that goes on from an earlier one needs what that left.
 ///
 /// # Errors
-/// Params for which no fair start exists.
+/// Params for which no fair start exists, or nothing to go on from.
 pub fn prepare(
-    space: SeedSpace,
-    run_seed: u64,
-    seq: u64,
+    place: Place,
+    proposal: &Proposal,
+    origin: Option<&Origin>,
+    hopeless: &Hopeless,
+) -> Result<Prepared, PrepareError> {
+    match proposal.source {
+        Source::Fresh => Ok(draw(place, proposal, hopeless, None)?),
+        Source::Chosen { among, base, panel } => {
+            Ok(draw(place, proposal, hopeless, Some(Choice::new(among, base, panel)))?)
+        }
+        Source::Again { of } => origin.map(Origin::again).ok_or(PrepareError::Gone(of)),
+        Source::Edited { of } => origin.ok_or(PrepareError::Gone(of))?.edited(place, proposal, of),
+    }
+}
+
+/// Draws until a scenario is what was asked for, or as many are there as are to be chosen from; plants a threat where none comes.
+fn draw(
+    place: Place,
     proposal: &Proposal,
     hopeless: &Hopeless,
+    mut choice: Option<Choice>,
 ) -> Result<Prepared, ScenarioError> {
     let recipe = Arc::new(recipe_of(proposal)?);
     let task = recipe.task();
-    let draw = |number| Scenario::new(Arc::clone(&recipe), seed_of(space, run_seed, seq, number));
+    let draw = |number| Scenario::new(Arc::clone(&recipe), place.seed(number));
     let wants_contested = proposal.contested && !hopeless.are(&recipe);
     let draws = if wants_contested { CONTESTED_DRAWS } else { FAIR_DRAWS };
     let mut last = None;
@@ -119,13 +172,24 @@ pub fn prepare(
             (Ok(()), Some(bracket)) => {
                 let contested = admission.contested;
                 let prepared = Prepared { scenario, bracket, contested, planted: false };
-                if contested || !wants_contested {
-                    return Ok(prepared);
+                if !contested && wants_contested {
+                    last = Some(prepared);
+                    continue;
                 }
-                last = Some(prepared);
+                match &mut choice {
+                    None => return Ok(prepared),
+                    Some(choice) => {
+                        if choice.take(prepared) {
+                            break;
+                        }
+                    }
+                }
             }
             (fair, _) => unfair = fair.err(),
         }
+    }
+    if let Some(best) = choice.and_then(Choice::best) {
+        return Ok(best);
     }
     for number in 0..PLANT_DRAWS {
         let bare = draw(draws + number);
@@ -181,6 +245,11 @@ impl Change for StorePrepared {
         store::proposals::prepared(&mut work.conn, &rows.collect::<Vec<_>>()).await?;
         for (run, seq) in &self.hopeless {
             store::proposals::discard(&mut work.conn, run, &[*seq]).await?;
+        }
+        // Whoever was promised a scenario has it now.
+        let runs: BTreeSet<&String> = self.prepared.iter().map(|(run, ..)| run).collect();
+        for run in runs {
+            refill::give(work, run).await?;
         }
         Ok(())
     }

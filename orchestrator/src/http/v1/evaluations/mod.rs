@@ -1,0 +1,7 @@
+//! Evaluations on frozen suites.
+
+pub(super) mod begin;
+pub(super) mod compare;
+pub(super) mod list;
+pub(super) mod show;
+mod view;

@@ -1,0 +1,133 @@
+//! What evaluations found, and how they compare.
+
+use sqlx::SqliteConnection;
+
+use crate::evaluation::report::Terms;
+use crate::evaluation::seeds::{AcrossSeeds, across};
+use crate::evaluation::suite::file::{self, BuiltIn};
+use crate::evaluation::{Flown, Report};
+use crate::store::evaluations::{self, EvaluationRow};
+use crate::store::{StoreError, from_json, small, unsigned};
+use crate::training::TrainingError;
+
+/// Evaluations on one side of a comparison at most.
+pub const MOST: usize = 100;
+
+/// A complete evaluation.
+#[derive(Debug)]
+pub struct Found {
+    /// What it is.
+    pub row: EvaluationRow,
+    /// What was flown.
+    pub flown: Flown,
+}
+
+/// Why there is nothing to say of an evaluation.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// There is none.
+    #[error("there is no evaluation eval-{0}")]
+    Unknown(i64),
+    /// It is not complete.
+    #[error("eval-{id} is not complete: {flown} of its {scenarios} scenarios are flown")]
+    Unfinished {
+        /// Which.
+        id: i64,
+        /// Scenarios that are flown.
+        flown: i64,
+        /// Scenarios.
+        scenarios: i64,
+    },
+    /// They are of different suites.
+    #[error("eval-{0} and eval-{1} are of different suites: nothing of them compares")]
+    OtherSuite(i64, i64),
+    /// The database's.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl From<ReadError> for TrainingError {
+    fn from(error: ReadError) -> Self {
+        match error {
+            ReadError::Store(error) => error.into(),
+            ReadError::Unknown(id) => Self::UnknownEvaluation(id),
+            other => Self::invalid("evaluation", other.to_string()),
+        }
+    }
+}
+
+/// Reads a complete evaluation.
+///
+/// # Errors
+/// One that there is not, or that is not complete.
+pub async fn read(conn: &mut SqliteConnection, id: i64) -> Result<Found, ReadError> {
+    let row = evaluations::get(conn, id).await?.ok_or(ReadError::Unknown(id))?;
+    if row.state != "complete" {
+        return Err(ReadError::Unfinished { id, flown: row.flown, scenarios: row.scenarios });
+    }
+    let mut episodes = Vec::new();
+    for text in evaluations::episodes(conn, id).await? {
+        episodes.push(from_json("an evaluation", &text.unwrap_or_else(|| "[]".to_owned()))?);
+    }
+    let flown = Flown { policy: row.name.clone(), chance: row.chance != 0, episodes };
+    Ok(Found { row, flown })
+}
+
+/// The suite of an evaluation, as it is now.
+///
+/// # Errors
+/// Another suite by that name.
+pub fn suite_of(row: &EvaluationRow) -> Result<&'static BuiltIn, StoreError> {
+    let known = file::built_in(&row.suite).filter(|known| known.hash == row.suite_hash);
+    known.ok_or_else(|| StoreError::unreadable("an evaluation", "its suite is not the one it was flown on"))
+}
+
+/// The numbers of one.
+///
+/// # Errors
+/// Another suite by that name.
+pub fn report(found: &Found) -> Result<Report, StoreError> {
+    let BuiltIn { suite, hash } = suite_of(&found.row)?;
+    let terms = Terms { seed: unsigned(found.row.seed), rollouts: small(found.row.rollouts), against: None };
+    let flown = [found.flown.clone(), Flown::blind_panel(suite)];
+    Ok(Report::new(suite, hash.clone(), &terms, &flown))
+}
+
+/// Two sides compared.
+#[derive(Debug)]
+pub struct Sides {
+    /// Each policy's part of the report: what both did, and the one against the other, trainings of a side taken together.
+    pub report: Report,
+    /// The first across its trainings.
+    pub one: AcrossSeeds,
+    /// The other.
+    pub other: AcrossSeeds,
+}
+
+/// Compares one side with the other, scenario by scenario.
+///
+/// # Errors
+/// Evaluations of different suites.
+pub fn compare(one: &[Found], other: &[Found]) -> Result<Sides, ReadError> {
+    let first = &one[0].row;
+    if let Some(stranger) = one.iter().chain(other).find(|found| found.row.suite_hash != first.suite_hash) {
+        return Err(ReadError::OtherSuite(first.id, stranger.row.id));
+    }
+    let BuiltIn { suite, hash } = suite_of(first)?;
+    let terms = Terms { seed: 0, rollouts: small(first.rollouts), against: Some("b".to_owned()) };
+    let flown = [together("a", one), together("b", other)];
+    let of = |side: &[Found]| across(&side.iter().map(|found| &found.flown).collect::<Vec<_>>(), 0);
+    Ok(Sides { report: Report::new(suite, hash.clone(), &terms, &flown), one: of(one), other: of(other) })
+}
+
+/// The episodes of several trainings on each scenario.
+fn together(name: &str, side: &[Found]) -> Flown {
+    let scenarios = side.first().map_or(0, |found| found.flown.episodes.len());
+    let of =
+        |at: usize| side.iter().filter_map(|found| found.flown.episodes.get(at)).flatten().copied().collect();
+    Flown {
+        policy: name.to_owned(),
+        chance: side.len() > 1 || side.iter().any(|found| found.flown.chance),
+        episodes: (0..scenarios).map(of).collect(),
+    }
+}
