@@ -119,10 +119,10 @@ def filter_failure(context, failure, case, response):
 
 @schemathesis.hook
 def before_add_examples(context, examples):
-    """What cannot be hit upon: bodies that fit what there is."""
-    for label, path, body in made["examples"]:
+    """What cannot be hit upon: bodies and queries that fit what there is."""
+    for label, path, given in made["examples"]:
         if label == context.operation.label:
-            given = {} if body is None else {"body": body, "media_type": JSON}
+            given = {"query": given} if label.startswith("GET ") else {} if given is None else {"body": given, "media_type": JSON}
             examples.append(context.operation.Case(path_parameters=path, **given))
 
 
@@ -191,6 +191,9 @@ def make(url):
     ask(url, "POST", f"{at}/designs/{designs[0]['id']}/retire")
     flown = ask(url, "GET", at + "/episodes?limit=4")["episodes"]
     ask(url, "POST", "/reset", {"task": "survival", "seed": 7})
+    evaluations = [ask(url, "POST", "/v1/evaluations", {"policy": policy})["id"] for policy in ("hold", "heuristic")]
+    for evaluation in evaluations:
+        until("evaluation", lambda: ask(url, "GET", f"/v1/evaluations/{evaluation}")["state"] == "complete")
     group, left = leases[0]["groups"][1], {"run": "real", "lease": columns[1]["lease"]}
     actions = {"steps": [[[0, 0.1, 0.0]]] + [[]] * 49}
     scenario = {"task": TASK, "seed": 7}
@@ -198,7 +201,9 @@ def make(url):
         "run": ["real"], "ask": [asked["id"]], "lease": [lease["lease"] for lease in leases + columns],
         "episode": reported + group["episodes"] + [episode["episode"] for episode in flown],
         "design": [design["id"] for design in designs[:4]], "layout": [design["id"] for design in designs[:4]],
+        "evaluation": evaluations, "version": [1, 2, 3],
         "examples": [
+            ("GET /v1/evaluations/compare", {}, {"a": evaluations[0], "b": evaluations[1]}),
             ("POST /step", {}, {"burns": []}),
             ("POST /v1/scenarios", {}, {"scenario": scenario}),
             ("POST /v1/scenarios", {}, {"scenario": scenario, "actions": actions, "telemetry": True}),

@@ -200,7 +200,12 @@ impl Api {
 
     /// POST of JSON.
     pub async fn post(&self, path: &str, body: Value) -> Answer {
-        self.raw("POST", path, "application/json", body.to_string()).await
+        self.send("POST", path, body).await
+    }
+
+    /// Sends JSON by any method.
+    pub async fn send(&self, method: &str, path: &str, body: Value) -> Answer {
+        self.raw(method, path, "application/json", body.to_string()).await
     }
 
     /// Takes a lease of `run`.
