@@ -5,6 +5,7 @@ mod bare;
 mod bracket;
 mod columns;
 mod critique;
+mod curriculum;
 mod designer;
 mod engine;
 mod growth;
@@ -30,7 +31,7 @@ struct Args {
     /// database; `survival` kills
     /// servers under trainers and compares what those were told with what there is; `load` has sixty-four trainers for some minutes; `levels` prints what policies win, level by level; `learner`
     /// trains the demo's learner with and without the designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "steps", "results", "columns", "sockets", "stepping", "growth", "survival", "load", "soak", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "survival", "load", "soak", "designer", "learner", "levels"])]
     what: Vec<String>,
     /// How long `soak`, `survival` and `load` last
     #[arg(long, default_value_t = 10)]
@@ -72,10 +73,11 @@ fn main() -> anyhow::Result<()> {
     };
     show(vec![Row { what: "what".into(), measured: "measured".into(), goal: "goal".into(), ratio: None }])?;
     type Measure<'a> = &'a dyn Fn() -> anyhow::Result<Vec<Row>>;
-    let all: [(&str, Measure<'_>); 9] = [
+    let all: [(&str, Measure<'_>); 10] = [
         ("engine", &engine::measure),
         ("bracket", &bracket::measure),
         ("critique", &critique::measure),
+        ("curriculum", &curriculum::measure),
         ("steps", &steps::measure),
         ("results", &results::measure),
         ("columns", &columns::measure),

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, ensure};
 use env_core::bracket::{SuccessRule, success};
 use env_core::rollout::fly;
-use orchestrator::cli::suite::{self, Entry, Part};
+use orchestrator::evaluation::suite::{self, Entry, Part};
 use rayon::prelude::*;
 use serde_json::Value;
 use statrs::distribution::{ContinuousCDF, StudentsT};
