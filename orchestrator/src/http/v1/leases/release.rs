@@ -1,0 +1,29 @@
+//! Releasing a lease.
+
+use axum::extract::State;
+
+use super::super::super::extract::{NoQuery, Path};
+use super::super::super::problem::Problem;
+use super::super::{id, run_id};
+use super::view::LeaseHead;
+use crate::service::App;
+use crate::training::lease::Release;
+
+/// Release a lease: what was not reported is offered again. Releasing what is over changes nothing.
+#[utoipa::path(
+    post, path = "/runs/{run}/leases/{lease}/release", tag = "leases",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses(
+        (status = 200, body = LeaseHead), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
+    )
+)]
+pub(in crate::http::v1) async fn release(
+    _: NoQuery,
+    State(app): State<App>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<LeaseHead>, Problem> {
+    let change = Release { run: run_id(&run)?, lease: id("lease", &lease)? };
+    Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
+}
