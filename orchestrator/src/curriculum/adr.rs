@@ -230,7 +230,7 @@ impl Adr {
         let (scale, bounds) = (Scale::of(plan), self.known(plan));
         let places: Vec<f64> = bounds.iter().map(|bound| bound.place).collect();
         let warnings = bounds.iter().zip(scale.names()).flat_map(|(bound, name)| {
-            loss_warnings(&format!("buffer of {name}"), &bound.discarded, &bound.filling)
+            loss_warnings("buffer", &format!(" of {name} at its bound"), &bound.discarded, &bound.filling)
         });
         TaskStatus {
             discarded: bounds.iter().map(|bound| bound.discarded.count).sum(),

@@ -129,12 +129,12 @@ pub(super) fn verdict(target: Target, before: Option<&Tally>, full: &Tally) -> V
 const LOST_WORTH_A_WARNING: u32 = 8;
 
 /// What the status says of lost episodes: of the tallies discarded for them, and of the one that fills.
-pub(super) fn loss_warnings(noun: &str, discarded: &Discarded, filling: &Tally) -> Vec<String> {
+pub(super) fn loss_warnings(noun: &str, of: &str, discarded: &Discarded, filling: &Tally) -> Vec<String> {
     let mut warnings = Vec::new();
     if discarded.count > 0 {
         let (plural, were) = if discarded.count == 1 { ("", "was") } else { ("s", "were") };
         warnings.push(format!(
-            "{} {noun}{plural} at this level {were} discarded, because more than 10 % of the episodes failed or expired \
+            "{} {noun}{plural}{of} {were} discarded, because more than 10 % of the episodes failed or expired \
              ({} of {} the last time); nothing moves on such evidence",
             discarded.count,
             discarded.lost,

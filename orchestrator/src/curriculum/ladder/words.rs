@@ -48,7 +48,7 @@ impl Climb {
                 block: Some(fill(&placement.filling, PROBE)),
                 blocks: u32::try_from(placement.probes.len()).unwrap_or(u32::MAX),
                 discarded: placement.discarded.count,
-                warnings: loss_warnings("probe", &placement.discarded, &placement.filling),
+                warnings: loss_warnings("probe", " at this level", &placement.discarded, &placement.filling),
                 next: Some(probe_thresholds(placement)),
                 rests_on: placement.rests_on(),
                 ..shared
@@ -59,7 +59,7 @@ impl Climb {
                 block: Some(fill(&rung.filling, BLOCK)),
                 blocks: rung.blocks,
                 discarded: rung.discarded.count,
-                warnings: loss_warnings("block", &rung.discarded, &rung.filling),
+                warnings: loss_warnings("block", " at this level", &rung.discarded, &rung.filling),
                 next: Some(thresholds(rung, plan.top(), target)),
                 rests_on: rung.last.iter().chain([&rung.filling]).filter_map(Tally::rests_on).min(),
                 ..shared
