@@ -320,6 +320,23 @@ async fn what_is_hardly_http() {
     still_well(&server.api(), folder.path()).await;
 }
 
+/// There is no way to end a connection of HTTP/2 that is silent, nor one that has not said yet which it is.
+#[tokio::test(flavor = "multi_thread")]
+async fn http_2_is_not_spoken() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = start(folder.path());
+    for preface in [&b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0"[..], b"PRI * HTTP/2.0\r\n\r\n"] {
+        let mut stream = TcpStream::connect(server.address()).await.unwrap();
+        stream.write_all(preface).await.unwrap();
+        let mut answer = Vec::new();
+        let ended = tokio::time::timeout(Duration::from_secs(10), stream.read_to_end(&mut answer)).await;
+        assert!(ended.is_ok(), "it waits for more");
+        let answer = String::from_utf8_lossy(&answer).into_owned();
+        assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 4"), "{answer}");
+    }
+    still_well(&server.api(), folder.path()).await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn messages_out_of_shape() {
     let folder = tempfile::tempdir().unwrap();

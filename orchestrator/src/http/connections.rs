@@ -1,12 +1,12 @@
 //! Connections: accepted, bounded in number and in how long a request's head may take, and ended in good order.
 
 use std::net::SocketAddr;
+use std::pin::pin;
 use std::time::Duration;
 
 use axum::Router;
-use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
-use hyper_util::server::conn::auto::Builder;
-use hyper_util::server::graceful::GracefulShutdown;
+use hyper::server::conn::http1::Builder;
+use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
@@ -32,10 +32,11 @@ pub(super) struct Peer(pub(super) SocketAddr);
 
 /// Answers until told to stop, then until what was asked is answered.
 pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Receiver<bool>) {
-    let (graceful, places) = (GracefulShutdown::new(), Places::new(MOST, MOST_EACH));
-    // HTTP/1.1 alone, as proxies speak it to what is behind them: there is no way to end a connection of HTTP/2 that is silent.
-    let mut builder = Builder::new(TokioExecutor::new()).http1_only();
-    builder.http1().timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(AHEAD);
+    let places = Places::new(MOST, MOST_EACH);
+    // HTTP/1.1 alone, as proxies speak it to what is behind them: there is no way to end a connection of HTTP/2 that is silent, and
+    // none to end one that has not said yet which it is.
+    let mut builder = Builder::new();
+    builder.timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(AHEAD);
     // They go with this: whoever waits no longer for them drops it.
     let mut open = JoinSet::new();
     loop {
@@ -48,20 +49,30 @@ pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Re
         // What is sent is sent whole: nothing is gained by waiting for more.
         drop(stream.set_nodelay(true));
         let service = TowerToHyperService::new(AddExtension::new(routes.clone(), Peer(peer)));
-        let (held, builder, watcher) = (Held::new(stream, place), builder.clone(), graceful.watcher());
-        let stopped = stopped.clone();
+        let (held, builder, mut stopped) = (Held::new(stream, place), builder.clone(), stopped.clone());
         open.spawn(async move {
-            if !held.speaks(HEAD, stopped).await {
+            if !held.speaks(HEAD, stopped.clone()).await {
                 return;
             }
-            let connection = builder.serve_connection_with_upgrades(TokioIo::new(held), service).into_owned();
-            if let Err(error) = watcher.watch(connection).await {
+            let mut connection = pin!(builder.serve_connection(TokioIo::new(held), service).with_upgrades());
+            let ended = tokio::select! {
+                ended = connection.as_mut() => Some(ended),
+                _ = stopped.wait_for(|stop| *stop) => None,
+            };
+            let ended = match ended {
+                Some(ended) => ended,
+                None => {
+                    connection.as_mut().graceful_shutdown(); // what was asked is answered
+                    connection.await
+                }
+            };
+            if let Err(error) = ended {
                 tracing::debug!(error = %error, peer = %peer, "A connection ended in the middle of something.");
             }
         });
     }
     drop(listener);
-    graceful.shutdown().await;
+    while open.join_next().await.is_some() {}
 }
 
 /// The next connection, once there is a place for it.
