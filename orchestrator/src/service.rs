@@ -88,7 +88,7 @@ pub enum StartError {
     Public(SocketAddr),
     /// The same, and none of the tokens that there are lets anybody in.
     #[error(
-        "{0} is reachable by others, and every token has expired or was revoked: make one by `sparring token create`, which `sparring token list` shows"
+        "{0} is reachable by others, and every token has expired or was revoked (`sparring token list` shows them): make one by `sparring token create`"
     )]
     Expired(SocketAddr),
     /// The system gives no threads.
@@ -155,7 +155,7 @@ pub struct Service {
     fold: JoinHandle<()>,
     writer: JoinHandle<()>,
     readers: SqlitePool,
-    claim: Claim,
+    claim: Arc<Claim>,
 }
 
 impl Service {
@@ -165,15 +165,23 @@ impl Service {
     /// Why it could not start.
     pub async fn start(config: Config) -> Result<Self, StartError> {
         http::begin_counting();
-        let claim = claim(&config.db)?;
+        if !config.db.exists() {
+            let makes_public = !config.openenv_public && !config.bind.ip().is_loopback();
+            if makes_public {
+                return Err(StartError::Public(config.bind)); // and nothing is made
+            }
+        }
+        let (listener, address) = listen(config.bind).await?;
+        let claim = Arc::new(claim(&config.db)?);
         let mut connection = writer(&config.db).await?;
+        claim.opened();
         let surface = surface(&config, &mut connection).await?;
         pick_up(&config, &mut connection).await?;
         let readers = reader(&config.db).await?;
-        let (listener, address) = listen(config.bind).await?;
 
         let wakes = Wakes::default();
-        let (writer, writer_task) = Writer::start(connection, config.clock.clone(), wakes.clone());
+        let (writer, writer_task) =
+            Writer::start((connection, Some(Arc::clone(&claim))), config.clock.clone(), wakes.clone());
         let (ready_tx, ready) = watch::channel(0);
         let events = Arc::clone(&wakes.events);
         let (stopping, (stop, stopped)) = (Arc::<AtomicBool>::default(), watch::channel(false));

@@ -40,7 +40,53 @@ async fn somebody_elses_database() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("other.sqlite3");
     sql(&db, "CREATE TABLE customers (name TEXT)").await;
+    let before = std::fs::read(&db).unwrap();
     insta::assert_snapshot!(refused(&db), @"sparring: DB is a database, but not one of Sparring's: give another path with --db");
+    let info = Command::new(binary()).args(["db", "info", "--db"]).arg(&db).output().unwrap();
+    assert_eq!(info.status.code(), Some(2));
+    assert_eq!(std::fs::read(&db).unwrap(), before, "what is not ours is not changed");
+}
+
+#[tokio::test]
+async fn a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    insta::assert_snapshot!(refused(folder.path()), @"sparring: DB is no file: give the path of a file, which need not be there yet, with --db");
+}
+
+#[test]
+fn a_start_that_is_refused_makes_no_database() {
+    let folder = tempfile::tempdir().unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    for bind in ["0.0.0.0:0".to_owned(), taken.local_addr().unwrap().to_string()] {
+        let db = folder.path().join("new.sqlite3");
+        let out = Command::new(binary()).args(["serve", "--bind", &bind, "--db"]).arg(&db).output().unwrap();
+        assert_eq!(out.status.code(), Some(2), "{out:?}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{bind}");
+    }
+}
+
+/// What a server writes to a file that nobody finds any more is lost with it: it says so and takes nothing.
+#[tokio::test]
+async fn a_file_that_is_removed_or_replaced_under_its_server() {
+    let server = Server::start().await;
+    let api = server.api();
+    let (db, aside) = (server.db(), server.db().with_extension("aside"));
+    let made = |id: &'static str| api.post("/v1/runs", serde_json::json!({"id": id}));
+    let _ = made("before").await.expect(201);
+    std::fs::rename(&db, &aside).unwrap();
+    let refused = made("nowhere").await.expect(503);
+    assert!(refused["detail"].as_str().unwrap().contains("was removed or replaced"), "{refused}");
+    tokio::time::sleep(std::time::Duration::from_millis(1100)).await; // it looks once a second
+    let ready = api.get("/readyz").await.expect(503);
+    assert!(ready["detail"].as_str().unwrap().contains("was removed or replaced"), "{ready}");
+    std::fs::copy(&aside, &db).unwrap();
+    let _ = made("elsewhere").await.expect(503);
+    std::fs::rename(&aside, &db).unwrap();
+    let _ = made("after").await.expect(201);
+    let runs = api.get("/v1/runs").await.expect(200);
+    let ids: Vec<_> =
+        runs["runs"].as_array().unwrap().iter().map(|run| run["id"].as_str().unwrap()).collect();
+    assert_eq!(ids, ["before", "after"]);
 }
 
 #[tokio::test]

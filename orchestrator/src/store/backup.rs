@@ -49,7 +49,11 @@ pub async fn copy(connection: &mut SqliteConnection, to: &Path) -> Result<(), St
     let made = copy_by(connection, &unfinished, to).await;
     if made.is_err() {
         // What is not whole is of use to nobody, and may be what fills the disk.
-        let _ = std::fs::remove_file(&unfinished);
+        for ending in ["", "-journal"] {
+            let mut part = unfinished.clone().into_os_string();
+            part.push(ending);
+            let _ = std::fs::remove_file(part);
+        }
     }
     made
 }

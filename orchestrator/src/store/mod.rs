@@ -79,6 +79,11 @@ pub enum Trouble {
         "the disk fails, or the file or its folder may not be used; the server's log has the system's word for it"
     )]
     Disk,
+    /// What is written goes nowhere.
+    #[error(
+        "the database's file, or the .lock beside it, was removed or replaced while it was served; nothing more is taken: stop the server, put the file back, and start it again"
+    )]
+    Gone,
 }
 
 /// SQLite's primary result code, the low byte of any (sqlite.org/rescode.html).

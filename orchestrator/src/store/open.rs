@@ -1,7 +1,8 @@
 //! Opening the database: one file, WAL, one writer, many readers.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use sqlx::migrate::{MigrateError, Migrator};
@@ -30,7 +31,9 @@ pub enum OpenError {
     #[error("{0} is not an SQLite database: give another path with --db, or move the file away")]
     NotADatabase(String),
     /// A database of which pages are torn.
-    #[error("{0} is damaged: pages of it are torn; go back to a copy, as `sparring db backup` makes them")]
+    #[error(
+        "{0} is damaged: pages of it are torn; if it was just put there, remove {0}-wal and {0}-shm, which are of what was there before; else go back to a copy, as `sparring db backup` makes them"
+    )]
     Damaged(String),
     /// Another application's database.
     #[error("{0} is a database, but not one of Sparring's: give another path with --db")]
@@ -70,6 +73,12 @@ pub enum OpenError {
         "{0} has another name (it is hard-linked), and a database of two names is lost where both are used: copy it by `sparring db backup`, or remove the other name"
     )]
     Linked(String),
+    /// A folder, or a device.
+    #[error("{0} is no file: give the path of a file, which need not be there yet, with --db")]
+    NoFile(String),
+    /// No room.
+    #[error("{0}: the disk is full, or the file may not grow; make room and try again")]
+    Full(String),
     /// Nowhere to put it.
     #[error("{0} cannot be opened: the file or its folder does not exist or may not be opened")]
     NoFolder(String),
@@ -117,13 +126,53 @@ fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {
 /// Keeps a database to one server: held as long as this lives, by the operating system, so that a server that is killed
 /// lets go of it.
 #[derive(Debug)]
-pub struct Claim(std::fs::File);
+pub struct Claim {
+    /// What is locked.
+    lock: std::fs::File,
+    /// Where it lies.
+    beside: PathBuf,
+    /// Where the database lies.
+    path: PathBuf,
+    /// Which file that was when it was opened.
+    opened: OnceLock<Option<Identity>>,
+}
+
+/// A file, whatever its name: its device and its number there. None where the system has no such thing.
+type Identity = (u64, u64);
+
+impl Claim {
+    /// Notes which file was opened: what lies at its path from now on should be that one.
+    pub fn opened(&self) {
+        self.opened.get_or_init(|| std::fs::metadata(&self.path).ok().as_ref().and_then(identity));
+    }
+
+    /// Whether the file that was opened, and the lock that says so, are still what lies at their paths. What is written to a file that
+    /// was removed is lost with the last who has it open.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        let at = |path: &Path| std::fs::metadata(path).ok().as_ref().and_then(identity);
+        let locked = self.lock.metadata().ok().as_ref().and_then(identity);
+        let opened = self.opened.get().copied().flatten();
+        locked == at(&self.beside) && opened.is_none_or(|opened| at(&self.path) == Some(opened))
+    }
+}
+
+/// Which file it is.
+fn identity(file: &std::fs::Metadata) -> Option<Identity> {
+    #[cfg(unix)]
+    return Some((std::os::unix::fs::MetadataExt::dev(file), std::os::unix::fs::MetadataExt::ino(file)));
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        None
+    }
+}
 
 impl Drop for Claim {
     fn drop(&mut self) {
         // Closing is not enough: a child that is being spawned elsewhere in this process holds a copy of the file until
         // it has started its own program. What cannot be unlocked is unlocked by the system when the last copy closes.
-        let _ = self.0.unlock();
+        let _ = self.lock.unlock();
     }
 }
 
@@ -133,26 +182,58 @@ impl Drop for Claim {
 /// `Locked` where another server has it; a folder that cannot be written.
 pub fn claim(path: &Path) -> Result<Claim, OpenError> {
     let name = path.display().to_string();
+    if no_file(path) {
+        return Err(OpenError::NoFile(name));
+    }
     if names(path) > 1 {
         return Err(OpenError::Linked(name));
     }
     // By whatever link it is reached, it is one database; one that is yet to be made has its own path.
-    let mut beside = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()).into_os_string();
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let mut beside = path.clone().into_os_string();
     beside.push(".lock");
-    let file = std::fs::File::create(beside).map_err(|error| match error.kind() {
+    let beside = PathBuf::from(beside);
+    let lock = std::fs::File::create(&beside).map_err(|error| match error.kind() {
         std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
             OpenError::ReadOnly(name.clone())
         }
         std::io::ErrorKind::NotFound => OpenError::NoFolder(name.clone()),
         _ => OpenError::Other { path: name.clone(), reason: error.to_string() },
     })?;
-    match file.try_lock() {
-        Ok(()) => Ok(Claim(file)),
+    match lock.try_lock() {
+        Ok(()) => Ok(Claim { lock, beside, path, opened: OnceLock::new() }),
         Err(std::fs::TryLockError::WouldBlock) => Err(OpenError::Locked(name)),
         Err(std::fs::TryLockError::Error(error)) => {
             Err(OpenError::Other { path: name, reason: error.to_string() })
         }
     }
+}
+
+/// Whether there is something that is no file.
+fn no_file(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|there| !there.is_file())
+}
+
+/// Whether it is another application's database, found without changing it: ours keep a write-ahead log, and to open one that
+/// does not as ours are opened would make it keep one.
+async fn foreign_as_it_lies(path: &Path) -> Result<bool, OpenError> {
+    let rollback = {
+        let mut head = [0; 20];
+        let read =
+            std::fs::File::open(path).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut head));
+        // Bytes 18 and 19 are 1 without such a log, 2 with one (sqlite.org/fileformat2.html, 1.3).
+        read.is_ok() && head.starts_with(b"SQLite format 3\0") && head.ends_with(&[1, 1])
+    };
+    if !rollback {
+        return Ok(false);
+    }
+    let name = path.display().to_string();
+    let fault = |error: &sqlx::Error| explain(&name, error);
+    let options = SqliteConnectOptions::new().filename(path).read_only(true).disable_statement_logging();
+    let mut connection = SqliteConnection::connect_with(&options).await.map_err(|error| fault(&error))?;
+    let foreign = foreign(&mut connection).await.map_err(|error| fault(&error))?;
+    connection.close().await.map_err(|error| fault(&error))?;
+    Ok(foreign)
 }
 
 /// How many names a file has.
@@ -170,6 +251,9 @@ fn names(path: &Path) -> u64 {
 pub async fn writer(path: &Path) -> Result<SqliteConnection, OpenError> {
     let name = path.display().to_string();
     let fault = |error: &sqlx::Error| explain(&name, error);
+    if foreign_as_it_lies(path).await? {
+        return Err(OpenError::Foreign(name));
+    }
     let options = options(path)?
         .create_if_missing(true)
         .pragma("cache_size", CACHES[0])
@@ -245,6 +329,12 @@ fn has_log(path: &Path) -> bool {
 pub async fn reader_of_current(path: &Path) -> Result<SqlitePool, OpenError> {
     let name = path.display().to_string();
     let fault = |error: &sqlx::Error| explain(&name, error);
+    if no_file(path) {
+        return Err(OpenError::NoFile(name));
+    }
+    if foreign_as_it_lies(path).await? {
+        return Err(OpenError::Foreign(name));
+    }
     let readers = reader_of_still(path).await?;
     let mut connection = readers.acquire().await.map_err(|error| fault(&error))?;
     if foreign(&mut connection).await.map_err(|error| fault(&error))? {
@@ -315,6 +405,7 @@ fn explain(name: &str, error: &sqlx::Error) -> OpenError {
         Some(8) => OpenError::ReadOnly(name.to_owned()),
         Some(5 | 6) => OpenError::Locked(name.to_owned()),
         Some(14) => OpenError::NoFolder(name.to_owned()),
+        Some(13) => OpenError::Full(name.to_owned()),
         _ => OpenError::Other { path: name.to_owned(), reason: error.to_string() },
     }
 }
@@ -340,6 +431,25 @@ mod tests {
         assert!(matches!(claim(&db), Err(OpenError::Linked(_))));
         std::fs::remove_file(other).expect("it is there");
         assert!(claim(&db).is_ok());
+        assert!(matches!(claim(folder.path()), Err(OpenError::NoFile(_))));
+    }
+
+    #[test]
+    fn what_was_removed_or_replaced_is_not_there() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [db, aside, lock] = ["db", "aside", "db.lock"].map(|name| folder.path().join(name));
+        std::fs::write(&db, "").expect("a file");
+        let claim = claim(&db).expect("nobody has it");
+        claim.opened();
+        assert!(claim.is_there());
+        std::fs::rename(&db, &aside).expect("it is there");
+        assert!(!claim.is_there());
+        std::fs::write(&db, "").expect("another file");
+        assert!(!claim.is_there());
+        std::fs::rename(&aside, &db).expect("it is there");
+        assert!(claim.is_there());
+        std::fs::remove_file(&lock).expect("it is there");
+        assert!(!claim.is_there());
     }
 
     #[test]

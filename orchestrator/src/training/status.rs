@@ -153,7 +153,7 @@ mod tests {
     async fn what_has_room_for_a_row_and_for_nothing_else_is_not_ready() {
         let folder = tempfile::tempdir().unwrap();
         let conn = store::writer(&folder.path().join("db.sqlite3")).await.unwrap();
-        let (writer, _) = Writer::start(conn, Clock::manual(1_000).0, Wakes::default());
+        let (writer, _) = Writer::start((conn, None), Clock::manual(1_000).0, Wakes::default());
         writer.change(Room(1)).await.unwrap(); // as many as it has
         writer.change(Ping).await.unwrap();
         let full = |answer: Result<(), TrainingError>| {

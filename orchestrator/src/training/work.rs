@@ -11,7 +11,7 @@ use super::mind::Mind;
 use crate::clock::Millis;
 use crate::store::curriculum::Event;
 use crate::store::events::Told;
-use crate::store::{self, StoreError};
+use crate::store::{self, Claim, StoreError, Trouble};
 
 /// What the writer works with.
 #[derive(Debug)]
@@ -20,6 +20,8 @@ pub struct Work {
     pub conn: SqliteConnection,
     /// The time of this change.
     pub now: Millis,
+    /// That the database is this server's, and still where it was.
+    pub(super) claim: Option<Arc<Claim>>,
     /// A change could not be stored since it was last looked whether one can be.
     pub(super) troubled: bool,
     /// How far the clock was let jump in this transaction.
@@ -68,10 +70,11 @@ pub struct Wakes {
 
 impl Work {
     /// Nothing in memory, nobody to be woken.
-    pub(super) fn new(conn: SqliteConnection, now: Millis) -> Self {
+    pub(super) fn new(conn: SqliteConnection, now: Millis, claim: Option<Arc<Claim>>) -> Self {
         Self {
             conn,
             now,
+            claim,
             troubled: false,
             adopted: 0,
             minds: HashMap::new(),
@@ -132,6 +135,9 @@ impl Work {
 
     /// Writes what was kept.
     pub(super) async fn write_kept(&mut self) -> Result<(), StoreError> {
+        if self.claim.as_ref().is_some_and(|claim| !claim.is_there()) {
+            return Err(StoreError::Undone(Trouble::Gone));
+        }
         let Kept { told, events } = std::mem::take(&mut self.kept);
         for (run, events) in events {
             store::curriculum::append(&mut self.conn, &run, &events).await?;

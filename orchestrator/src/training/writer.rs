@@ -8,6 +8,7 @@
 
 use std::future::Future;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::time::Instant;
 
 use sqlx::{Connection, SqliteConnection, query};
@@ -19,7 +20,7 @@ use super::TrainingError;
 use super::work::{Wakes, Work};
 use crate::clock::Clock;
 use crate::counts;
-use crate::store::{StoreError, Trouble};
+use crate::store::{Claim, StoreError, Trouble};
 
 /// Changes that may wait.
 const QUEUE: usize = 1024;
@@ -86,11 +87,15 @@ impl Inbox {
 impl Writer {
     /// Starts the writer. It ends, with snapshots taken, when every handle is gone.
     #[must_use]
-    pub fn start(conn: SqliteConnection, clock: Clock, wakes: Wakes) -> (Self, JoinHandle<()>) {
+    pub fn start(
+        (conn, claim): (SqliteConnection, Option<Arc<Claim>>),
+        clock: Clock,
+        wakes: Wakes,
+    ) -> (Self, JoinHandle<()>) {
         let (urgent, urgent_inbox) = mpsc::channel(QUEUE);
         let (bulk, bulk_inbox) = mpsc::channel(QUEUE);
         let inbox = Inbox { urgent: urgent_inbox, bulk: bulk_inbox, bulk_next: false };
-        let work = Work::new(conn, clock.now());
+        let work = Work::new(conn, clock.now(), claim);
         // A thread of its own: it and the database's take turns many times for each change, and must not wait in between
         // for a thread that reads a body.
         let runtime = Handle::current();

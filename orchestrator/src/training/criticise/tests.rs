@@ -96,7 +96,7 @@ impl Change for Kept {
 
 async fn open(db: &Path) -> Writer {
     let connection = crate::store::writer(db).await.unwrap();
-    let (writer, _) = Writer::start(connection, Clock::manual(1_000).0, Wakes::default());
+    let (writer, _) = Writer::start((connection, None), Clock::manual(1_000).0, Wakes::default());
     let wish = RunWish { id: Some(RUN.to_owned()), tasks: Some(vec![TASK.to_owned()]), ..RunWish::default() };
     writer.change(CreateRun::read(&wish).unwrap()).await.unwrap();
     writer
