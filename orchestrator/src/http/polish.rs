@@ -6,15 +6,15 @@ use std::collections::BTreeMap;
 use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
 
-/// Forms of ids in paths and queries, by the name of the parameter.
+/// Forms of ids in paths and queries, by the name of the parameter. Numbers in them have 64 bits.
 const IDS: [(&str, &str); 7] = [
     ("run", "^[a-z0-9_-]{1,64}$"),
-    ("lease", "^[1-9][0-9]*-[a-z0-9]{6}$"),
-    ("episode", "^ep_[1-9][0-9]*-[a-z0-9]{6}_(0|[1-9][0-9]*)$"),
-    ("layout", "^layout-[1-9][0-9]*$"),
-    ("design", "^layout-[1-9][0-9]*$"),
-    ("ask", "^ask-[1-9][0-9]*$"),
-    ("evaluation", "^eval-[1-9][0-9]*$"),
+    ("lease", "^[1-9][0-9]{0,17}-[a-z0-9]{6}$"),
+    ("episode", "^ep_[1-9][0-9]{0,17}-[a-z0-9]{6}_(0|[1-9][0-9]{0,17})$"),
+    ("layout", "^layout-[1-9][0-9]{0,17}$"),
+    ("design", "^layout-[1-9][0-9]{0,17}$"),
+    ("ask", "^ask-[1-9][0-9]{0,17}$"),
+    ("evaluation", "^eval-[1-9][0-9]{0,17}$"),
 ];
 
 /// What answers are, where an operation has no words of its own for one.
