@@ -5,7 +5,7 @@ use std::io::IsTerminal;
 use anyhow::anyhow;
 use clap::ValueEnum;
 use tracing::{Level, Metadata};
-use tracing_subscriber::filter::{FilterExt, Filtered, filter_fn};
+use tracing_subscriber::filter::{FilterExt, Filtered, LevelFilter, filter_fn};
 use tracing_subscriber::layer::{Filter, Layered, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry};
@@ -103,7 +103,7 @@ impl Started {
         let resource = Resource::builder().with_service_name("sparring").build();
         let tracer =
             SdkTracerProvider::builder().with_resource(resource).with_batch_exporter(exporter).build();
-        let level = tracing_subscriber::filter::LevelFilter::INFO;
+        let level = LevelFilter::INFO;
         let spans = tracing_opentelemetry::layer().with_tracer(tracer.tracer("sparring")).with_filter(level);
         Ok((Self { tracer: Some(tracer) }, Some(spans.boxed())))
     }
@@ -126,5 +126,13 @@ fn is_frames(line: &Metadata<'_>) -> bool {
 }
 
 fn readable(filter: &str) -> Result<String, String> {
+    // A word alone may be a part of the program, of which then everything is written, and of the others nothing: hardly ever meant.
+    let level = |part: &&str| part.contains(['=', '[']) || part.trim().parse::<LevelFilter>().is_ok();
+    if let Some(part) = filter.split(',').find(|part| !level(part)) {
+        let part: String = part.chars().take(60).collect();
+        return Err(format!(
+            "{part:?} is no level: say off, error, warn, info, debug or trace, or a part of the program with one, as hyper=debug"
+        ));
+    }
     EnvFilter::try_new(filter).map(|_| filter.to_owned()).map_err(|error| error.to_string())
 }

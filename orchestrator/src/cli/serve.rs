@@ -63,7 +63,9 @@ pub struct Args {
 
 /// What each who comes in may do.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "What each token (or address, where none is needed) may do at most")]
+#[command(
+    next_help_heading = "What each token may do at most; where there are none, nobody but this machine comes in, and is not held to it"
+)]
 struct EachArgs {
     /// Requests a second of a token; twice as many at once
     #[arg(long, default_value_t = http::Each::default().requests, value_name = "N")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use clap::Subcommand;
 use jiff::{SignedDuration, Span};
 use sqlx::SqliteConnection;
@@ -140,8 +140,9 @@ async fn create(
     let token = Token::new(id);
     tokens::set_hash(&mut moment, id, token.hash().as_bytes()).await?;
     tokens::audit(&mut moment, &by_hand("create", id, now)).await?;
-    moment.commit().await?;
+    // One that nobody was shown would keep everybody out: as soon as there is one nobody is let in without.
     output::print(token.show())?;
+    moment.commit().await.context("the token that was shown is none: it could not be written down")?;
     let until = expires_at.map_or_else(|| "for ever".to_owned(), |at| format!("until {}", rfc3339(at)));
     tracing::info!(
         "Token {id}, {name:?}, has the role {role}, {until}. It is shown this once; revoke it by `sparring token revoke {id}`."

@@ -12,9 +12,19 @@ const EVERY: Duration = Duration::from_millis(500);
 
 /// Works until the server stops; then closes its connection, so that whoever closes the last one folds the rest.
 pub async fn run(mut connection: SqliteConnection, mut stopped: watch::Receiver<bool>) {
+    let mut failing = false;
     while tokio::time::timeout(EVERY, stopped.wait_for(|stop| *stop)).await.is_err() {
-        if let Err(error) = store::fold(&mut connection).await {
-            tracing::warn!(error = %error, "The write-ahead log could not be folded in; trying again soon.");
+        match store::fold(&mut connection).await {
+            Err(error) if !failing => {
+                failing = true; // told of once: it is tried twice a second
+                tracing::warn!(error = %error, "The write-ahead log could not be folded in; trying again until it can.");
+            }
+            Err(_) => {}
+            Ok(()) if failing => {
+                failing = false;
+                tracing::info!("The write-ahead log is folded in again.");
+            }
+            Ok(()) => {}
         }
     }
     if let Err(error) = connection.close().await {
