@@ -165,18 +165,8 @@ impl Service {
     /// Why it could not start.
     pub async fn start(config: Config) -> Result<Self, StartError> {
         http::begin_counting();
-        if !config.db.exists() {
-            let makes_public = !config.openenv_public && !config.bind.ip().is_loopback();
-            if makes_public {
-                return Err(StartError::Public(config.bind)); // and nothing is made
-            }
-        }
-        let (listener, address) = listen(config.bind).await?;
-        let claim = Arc::new(claim(&config.db)?);
-        let mut connection = writer(&config.db).await?;
-        claim.opened();
-        let surface = surface(&config, &mut connection).await?;
-        pick_up(&config, &mut connection).await?;
+        let (listener, address) = listen(&config).await?;
+        let (claim, surface, connection) = open(&config).await?;
         let readers = reader(&config.db).await?;
 
         let wakes = Wakes::default();
@@ -321,8 +311,26 @@ async fn surface(config: &Config, connection: &mut SqliteConnection) -> Result<h
     }
 }
 
+/// The database, for this server alone, and what is shown of it.
+async fn open(config: &Config) -> Result<(Arc<Claim>, http::Surface, SqliteConnection), StartError> {
+    let claim = Arc::new(claim(&config.db)?);
+    let mut connection = writer(&config.db).await?;
+    claim.opened();
+    let surface = surface(config, &mut connection).await?;
+    pick_up(config, &mut connection).await?;
+    Ok((claim, surface, connection))
+}
+
+/// Whether a start that makes the database may be: one that would be refused for want of tokens makes none.
+fn may_make(config: &Config) -> Result<(), StartError> {
+    let private = config.openenv_public || config.bind.ip().is_loopback();
+    if private || config.db.exists() { Ok(()) } else { Err(StartError::Public(config.bind)) }
+}
+
 /// Where it listens: port 0 has become one.
-async fn listen(bind: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
+async fn listen(config: &Config) -> Result<(TcpListener, SocketAddr), StartError> {
+    may_make(config)?;
+    let bind = config.bind;
     let refused = |reason| StartError::Listen { address: bind, reason };
     let listener = TcpListener::bind(bind).await.map_err(refused)?;
     let address = listener.local_addr().map_err(refused)?;
