@@ -4,6 +4,7 @@
 pub mod asks;
 mod backup;
 pub mod brackets;
+mod claim;
 pub mod closings;
 pub mod columns;
 pub mod critiques;
@@ -42,7 +43,8 @@ pub mod verdicts;
 pub mod versions;
 
 pub use backup::copy;
-pub use open::{Claim, OpenError, claim, fold, folder, reader, reader_of_current, vacuum, writer};
+pub use claim::{Claim, claim};
+pub use open::{OpenError, fold, folder, reader, reader_of_current, vacuum, writer};
 
 use env_core::{LogError, ScenarioError};
 
