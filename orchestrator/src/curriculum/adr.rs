@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::block::{Discarded, Tally, loss_warnings};
 use super::event::{GroupOutcome, Move, Proposal, Role};
-use super::explain::{Explanation, TaskExplanation, TaskStatus};
+use super::explain::{Explanation, TaskStatus};
 use super::scale::Scale;
 use super::settings::{Settings, TaskPlan};
 use super::shares;
@@ -183,27 +183,19 @@ impl Strategy for Adr {
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {
-        let mut rules = vec![
+        let rules = vec![
             "Tasks by their weight, each at least 5 %.".to_owned(),
-            "Every other proposal has one param at its bound, on a contested scenario, and the others within theirs; the rest has \
-             all of them within."
-                .to_owned(),
+            format!(
+                "Of the proposals {} have one param at its bound, on a contested scenario, and the others within theirs; the rest \
+                 has all of them within.",
+                format_args!("{:.0} %", 100.0 * settings.tuning.number(&BOUNDARY))
+            ),
             "A full buffer of such scenarios widens, narrows or keeps the bound. One that lost more than 10 % of its episodes does \
              not count."
                 .to_owned(),
         ];
-        rules.extend(settings.tuning.in_words());
-        let tasks = settings.tasks.iter().zip(shares::shares(settings)).map(|(plan, share)| {
-            TaskExplanation { task: plan.task.clone(), share, now: self.now(plan), last_move: None }
-        });
-        Explanation {
-            strategy: settings.strategy.to_string(),
-            version: VERSION,
-            summary: "Each param is drawn between its easiest value and a bound that moves with what the agent can do."
-                .to_owned(),
-            tasks: tasks.collect(),
-            rules,
-        }
+        let summary = "Each param is drawn between its easiest value and a bound that moves with what the agent can do.";
+        Explanation::of(settings, VERSION, (summary, rules), |plan| self.now(plan))
     }
 
     fn snapshot(&self) -> Value {

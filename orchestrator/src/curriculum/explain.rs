@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::settings::{Settings, TaskPlan};
+use super::shares;
+
 /// Where a task stands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TaskStatus {
@@ -90,6 +93,28 @@ pub struct Explanation {
     pub rules: Vec<String>,
     /// Its tasks.
     pub tasks: Vec<TaskExplanation>,
+}
+
+impl Explanation {
+    /// Of a strategy that goes by weights and moves no levels: its rules, its settings, and where each task stands.
+    pub(super) fn of(
+        settings: &Settings,
+        version: u32,
+        (summary, mut rules): (&str, Vec<String>),
+        now: impl Fn(&TaskPlan) -> String,
+    ) -> Self {
+        rules.extend(settings.tuning.in_words());
+        let tasks = settings.tasks.iter().zip(shares::shares(settings)).map(|(plan, share)| {
+            TaskExplanation { task: plan.task.clone(), share, now: now(plan), last_move: None }
+        });
+        Self {
+            strategy: settings.strategy.to_string(),
+            version,
+            summary: summary.to_owned(),
+            rules,
+            tasks: tasks.collect(),
+        }
+    }
 }
 
 /// One task of an explanation.

@@ -88,6 +88,12 @@ impl StrategyKind {
         }
     }
 
+    /// Whether only what is faced again is learnt from.
+    #[must_use]
+    pub const fn learns_from_replays(self) -> bool {
+        matches!(self, Self::PlrRobust | Self::Accel)
+    }
+
     /// Whether it faces single scenarios again, so that they must be handed out one by one.
     #[must_use]
     pub const fn returns(self) -> bool {

@@ -52,6 +52,14 @@ pub struct Tuning {
     values: Vec<f64>,
 }
 
+/// Settings of which the first may not be above the second, where a strategy has both.
+const ORDERED: [(&str, &str); 4] = [
+    ("narrow", "widen"),
+    ("least_components", "most_components"),
+    ("kept", "candidates"),
+    ("filled", "capacity"),
+];
+
 impl Tuning {
     /// A strategy's, as they are unless told.
     #[must_use]
@@ -79,7 +87,22 @@ impl Tuning {
             tuning.values[at] =
                 tuning.table[at].range.read(value).map_err(|reason| SettingsError::new(field(), reason))?;
         }
+        tuning.agrees()?;
         Ok(tuning)
+    }
+
+    /// Whether its settings fit each other.
+    fn agrees(&self) -> Result<(), SettingsError> {
+        let value = |name: &str| Some(self.values[self.table.iter().position(|hyper| hyper.name == name)?]);
+        for (less, more) in ORDERED {
+            if let (Some(low), Some(high)) = (value(less), value(more))
+                && low > high
+            {
+                let reason = format!("is {low}, but may not be above {more}, which is {high}");
+                return Err(SettingsError::new(format!("strategy_settings.{less}"), reason));
+            }
+        }
+        Ok(())
     }
 
     /// All of them, by name, as they are sent and stored.
@@ -194,6 +217,19 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn settings_that_contradict_each_other_are_refused() {
+        for (strategy, value, field) in [
+            (StrategyKind::Adr, json!({"narrow": 0.9, "widen": 0.1}), "narrow"),
+            (StrategyKind::AlpGmm, json!({"least_components": 9, "most_components": 3}), "least_components"),
+            (StrategyKind::Learnability, json!({"kept": 10_000, "candidates": 2}), "kept"),
+            (StrategyKind::Plr, json!({"capacity": 1}), "filled"),
+        ] {
+            let refused = told(strategy, value).unwrap_err();
+            assert!(refused.contains(field) && refused.contains("may not be above"), "{refused}");
+        }
+    }
 
     fn told(strategy: StrategyKind, value: Value) -> Result<Tuning, String> {
         let told = serde_json::from_value(value).unwrap();

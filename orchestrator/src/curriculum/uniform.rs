@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::event::{GroupOutcome, Move, Proposal, Role};
-use super::explain::{Explanation, TaskExplanation, TaskStatus};
+use super::explain::{Explanation, TaskStatus};
 use super::settings::Settings;
 use super::shares;
 use super::strategy::{Context, Strategy};
@@ -34,23 +34,14 @@ impl Strategy for Uniform {
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {
-        Explanation {
-            strategy: settings.strategy.to_string(),
-            version: VERSION,
-            summary: "Every level is as likely as any other, whatever the agent can do.".to_owned(),
-            rules: vec![
-                "Tasks by their weight, each at least 5 %.".to_owned(),
-                "Levels uniformly over the task's table, scenarios as they come.".to_owned(),
-            ],
-            tasks: (settings.tasks.iter().zip(shares::shares(settings)))
-                .map(|(plan, share)| TaskExplanation {
-                    task: plan.task.clone(),
-                    share,
-                    now: format!("any of levels 0 to {}", plan.top()),
-                    last_move: None,
-                })
-                .collect(),
-        }
+        let rules = vec![
+            "Tasks by their weight, each at least 5 %.".to_owned(),
+            "Levels uniformly over the task's table, scenarios as they come.".to_owned(),
+        ];
+        let summary = "Every level is as likely as any other, whatever the agent can do.";
+        Explanation::of(settings, VERSION, (summary, rules), |plan| {
+            format!("any of levels 0 to {}", plan.top())
+        })
     }
 
     fn snapshot(&self) -> Value {

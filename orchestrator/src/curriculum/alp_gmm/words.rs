@@ -1,34 +1,25 @@
 //! ALP-GMM for people.
 
-use super::super::explain::{Explanation, TaskExplanation};
+use super::super::explain::Explanation;
 use super::super::scale::Scale;
 use super::super::settings::{Settings, TaskPlan};
-use super::super::shares;
 use super::{AlpGmm, LATER, Task, VERSION};
 
 pub(super) fn explain(of: &AlpGmm, settings: &Settings) -> Explanation {
-    let mut rules = vec![
+    let rules = vec![
         "Tasks by their weight, each at least 5 %; scenarios as they come.".to_owned(),
         "Progress is how far a success share is from that of the nearest draw before. A mixture is drawn by the mean progress of \
          its components."
             .to_owned(),
         format!("A fit is in force {LATER} outcomes after it was begun, whenever it was computed."),
     ];
-    rules.extend(settings.tuning.in_words());
     let blank = Task::default();
-    let tasks = settings.tasks.iter().zip(shares::shares(settings)).map(|(plan, share)| TaskExplanation {
-        task: plan.task.clone(),
-        share,
-        now: now(of.tasks.get(&plan.task).unwrap_or(&blank), plan),
-        last_move: None,
-    });
-    Explanation {
-        strategy: settings.strategy.to_string(),
-        version: VERSION,
-        summary: "Params are drawn where success has been changing, and now and then anywhere.".to_owned(),
-        tasks: tasks.collect(),
-        rules,
-    }
+    Explanation::of(
+        settings,
+        VERSION,
+        ("Params are drawn where success has been changing, and now and then anywhere.", rules),
+        |plan| now(of.tasks.get(&plan.task).unwrap_or(&blank), plan),
+    )
 }
 
 fn now(task: &Task, plan: &TaskPlan) -> String {

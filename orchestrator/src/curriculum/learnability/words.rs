@@ -1,8 +1,7 @@
 //! Learnability for people.
 
-use super::super::explain::{Explanation, TaskExplanation, TaskStatus};
+use super::super::explain::{Explanation, TaskStatus};
 use super::super::settings::Settings;
-use super::super::shares;
 use super::{CANDIDATES, Learnability, Pool, VERSION, by_model};
 
 pub(super) fn status(settings: &Settings) -> Vec<TaskStatus> {
@@ -29,21 +28,10 @@ pub(super) fn explain(of: &Learnability, settings: &Settings) -> Explanation {
                   until the next N are through. What has 0 is not kept."
             .to_owned(),
     });
-    rules.extend(settings.tuning.in_words());
     let blank = Pool::default();
-    let tasks = settings.tasks.iter().zip(shares::shares(settings)).map(|(plan, share)| TaskExplanation {
-        task: plan.task.clone(),
-        share,
-        now: now(of.tasks.get(&plan.task).unwrap_or(&blank), settings),
-        last_move: None,
-    });
-    Explanation {
-        strategy: settings.strategy.to_string(),
-        version: VERSION,
-        summary: summary.to_owned(),
-        tasks: tasks.collect(),
-        rules,
-    }
+    Explanation::of(settings, VERSION, (summary, rules), |plan| {
+        now(of.tasks.get(&plan.task).unwrap_or(&blank), settings)
+    })
 }
 
 fn now(pool: &Pool, settings: &Settings) -> String {

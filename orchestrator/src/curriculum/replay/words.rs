@@ -1,9 +1,8 @@
 //! PLR and its kin for people.
 
-use super::super::explain::{Explanation, TaskExplanation, TaskStatus};
+use super::super::explain::{Explanation, TaskStatus};
 use super::super::kind::StrategyKind;
 use super::super::settings::Settings;
-use super::super::shares;
 use super::{FILLED, Replay, SCORE, Task, VERSION, capacity};
 
 /// Outcomes from which a score that never comes is worth a warning.
@@ -44,7 +43,7 @@ pub(super) fn explain(replay: &Replay, settings: &Settings) -> Explanation {
              edits are only scored."
         }
     };
-    let mut rules = vec![
+    let rules = vec![
         "Tasks by their weight, each at least 5 %; new scenarios at levels drawn uniformly.".to_owned(),
         "What is kept is drawn by (1/rank)^(1/beta), or by how long ago it was proposed; a scenario's worth is the mean over its \
          visits."
@@ -53,21 +52,10 @@ pub(super) fn explain(replay: &Replay, settings: &Settings) -> Explanation {
          no agent can close."
             .to_owned(),
     ];
-    rules.extend(settings.tuning.in_words());
     let blank = Task::default();
-    let tasks = settings.tasks.iter().zip(shares::shares(settings)).map(|(plan, share)| TaskExplanation {
-        task: plan.task.clone(),
-        share,
-        now: now(replay.tasks.get(&plan.task).unwrap_or(&blank), settings),
-        last_move: None,
-    });
-    Explanation {
-        strategy: settings.strategy.to_string(),
-        version: VERSION,
-        summary: summary.to_owned(),
-        tasks: tasks.collect(),
-        rules,
-    }
+    Explanation::of(settings, VERSION, (summary, rules), |plan| {
+        now(replay.tasks.get(&plan.task).unwrap_or(&blank), settings)
+    })
 }
 
 fn now(task: &Task, settings: &Settings) -> String {

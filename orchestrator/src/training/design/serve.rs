@@ -182,7 +182,7 @@ pub(in crate::training) fn group(mind: &Mind, number: i64, layout: Servable) -> 
         failed: 0,
         successes: 0,
         evidence: i64::from(evidence),
-        train: 1,
+        train: i64::from(!mind.settings.curriculum.strategy.learns_from_replays()),
     }
 }
 
