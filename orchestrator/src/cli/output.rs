@@ -1,8 +1,9 @@
 //! What subcommands print: results to stdout, progress to stderr.
 
 use std::io::{ErrorKind, Write};
+use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::ValueEnum;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -34,6 +35,21 @@ pub(super) fn print_if_read(text: &str) -> anyhow::Result<bool> {
 /// The same for one JSON value, on one line: the last line of stdout is the object, for whoever reads line by line.
 pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(&serde_json::to_string(value)?)
+}
+
+/// That nothing is asked for twice.
+pub(super) fn once(flag: &str, asked: &[String]) -> anyhow::Result<()> {
+    let twice = asked.iter().enumerate().find(|(at, name)| asked[..*at].contains(name));
+    twice.map_or(Ok(()), |(_, name)| Err(anyhow!("{flag} names {name} twice")))
+}
+
+/// That there is a folder for a file which is written after long work.
+pub(super) fn may_write(path: Option<&Path>) -> anyhow::Result<()> {
+    let folder = path.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
+    match folder {
+        Some(folder) if !folder.is_dir() => Err(anyhow!("there is no folder {}", folder.display())),
+        _ => Ok(()),
+    }
 }
 
 /// Lines above, under the header and below, and none between rows.

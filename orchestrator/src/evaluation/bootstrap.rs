@@ -54,6 +54,23 @@ pub fn estimates<const M: usize>(rows: &[[Option<f64>; M]], seed: u64) -> [Optio
     })
 }
 
+/// The same, where it is a share that is 0 or 1 on every scenario: then the exact interval of a binomial share (Clopper & Pearson
+/// 1934, Biometrika 26, p. 404), for resamples of scenarios that all agree say that there is no doubt, however few they are.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "numbers of scenarios are small")]
+pub fn share(estimate: Estimate) -> Estimate {
+    let tail = 0.5 * (1.0 - CONFIDENCE);
+    // Of n successes in n, the lower end is the p with pⁿ = tail.
+    let end = libm::pow(tail, 1.0 / estimate.scenarios.max(1) as f64);
+    if estimate.mean <= 0.0 {
+        Estimate { low: 0.0, high: 1.0 - end, ..estimate }
+    } else if estimate.mean >= 1.0 {
+        Estimate { low: end, high: 1.0, ..estimate }
+    } else {
+        estimate
+    }
+}
+
 /// Any statistic of scenarios and its interval; none where it is not defined of all of them.
 ///
 /// The same scenarios and seed give the same bits.
@@ -167,6 +184,17 @@ mod tests {
         assert_eq!((found.mean, found.scenarios), (0.5, 400));
         // ±1.96·0.5/√400 = ±0.049; the ends rest on 50 of 2 000 resamples, and on steps of 1/400.
         assert!((found.low - 0.451).abs() < 0.006 && (found.high - 0.549).abs() < 0.006, "{found:?}");
+    }
+
+    /// The exact interval of 0 of 10: 1 − 0.025^(1/10) = 0.3085 (Clopper & Pearson 1934, and every table since).
+    #[test]
+    fn a_share_of_none_or_all_is_not_beyond_doubt() {
+        let of = |mean| share(Estimate { mean, low: mean, high: mean, scenarios: 10 });
+        let (none, all) = (of(0.0), of(1.0));
+        assert!((none.high - 0.3085).abs() < 5e-5 && none.low == 0.0, "{none:?}");
+        assert!((all.low - 0.6915).abs() < 5e-5 && all.high == 1.0, "{all:?}");
+        let some = of(0.3);
+        assert_eq!((some.low, some.high), (0.3, 0.3), "what the bootstrap can tell it tells");
     }
 
     #[test]

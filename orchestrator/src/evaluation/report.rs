@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::bootstrap::{CONFIDENCE, Estimate, RESAMPLES, estimates};
+use super::bootstrap::{CONFIDENCE, Estimate, RESAMPLES, estimates, share};
 use super::compare::{Compared, compare};
 use super::flown::Flown;
 use super::suite::{Entry, Part, Suite};
@@ -174,7 +174,7 @@ impl Block {
             part: self.part,
             scenarios: flown.episodes.len(),
             score,
-            success,
+            success: success.map(share),
             skill,
             lost,
             fuel_used,

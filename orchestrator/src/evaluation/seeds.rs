@@ -22,7 +22,10 @@ pub struct AcrossSeeds {
     pub skill: Option<Estimate>,
 }
 
-/// The interquartile means over trainings, with 95 % percentile bootstrap intervals over them.
+/// Trainings from which on something is said of their kind.
+pub const FEWEST: usize = 3;
+
+/// The interquartile means over trainings, of three at least, with 95 % percentile bootstrap intervals over them.
 #[must_use]
 pub fn across(trainings: &[&Flown], seed: u64) -> AcrossSeeds {
     let means: Vec<[Option<f64>; 5]> = trainings
@@ -31,6 +34,9 @@ pub fn across(trainings: &[&Flown], seed: u64) -> AcrossSeeds {
         .collect();
     let of = |column: usize| {
         let values: Vec<f64> = means.iter().filter_map(|means| means[column]).collect();
+        if values.len() < FEWEST {
+            return None; // resampling so few gives what lies between the least and the most, at best
+        }
         estimate_by(&values, seed, |drawn| interquartile_mean(drawn.collect()))
     };
     AcrossSeeds { trainings: trainings.len(), score: of(0), success: of(1), skill: of(2) }

@@ -40,6 +40,8 @@ pub struct EvaluationRow {
     pub scenarios: i64,
     /// Scenarios that are flown.
     pub flown: i64,
+    /// How often scenarios were offered again because the groups that flew them came to nothing.
+    pub reflown: i64,
     /// When it was begun.
     pub created_at: Millis,
     /// When the last scenario was flown.
@@ -92,7 +94,7 @@ pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<Evaluati
     Ok(sqlx::query_as!(
         EvaluationRow,
         "SELECT id, name, suite, suite_hash, policy, run, version, training, training_seed, rollouts, chance, seed, state,
-                trouble, scenarios, flown, created_at, completed_at
+                trouble, scenarios, flown, reflown, created_at, completed_at
          FROM evaluations WHERE id = ?",
         id
     )
@@ -112,7 +114,7 @@ pub async fn below(
     Ok(sqlx::query_as!(
         EvaluationRow,
         "SELECT id, name, suite, suite_hash, policy, run, version, training, training_seed, rollouts, chance, seed, state,
-                trouble, scenarios, flown, created_at, completed_at
+                trouble, scenarios, flown, reflown, created_at, completed_at
          FROM evaluations WHERE id < ? ORDER BY id DESC LIMIT ?",
         before,
         limit
@@ -200,19 +202,22 @@ pub async fn of_group(
     Ok(row.map(|row| (row.evaluation, row.entry)))
 }
 
-/// Offers a scenario again.
+/// Offers a scenario again, and counts that.
 ///
 /// # Errors
 /// The database's.
 pub async fn offer_again(conn: &mut SqliteConnection, id: i64, entry: i64) -> Result<(), StoreError> {
-    query!(
+    let offered = query!(
         "UPDATE evaluation_scenarios SET lease = NULL, number = NULL
          WHERE evaluation = ? AND entry = ? AND episodes IS NULL",
         id,
         entry
     )
-    .execute(conn)
+    .execute(&mut *conn)
     .await?;
+    if offered.rows_affected() == 1 {
+        query!("UPDATE evaluations SET reflown = reflown + 1 WHERE id = ?", id).execute(conn).await?;
+    }
     Ok(())
 }
 

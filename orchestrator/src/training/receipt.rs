@@ -7,12 +7,12 @@ use super::audit::Verdict;
 pub struct Receipt {
     /// The episode, as it was written.
     pub episode: String,
-    /// `counted` (its group can move mastery), `stored` (kept as a statistic: an evaluation, a designed
+    /// `counted` (its group can move the curriculum: mastery, or what the strategy keeps), `stored` (kept as a statistic: an evaluation, a designed
     /// layout, or too old a policy), `audited` (as its columns claim; it counts once all that is audited is),
     /// `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
     pub status: &'static str,
     /// Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    /// `conflict`, `expired` (past what the run keeps whole, and never reported), `not_as_claimed` (its columns said otherwise, and are refused).
+    /// `conflict`, `other_version` (an evaluation is of one), `expired` (past what the run keeps whole, and never reported), `not_as_claimed` (its columns said otherwise, and are refused).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<&'static str>,
     /// The same for people.

@@ -6,6 +6,7 @@ use super::audit::{Audited, Found, Verdict, past};
 use super::close::update_and_close;
 use super::criticise::JOB;
 use super::ended::Ended;
+use super::evaluation::fill;
 use super::receipt::Receipt;
 use super::work::Work;
 use super::{Change, Happening, TrainingError, columns};
@@ -126,6 +127,10 @@ impl Books {
         };
         let late = lease.status != "active" || lease.expires_at <= work.now;
         let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);
+        if version != lease.policy_version && fill::is_of_one(work, &lease, number).await? {
+            let why = format!("its evaluation is of version {}, and this of {version}", lease.policy_version);
+            return Ok(Receipt::refused(episode, "other_version", why));
+        }
         let row = row(lease_id, number, late, &verdict, digest, version, metrics, work.now)?;
         let status = match (late, lease.is_columns()) {
             (true, _) => Ok("late"),

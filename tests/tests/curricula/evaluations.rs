@@ -76,6 +76,17 @@ async fn the_server_flies_built_in_policies_and_compares_them() {
     assert_eq!(rest["evaluations"][0]["id"], json!(hold));
 }
 
+async fn refuses_what_counts_twice(api: &Api, mine: &str, theirs: &str, hold: &str) {
+    for (a, b) in [
+        (format!("{mine},{mine}"), hold),
+        (format!("{mine},{theirs}"), theirs),
+        (format!("{mine},{hold}"), theirs),
+    ] {
+        let refused = api.get(&format!("/v1/evaluations/compare?a={a}&b={b}")).await.expect(422);
+        assert!(refused["detail"].as_str().unwrap().contains("eval-"), "{refused}");
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_trainer_flies_its_own_in_leases() {
     let server = Server::start().await;
@@ -92,6 +103,14 @@ async fn a_trainer_flies_its_own_in_leases() {
         given_up.0["groups"].as_array().unwrap().iter().all(|g| g["role"] == "suite" && g["train"] == false)
     );
     let _ = api.post(&format!("/v1/runs/run/leases/{}/release", given_up.id()), json!({})).await.expect(200);
+    // What another version did is not told for this one's.
+    let other = lease(&api, "run", wish.clone()).await;
+    let (id, scenario) = other.episodes().swap_remove(0);
+    let mut by_another = result(&id, &scenario, "hold");
+    by_another["policy_version"] = json!(7);
+    let told = api.report("run", vec![by_another]).await;
+    assert_eq!(told["results"][0]["code"], "other_version", "{told}");
+    let _ = api.post(&format!("/v1/runs/run/leases/{}/release", other.id()), json!({})).await.expect(200);
     let mut flown = 0;
     while flown < 384 {
         let lease = lease(&api, "run", wish.clone()).await;
@@ -106,6 +125,7 @@ async fn a_trainer_flies_its_own_in_leases() {
     }
     let found = complete(&api, &mine).await;
     assert_eq!(flown, 384, "each scenario once");
+    assert_eq!(found["reflown"], 200, "of two leases nothing came");
     let nothing = api.post("/v1/runs/run/leases", wish).await.expect(422);
     assert!(nothing["detail"].as_str().unwrap().contains("flown"), "{nothing}");
     // The same policy flown by the server comes to the same.
@@ -119,13 +139,17 @@ async fn a_trainer_flies_its_own_in_leases() {
         let (a, b) = (row(&found, task, "all", "mine"), row(&other, task, "all", "heuristic"));
         assert_eq!((&a["score"], &a["success"]), (&b["score"], &b["success"]), "{task}");
     }
-    let compared =
-        api.get(&format!("/v1/evaluations/compare?a={mine},{theirs}&b={theirs}")).await.expect(200);
+    let compared = api.get(&format!("/v1/evaluations/compare?a={mine}&b={theirs}")).await.expect(200);
+    assert_eq!(compared["rows"][0]["score"]["mean"], 0.0);
+    let hold = begin(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
+    let _ = complete(&api, &hold).await;
+    let compared = api.get(&format!("/v1/evaluations/compare?a={mine},{theirs}&b={hold}")).await.expect(200);
     assert_eq!(
         (&compared["a"]["across"]["trainings"], &compared["b"]["across"]["trainings"]),
         (&json!(2), &json!(1))
     );
-    assert_eq!(compared["rows"][0]["score"]["mean"], 0.0);
+    assert_eq!(compared["a"]["across"]["score"], json!(null), "of two nothing is said");
+    refuses_what_counts_twice(&api, &mine, &theirs, &hold).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -154,6 +178,7 @@ async fn what_cannot_be_evaluated_is_refused() {
         (json!({"groups": 1, "evaluation": mine}), "purpose: eval"),
         (json!({"groups": 1, "purpose": "eval", "evaluation": "eval-999"}), "no evaluation"),
         (json!({"groups": 1, "purpose": "eval", "evaluation": mine, "group_size": 3}), "8 times"),
+        (json!({"groups": 1, "purpose": "eval", "evaluation": mine, "policy_version": 5}), "of version 0"),
         (json!({"groups": 1, "purpose": "eval", "evaluation": mine, "form": "columns"}), "on groups"),
     ] {
         let answer = api.post("/v1/runs/run/leases", wish.clone()).await;

@@ -29,7 +29,7 @@ use crate::evaluation::{Flown, Report, fly};
 /// Columns are means over scenarios: the world's score; the share of successes by the task's own rule; skill, (score −
 /// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of agents lost; and
 /// fuel used by all agents together, in the world's unit. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
-/// resamples. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
+/// resamples; for successes on none or on all of them, the exact binomial interval, since there a resample can show no doubt. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
 /// together; there the suite decides how many are of which kind. All tasks together stand first where they are of one
 /// world; scores and fuel of several have no common mean.
 ///
@@ -109,6 +109,8 @@ Examples:
 /// # Errors
 /// A suite that cannot be used, or stdout that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    output::once("--policy", &args.policies)?;
+    output::may_write(args.svg.as_deref())?;
     let (suite, hash) = file::open(&args.suite).with_context(|| format!("suite {}", args.suite))?;
     check(&suite, args)?;
     let (suite, physics) = under(suite, args)?;

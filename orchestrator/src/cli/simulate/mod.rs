@@ -137,6 +137,9 @@ pub(super) struct Simulated {
 /// # Errors
 /// Settings that cannot be, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    output::once("--strategy", &args.strategies)?;
+    output::once("--learner", &args.learners)?;
+    output::may_write(args.svg.as_deref())?;
     let bar = output::progress(pairs(args).len(), "simulations")?;
     let simulated = simulated(args, &|| bar.inc(1))?;
     bar.finish_and_clear();

@@ -125,6 +125,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 impl Args {
     fn plan(&self) -> anyhow::Result<Plan> {
+        let taken = file::built_in(&self.name).is_some();
+        ensure!(
+            !taken,
+            "{} comes with the program: two suites of one name would be taken for the same",
+            self.name
+        );
         let tasks = if self.tasks.is_empty() { env_core::usual_tasks() } else { named(&self.tasks)? };
         let levels = if self.levels.is_empty() {
             let fewest = tasks.iter().map(|task| task.levels().len()).min().unwrap_or(0);

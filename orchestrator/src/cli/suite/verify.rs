@@ -104,7 +104,13 @@ fn difference(entry: &Entry) -> Option<String> {
     if planners.0 != planners.1 {
         Some(format!("planner {} here, {} stored", planners.0, planners.1))
     } else if found != *stored {
-        Some(format!("{} here; {} stored", numbers(&found), numbers(stored)))
+        let (here, kept) = (numbers(&found), numbers(stored));
+        let same = here == kept;
+        Some(if same {
+            format!("{here} as stored, other plans")
+        } else {
+            format!("{here} here; {kept} stored")
+        })
     } else if entry.part == Part::Contested && !env_core::bracket::contested(&entry.scenario, stored) {
         Some("it is not contested".to_owned())
     } else {

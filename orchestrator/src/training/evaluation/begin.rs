@@ -88,6 +88,9 @@ impl BeginEvaluation {
                 "only the policy of a run has versions; say which run",
             ));
         }
+        if run.is_none() && wish.chance.is_some() {
+            return Err(TrainingError::invalid("chance", "of a built-in policy it is known; leave it out"));
+        }
         let row = EvaluationRow {
             id: 0,
             name: wish.name.unwrap_or_else(|| wish.policy.clone()),
@@ -105,6 +108,7 @@ impl BeginEvaluation {
             trouble: None,
             scenarios: suite.entries().count() as i64,
             flown: 0,
+            reflown: 0,
             created_at: 0,
             completed_at: None,
         };

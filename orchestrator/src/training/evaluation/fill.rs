@@ -39,6 +39,16 @@ pub(in crate::training) async fn take(
     Ok(evaluations::flown(conn, (id, place), &to_json(&measured)?, now).await?)
 }
 
+/// Whether an episode's lease flies an evaluation.
+pub(in crate::training) async fn is_of_one(
+    work: &mut Work,
+    lease: &LeaseRow,
+    episode: i64,
+) -> Result<bool, TrainingError> {
+    let group = episode / lease.group_size.max(1);
+    Ok(lease.purpose == "eval" && evaluations::of_group(&mut work.conn, lease.id, group).await?.is_some())
+}
+
 /// Writes what the server flew.
 #[derive(Debug)]
 pub struct Fly {

@@ -81,7 +81,13 @@ impl Change for Reserve {
             return Err(TrainingError::invalid("group_size", why));
         }
         wish.group_size = Some(size);
-        wish.policy_version = version.map_or(wish.policy_version, crate::store::small);
+        if let Some(version) = version.map(crate::store::small) {
+            if wish.policy_version != 0 && wish.policy_version != version {
+                let why = format!("the evaluation is of version {version}; leave it out");
+                return Err(TrainingError::invalid("policy_version", why));
+            }
+            wish.policy_version = version;
+        }
         wish.check(mind)?;
         let entries = evaluations::waiting(conn, evaluation, i64::from(wish.groups)).await?;
         if entries.is_empty() {

@@ -41,6 +41,19 @@ pub enum ReadError {
     /// They are of different suites.
     #[error("eval-{0} and eval-{1} are of different suites: nothing of them compares")]
     OtherSuite(i64, i64),
+    /// One is named twice.
+    #[error("eval-{0} is named twice: it is one training")]
+    Twice(i64),
+    /// Two are of the same training seed.
+    #[error(
+        "eval-{0} and eval-{1} are of the same training and seed: as two trainings they would count twice"
+    )]
+    SameSeed(i64, i64),
+    /// A side mixes trainings of several kinds.
+    #[error(
+        "eval-{0} and eval-{1} are on one side, and of several trainings: a side is one kind, told apart by training_seed"
+    )]
+    Mixed(i64, i64),
     /// The database's.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -113,11 +126,36 @@ pub fn compare(one: &[Found], other: &[Found]) -> Result<Sides, ReadError> {
     if let Some(stranger) = one.iter().chain(other).find(|found| found.row.suite_hash != first.suite_hash) {
         return Err(ReadError::OtherSuite(first.id, stranger.row.id));
     }
+    of_one_kind(one)?;
+    of_one_kind(other)?;
+    if let Some(both) = one.iter().find(|found| other.iter().any(|other| other.row.id == found.row.id)) {
+        return Err(ReadError::Twice(both.row.id));
+    }
     let BuiltIn { suite, hash } = suite_of(first)?;
     let terms = Terms { seed: 0, rollouts: small(first.rollouts), against: Some("b".to_owned()) };
     let flown = [together("a", one), together("b", other)];
     let of = |side: &[Found]| across(&side.iter().map(|found| &found.flown).collect::<Vec<_>>(), 0);
     Ok(Sides { report: Report::new(suite, hash.clone(), &terms, &flown), one: of(one), other: of(other) })
+}
+
+/// Whether a side is trainings of one kind, each once.
+fn of_one_kind(side: &[Found]) -> Result<(), ReadError> {
+    let kind = |found: &Found| found.row.training.clone().unwrap_or_else(|| found.row.policy.clone());
+    for (at, found) in side.iter().enumerate() {
+        for before in &side[..at] {
+            let ids = (before.row.id, found.row.id);
+            if ids.0 == ids.1 {
+                return Err(ReadError::Twice(ids.0));
+            }
+            if kind(before) != kind(found) {
+                return Err(ReadError::Mixed(ids.0, ids.1));
+            }
+            if before.row.training_seed.is_some() && before.row.training_seed == found.row.training_seed {
+                return Err(ReadError::SameSeed(ids.0, ids.1));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The episodes of several trainings on each scenario.

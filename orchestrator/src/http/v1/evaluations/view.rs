@@ -40,6 +40,9 @@ pub(in crate::http::v1) struct Evaluation {
     scenarios: i64,
     /// Of these, flown.
     flown: i64,
+    /// How often scenarios were offered again because a group that flew them lost episodes or its lease ended first. What such groups
+    /// did is in no number here: where there are many of them, see that it is not the bad ones that get lost.
+    reflown: i64,
     /// When it was begun, RFC 3339.
     created_at: String,
     /// When the last scenario was flown, RFC 3339.
@@ -64,6 +67,7 @@ impl From<EvaluationRow> for Evaluation {
             trouble: row.trouble,
             scenarios: row.scenarios,
             flown: row.flown,
+            reflown: row.reflown,
             created_at: rfc3339(row.created_at),
             completed_at: row.completed_at.map(rfc3339),
         }
