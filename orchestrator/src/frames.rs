@@ -56,6 +56,19 @@ pub fn frames(
     show: Show,
     most: usize,
 ) -> Result<Vec<Value>, FramesError> {
+    frames_of(scenario, log, show, (most, 0, u32::MAX))
+}
+
+/// The same from the frame of step `first` up to that of step `last`, or to the end where that comes before: the last frame is always there.
+///
+/// # Errors
+/// As of [`frames`].
+pub fn frames_of(
+    scenario: &Scenario,
+    log: &ActionLog,
+    show: Show,
+    (most, first, last): (usize, u32, u32),
+) -> Result<Vec<Value>, FramesError> {
     let mut episode = scenario.task().start(scenario)?;
     let mut report = StepReport::default();
     let mut bytes = 0;
@@ -65,12 +78,16 @@ pub fn frames(
         frames.push(frame);
         if bytes > most { Err(FramesError::TooLarge { step, most }) } else { Ok(()) }
     };
-    keep(frame(&*episode, &json!([]), &report, show), 0)?;
-    while !episode.done() {
+    if first == 0 {
+        keep(frame(&*episode, &json!([]), &report, show), 0)?;
+    }
+    while !episode.done() && episode.steps() < last {
         let step = episode.steps();
         let action = log.step(step as usize);
         episode.step(action, &mut report).map_err(|source| FramesError::Step { step: step + 1, source })?;
-        keep(frame(&*episode, &wire_step(log, action), &report, show), step + 1)?;
+        if step + 1 >= first || episode.done() {
+            keep(frame(&*episode, &wire_step(log, action), &report, show), step + 1)?;
+        }
     }
     Ok(frames)
 }

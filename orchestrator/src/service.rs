@@ -119,6 +119,8 @@ pub struct App {
     pub desk: Desk,
     /// Who flies on the server.
     pub sessions: Arc<Sessions>,
+    /// Whether OpenEnv is for anybody, and the rest is not.
+    pub openenv_public: bool,
     /// What web sessions show to whoever looks.
     pub boards: Arc<http::Boards>,
     /// For batches of results and columns.
@@ -127,8 +129,8 @@ pub struct App {
     pub events: Arc<watch::Sender<u64>>,
     /// Who listens to that.
     pub listeners: Arc<Seats>,
-    /// Scenarios by hand that are planned on at once.
-    pub planning: http::Planning,
+    /// How much of what takes a while is done at once.
+    pub turns: http::AllTurns,
     /// Who designs layouts.
     pub designers: Arc<dyn Designers>,
     /// Who judges the steps of sessions.
@@ -194,11 +196,12 @@ impl Service {
             each: config.each,
             desk,
             sessions: Arc::clone(&sessions),
+            openenv_public: config.openenv_public,
             boards: Arc::default(),
             room: http::Room::new(LARGE_BODIES),
             events,
             listeners: Arc::new(Seats::new(LISTENERS, LISTENERS / 4)),
-            planning: http::Planning::default(),
+            turns: http::AllTurns::default(),
             designers: config.designers,
             judges: config.judges,
             endpoint: config.endpoint,

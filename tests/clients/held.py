@@ -85,7 +85,7 @@ soon.values = [0, 1]
 "body.groups" = { dictionary = "few", probability = 0.8 }  # a lease of many takes long to prepare
 """
 METHODS = ("get", "put", "post", "delete", "patch")
-SPARE = ("pause", "policy", "policy_version", "retention")  # what ends with these would stop, age or forget what others need
+SPARE = ("pause", "archive", "policy", "policy_version", "retention")  # what ends with these would stop, age or forget what others need
 JSON = "application/json"
 made = {}  # what is real, by the name of its path parameter
 real = itertools.count()
@@ -207,6 +207,7 @@ def make(url):
             ("POST /step", {}, {"burns": []}),
             ("POST /v1/scenarios", {}, {"scenario": scenario}),
             ("POST /v1/scenarios", {}, {"scenario": scenario, "actions": actions, "telemetry": True}),
+            ("POST /v1/runs/{run}/leases", {"run": "real"}, {"groups": 1}),
             ("POST /v1/runs/{run}/results", {"run": "real"}, {"results": [{"episode": group["episodes"][0], "actions": actions}]}),
             ("POST /v1/runs/{run}/results", {"run": "real"}, {"results": [{"episode": group["episodes"][1], "status": "failed"}]}),
             ("POST /v1/runs/{run}/leases/{lease}/renew", {"run": "real", "lease": leases[1]["lease"]}, None),

@@ -114,7 +114,7 @@ async fn what_is_wrong_is_found() {
         ("DELETE FROM action_logs", "has no actions"),
         ("UPDATE task_sums SET episodes = episodes + 1", "sums up"),
         (
-            "INSERT INTO claimed_sums VALUES ('run', 'kessler/survival', 0, 3, 1.5, 0, 0, 0, 0)",
+            "INSERT INTO claimed_sums VALUES ('run', 'kessler/survival', 0, 3, 1.5, 0, 0, 0, 0, 0)",
             "sums up columns as",
         ),
         ("UPDATE groups SET finished = finished + 1", "finished episodes, and has"),

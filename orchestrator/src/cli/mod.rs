@@ -18,6 +18,7 @@ mod output;
 pub mod play;
 pub mod policy;
 pub mod replay;
+pub mod report;
 pub mod serve;
 pub mod simulate;
 pub mod suite;
@@ -67,6 +68,7 @@ enum Command {
     Replay(replay::Args),
     Critique(critique::Args),
     JudgeAgreement(agreement::Args),
+    Report(report::Args),
     Db(db::Args),
     Token(token::Args),
     Bench(bench::Args),
@@ -94,6 +96,7 @@ impl Command {
             Self::Replay(args) => replay::run(args),
             Self::Critique(args) => critique::run(args),
             Self::JudgeAgreement(args) => agreement::run(args),
+            Self::Report(args) => report::run(args),
             Self::Db(args) => db::run(args),
             Self::Token(args) => token::run(args),
             Self::Bench(args) => bench::run(args),

@@ -35,6 +35,7 @@ fn help_teaches() {
         &["replay"],
         &["critique"],
         &["judge-agreement"],
+        &["report"],
         &["bench"],
     ] {
         insta::assert_snapshot!(format!("help_{}", path.join("_")), help(path));

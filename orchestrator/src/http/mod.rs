@@ -4,18 +4,19 @@ mod access;
 mod answers;
 mod column;
 mod connections;
+mod dashboard;
 mod document;
 mod extract;
 mod health;
 mod metrics;
 mod openenv;
 mod places;
-mod planning;
 mod polish;
 mod polls;
 mod problem;
 mod room;
 mod socket;
+mod turns;
 mod v1;
 
 use std::sync::Arc;
@@ -38,10 +39,10 @@ pub use self::connections::serve;
 pub use self::health::Looked;
 pub use self::metrics::begin as begin_counting;
 pub use self::openenv::Boards;
-pub use self::planning::Planning;
 pub use self::polls::Polls;
 pub use self::problem::Problem;
 pub use self::room::Room;
+pub use self::turns::AllTurns;
 use crate::service::App;
 use crate::tokens::scrubbed;
 
@@ -113,6 +114,7 @@ pub fn router(app: App, gate: Arc<Gate>, surface: Surface) -> Router {
         let shown = ["openenv", "health"];
         document.tags.iter_mut().for_each(|tags| tags.retain(|tag| shown.contains(&tag.name.as_str())));
     }
+    let routes = if surface == Surface::Whole { routes.merge(dashboard::routes()) } else { routes };
     routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
@@ -190,6 +192,11 @@ async fn no_such_route() -> Problem {
         "no_such_route",
         "There is nothing at this path; /docs lists what there is.",
     )
+}
+
+/// A file that is not there.
+fn no_such_file() -> Problem {
+    Problem::new(StatusCode::NOT_FOUND, "no_such_file", "There is no such file; /dashboard/ has the page.")
 }
 
 async fn no_such_method() -> Problem {

@@ -90,9 +90,9 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "timed_out", detail).again_in(5)
     }
 
-    /// Too much planning is under way.
-    pub(super) fn busy_planning() -> Self {
-        let detail = "Too many scenarios are being planned on; try again in a moment.";
+    /// Too much of something is under way: "scenarios are being planned on".
+    pub(super) fn busy(what: &str) -> Self {
+        let detail = format!("Too many {what}; try again in a moment.");
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail).again_in(5)
     }
 

@@ -245,6 +245,8 @@ pub async fn scores(
 pub struct ClaimedSums {
     /// Episodes of accepted claims that did not fail.
     pub episodes: i64,
+    /// Of these, audited: they are in the plain sums, too.
+    pub audited: i64,
     /// Sum of their scores.
     pub score: f64,
     /// Episodes of accepted claims that failed.
@@ -269,16 +271,17 @@ pub async fn add_sums(
 ) -> Result<(), StoreError> {
     let level = level.unwrap_or(-1);
     query!(
-        "INSERT INTO claimed_sums (run, task, level, episodes, score, failed, refused, unproven, expired)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
+        "INSERT INTO claimed_sums (run, task, level, episodes, audited, score, failed, refused, unproven, expired)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
          ON CONFLICT (run, task, level) DO UPDATE SET
-             episodes = episodes + excluded.episodes, score = score + excluded.score,
+             episodes = episodes + excluded.episodes, audited = audited + excluded.audited, score = score + excluded.score,
              failed = failed + excluded.failed, refused = refused + excluded.refused,
              unproven = unproven + excluded.unproven, expired = expired + excluded.expired",
         run,
         task,
         level,
         sums.episodes,
+        sums.audited,
         sums.score,
         sums.failed,
         sums.refused,
@@ -296,7 +299,7 @@ pub async fn add_sums(
 /// The database's.
 pub async fn sums(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, ClaimedSums)>, StoreError> {
     let rows = query!(
-        r#"SELECT task, sum(episodes) AS "episodes!: i64", sum(score) AS "score!: f64", sum(failed) AS "failed!: i64",
+        r#"SELECT task, sum(episodes) AS "episodes!: i64", sum(audited) AS "audited!: i64", sum(score) AS "score!: f64", sum(failed) AS "failed!: i64",
                   sum(refused) AS "refused!: i64", sum(unproven) AS "unproven!: i64", sum(expired) AS "expired!: i64"
            FROM claimed_sums WHERE run = ? GROUP BY task ORDER BY task"#,
         run
@@ -306,6 +309,7 @@ pub async fn sums(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String,
     let sums = rows.into_iter().map(|r| {
         let sums = ClaimedSums {
             episodes: r.episodes,
+            audited: r.audited,
             score: r.score,
             failed: r.failed,
             refused: r.refused,

@@ -223,12 +223,23 @@ pub async fn logs(
 pub struct Listed {
     /// The token of its lease.
     pub token: String,
-    /// The task.
-    pub task: String,
-    /// Its layout, where its group was designed.
-    pub layout: Option<i64>,
+    /// What is known of it by its group.
+    pub of: OfGroup,
     /// The episode.
     pub row: EpisodeRow,
+}
+
+/// What an episode is of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OfGroup {
+    /// The task.
+    pub task: String,
+    /// The level.
+    pub level: Option<i64>,
+    /// The proposal's role, or `designed`, or `suite`.
+    pub role: String,
+    /// Its layout, where its group was designed.
+    pub layout: Option<i64>,
 }
 
 /// Reported episodes of a run after (lease, index), in that order.
@@ -242,7 +253,7 @@ pub async fn page(
     limit: i64,
 ) -> Result<Vec<Listed>, StoreError> {
     let rows = query!(
-        r#"SELECT l.token, g.task, g.layout, e.lease AS "lease!", e.number AS "number!", e.state, e.digest, e.score, e.success, e.skill,
+        r#"SELECT l.token, g.task, g.level, g.role, g.layout, e.lease AS "lease!", e.number AS "number!", e.state, e.digest, e.score, e.success, e.skill,
                   e.floor, e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
            FROM leases l JOIN episodes e ON e.lease = l.id
            JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
@@ -275,7 +286,11 @@ pub async fn page(
                 metrics: r.metrics,
                 at: r.at,
             };
-            Listed { token: r.token, task: r.task, layout: r.layout, row }
+            Listed {
+                token: r.token,
+                of: OfGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
+                row,
+            }
         })
         .collect())
 }

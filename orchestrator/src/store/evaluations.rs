@@ -265,6 +265,27 @@ pub async fn fail(conn: &mut SqliteConnection, id: i64, trouble: &str) -> Result
     Ok(())
 }
 
+/// Places behind `after` with the episodes of their scenarios, as JSON; none where they are not flown.
+///
+/// # Errors
+/// The database's.
+pub async fn page(
+    conn: &mut SqliteConnection,
+    id: i64,
+    after: i64,
+    limit: i64,
+) -> Result<Vec<(i64, Option<String>)>, StoreError> {
+    let rows = query!(
+        "SELECT entry, episodes FROM evaluation_scenarios WHERE evaluation = ? AND entry > ? ORDER BY entry LIMIT ?",
+        id,
+        after,
+        limit
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| (row.entry, row.episodes)).collect())
+}
+
 /// The episodes of each scenario, as JSON, in order; none where it is not flown.
 ///
 /// # Errors

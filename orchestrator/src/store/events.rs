@@ -103,3 +103,28 @@ pub async fn newest(conn: &mut SqliteConnection, run: &str) -> Result<i64, Store
         .fetch_one(conn)
         .await?)
 }
+
+/// The event before the last `n` of a run; where there are no more of them, the one before the first that is kept.
+///
+/// # Errors
+/// The database's.
+pub async fn before_last(conn: &mut SqliteConnection, run: &str, n: u32) -> Result<i64, StoreError> {
+    let before = sqlx::query_scalar!(
+        r#"SELECT id AS "id!: i64" FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1 OFFSET ?"#,
+        run,
+        n
+    );
+    match before.fetch_optional(&mut *conn).await? {
+        Some(id) => Ok(id),
+        None => forgotten(conn, run).await,
+    }
+}
+
+/// The kind of a run's newest event, and when it was.
+///
+/// # Errors
+/// The database's.
+pub async fn last(conn: &mut SqliteConnection, run: &str) -> Result<Option<(String, Millis)>, StoreError> {
+    let row = query!("SELECT kind, at FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1", run);
+    Ok(row.fetch_optional(conn).await?.map(|row| (row.kind, row.at)))
+}

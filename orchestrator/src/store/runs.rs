@@ -22,6 +22,8 @@ pub struct RunRow {
     pub policy_version: i64,
     /// When it was made.
     pub created_at: Millis,
+    /// When it was archived: nobody wants to see it any more.
+    pub archived_at: Option<Millis>,
 }
 
 /// Stores a new run; false if the id is taken.
@@ -45,9 +47,13 @@ pub async fn insert(
         row.created_at,
         owner
     )
-    .execute(conn)
+    .execute(&mut *conn)
     .await?;
-    Ok(done.rows_affected() == 1)
+    let fresh = done.rows_affected() == 1;
+    if fresh {
+        note_settings(conn, &row.id, &row.settings, row.created_at).await?;
+    }
+    Ok(fresh)
 }
 
 /// One run.
@@ -57,28 +63,30 @@ pub async fn insert(
 pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Option<RunRow>, StoreError> {
     Ok(sqlx::query_as!(
         RunRow,
-        "SELECT id, name, seed, status, settings, policy_version, created_at FROM runs WHERE id = ?",
+        "SELECT id, name, seed, status, settings, policy_version, created_at, archived_at FROM runs WHERE id = ?",
         id
     )
     .fetch_optional(conn)
     .await?)
 }
 
-/// Runs in order of (creation, id), newest last, after a cursor.
+/// Runs in order of (creation, id), newest last, after a cursor: those that are archived, or the others.
 ///
 /// # Errors
 /// The database's.
 pub async fn page(
     conn: &mut SqliteConnection,
     after: (Millis, &str),
+    archived: bool,
     limit: i64,
 ) -> Result<Vec<RunRow>, StoreError> {
     Ok(sqlx::query_as!(
         RunRow,
-        "SELECT id, name, seed, status, settings, policy_version, created_at FROM runs
-         WHERE (created_at, id) > (?, ?) ORDER BY created_at, id LIMIT ?",
+        "SELECT id, name, seed, status, settings, policy_version, created_at, archived_at FROM runs
+         WHERE (created_at, id) > (?, ?) AND (archived_at IS NOT NULL) = ? ORDER BY created_at, id LIMIT ?",
         after.0,
         after.1,
+        archived,
         limit
     )
     .fetch_all(conn)
@@ -97,8 +105,15 @@ pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError>
 ///
 /// # Errors
 /// The database's.
-pub async fn set_status(conn: &mut SqliteConnection, id: &str, status: &str) -> Result<(), StoreError> {
-    query!("UPDATE runs SET status = ? WHERE id = ?", status, id).execute(conn).await?;
+pub async fn set_status(
+    conn: &mut SqliteConnection,
+    id: &str,
+    status: &str,
+    archived_at: Option<Millis>,
+) -> Result<(), StoreError> {
+    query!("UPDATE runs SET status = ?, archived_at = ? WHERE id = ?", status, archived_at, id)
+        .execute(conn)
+        .await?;
     Ok(())
 }
 
@@ -106,9 +121,55 @@ pub async fn set_status(conn: &mut SqliteConnection, id: &str, status: &str) -> 
 ///
 /// # Errors
 /// The database's.
-pub async fn set_settings(conn: &mut SqliteConnection, id: &str, settings: &str) -> Result<(), StoreError> {
-    query!("UPDATE runs SET settings = ? WHERE id = ?", settings, id).execute(conn).await?;
+pub async fn set_settings(
+    conn: &mut SqliteConnection,
+    id: &str,
+    settings: &str,
+    now: Millis,
+) -> Result<(), StoreError> {
+    query!("UPDATE runs SET settings = ? WHERE id = ?", settings, id).execute(&mut *conn).await?;
+    note_settings(conn, id, settings, now).await
+}
+
+/// Notes what a run was told, where that is news.
+async fn note_settings(
+    conn: &mut SqliteConnection,
+    id: &str,
+    settings: &str,
+    now: Millis,
+) -> Result<(), StoreError> {
+    query!(
+        "INSERT INTO run_settings (run, nth, at, settings)
+         SELECT ?1, coalesce(max(nth), -1) + 1, ?2, ?3 FROM run_settings WHERE run = ?1
+         HAVING ?3 IS NOT (SELECT settings FROM run_settings WHERE run = ?1 ORDER BY nth DESC LIMIT 1)",
+        id,
+        now,
+        settings
+    )
+    .execute(conn)
+    .await?;
     Ok(())
+}
+
+/// What a run was told, the newest first: when, and as JSON.
+///
+/// # Errors
+/// The database's.
+pub async fn told(
+    conn: &mut SqliteConnection,
+    id: &str,
+    before: i64,
+    limit: i64,
+) -> Result<Vec<(i64, Millis, String)>, StoreError> {
+    let rows = query!(
+        "SELECT nth, at, settings FROM run_settings WHERE run = ? AND nth < ? ORDER BY nth DESC LIMIT ?",
+        id,
+        before,
+        limit
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().map(|row| (row.nth, row.at, row.settings)).collect())
 }
 
 /// What the curriculum of a run was told when it began, as JSON, where that has changed since.

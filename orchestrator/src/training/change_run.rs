@@ -152,7 +152,7 @@ impl Change for ChangeRun {
             mind.change(settings.curriculum.clone(), now)?;
         }
         mind.settings = settings;
-        runs::set_settings(conn, run, &to_json(&mind.settings)?).await?;
+        runs::set_settings(conn, run, &to_json(&mind.settings)?, now).await?;
         if changed {
             queue::renew(work, run).await?;
             work.tell(run, &Happening::Run { state: "changed" })?;

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use env_core::bracket;
-use sqlx::SqliteConnection;
 
 use super::ended::{Ended, GroupEnd};
 use super::sets::Sets;
@@ -14,7 +13,7 @@ use crate::store::closings::{self, GroupSums};
 use crate::store::groups::{self, Closing, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::sums::{self, Sums};
-use crate::store::{StoreError, from_json, proposals, small, unsigned};
+use crate::store::{from_json, proposals, small, unsigned};
 
 /// How often a scenario is offered: one that makes every trainer fall over must not come back for ever.
 const MOST_ATTEMPTS: i64 = 3;
@@ -100,10 +99,14 @@ async fn close_group(
     let end = group_end(lease, group, closing);
     let expired = end.expired;
     work.tell(&lease.run, &Happening::group(lease, group, expired))?;
-    let (mind, conn) = work.mind(&lease.run).await?;
     if expired > 0 && group.counts() {
         let lost = Sums { expired, ..Sums::default() };
-        sums::add(conn, &lease.run, &BTreeMap::from([(sums::Key::of(group), lost)])).await?;
+        work.count(&lease.run, &group.task).add(&lost, group.level);
+        sums::add(&mut work.conn, &lease.run, &BTreeMap::from([(sums::Key::of(group), lost)])).await?;
+    }
+    let panel = panel(work, (lease, group), enough).await?;
+    if enough && group.counts() {
+        remember(work, (lease, group), &end, panel);
     }
     let Some(seq) = group.proposal else {
         let moves = match group.layout {
@@ -117,11 +120,11 @@ async fn close_group(
     };
     let Some(body) = &closing.body else { return Ok((end, Vec::new())) };
     let proposal: Proposal = from_json("a proposal", body)?;
+    if enough && group.counts() {
+        work.count(&lease.run, &group.task).note(&proposal.params);
+    }
+    let (mind, conn) = work.mind(&lease.run).await?;
     let current = mind.curriculum.is_current(unsigned(seq), &proposal);
-    let panel = match mind.settings.curriculum.wants_panel() {
-        true => panel_share(conn, &group.scenario).await?,
-        false => None,
-    };
     let outcome = GroupOutcome {
         proposal: unsigned(seq),
         level: proposal.level,
@@ -140,7 +143,7 @@ async fn close_group(
         params: if proposal.level.is_none() { proposal.params } else { Vec::new() },
         signals: Signals {
             regret: closing.regret,
-            panel,
+            panel: panel.filter(|_| mind.settings.curriculum.wants_panel()),
             positive_value_loss: closing.positive_value_loss,
             max_mc: closing.max_mc,
         },
@@ -150,6 +153,49 @@ async fn close_group(
         proposals::offer_again(conn, &lease.run, seq, MOST_ATTEMPTS).await?;
     }
     Ok((end, observe(work, &lease.run, outcome).await?))
+}
+
+/// How many groups of a transaction and task are looked at for what blind plans do on their scenarios, where only history wants it: it takes
+/// reading them.
+const PANELS: i64 = 2;
+
+/// Whether the success of a group on a contested scenario counts: of a layout, which is shown again and again, that is up to the designs.
+const fn is_proof(group: &GroupRow) -> bool {
+    group.contested != 0 && group.evidence != 0 && group.finished > 0 && group.layout.is_none()
+}
+
+/// The share of blind plans that succeed on a group's scenario, where somebody wants it: the curriculum, or history of some.
+async fn panel(
+    work: &mut Work,
+    (lease, group): (&LeaseRow, &GroupRow),
+    enough: bool,
+) -> Result<Option<f64>, TrainingError> {
+    let shown = enough && group.counts() && is_proof(group) && work.panels(&lease.run, &group.task) < PANELS;
+    let (mind, conn) = work.mind(&lease.run).await?;
+    let wanted = group.proposal.is_some() && mind.settings.curriculum.wants_panel();
+    if !shown && !wanted {
+        return Ok(None);
+    }
+    let sets = Sets::of(conn, &[&group.scenario]).await?;
+    let (scenario, bracket) = sets.get(&group.scenario, true)?;
+    Ok(bracket.map(|bracket| bracket::panel_share(scenario, bracket)))
+}
+
+/// Adds a group to the history of its run.
+fn remember(work: &mut Work, (lease, group): (&LeaseRow, &GroupRow), end: &GroupEnd, panel: Option<f64>) {
+    let part = work.count(&lease.run, &group.task);
+    if lease.group_size > 1 {
+        part.groups += 1;
+        part.flat += i64::from(end.zero_variance == Some(true));
+    }
+    if is_proof(group) {
+        part.contested += 1;
+        part.solved += group.successes as f64 / group.finished as f64;
+        if let Some(share) = panel {
+            part.panels += 1;
+            part.panel += share;
+        }
+    }
 }
 
 /// A group's part in how groups of several episodes end.
@@ -163,13 +209,6 @@ fn part(group: &GroupRow, end: &GroupEnd) -> GroupSums {
         lost: of("lost"),
         flat: i64::from(group.state != "lost" && end.zero_variance == Some(true)),
     }
-}
-
-/// The share of blind plans that succeed on a scenario; none where it has no bracket.
-async fn panel_share(conn: &mut SqliteConnection, id: &[u8]) -> Result<Option<f64>, StoreError> {
-    let sets = Sets::of(conn, &[id]).await?;
-    let (scenario, bracket) = sets.get(id, true)?;
-    Ok(bracket.map(|bracket| bracket::panel_share(scenario, bracket)))
 }
 
 /// Tells the curriculum, and drops what a move made stale.

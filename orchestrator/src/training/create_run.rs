@@ -75,6 +75,7 @@ impl Change for CreateRun {
             settings: to_json(&self.settings)?,
             policy_version: 0,
             created_at: work.now,
+            archived_at: None,
         };
         if let Some(Owner { token, most }) = self.owner
             && tokens::runs(&mut work.conn, token).await? >= i64::from(most)

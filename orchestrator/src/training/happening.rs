@@ -15,9 +15,9 @@ use crate::store::{StoreError, to_json};
 #[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum Happening<'a> {
-    /// The run was created, changed, paused or resumed.
+    /// The run was created, changed, paused, resumed or archived.
     Run {
-        /// `created`, `changed` (told otherwise), `paused` or `resumed`.
+        /// `created`, `changed` (told otherwise), `paused`, `resumed` or `archived`.
         state: &'a str,
     },
     /// A lease began, or came to something.

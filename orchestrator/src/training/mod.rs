@@ -15,6 +15,7 @@ pub mod ended;
 pub mod eval_lease;
 pub mod evaluation;
 pub mod happening;
+pub mod history;
 pub mod jump;
 pub mod lease;
 mod mind;

@@ -264,6 +264,9 @@ impl Books {
         let mut ended = Ended::default();
         episodes::insert(&mut work.conn, &self.fresh).await?;
         sums::add(&mut work.conn, run, &self.sums).await?;
+        for (key, sums) in &self.sums {
+            work.count(run, &key.task).add(sums, key.level);
+        }
         versions::add(&mut work.conn, run, &self.versions, work.now).await?;
         let jobs = self.to_criticise.iter().flat_map(|((lease, task), numbers)| {
             numbers.chunks(JOB).map(move |numbers| (task.as_str(), *lease, numbers))

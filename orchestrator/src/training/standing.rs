@@ -6,27 +6,44 @@ use crate::ids::RunId;
 use crate::store::runs::{self, RunRow};
 use crate::store::to_json;
 
-/// Pauses or resumes a run. A paused run grants no leases; results of leases it has granted are still taken.
-#[derive(Debug)]
-pub struct SetPaused {
-    /// Which.
-    pub run: RunId,
-    /// Whether it should be paused.
-    pub paused: bool,
+/// What a run should do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Course {
+    /// Go on, if it was paused or archived.
+    Resume,
+    /// Grant no leases; results of leases it has granted are still taken.
+    Pause,
+    /// The same, and be left out of lists.
+    Archive,
 }
 
-impl Change for SetPaused {
+/// Pauses, resumes or archives a run.
+#[derive(Debug)]
+pub struct SetCourse {
+    /// Which.
+    pub run: RunId,
+    /// What it should do.
+    pub course: Course,
+}
+
+impl Change for SetCourse {
     type Answer = RunRow;
 
     async fn apply(self, work: &mut Work) -> Result<RunRow, TrainingError> {
-        let run = self.run.as_str();
+        let (run, now) = (self.run.as_str(), work.now);
         let (mind, conn) = work.mind(run).await?;
-        mind.paused = self.paused;
-        runs::set_status(conn, run, if self.paused { "paused" } else { "active" }).await?;
+        mind.paused = self.course != Course::Resume;
+        let before = runs::get(conn, run).await?.and_then(|row| row.archived_at);
+        let (status, archived_at, state) = match self.course {
+            Course::Resume => ("active", None, "resumed"),
+            // What is archived stays so: it is paused already.
+            Course::Pause => ("paused", before, "paused"),
+            Course::Archive => ("paused", before.or(Some(now)), "archived"),
+        };
+        runs::set_status(conn, run, status, archived_at).await?;
         let row = runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
         work.wake_prepare();
         work.wake_rollout();
-        let state = if self.paused { "paused" } else { "resumed" };
         work.tell(run, &Happening::Run { state })?;
         Ok(row)
     }
@@ -66,10 +83,10 @@ impl Change for SetRetention {
     type Answer = RunRow;
 
     async fn apply(self, work: &mut Work) -> Result<RunRow, TrainingError> {
-        let run = self.run.as_str();
+        let (run, now) = (self.run.as_str(), work.now);
         let (mind, conn) = work.mind(run).await?;
         mind.settings.retention = mind.settings.retention.with(self.wish);
-        runs::set_settings(conn, run, &to_json(&mind.settings)?).await?;
+        runs::set_settings(conn, run, &to_json(&mind.settings)?, now).await?;
         runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))
     }
 }

@@ -1,5 +1,8 @@
 //! Looking at a run: where its tasks stand. Asked of the writer, which has it in memory; it changes nothing.
 
+use sqlx::SqliteConnection;
+
+use super::mind::Mind;
 use super::{Change, RunSettings, TrainingError, Work};
 use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
@@ -43,15 +46,30 @@ impl Change for Look {
 
     async fn apply(self, work: &mut Work) -> Result<Standing, TrainingError> {
         let (mind, conn) = work.mind(self.run.as_str()).await?;
-        Ok(Standing {
+        Standing::of(mind, conn, self.run.as_str()).await
+    }
+}
+
+impl Standing {
+    /// Of a run as it is stored, for who has no writer.
+    ///
+    /// # Errors
+    /// The database's, or a run that there is not.
+    pub async fn stored(conn: &mut SqliteConnection, run: &str) -> Result<Self, TrainingError> {
+        let mind = Mind::load(conn, run).await?;
+        Self::of(&mind, conn, run).await
+    }
+
+    async fn of(mind: &Mind, conn: &mut SqliteConnection, run: &str) -> Result<Self, TrainingError> {
+        Ok(Self {
             settings: mind.settings.clone(),
             status: mind.curriculum.status(),
             mastery: mind.curriculum.mastery(),
             explanation: mind.curriculum.explain(),
-            sums: sums::of_run(conn, self.run.as_str(), false).await?,
-            designed: sums::of_run(conn, self.run.as_str(), true).await?,
-            claimed: columns::sums(conn, self.run.as_str()).await?,
-            groups: closings::of_run(conn, self.run.as_str()).await?,
+            sums: sums::of_run(conn, run, false).await?,
+            designed: sums::of_run(conn, run, true).await?,
+            claimed: columns::sums(conn, run).await?,
+            groups: closings::of_run(conn, run).await?,
             next_seq: mind.curriculum.next_seq(),
         })
     }

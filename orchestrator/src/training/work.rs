@@ -7,10 +7,12 @@ use sqlx::SqliteConnection;
 use tokio::sync::{Notify, watch};
 
 use super::TrainingError;
+use super::history::{Counts, SeenTo};
 use super::mind::Mind;
 use crate::clock::Millis;
 use crate::store::curriculum::Event;
 use crate::store::events::Told;
+use crate::store::history::Part;
 use crate::store::{self, Claim, StoreError, Trouble};
 
 /// What the writer works with.
@@ -31,6 +33,10 @@ pub struct Work {
     touched: Vec<String>,
     /// What a change tells the listeners.
     pub(super) telling: Vec<Told>,
+    /// What a change adds to the history of runs, by run and task.
+    counting: Counts,
+    /// When each run's history was last seen to.
+    seen_to: HashMap<String, SeenTo>,
     kept: Kept,
     /// Events told of each run since its ring was looked at.
     told: HashMap<String, u32>,
@@ -49,6 +55,8 @@ struct Kept {
     told: Vec<Told>,
     /// Events of curricula, by run.
     events: BTreeMap<String, Vec<Event>>,
+    /// What came of runs' tasks.
+    counts: Counts,
 }
 
 /// Who is woken after a commit that made work for them.
@@ -80,6 +88,8 @@ impl Work {
             minds: HashMap::new(),
             touched: Vec::new(),
             telling: Vec::new(),
+            counting: Counts::default(),
+            seen_to: HashMap::new(),
             kept: Kept::default(),
             told: HashMap::new(),
             wake_events: false,
@@ -120,9 +130,20 @@ impl Work {
         self.minds.values()
     }
 
+    /// What is added to a task's history by this change.
+    pub(super) fn count(&mut self, run: &str, task: &str) -> &mut Part {
+        self.counting.of(run, task)
+    }
+
+    /// Of how many groups of a task the blind panel was looked at in this transaction.
+    pub(super) fn panels(&self, run: &str, task: &str) -> i64 {
+        self.counting.panels(run, task) + self.kept.counts.panels(run, task)
+    }
+
     /// Keeps what a change that stands leaves to the end of its transaction.
     pub(super) fn keep(&mut self) {
         self.kept.told.append(&mut self.telling);
+        self.kept.counts.join(&mut self.counting);
         for run in &self.touched {
             if let Some(mind) = self.minds.get_mut(run) {
                 let events = mind.take_unwritten();
@@ -138,9 +159,13 @@ impl Work {
         if self.claim.as_ref().is_some_and(|claim| !claim.is_there()) {
             return Err(StoreError::Undone(Trouble::Gone));
         }
-        let Kept { told, events } = std::mem::take(&mut self.kept);
+        let Kept { told, events, counts } = std::mem::take(&mut self.kept);
         for (run, events) in events {
             store::curriculum::append(&mut self.conn, &run, &events).await?;
+        }
+        for (run, parts) in counts.0 {
+            let seen_to = self.seen_to.entry(run.clone()).or_default();
+            seen_to.write(&mut self.conn, (&run, self.minds.get(&run)), parts, self.now).await?;
         }
         self.write_told(&told).await
     }
@@ -148,6 +173,7 @@ impl Work {
     /// Forgets what a change did that was undone: the runs it touched are restored when next needed.
     pub(super) fn forget(&mut self) {
         self.telling.clear();
+        self.counting = Counts::default();
         for run in self.touched.drain(..) {
             self.minds.remove(&run);
         }

@@ -1,13 +1,14 @@
 //! Folds what runs keep whole no longer.
 
 use std::collections::{HashMap, HashSet};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::future::try_join_all;
 use sqlx::SqlitePool;
 
 use crate::store::retention::{self, Whole};
 use crate::store::{from_json, sweep};
+use crate::training::history::ForgetMinutes;
 use crate::training::retain::{Fold, FoldLeases, Sweep};
 use crate::training::settings::Retention;
 use crate::training::{RunSettings, TrainingError, Writer};
@@ -19,10 +20,13 @@ const EVERY: Duration = Duration::from_secs(2);
 const AT_ONCE: i64 = 8;
 /// Changes in a row before proposals and events are swept and what is kept is looked at again.
 const ROUND: i64 = 64;
+/// How often old minutes are forgotten.
+const FORGET_EVERY: Duration = Duration::from_secs(3600);
 
 /// Works until the writer is gone.
 pub async fn run(readers: SqlitePool, writer: Writer) {
-    let mut keeper = Keeper { readers, writer, looked_at: HashMap::new(), unseen: HashSet::new() };
+    let mut keeper =
+        Keeper { readers, writer, looked_at: HashMap::new(), unseen: HashSet::new(), forgot: None };
     loop {
         match keeper.round().await {
             Ok(true) => continue, // there is more
@@ -45,6 +49,8 @@ struct Keeper {
     looked_at: HashMap<String, i64>,
     /// Runs that were folded since all of what stayed of them was looked at.
     unseen: HashSet<String>,
+    /// When old minutes were forgotten.
+    forgot: Option<Instant>,
 }
 
 impl Keeper {
@@ -52,6 +58,12 @@ impl Keeper {
     /// other from it.
     async fn round(&mut self) -> Result<bool, TrainingError> {
         let runs = retention::whole(&mut *self.readers.acquire().await?).await?;
+        if self.forgot.is_none_or(|last| last.elapsed() >= FORGET_EVERY) {
+            for whole in &runs {
+                while self.writer.change(ForgetMinutes { run: whole.run.clone() }).await? {}
+            }
+            self.forgot = Some(Instant::now());
+        }
         let mut more = false;
         for whole in runs {
             match self.of_run(&whole).await {

@@ -136,13 +136,18 @@ async fn each_role_may_what_it_may_and_nothing_else() {
 
 /// What the document does not name, what is nowhere, and what goes on for ever.
 async fn beside_the_document(anonymous: &Api, tokens: &BTreeMap<&'static str, String>) {
-    for path in ["/", "/ws", "/mcp", "/ws/ui", "/web", "/web/", "/web/state", "/web/metadata"] {
+    for path in ["/", "/ws", "/mcp", "/ws/ui", "/web/state", "/web/metadata"] {
         assert_eq!(anonymous.get(path).await.status, 401, "{path}");
     }
     for path in ["/web/reset", "/web/step"] {
         assert_eq!(anonymous.post(path, json!({})).await.status, 401, "{path}");
         let viewer = anonymous.clone().with_token(&tokens["viewer"]);
         assert_eq!(viewer.post(path, json!({})).await.status, 403, "{path}");
+    }
+    // Pages say nothing of anybody's runs: what they ask does.
+    for path in ["/web/", "/dashboard/"] {
+        let page = http_client().get(format!("{}{path}", anonymous.base())).send().await.unwrap();
+        assert_eq!(page.status(), 200, "{path}");
     }
     assert_eq!(anonymous.get("/nothing").await.status, 404);
     let listen =

@@ -48,6 +48,13 @@ async fn what_is_audited_moves_mastery_and_the_rest_is_a_statistic() {
     assert_eq!(after["claimed"]["episodes"], 300);
     let mean = flight.scores.iter().sum::<f64>() / 300.0;
     assert!((after["claimed"]["score"].as_f64().unwrap() - mean).abs() < 1e-6);
+    // What was audited is of what was claimed: it is shown once.
+    let glance = api.get("/v1/runs/run/overview").await.expect(200);
+    assert_eq!(glance["episodes"], 300);
+    let series = api.get("/v1/runs/run/series").await.expect(200)["tasks"][0].clone();
+    let shown =
+        |column: &str| series[column].as_array().unwrap().iter().map(|n| n.as_i64().unwrap()).sum::<i64>();
+    assert_eq!((shown("episodes"), shown("claimed")), (80, 220));
     // Only contested scenarios are evidence, and they were found to be at the audit.
     let lease = api.get(&format!("/v1/runs/run/leases/{}", flight.lease.id())).await.expect(200);
     assert_eq!((&lease["status"], &lease["form"]), (&json!("done"), &json!("columns")));

@@ -161,7 +161,7 @@ pub(super) fn words(progress: &Progress, run: &str, db: Option<&Path>) -> String
     if let Some(db) = db {
         let _ = writeln!(
             out,
-            "\nEverything is in {0}, as run {run}: look at it with `sparring serve --db {0}`.",
+            "\nEverything is in {0}, as run {run}: `sparring serve --db {0}` shows it at /dashboard.",
             db.display()
         );
     }

@@ -11,6 +11,7 @@ use env_core::log::Precision;
 use serde_json::{Map, Value};
 
 use super::super::access::Caller;
+use super::super::dashboard;
 use super::answer;
 use super::body::Body;
 use super::read::WALK;
@@ -46,12 +47,16 @@ pub(super) async fn home() -> Response {
     (StatusCode::TEMPORARY_REDIRECT, [(header::LOCATION, "/web/")]).into_response()
 }
 
-/// The page, with a session of its own.
-pub(super) async fn page(headers: HeaderMap) -> Response {
-    let policy =
-        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
-    let mut response =
-        ([(header::CONTENT_SECURITY_POLICY, policy)], Html(PAGE_WITH_TASKS.as_str())).into_response();
+/// The page, with a session of its own: the dashboard's, opened where one plays. Where that was not built it is a form, and where OpenEnv alone
+/// is for anybody, since the dashboard asks `/v1`.
+pub(super) async fn page(State(app): State<App>, headers: HeaderMap) -> Response {
+    let form = || {
+        let policy =
+            "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
+        ([(header::CONTENT_SECURITY_POLICY, policy)], Html(PAGE_WITH_TASKS.as_str())).into_response()
+    };
+    let built = if app.openenv_public { None } else { dashboard::page(&headers) };
+    let mut response = built.unwrap_or_else(form);
     if simulation::cookie(&headers).is_none() {
         let id = uuid::Uuid::new_v4();
         let cookie = format!("{COOKIE_NAME}={id}; Path=/; SameSite=Strict; HttpOnly");

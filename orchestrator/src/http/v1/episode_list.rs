@@ -10,7 +10,7 @@ use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::service::App;
-use crate::store::episodes::{self, EpisodeRow, Listed};
+use crate::store::episodes::{self, EpisodeRow, Listed, OfGroup};
 use crate::store::folds::{self, FoldedEpisode, FoldedGroup, FoldedLease};
 
 /// Whether the actions of an episode are there to be replayed.
@@ -32,6 +32,10 @@ pub(super) struct EpisodeHead {
     episode: String,
     /// The task.
     task: Option<String>,
+    /// The level its scenario was drawn at.
+    level: Option<i64>,
+    /// What its group was for: the curriculum's role of it (`frontier`, `replay`, `probe`, …), `designed` or `suite`.
+    role: String,
     /// The layout's id, where its group was designed.
     layout: Option<String>,
     /// `leased`, `finished`, `failed`, `late` or `expired`.
@@ -52,17 +56,14 @@ pub(super) struct EpisodeHead {
 
 impl EpisodeHead {
     /// One that is kept whole; `unreported` is its state where it was not reported.
-    pub(super) fn of(
-        id: &EpisodeId,
-        (task, layout): (Option<String>, Option<i64>),
-        row: Option<&EpisodeRow>,
-        unreported: &str,
-    ) -> Self {
+    pub(super) fn of(id: &EpisodeId, group: OfGroup, row: Option<&EpisodeRow>, unreported: &str) -> Self {
         let flown = row.is_some_and(|row| row.flown.is_some());
         Self {
             episode: id.to_string(),
-            task,
-            layout: layout.map(|id| LayoutId(id).to_string()),
+            task: Some(group.task),
+            level: group.level,
+            role: group.role,
+            layout: group.layout.map(|id| LayoutId(id).to_string()),
             state: row.map_or(unreported, |r| r.state.as_str()).to_owned(),
             score: row.and_then(|r| r.score),
             success: row.and_then(|r| r.success).map(|s| s != 0),
@@ -83,6 +84,8 @@ impl EpisodeHead {
         Self {
             episode: EpisodeId { lease: lease.row.lease_id(), index }.to_string(),
             task: Some(group.task.clone()),
+            level: group.level,
+            role: group.role.clone(),
             layout: group.layout.map(|id| LayoutId(id).to_string()),
             state: known.map_or("expired", |known| known.state.word()).to_owned(),
             score: known.and_then(|known| known.score),
@@ -148,8 +151,8 @@ pub(super) async fn list(
     Ok(axum::Json(Episodes { episodes: heads.into_iter().map(|(_, head)| head).collect(), next }))
 }
 
-fn head(Listed { token, task, layout, row }: Listed) -> ((i64, i64), EpisodeHead) {
+pub(super) fn head(Listed { token, of, row }: Listed) -> ((i64, i64), EpisodeHead) {
     let lease = LeaseId { number: row.lease, token };
     let id = EpisodeId { lease, index: row.number };
-    ((row.lease, row.number), EpisodeHead::of(&id, (Some(task), layout), Some(&row), "finished"))
+    ((row.lease, row.number), EpisodeHead::of(&id, of, Some(&row), "finished"))
 }

@@ -1,6 +1,7 @@
 //! Episodes: show, replay.
 
 use axum::extract::State;
+use env_core::log::Precision;
 use env_core::{ActionLog, Scenario};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -15,8 +16,8 @@ use crate::frames::{FramesError, MOST_BYTES, Show, frames, wire_step};
 use crate::ids::{EpisodeId, RunId};
 use crate::service::App;
 use crate::store::brackets::StoredFlown;
-use crate::store::episodes::EpisodeRow;
-use crate::store::folds::{self, FoldedGroup};
+use crate::store::episodes::{EpisodeRow, OfGroup};
+use crate::store::folds;
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::scenarios::Loader;
@@ -31,10 +32,6 @@ pub(super) struct Episode {
     /// What a list says of it.
     #[serde(flatten)]
     head: EpisodeHead,
-    /// The level.
-    level: Option<i64>,
-    /// `placement`, `frontier`, `rehearsal`, `sample` or `designed`.
-    role: String,
     /// Whether the scenario is contested.
     contested: bool,
     /// The floor it was judged by.
@@ -97,12 +94,15 @@ pub(super) async fn show(
     Ok(axum::Json(Episode {
         head: EpisodeHead::of(
             &found.id,
-            (Some(found.group.task), found.group.layout),
+            OfGroup {
+                task: found.group.task,
+                level: found.group.level,
+                role: found.group.role,
+                layout: found.group.layout,
+            },
             row.as_ref(),
             unreported(&found.lease),
         ),
-        level: found.group.level,
-        role: found.group.role,
         contested: found.group.contested != 0,
         floor: row.as_ref().and_then(|r| r.floor),
         reference: row.as_ref().and_then(|r| r.reference),
@@ -122,12 +122,9 @@ async fn past(conn: &mut SqliteConnection, run: &RunId, id: &EpisodeId) -> Resul
     let lease = folds::get(conn, run.as_str(), id.lease.number).await?.ok_or_else(unknown)?;
     let group = lease.group(id.index / lease.row.group_size.max(1)).ok_or_else(unknown)?;
     let known = lease.episode(id.index).map(|(_, known)| known);
-    let FoldedGroup { level, role, contested, .. } = group;
     Ok(Episode {
         head: EpisodeHead::folded(&lease, id.index, (group, known)),
-        level: *level,
-        role: role.clone(),
-        contested: *contested,
+        contested: group.contested,
         floor: None,
         reference: None,
         flown: None,
@@ -148,6 +145,23 @@ pub(super) struct Shown {
     /// Whether frames also hold what the agents saw (false).
     #[serde(default)]
     telemetry: bool,
+    /// Who flies it: the agent, as it did; nobody; or the plan that the scenario's reference score is of (agent).
+    #[serde(default)]
+    #[param(inline)]
+    plan: Plan,
+}
+
+/// Whose actions are replayed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Plan {
+    /// The agent's.
+    #[default]
+    Agent,
+    /// None.
+    Hold,
+    /// Those that earn the reference score.
+    Reference,
 }
 
 /// Replay an episode on the server: the whole state, step by step.
@@ -168,7 +182,21 @@ pub(super) async fn replayed(
 ) -> Result<axum::Json<Replay>, Problem> {
     let mut conn = app.readers.acquire().await?;
     let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
-    let log = found.log.ok_or_else(|| TrainingError::UnknownEpisode(format!("{episode} that was flown")))?;
+    // What earns the reference score, and how it looks where nobody acts, is told of what was flown: not to who is to fly it yet.
+    if found.row.is_none() {
+        return Err(TrainingError::UnknownEpisode(format!("{episode} that was flown")).into());
+    }
+    let log = match shown.plan {
+        Plan::Agent => {
+            found.log.ok_or_else(|| TrainingError::UnknownEpisode(format!("{episode} that was flown")))?
+        }
+        Plan::Hold => ActionLog::new(found.scenario.task().action_space().columns.len(), Precision::F64),
+        Plan::Reference => match brackets::newest(&mut conn, &found.group.scenario).await? {
+            Some(bracket) => bracket.witness,
+            None => return Err(TrainingError::UnknownEpisode(format!("{episode} with a reference")).into()),
+        },
+    };
+    drop(conn);
     // States alone were always shown in full; the worlds bound them.
     let (show, most) =
         if shown.telemetry { (Show::Telemetry, MOST_BYTES) } else { (Show::State, usize::MAX) };

@@ -39,9 +39,15 @@ pub(super) struct From {
     /// The event after which to begin: 0 for all that are kept. Left out, only what happens from now on; the header
     /// `Last-Event-ID` goes before it.
     after: Option<i64>,
+    /// Where `after` is left out: begin with so many of the last, 1 000 at most.
+    #[param(maximum = 1000)]
+    last: Option<u32>,
 }
 
-/// Listen to what happens in a run (Server-Sent Events): `run` (created, paused, resumed), `lease` (taken, renewed, done, released,
+/// Most of the last events that one begins with.
+const LAST: u32 = 1000;
+
+/// Listen to what happens in a run (Server-Sent Events): `run` (created, changed, paused, resumed, archived), `lease` (taken, renewed, done, released,
 /// expired), `group` (how it ended), `move` (a level, with its evidence), `claim` (of columns), `failures` (that were criticised),
 /// `design` (what a designer came to) and `health` (what whoever watches should know). Every event has an id; a listener that
 /// comes again with it as `Last-Event-ID` misses nothing, as long as at most 10 000 others came since: else the first event is `gap`.
@@ -73,9 +79,13 @@ pub(super) async fn listen(
             }
             None => from.after,
         };
-    let after = match last {
-        Some(id) => id.max(0),
-        None => events::newest(&mut conn, run.as_str()).await?,
+    let after = match (last, from.last) {
+        (Some(id), _) => id.max(0),
+        (None, Some(n @ ..=LAST)) => events::before_last(&mut conn, run.as_str(), n).await?,
+        (None, Some(n)) => {
+            return Err(Problem::invalid("last", format!("is {n}, but must be from 0 to {LAST}")));
+        }
+        (None, None) => events::newest(&mut conn, run.as_str()).await?,
     };
     drop(conn);
     let seat = app.listeners.take(&caller.who);

@@ -179,7 +179,7 @@ struct ClaimedView {
 
 impl ClaimedView {
     fn of(sums: &ClaimedSums) -> Self {
-        let ClaimedSums { episodes, score, failed, refused, unproven, expired } = *sums;
+        let ClaimedSums { episodes, score, failed, refused, unproven, expired, .. } = *sums;
         let score = (episodes > 0).then(|| score / episodes as f64);
         Self { episodes, score, failed, refused, unproven, expired }
     }

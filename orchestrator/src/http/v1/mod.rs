@@ -5,22 +5,28 @@ mod columns;
 mod critique;
 mod designs;
 mod episode_list;
+mod episode_search;
 mod episodes;
 mod evaluations;
 mod events;
 mod failure_list;
 mod failures;
+mod flights;
 mod layouts;
 mod leases;
 mod mastery;
+mod overview;
 mod policy;
 mod results;
 mod retention;
 mod run_change;
+mod run_settings;
 mod runs;
 mod scenarios;
+mod series;
 mod sessions;
 mod strategies;
+mod suites;
 mod tasks;
 mod trajectories;
 mod versions;
@@ -37,6 +43,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(runs::create, runs::list))
         .routes(routes!(runs::show, run_change::change))
         .routes(routes!(runs::pause))
+        .routes(routes!(runs::archive))
         .routes(routes!(runs::resume))
         .routes(routes!(runs::set_newest))
         .routes(routes!(retention::put))
@@ -53,7 +60,11 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(mastery::show))
         .routes(routes!(mastery::history))
         .routes(routes!(mastery::params))
+        .routes(routes!(series::show))
+        .routes(routes!(overview::show))
+        .routes(routes!(run_settings::list))
         .routes(routes!(episode_list::list))
+        .routes(routes!(episode_search::search))
         .routes(routes!(episodes::show))
         .routes(routes!(episodes::replayed))
         .routes(routes!(critique::show))
@@ -69,6 +80,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(layouts::list))
         .routes(routes!(layouts::show))
         .routes(routes!(scenarios::check))
+        .routes(routes!(flights::fly))
         .routes(routes!(sessions::connect))
         .routes(routes!(policy::show, policy::put))
         .routes(routes!(trajectories::pull::pull))
@@ -78,6 +90,8 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(evaluations::list::list, evaluations::begin::begin))
         .routes(routes!(evaluations::compare::compare))
         .routes(routes!(evaluations::show::show))
+        .routes(routes!(evaluations::scenarios::list))
+        .routes(routes!(suites::list))
         .routes(routes!(audit::list))
 }
 

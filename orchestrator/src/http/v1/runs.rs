@@ -1,10 +1,10 @@
-//! Runs: create, list, show, pause, resume.
+//! Runs: create, list, show, pause, archive, resume.
 
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 use super::super::access::Caller;
 use super::super::extract::{Json, NoQuery, Path, Query};
@@ -22,7 +22,7 @@ use crate::training::RunSettings;
 use crate::training::TrainingError;
 use crate::training::create_run::CreateRun;
 use crate::training::settings::RunWish;
-use crate::training::standing::{SetNewest, SetPaused};
+use crate::training::standing::{Course, SetCourse, SetNewest};
 
 /// A run.
 #[derive(Serialize, ToSchema)]
@@ -37,6 +37,8 @@ pub(super) struct Run {
     status: String,
     /// When it was made, RFC 3339.
     created_at: String,
+    /// When it was archived, RFC 3339.
+    archived_at: Option<String>,
     /// The newest policy version a trainer reported.
     policy_version: i64,
     /// Its settings, complete.
@@ -53,6 +55,7 @@ impl Run {
             seed: unsigned(row.seed),
             status: row.status,
             created_at: rfc3339(row.created_at),
+            archived_at: row.archived_at.map(rfc3339),
             policy_version: row.policy_version,
         })
     }
@@ -136,18 +139,33 @@ pub(super) async fn create(
     Ok((StatusCode::CREATED, axum::Json(Run::of(row)?)))
 }
 
+/// Which runs.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Which {
+    /// Those that are archived, instead of the others (false).
+    #[serde(default)]
+    archived: bool,
+    /// How many at most: 1 to 500 (50).
+    limit: Option<u32>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
 /// List runs, oldest first.
 #[utoipa::path(
-    get, path = "/runs", tag = "runs", params(Page),
+    get, path = "/runs", tag = "runs", params(Which),
     responses((status = 200, body = Runs), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list(
     State(app): State<App>,
-    Query(page): Query<Page>,
+    Query(which): Query<Which>,
 ) -> Result<axum::Json<Runs>, Problem> {
+    let page = Page { limit: which.limit, cursor: which.cursor };
     let limit = page.limit()?;
     let mut conn = app.readers.acquire().await?;
-    let rows = runs::page(&mut conn, page.cursor()?, limit).await?;
+    let rows = runs::page(&mut conn, page.cursor()?, which.archived, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.created_at, row.id.as_str())));
     Ok(axum::Json(Runs { runs: rows.into_iter().map(Run::of).collect::<Result<_, _>>()?, next }))
 }
@@ -186,10 +204,27 @@ pub(super) async fn pause(
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
-    set_paused(&app, &run, true).await
+    steer(&app, &run, Course::Pause).await
 }
 
-/// Resume a paused run.
+/// Archive a run: it is paused, and left out of lists unless those that are archived are asked for. Resuming brings it back.
+#[utoipa::path(
+    post, path = "/runs/{run}/archive", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 429, body = Problem),
+        (status = 503, body = Problem)
+    )
+)]
+pub(super) async fn archive(
+    _: NoQuery,
+    State(app): State<App>,
+    Path(run): Path<String>,
+) -> Result<axum::Json<Run>, Problem> {
+    steer(&app, &run, Course::Archive).await
+}
+
+/// Resume a run that is paused or archived.
 #[utoipa::path(
     post, path = "/runs/{run}/resume", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses(
@@ -203,7 +238,7 @@ pub(super) async fn resume(
     State(app): State<App>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
-    set_paused(&app, &run, false).await
+    steer(&app, &run, Course::Resume).await
 }
 
 /// The newest policy version as it should be.
@@ -235,7 +270,7 @@ pub(super) async fn set_newest(
     Ok(axum::Json(Run::of(app.writer.change(change).await?)?))
 }
 
-async fn set_paused(app: &App, run: &str, paused: bool) -> Result<axum::Json<Run>, Problem> {
-    let row = app.writer.change(SetPaused { run: run_id(run)?, paused }).await?;
+async fn steer(app: &App, run: &str, course: Course) -> Result<axum::Json<Run>, Problem> {
+    let row = app.writer.change(SetCourse { run: run_id(run)?, course }).await?;
     Ok(axum::Json(Run::of(row)?))
 }

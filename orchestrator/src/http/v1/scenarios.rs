@@ -91,7 +91,15 @@ pub(super) async fn check(
     Json(body): Json<Value>,
 ) -> Result<axum::Json<Checked>, Problem> {
     let wish = wish(body)?;
-    let scenario = Scenario::from_json(&wish.scenario).map_err(|error| {
+    let scenario = by_user(&wish.scenario)?;
+    let planned =
+        app.turns.planning.work(move |wanted| judge(&scenario, wish.actions, wish.telemetry, wanted)).await?;
+    Ok(axum::Json(planned?))
+}
+
+/// A scenario that whoever asks may see: of no training and no evaluation.
+pub(super) fn by_user(scenario: &Value) -> Result<Scenario, Problem> {
+    let scenario = Scenario::from_json(scenario).map_err(|error| {
         let field = match error.field() {
             "scenario" => "scenario".to_owned(),
             field => format!("scenario.{field}"),
@@ -102,17 +110,18 @@ pub(super) async fn check(
         let error = Seed::user(scenario.seed().get()).err();
         return Err(Problem::invalid("scenario.seed", error.map_or_else(String::new, |e| e.to_string())));
     }
-    let planned =
-        app.planning.plan(move |wanted| judge(&scenario, wish.actions, wish.telemetry, wanted)).await?;
-    Ok(axum::Json(planned?))
+    Ok(scenario)
 }
 
-/// Actions that are not of this scenario.
-fn refuse(error: ReplayError) -> Problem {
+/// Actions that are not of this scenario; `under` is the field that they stand in, if in one.
+pub(super) fn refuse(under: &str, error: ReplayError) -> Problem {
     match error {
         ReplayError::Scenario(error) => Problem::invalid("scenario", error.to_string()),
+        ReplayError::Log(error) if under.is_empty() => {
+            Problem::invalid(error.field().to_owned(), error.to_string())
+        }
         ReplayError::Log(error) => {
-            Problem::invalid(format!("actions.{}", error.field()), error.under("actions").to_string())
+            Problem::invalid(format!("{under}.{}", error.field()), error.under(under).to_string())
         }
     }
 }
@@ -139,14 +148,14 @@ fn judge(
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(Into::into);
         log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
-            .map_err(|error| refuse(error.into()))?;
-        let flown = replay(scenario, &log).map_err(refuse)?;
+            .map_err(|error| refuse("actions", error.into()))?;
+        let flown = replay(scenario, &log).map_err(|error| refuse("actions", error))?;
         judged = Some(Judged {
             skill: bracket.skill(flown.score),
             success: success(scenario, SuccessRule::Task, bracket, &flown),
             flown: flown.into(),
         });
-        let shown = scenario.task().critique(scenario, &log).map_err(refuse)?;
+        let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse("actions", error))?;
         critique = Some(CritiqueView::of(scenario, shown));
     }
     let frames = (telemetry && admission.fair.is_ok())

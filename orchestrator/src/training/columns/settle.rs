@@ -99,9 +99,14 @@ pub(in crate::training) async fn settle(work: &mut Work, lease: &LeaseRow) -> Re
     let stale =
         mind.settings.max_staleness.is_some_and(|most| newest - claim.policy_version > i64::from(most));
     for range in columns::ranges(conn, lease.id).await? {
-        let RangeRow { finished, failed, score, .. } = range;
-        let sums = ClaimedSums { episodes: finished, failed, score, ..ClaimedSums::default() };
-        columns::add_sums(conn, &lease.run, (&range.task, range.level), &sums).await?;
+        let RangeRow { finished, failed, score, first, groups: many, .. } = range;
+        let of_it = |group: &&GroupRow| (first..first + many).contains(&group.number);
+        let audited = groups.iter().filter(of_it).map(|group| group.finished).sum();
+        let sums = ClaimedSums { episodes: finished, audited, failed, score, ..ClaimedSums::default() };
+        columns::add_sums(&mut work.conn, &lease.run, (&range.task, range.level), &sums).await?;
+        let part = work.count(&lease.run, &range.task);
+        part.claimed += finished - audited; // what was audited counts below as what it came to
+        part.at_level(range.level);
     }
     end(work, lease, (&claim, "accepted", None), groups.len()).await?;
     for group in &mut groups {
@@ -134,9 +139,12 @@ async fn count(work: &mut Work, lease: &LeaseRow, groups: &[GroupRow]) -> Result
         jobs.entry(&group.task).or_default().extend(episodes);
     }
     sums::add(conn, &lease.run, &sums).await?;
+    for (key, sums) in &sums {
+        work.count(&lease.run, &key.task).add(sums, key.level);
+    }
     let jobs =
         jobs.iter().flat_map(|(task, numbers)| numbers.chunks(JOB).map(|part| (*task, lease.id, part)));
-    critiques::enqueue(conn, &lease.run, &jobs.collect::<Vec<_>>()).await?;
+    critiques::enqueue(&mut work.conn, &lease.run, &jobs.collect::<Vec<_>>()).await?;
     Ok(())
 }
 

@@ -43,6 +43,12 @@ pub(in crate::training) async fn take(
     if group.evidence == 0 || !fresh || !at_frontier(mind, &group.task, group.level) {
         return Ok(Vec::new());
     }
+    if !stale && group.contested != 0 && group.finished > 0 {
+        let part = work.count(&lease.run, &group.task);
+        part.contested += 1;
+        part.solved += group.successes as f64 / group.finished as f64;
+    }
+    let (mind, _) = work.mind(&lease.run).await?;
     let epoch = mind.curriculum.status().into_iter().find(|s| s.task == group.task).map_or(0, |s| s.epoch);
     let outcome = GroupOutcome {
         // It has no proposal: it is named by its own place.

@@ -3,5 +3,6 @@
 pub(super) mod begin;
 pub(super) mod compare;
 pub(super) mod list;
+pub(super) mod scenarios;
 pub(super) mod show;
 mod view;

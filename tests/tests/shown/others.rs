@@ -1,0 +1,140 @@
+//! Flights by hand, suites, evaluations scenario by scenario, settings of before, runs that are archived, the last events.
+
+use serde_json::{Value, json};
+use system_tests::{Server, result};
+
+use super::{fly, run};
+
+#[tokio::test]
+async fn a_flight_by_hand_is_what_its_actions_make_of_the_scenario() {
+    let server = Server::start().await;
+    let api = server.api();
+    let scenario = json!({"task": "kessler/survival", "params": {"debris": 40}, "seed": 7});
+    let ask = |rest: Value| {
+        let mut wish = json!({"scenario": scenario});
+        for (key, value) in rest.as_object().unwrap() {
+            wish[key] = value.clone();
+        }
+        api.post("/v1/flights", wish)
+    };
+    let steps = json!([[[0, 0.1, 0.0]], [], [[0, 0.0, -0.05]]]);
+    let whole = ask(json!({"steps": steps, "until": 50})).await.expect(200);
+    let frames = whole["frames"].as_array().unwrap();
+    assert_eq!(frames.len() as u64, frames.last().unwrap()["step"].as_u64().unwrap() + 1);
+    // A part is the same as that part of the whole, wherever it begins and ends.
+    for (from, until) in [(0, 0), (2, 3), (3, 10), (50, 50)] {
+        let part = ask(json!({"steps": steps, "from": from, "until": until})).await.expect(200);
+        let told = part["frames"].as_array().unwrap();
+        let (first, last) = (&told[0], told.last().unwrap());
+        let step = |frame: &Value| frame["step"].as_u64().unwrap() as usize;
+        assert_eq!(step(first), from.min(frames.len() - 1));
+        assert_eq!(step(last), until.max(3).min(frames.len() - 1));
+        assert_eq!(told[..], frames[step(first)..=step(last)]);
+    }
+    // What it burnt is what is gone.
+    let fuel = |frame: &Value| frame["state"]["satellites"][0]["fuel"].as_f64().unwrap();
+    assert!(fuel(&frames[1]) < fuel(&frames[0]) && fuel(&frames[2]) == fuel(&frames[1]));
+    let late = ask(json!({"steps": steps, "from": 9})).await.expect(422);
+    assert_eq!(late["field"], "from", "{late}");
+    let wrong = ask(json!({"steps": [[["a", 1]]]})).await.expect(422);
+    assert!(wrong["detail"].is_string(), "{wrong}");
+}
+
+#[tokio::test]
+async fn evaluations_are_shown_scenario_by_scenario() {
+    let server = Server::start().await;
+    let api = server.api();
+    let suites = api.get("/v1/suites").await.expect(200);
+    let usual = suites["usual"].as_str().unwrap();
+    let suite = suites["suites"].as_array().unwrap().iter().find(|suite| suite["name"] == usual).unwrap();
+    assert!(suite["policies"].as_array().unwrap().contains(&json!("hold")));
+    let begun = api.post("/v1/evaluations", json!({"policy": "hold"})).await.expect(201);
+    let at = format!("/v1/evaluations/{}", begun["id"].as_str().unwrap());
+    let whole = loop {
+        let standing = api.get(&at).await.expect(200);
+        if standing["state"] == "complete" {
+            break standing;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    };
+    let (mut all, mut cursor) = (Vec::<Value>::new(), String::new());
+    loop {
+        let page = api.get(&format!("{at}/scenarios?limit=100{cursor}")).await.expect(200);
+        all.extend(page["scenarios"].as_array().unwrap().iter().cloned());
+        let Some(next) = page["next"].as_str() else { break };
+        cursor = format!("&cursor={next}");
+    }
+    assert_eq!(all.len() as u64, suite["scenarios"].as_u64().unwrap());
+    assert!(all.iter().enumerate().all(|(i, row)| row["place"] == i && row["episodes"].as_u64() > Some(0)));
+    // The floor is what holding earns, but where it is what blind plans earn.
+    let blind = ["kessler/survival", "kessler/eco_station"].map(Value::from);
+    let held: Vec<&Value> = all.iter().filter(|row| !blind.contains(&row["task"])).collect();
+    assert!(!held.is_empty());
+    for row in held {
+        assert!((row["score"].as_f64().unwrap() - row["floor"].as_f64().unwrap()).abs() < 1e-9, "{row}");
+    }
+    let mean = all.iter().map(|row| row["score"].as_f64().unwrap()).sum::<f64>() / all.len() as f64;
+    let rows = whole["rows"].as_array().unwrap();
+    let row = rows.iter().find(|row| row["task"] == "all" && row["part"] == "all" && row["policy"] == "hold");
+    let told = row.unwrap_or(&rows[0])["score"]["mean"].as_f64().unwrap();
+    assert!((mean - told).abs() < 1e-9, "{mean} and {told}");
+}
+
+#[tokio::test]
+async fn settings_of_before_are_kept_and_an_archived_run_is_out_of_sight() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, json!({"group_size": 2})).await;
+    fly(&api, 2, "hold").await;
+    let _ = api.send("PATCH", "/v1/runs/run", json!({"max_staleness": 3})).await.expect(200);
+    let told = api.get("/v1/runs/run/settings").await.expect(200);
+    let settings = told["settings"].as_array().unwrap();
+    assert_eq!(settings.len(), 2);
+    assert_eq!((&settings[0]["nth"], &settings[0]["settings"]["max_staleness"]), (&json!(1), &json!(3)));
+    assert_eq!((&settings[1]["nth"], &settings[1]["settings"]["max_staleness"]), (&json!(0), &Value::Null));
+
+    let listed = |all: Value| -> Vec<Value> {
+        all["runs"].as_array().unwrap().iter().map(|run| run["id"].clone()).collect()
+    };
+    let archived = api.post("/v1/runs/run/archive", json!({})).await.expect(200);
+    assert!(archived["archived_at"].is_string() && archived["status"] == "paused", "{archived}");
+    assert_eq!(listed(api.get("/v1/runs").await.expect(200)), [] as [Value; 0]);
+    assert_eq!(listed(api.get("/v1/runs?archived=true").await.expect(200)), ["run"]);
+    assert_eq!(api.get("/v1/runs/run/overview").await.expect(200)["episodes"], json!(2));
+    let _ = api.post("/v1/runs/run/leases", json!({"groups": 1})).await.expect(409);
+    let back = api.post("/v1/runs/run/resume", json!({})).await.expect(200);
+    assert!(back["archived_at"].is_null() && back["status"] == "active", "{back}");
+    assert_eq!(listed(api.get("/v1/runs").await.expect(200)), ["run"]);
+    let lease = api.lease("run", json!({"groups": 1})).await;
+    let results = lease.episodes().iter().map(|(name, scenario)| result(name, scenario, "hold")).collect();
+    assert_eq!(api.report("run", results).await["results"][0]["status"], "counted");
+}
+
+/// Who opens a page wants to know what happened last, not only what happens from now on.
+#[tokio::test]
+async fn events_begin_with_as_many_of_the_last_as_are_asked_for() {
+    let server = Server::start().await;
+    let api = server.api();
+    run(&api, json!({})).await;
+    fly(&api, 4, "hold").await;
+    let heard = |path: &'static str, until: fn(&str) -> bool| {
+        let url = format!("{}{path}", api.base());
+        async move {
+            let mut answer = system_tests::http_client().get(url).send().await.unwrap();
+            assert_eq!(answer.status(), 200);
+            let mut text = String::new();
+            while !(text.ends_with("\n\n") && until(&text)) {
+                text.push_str(&String::from_utf8_lossy(&answer.chunk().await.unwrap().unwrap()));
+            }
+            let ids = text.lines().filter_map(|line| line.strip_prefix("id: ")?.parse().ok());
+            ids.collect::<Vec<i64>>()
+        }
+    };
+    // The lease's end is the last.
+    let ended = |text: &str| text.contains(r#""state":"done""#);
+    let all = heard("/v1/runs/run/events?after=0", ended).await;
+    assert!(all.len() > 5, "{all:?}");
+    assert_eq!(heard("/v1/runs/run/events?last=1000", ended).await, all, "as many as there are");
+    assert_eq!(heard("/v1/runs/run/events?last=3", ended).await, all[all.len() - 3..]);
+    let _ = api.get("/v1/runs/run/events?last=1001").await.expect(422);
+}
