@@ -1,0 +1,90 @@
+/** Flown by hand: a burn that is dragged is the burn that is flown; a step that is taken back is said to be. */
+import type { Browser } from "playwright-core";
+import { afterAll, beforeAll, expect, inject, test } from "vitest";
+import { launch, open, settled } from "./browser";
+
+let browser: Browser;
+const url = inject("url");
+beforeAll(async () => {
+  browser = await launch();
+});
+afterAll(() => browser.close());
+
+test("a burn is dragged, weighed, done and taken back", async () => {
+  const { page, wrong } = await open(browser, url);
+  await page.goto(`${url}/web/#/play?task=kessler/survival&seed=7&level=2`);
+  await settled(page);
+  await page.locator("canvas").waitFor();
+  const flight = (steps: unknown[]) =>
+    fetch(`${url}/v1/flights`, {
+      method: "POST",
+      headers: { "content-type": "application/json" },
+      body: JSON.stringify({ scenario: asked, steps }),
+    });
+  const asked = {
+    task: "kessler/survival",
+    seed: 7,
+    params: { debris: 50, spread: 0.4, fuel: 50, radar_range: 300 },
+  };
+  interface Told {
+    frames: { observation: { satellites: { x: number; y: number; vx: number; fuel: number }[] } }[];
+  }
+  const [first] = ((await (await flight([])).json()) as Told).frames;
+  const at = first?.observation.satellites[0];
+  const box = await page.locator("canvas").boundingBox();
+  if (!at || !box) throw new Error("nothing to drag");
+  const scale = box.width / 236;
+  const [x, y] = [box.x + box.width / 2 + at.x * scale, box.y + box.height / 2 - at.y * scale];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + 11 * scale, y, { steps: 4 }); // half of the 22 LU that a whole LU/TU takes
+  await page.mouse.up();
+  const drafted = page.getByLabel("delta vx of agent 0");
+  expect(Number(await drafted.inputValue())).toBeCloseTo(0.5, 1);
+  const dv = [
+    Number(await drafted.inputValue()),
+    Number(await page.getByLabel("delta vy of agent 0").inputValue()),
+  ];
+  const cost = await page.locator('[data-agent="0"] td').last().textContent();
+  expect(Number(cost)).toBeCloseTo(5 * Math.hypot(...dv), 1);
+  await page.getByRole("button", { name: "Do it" }).click();
+  await page.locator('output[data-step="1"]').waitFor();
+  const after = ((await (await flight([[[0, ...dv]]])).json()) as Told).frames.at(-1)?.observation
+    .satellites[0];
+  expect(Number(await page.locator('[data-agent="0"] td').nth(2).textContent())).toBeCloseTo(
+    after?.fuel ?? NaN,
+    1,
+  );
+  expect(after?.fuel).toBeCloseTo(50 - 5 * Math.hypot(...dv), 6);
+  await page.getByRole("button", { name: "Take a step back" }).click();
+  await page.locator('output[data-step="0"]').waitFor();
+  await page.getByText("tried again: 1 step").waitFor();
+  await page.getByRole("spinbutton", { name: "for steps" }).fill("50");
+  await page.getByRole("button", { name: "Hold" }).click();
+  await page.getByText("It is over.").waitFor();
+  await page.getByText(/Score 0\.\d+, skill .*: (a success|no success), with steps taken back/).waitFor();
+  expect(wrong).toEqual([]);
+  await page.context().close();
+});
+
+test("it is shared by its address, and left by the others'", async () => {
+  const { page, wrong } = await open(browser, url);
+  await page.goto(`${url}/dashboard/#/play`);
+  await page.locator("canvas").waitFor();
+  await expect.poll(() => page.url()).toMatch(/#\/play\?task=kessler\/survival&level=2&seed=\d+$/);
+  await page.getByRole("link", { name: "Runs" }).click();
+  await page.getByRole("heading", { name: "Runs" }).waitFor();
+  await page.waitForTimeout(500);
+  expect(page.url()).toMatch(/#\/$/);
+  expect(wrong).toEqual([]);
+  await page.context().close();
+});
+
+test("OpenEnv's users find it where they look", async () => {
+  const { page, wrong } = await open(browser, url);
+  await page.goto(`${url}/web/`);
+  await page.getByRole("heading", { name: "Fly it by hand" }).waitFor();
+  expect((await fetch(`${url}/web/metadata`)).status).toBe(200);
+  expect(wrong).toEqual([]);
+  await page.context().close();
+});

@@ -1,0 +1,70 @@
+/** Numbers and times as people read them. Times are in the viewer's zone. */
+const whole = new Intl.NumberFormat("en", { maximumFractionDigits: 0 });
+const short = new Intl.NumberFormat("en", { notation: "compact", maximumFractionDigits: 1 });
+const moment = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "medium" });
+const relative = new Intl.RelativeTimeFormat("en", { numeric: "auto", style: "narrow" });
+
+/** 12 345 as 12,345; 1 234 567 as 1.2M. */
+export function count(n: number | null | undefined): string {
+  if (n === null || n === undefined) return "–";
+  return Math.abs(n) < 100_000 ? whole.format(n) : short.format(n);
+}
+
+/** To so many digits behind the point. */
+export function fixed(n: number | null | undefined, digits = 2): string {
+  return n === null || n === undefined || !Number.isFinite(n)
+    ? "–"
+    : n.toFixed(digits).replace(/^-(0(?:\.0*)?)$/, "$1");
+}
+
+/** A share as a percentage. */
+export function percent(n: number | null | undefined): string {
+  return n === null || n === undefined || !Number.isFinite(n)
+    ? "–"
+    : `${(100 * n).toFixed(n > 0 && n < 0.1 ? 1 : 0)} %`;
+}
+
+export function time(at: string | number | null | undefined): string {
+  return at === null || at === undefined ? "–" : moment.format(new Date(at));
+}
+
+const UNITS: [Intl.RelativeTimeFormatUnit, number][] = [
+  ["day", 86_400_000],
+  ["hour", 3_600_000],
+  ["minute", 60_000],
+  ["second", 1_000],
+];
+
+/** "3 hr. ago", as seen at `now`. */
+export function ago(at: string | number, now: number): string {
+  const passed = new Date(at).getTime() - now;
+  const [unit, length] = UNITS.find(([, length]) => Math.abs(passed) >= length) ?? ["second", 1_000];
+  return relative.format(Math.trunc(passed / length), unit);
+}
+
+/** A duration in its largest two units: 3 d 4 h. */
+export function lasting(ms: number): string {
+  const parts: [string, number][] = [
+    ["d", 86_400_000],
+    ["h", 3_600_000],
+    ["min", 60_000],
+    ["s", 1_000],
+  ];
+  const first = parts.findIndex(([, length]) => ms >= length);
+  if (first < 0) return "0 s";
+  let rest = ms;
+  return parts
+    .slice(first, first + 2)
+    .map(([unit, length]) => {
+      const n = Math.floor(rest / length);
+      rest -= n * length;
+      return n > 0 ? `${String(n)} ${unit}` : "";
+    })
+    .filter((text) => text !== "")
+    .join(" ");
+}
+
+/** A task's name without its world: survival of kessler/survival. */
+export function shortTask(task: string): string {
+  return (task.split("/").pop() ?? task).replaceAll("_", " ");
+}

@@ -1,0 +1,41 @@
+/** Events of a run in a line each. */
+import { count, shortTask } from "./format";
+import type { Happened } from "./live.svelte";
+
+function text(value: unknown): string {
+  return typeof value === "string"
+    ? value
+    : value === undefined || value === null
+      ? ""
+      : JSON.stringify(value);
+}
+
+export function words({ kind, data }: Happened): string {
+  const task = typeof data["task"] === "string" ? shortTask(data["task"]) : "";
+  switch (kind) {
+    case "run":
+      return `run ${text(data["state"])}`;
+    case "lease":
+      return `lease ${text(data["lease"])} ${text(data["state"])}: ${text(data["groups"])} groups of ${text(data["group_size"])}, to ${text(data["purpose"])}`;
+    case "group": {
+      const level =
+        data["level"] === null || data["level"] === undefined ? "" : ` at level ${text(data["level"])}`;
+      return `${task}${level}: ${text(data["successes"])} of ${text(data["finished"])} succeeded (${text(data["state"])})`;
+    }
+    case "move": {
+      const evidence = data["evidence"] as { sentence?: string } | undefined;
+      return `${task}: ${text(data["kind"])} to level ${text(data["to"])}. ${evidence?.sentence ?? ""}`;
+    }
+    case "claim":
+      return `${count(Number(data["episodes"]))} episodes in columns: ${text(data["state"])} ${text(data["why"])}`;
+    case "failures":
+      return `${task}: ${text(data["criticised"])} episodes criticised`;
+    case "design":
+      return `${task}: ${text(data["designer"])} designed; ${text(data["admitted"])} admitted, ${text(data["refused"])} refused ${text(data["error"])}`;
+    case "health":
+    case "gap":
+      return `${task ? `${task}: ` : ""}${text(data["words"])}`;
+    default:
+      return text(data);
+  }
+}

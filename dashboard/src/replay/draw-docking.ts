@@ -1,0 +1,169 @@
+/** Draws a moment of a docking replay: two projections, and each deputy's speed beside the limit where it is. */
+import { circle, cross, type Palette } from "./draw-kessler";
+import type { DockingFrame, Deputy } from "./frames";
+
+const AXES: [string, (d: Deputy) => [number, number]][] = [
+  ["radial and in-track, m", (d) => [d.x, d.y]],
+  ["radial and cross-track, m", (d) => [d.x, d.z]],
+];
+
+/** How far anybody goes in a replay, m. */
+export interface Reach {
+  /** Along any axis. */
+  along: number;
+  /** From the chief. */
+  away: number;
+}
+
+export function extent(frames: DockingFrame[]): Reach {
+  let [along, away] = [10, 10];
+  for (const frame of frames)
+    for (const d of frame.state.deputies) {
+      along = Math.max(along, Math.abs(d.x), Math.abs(d.y), Math.abs(d.z));
+      away = Math.max(away, d.distance);
+    }
+  return { along: 1.1 * along, away: 1.1 * away };
+}
+
+/** Narrower than this, the pictures stand below each other. */
+const NARROW = 560;
+
+/** How high the three pictures are together. */
+export function heightOf(width: number): number {
+  return width < NARROW ? 2.7 * width : Math.max(260, width / 3);
+}
+
+/** The left upper corner of each of the three squares, and how wide they are. */
+function squares(width: number): { corners: [number, number][]; size: number } {
+  const [across, down] = width < NARROW ? [1, 3] : [3, 1];
+  const [w, h] = [width / across, heightOf(width) / down];
+  const size = Math.min(w - 24, h) - 48;
+  const corners = [0, 1, 2].map((i): [number, number] => [
+    (i % across) * w + (w - size) / 2,
+    Math.floor(i / across) * h + (h - size) / 2,
+  ]);
+  return { corners, size };
+}
+
+export function drawDocking(
+  ctx: CanvasRenderingContext2D,
+  width: number,
+  frames: DockingFrame[],
+  at: number,
+  trail: number,
+  reach: Reach,
+  colours: Palette,
+) {
+  const frame = frames[at];
+  if (!frame) return;
+  ctx.fillStyle = colours.paper;
+  ctx.fillRect(0, 0, width, heightOf(width));
+  const { corners, size } = squares(width);
+  AXES.forEach(([title, place], i) => {
+    const [left, top] = corners[i] ?? [0, 0];
+    const [cx, cy] = [left + size / 2, top + size / 2];
+    const scale = size / (2 * reach.along);
+    const edge = told(reach.along);
+    ctx.strokeStyle = colours.line;
+    ctx.lineWidth = 1;
+    ctx.strokeRect(left, top, size, size);
+    ctx.fillStyle = colours.soft;
+    ctx.fillText(title, left, top - 6);
+    ends(ctx, [left, top, size], [`−${edge}`, edge], [`−${edge}`, edge]);
+    circle(ctx, cx, cy, 4);
+    ctx.fillStyle = colours.earth;
+    ctx.fill();
+    for (const deputy of frame.state.deputies) {
+      const colour = colours.satellite[deputy.id % colours.satellite.length] ?? colours.ink;
+      ctx.strokeStyle = colour;
+      ctx.lineWidth = 1.5;
+      ctx.beginPath();
+      for (let k = Math.max(0, at - trail); k <= at; k++) {
+        const then = frames[k]?.state.deputies[deputy.id];
+        if (!then) continue;
+        const [x, y] = place(then);
+        if (k === Math.max(0, at - trail)) ctx.moveTo(cx + x * scale, cy - y * scale);
+        else ctx.lineTo(cx + x * scale, cy - y * scale);
+      }
+      ctx.stroke();
+      const [x, y] = place(deputy);
+      mark(ctx, cx + x * scale, cy - y * scale, deputy, colour, colours.bad);
+    }
+  });
+  const [left, top] = corners[2] ?? [0, 0];
+  cone(ctx, left, top, size, frame, reach.away, colours);
+}
+
+/** A length or speed, as short as it can be. */
+function told(value: number): string {
+  return value >= 10 ? value.toFixed(0) : value.toFixed(1);
+}
+
+/** What both ends of the axes of a square are: along it, and up. */
+function ends(
+  ctx: CanvasRenderingContext2D,
+  [left, top, size]: [number, number, number],
+  along: [string, string],
+  up: [string, string],
+) {
+  const before = ctx.textAlign;
+  ctx.fillText(along[0], left, top + size + 14);
+  ctx.textAlign = "right";
+  ctx.fillText(along[1], left + size, top + size + 14);
+  ctx.fillText(up[0], left - 4, top + size);
+  ctx.fillText(up[1], left - 4, top + 10);
+  ctx.textAlign = before;
+}
+
+function mark(
+  ctx: CanvasRenderingContext2D,
+  x: number,
+  y: number,
+  deputy: Deputy,
+  colour: string,
+  bad: string,
+) {
+  if (deputy.status === "active" || deputy.status === "docked") {
+    circle(ctx, x, y, deputy.status === "docked" ? 6 : 4);
+    ctx.fillStyle = colour;
+    ctx.fill();
+    ctx.fillText(String(deputy.id), x + 7, y - 7);
+  } else {
+    cross(ctx, x, y, 6, bad);
+  }
+}
+
+/** Speed over distance, and the limit: below it nobody is fined. */
+function cone(
+  ctx: CanvasRenderingContext2D,
+  left: number,
+  top: number,
+  size: number,
+  frame: DockingFrame,
+  reach: number,
+  colours: Palette,
+) {
+  const deputies = frame.state.deputies;
+  const first = deputies[0];
+  if (!first) return;
+  const slope = first.distance > 0 ? (first.speed_limit - 0.2) / first.distance : 0;
+  const fastest = 1.1 * Math.max(0.2 + slope * reach, ...deputies.map((deputy) => deputy.speed));
+  const px = (distance: number) => left + (size * Math.min(distance, reach)) / reach;
+  const py = (speed: number) => top + size - (size * speed) / fastest;
+  ctx.strokeStyle = colours.line;
+  ctx.strokeRect(left, top, size, size);
+  ctx.fillStyle = colours.soft;
+  ctx.fillText("speed, m/s, over distance, m", left, top - 6);
+  ends(ctx, [left, top, size], ["0", told(reach)], ["0", told(fastest)]);
+  ctx.strokeStyle = colours.bad;
+  ctx.setLineDash([6, 4]);
+  ctx.beginPath();
+  ctx.moveTo(px(0), py(0.2));
+  ctx.lineTo(px(reach), py(0.2 + slope * reach));
+  ctx.stroke();
+  ctx.setLineDash([]);
+  for (const deputy of deputies) {
+    const colour = colours.satellite[deputy.id % colours.satellite.length] ?? colours.ink;
+    mark(ctx, px(deputy.distance), py(deputy.speed), deputy, colour, colours.bad);
+  }
+}

@@ -1,0 +1,19 @@
+/** The pages, by their place behind the #. What is seldom looked at is fetched when it is. */
+import { wrap } from "svelte-spa-router/wrap";
+import Missing from "./pages/Missing.svelte";
+import Runs from "./pages/Runs.svelte";
+
+export const routes = {
+  "/": Runs,
+  "/runs/:run": wrap({ asyncComponent: () => import("./pages/Run.svelte") }),
+  "/runs/:run/failures": wrap({ asyncComponent: () => import("./pages/Failures.svelte") }),
+  "/runs/:run/episodes": wrap({ asyncComponent: () => import("./pages/Episodes.svelte") }),
+  "/runs/:run/episodes/:episode": wrap({ asyncComponent: () => import("./pages/Replay.svelte") }),
+  "/runs/:run/designs": wrap({ asyncComponent: () => import("./pages/Designs.svelte") }),
+  "/runs/:run/designs/:design": wrap({ asyncComponent: () => import("./pages/Design.svelte") }),
+  "/evaluations": wrap({ asyncComponent: () => import("./pages/Evaluations.svelte") }),
+  "/evaluations/compare": wrap({ asyncComponent: () => import("./pages/Compare.svelte") }),
+  "/evaluations/:evaluation": wrap({ asyncComponent: () => import("./pages/Evaluation.svelte") }),
+  "/play": wrap({ asyncComponent: () => import("./pages/Play.svelte") }),
+  "*": Missing,
+};
