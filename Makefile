@@ -2,19 +2,29 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-llm test-otlp bench bench-peers soak fmt lint deny sqlx check-cargo check-python
+NODE_IS_THERE := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
+.PHONY: help demo dashboard test test-llm test-otlp bench bench-peers soak fmt lint deny sqlx check-cargo check-python check-node
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
 demo: check-cargo ## A built-in learner trains against the curriculum: about 45 s on two cores, after the build
+	@# What it did is looked at in the dashboard; without Node there is none, and its page says so.
+	@if node -e '$(NODE_IS_THERE)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi
 	cargo run --release --locked -p orchestrator --bin sparring -- demo
 
-test: check-cargo check-python lint ## Everything that is checked before a change lands
+dashboard: check-node ## The dashboard's files, which the next build of the binary takes in
+	cd dashboard && npm ci --no-audit --no-fund --loglevel=error && npm run build
+
+# From empty it takes less time and disk without what the next build would take from this one.
+test: export CARGO_INCREMENTAL ?= 0
+test: check-cargo check-python dashboard lint ## Everything that is checked before a change lands
 	scripts/openenv-venv
 	# The binary with the tests: built by itself it would be all of it once more, with other features of its dependencies.
 	SQLX_OFFLINE=true cargo build --workspace --locked --tests --bin sparring
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
+	scripts/chromium
+	cd dashboard && npm run check && npm test && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
 
 test-llm: check-cargo check-python ## A small real language model, served here, designs layouts: MODEL=any.gguf
 	scripts/test-llm $(MODEL)
@@ -52,6 +62,9 @@ sqlx: check-cargo ## Write .sqlx anew, after a change of SQL or migrations
 
 check-cargo:
 	@command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs, version 1.95 or newer." >&2; exit 2; }
+
+check-node:
+	@node -e '$(NODE_IS_THERE)' 2>/dev/null || { echo "Node is missing or too old: the dashboard is built with it; install Node 20.19 or newer, with npm." >&2; exit 2; }
 
 check-python:
 	@command -v python3 >/dev/null || { echo "Python 3 is missing: the README's trainer is run as a test; install python3 (3.10 or newer)." >&2; exit 2; }
