@@ -7,15 +7,19 @@
 
 mod buffers;
 mod engine;
+mod rows;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
+use serde_json::Value;
+
 pub use self::buffers::Buffers;
 pub use self::engine::{Engine, Lane, LaneOutput};
 use crate::error::ScenarioError;
 use crate::scenario::{Recipe, Scenario};
+use crate::scene::Scene;
 use crate::seed::{Seed, SeedSpace};
 
 /// What happens to an environment whose episode is over: the modes of Gymnasium's vector environments
@@ -50,6 +54,17 @@ pub enum Observe {
     },
 }
 
+/// Along which axes actions are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Axes {
+    /// The world's own, as action logs have them.
+    #[default]
+    World,
+    /// Each agent's own, where the world has such: for policies whose observations are along them too. In kessler radial
+    /// out and in-track; they are turned into the world's, rounded to single precision, and then taken like any action.
+    Agent,
+}
+
 /// What a batch is made with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BatchConfig {
@@ -59,6 +74,18 @@ pub struct BatchConfig {
     pub autoreset: Autoreset,
     /// What is observed.
     pub observe: Observe,
+    /// Along which axes actions are given.
+    pub axes: Axes,
+    /// The calling thread steps them alone. Else chunks of many are handed over to rayon's current pool.
+    pub alone: bool,
+}
+
+impl BatchConfig {
+    /// With actions along the world's axes, by rayon's current pool.
+    #[must_use]
+    pub const fn new(envs: usize, autoreset: Autoreset, observe: Observe) -> Self {
+        Self { envs, autoreset, observe, axes: Axes::World, alone: false }
+    }
 }
 
 /// Most environments of one batch.
@@ -99,13 +126,18 @@ impl Seeds {
 
 impl Feed for Seeds {
     fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed) {
-        let bits = mix(mix(mix(self.seed).wrapping_add(slot as u64)).wrapping_add(number));
-        (Arc::clone(&self.recipe), Seed::in_space(SeedSpace::User, bits))
+        (Arc::clone(&self.recipe), nth_seed(self.seed, slot as u64, number))
     }
 
     fn only(&self) -> Option<&Arc<Recipe>> {
         Some(&self.recipe)
     }
+}
+
+/// The user seed that stands `number`th in the row of `slot`, under a batch seed.
+#[must_use]
+pub const fn nth_seed(seed: u64, slot: u64, number: u64) -> Seed {
+    Seed::in_space(SeedSpace::User, mix(mix(mix(seed).wrapping_add(slot)).wrapping_add(number)))
 }
 
 /// That a feed's recipe is one of the batch's task.
@@ -160,6 +192,9 @@ pub struct Output<'a> {
     pub truncated: &'a mut [bool],
     /// `envs`: the episode ended in this step.
     pub done: &'a mut [bool],
+    /// `envs × agents × action`, or empty where nobody wants to know: the actions along the world's axes, as a log has
+    /// them, before they are clamped; zeros where the step was a reset.
+    pub taken: &'a mut [f32],
 }
 
 /// Why a batch cannot be made, reset or stepped. Nothing has moved then, but for `Scenario`: all others have.
@@ -224,6 +259,11 @@ pub trait Batch: Send {
     /// # Errors
     /// A buffer of the wrong size, or a scenario that cannot start.
     fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<(), BatchError>;
+    /// Writes all observations as they are now; rows of who rests are zeros.
+    ///
+    /// # Errors
+    /// A buffer of the wrong size.
+    fn observe(&mut self, observations: &mut [f32]) -> Result<(), BatchError>;
     /// One step of every environment. `actions` is `envs × agents × action`, clamped as the action space says; zeros are
     /// hold, and what is given for an agent that has left is not looked at.
     ///
@@ -234,6 +274,13 @@ pub trait Batch: Send {
     fn episode(&self, env: usize) -> Option<(Scenario, f64)>;
     /// A digest of every bit of an environment's state.
     fn state_hash(&self, env: usize) -> Option<[u8; 32]>;
+    /// What an environment looks like, and what happened in its last step; `acted` is what its agents did in that, along
+    /// the world's axes. `None` where it flies nothing.
+    fn scene(&self, env: usize, acted: &[f32]) -> Option<Scene>;
+    /// What happened in the last step of an environment's episode, in words.
+    fn alerts(&self, env: usize) -> Vec<String>;
+    /// What the agents of an environment see, in the wire form ([`crate::Episode::telemetry`]). `None` where it flies nothing.
+    fn telemetry(&self, env: usize) -> Option<Value>;
     /// Says which agents an environment's episode, just begun, is without; all where it rests.
     fn absent(&self, env: usize, terminated: &mut [bool]);
     /// Whether an environment rests, since there is no scenario for it.

@@ -22,6 +22,7 @@ pub mod reflex;
 pub mod registry;
 pub mod rollout;
 pub mod scenario;
+pub mod scene;
 pub mod seed;
 pub mod space;
 pub mod task;

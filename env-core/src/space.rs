@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::batch::Axes;
 use crate::error::ScenarioError;
 
 /// Which way a parameter makes a task harder.
@@ -195,6 +196,17 @@ pub struct ActionSpace {
     pub high: f64,
     /// The unit of the values.
     pub unit: &'static str,
+}
+
+/// Actions to choose from by their number, for policies that choose among few.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choices {
+    /// Along which axes the actions are.
+    pub axes: Axes,
+    /// Their values, in order; the first is hold.
+    pub rows: Vec<Vec<f32>>,
+    /// What they are, in one sentence.
+    pub about: &'static str,
 }
 
 /// The range of a task's score.

@@ -14,7 +14,7 @@ use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
 use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
-use crate::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
+use crate::space::{ActionSpace, Choices, Levels, OptionSpec, ParamSpec, ScoreRange};
 use crate::wire::Wire;
 
 /// What a task is, as data.
@@ -69,6 +69,13 @@ pub trait TaskSpec: Send + Sync {
     fn agents(&self, recipe: &Recipe) -> u32;
     /// What an agent does in a step.
     fn action_space(&self) -> ActionSpace;
+    /// What an action's values are called along each agent's own axes ([`crate::batch::Axes::Agent`]); `None` in a world
+    /// where agents have no axes of their own.
+    fn agent_axes(&self) -> Option<&'static [&'static str]> {
+        None
+    }
+    /// A grid of actions to choose from.
+    fn choices(&self) -> Choices;
     /// The range of the score.
     fn score_range(&self) -> ScoreRange;
     /// Checks what parameter bounds cannot: contradictions and layouts.

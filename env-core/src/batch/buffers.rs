@@ -48,6 +48,7 @@ impl Buffers {
             terminated: &mut self.terminated,
             truncated: &mut self.truncated,
             done: &mut self.done,
+            taken: &mut [],
         }
     }
 }

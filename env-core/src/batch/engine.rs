@@ -3,10 +3,13 @@
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use serde_json::Value;
 
+use super::rows::{Row, Rows};
 use super::{Autoreset, Batch, BatchConfig, BatchError, Feed, MAX_ENVS, MAX_UNFAIR, Output, Shape};
 use crate::error::ScenarioError;
 use crate::scenario::{Recipe, Scenario};
+use crate::scene::Scene;
 use crate::seed::Seed;
 
 /// Environments below which a batch is stepped by the calling thread alone: handing a chunk over costs microseconds.
@@ -35,6 +38,12 @@ pub trait Lane: Send + Sized {
     fn score(&self) -> f64;
     /// A digest of every bit of the state.
     fn state_hash(&self) -> [u8; 32];
+    /// What it looks like after these actions.
+    fn scene(&self, acted: &[f32]) -> Scene;
+    /// What happened in the last step, in words.
+    fn alerts(&self) -> Vec<String>;
+    /// What is seen, in the wire form.
+    fn telemetry(&self) -> Value;
     /// What the values that [`Lane::observe`] writes are called, in order.
     fn columns(&self) -> Vec<String>;
     /// Bytes it takes.
@@ -52,6 +61,8 @@ pub struct LaneOutput<'a> {
     pub terminated: &'a mut [bool],
     /// One a agent: the horizon cut it off, now.
     pub truncated: &'a mut [bool],
+    /// What the agents did, along the world's axes; empty where nobody wants to know.
+    pub taken: &'a mut [f32],
 }
 
 /// A lane in its slot.
@@ -72,6 +83,7 @@ pub struct Engine<L> {
     feed: Box<dyn Feed>,
     autoreset: Autoreset,
     shape: Shape,
+    alone: bool,
 }
 
 impl<L: Lane> Engine<L> {
@@ -90,17 +102,48 @@ impl<L: Lane> Engine<L> {
         }
         let seat = |slot| Seat { lane: lane(), slot, number: 0, flies: None, over: true, rests: false };
         let seats = (0..config.envs).map(seat).collect();
-        Ok(Self { seats, feed, autoreset: config.autoreset, shape })
+        Ok(Self { seats, feed, autoreset: config.autoreset, shape, alone: config.alone })
     }
 
     fn chunk(&self) -> usize {
         let envs = self.shape.envs;
-        let threads = rayon::current_num_threads();
-        if threads == 1 || envs < WORTH_SHARING {
-            envs
-        } else {
-            envs.div_ceil(threads * CHUNKS_PER_THREAD).max(LEAST)
+        // Asking rayon how many threads there are makes its global pool where there is none.
+        if self.alone || envs < WORTH_SHARING {
+            return envs;
         }
+        match rayon::current_num_threads() {
+            1 => envs,
+            threads => envs.div_ceil(threads * CHUNKS_PER_THREAD).max(LEAST),
+        }
+    }
+
+    /// Does something to every seat and its row of observations, and tells the first error once all are done.
+    fn each(
+        &mut self,
+        observations: &mut [f32],
+        act: impl Fn(&dyn Feed, &mut Seat<L>, &mut [f32]) -> Result<(), BatchError> + Sync,
+    ) -> Result<(), BatchError> {
+        let Shape { envs, observation, .. } = self.shape;
+        if observations.len() != envs * observation {
+            let (found, wanted) = (observations.len(), envs * observation);
+            return Err(BatchError::Size { buffer: "observations", found, wanted });
+        }
+        let chunk = self.chunk();
+        let (width, feed) = (observation.max(1), &*self.feed);
+        let all = |(seats, rows): (&mut [Seat<L>], &mut [f32])| {
+            let mut first = Ok(());
+            for (seat, row) in seats.iter_mut().zip(rows.chunks_exact_mut(width)) {
+                let acted = act(feed, seat, row);
+                first = first.and(acted);
+            }
+            first
+        };
+        if chunk == envs {
+            // By the calling thread: a pool is not woken for what it would do alone.
+            return all((&mut self.seats, observations));
+        }
+        let rows = observations.par_chunks_mut(chunk * width);
+        self.seats.par_chunks_mut(chunk).zip(rows).map(all).reduce(|| Ok(()), Result::and)
     }
 
     /// Everything that could be wrong, before anything moves.
@@ -116,6 +159,7 @@ impl<L: Lane> Engine<L> {
             ("terminated", out.terminated.len(), envs * agents),
             ("truncated", out.truncated.len(), envs * agents),
             ("done", out.done.len(), envs),
+            ("taken", out.taken.len(), if out.taken.is_empty() { 0 } else { actions.len() }),
         ];
         for (buffer, found, wanted) in sizes {
             if found != wanted {
@@ -176,6 +220,7 @@ impl<L: Lane> Seat<L> {
             row.rewards.fill(0.0);
             *row.team_reward = 0.0;
             row.truncated.fill(false);
+            row.taken.fill(0.0);
             *row.done = false;
             if autoreset != Autoreset::Disabled {
                 self.restart(feed)?;
@@ -188,8 +233,9 @@ impl<L: Lane> Seat<L> {
             }
             return Ok(());
         }
-        let Row { observation, last, rewards, team_reward, terminated, truncated, done } = row;
-        self.over = self.lane.step(actions, LaneOutput { rewards, team_reward, terminated, truncated });
+        let Row { observation, last, rewards, team_reward, terminated, truncated, done, taken } = row;
+        self.over =
+            self.lane.step(actions, LaneOutput { rewards, team_reward, terminated, truncated, taken });
         *done = self.over;
         if self.over && autoreset == Autoreset::SameStep {
             self.lane.observe(last);
@@ -201,73 +247,6 @@ impl<L: Lane> Seat<L> {
 
     fn observe(&mut self, out: &mut [f32]) {
         if self.rests { out.fill(0.0) } else { self.lane.observe(out) }
-    }
-}
-
-/// One environment's part of the buffers.
-struct Row<'a> {
-    observation: &'a mut [f32],
-    last: &'a mut [f32],
-    rewards: &'a mut [f32],
-    team_reward: &'a mut f32,
-    terminated: &'a mut [bool],
-    truncated: &'a mut [bool],
-    done: &'a mut bool,
-}
-
-/// A chunk's part of the buffers.
-struct Rows<'a> {
-    observations: &'a mut [f32],
-    last: &'a mut [f32],
-    rewards: &'a mut [f32],
-    team_rewards: &'a mut [f32],
-    terminated: &'a mut [bool],
-    truncated: &'a mut [bool],
-    done: &'a mut [bool],
-}
-
-/// The first `n` of a slice that is passed on: what is left stays in it.
-fn take<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
-    let whole = std::mem::take(slice);
-    let (head, tail) = whole.split_at_mut(n.min(whole.len()));
-    *slice = tail;
-    head
-}
-
-impl<'a> Rows<'a> {
-    /// The next `envs` environments' rows.
-    fn split(&mut self, envs: usize, shape: Shape) -> Self {
-        Rows {
-            observations: take(&mut self.observations, envs * shape.observation),
-            last: take(&mut self.last, envs * shape.observation),
-            rewards: take(&mut self.rewards, envs * shape.agents),
-            team_rewards: take(&mut self.team_rewards, envs),
-            terminated: take(&mut self.terminated, envs * shape.agents),
-            truncated: take(&mut self.truncated, envs * shape.agents),
-            done: take(&mut self.done, envs),
-        }
-    }
-
-    /// Row by row. Where there are no final observations every row has an empty one.
-    fn rows(self, shape: Shape) -> impl Iterator<Item = Row<'a>> {
-        let Shape { agents, observation, .. } = shape;
-        let mut last = self.last.chunks_exact_mut(observation.max(1));
-        self.observations
-            .chunks_exact_mut(observation.max(1))
-            .zip(self.rewards.chunks_exact_mut(agents))
-            .zip(self.terminated.chunks_exact_mut(agents))
-            .zip(self.truncated.chunks_exact_mut(agents))
-            .zip(self.team_rewards)
-            .zip(self.done)
-            .map(move |(((((observation, rewards), terminated), truncated), team_reward), done)| Row {
-                observation,
-                last: last.next().unwrap_or_default(),
-                rewards,
-                team_reward,
-                terminated,
-                truncated,
-                done,
-            })
     }
 }
 
@@ -315,49 +294,31 @@ impl<L: Lane> Batch for Engine<L> {
     }
 
     fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<(), BatchError> {
-        let Shape { envs, observation, .. } = self.shape;
-        let sizes = [
-            ("mask", mask.map_or(envs, <[bool]>::len), envs),
-            ("observations", observations.len(), envs * observation),
-        ];
-        for (buffer, found, wanted) in sizes {
-            if found != wanted {
-                return Err(BatchError::Size { buffer, found, wanted });
+        let Shape { envs, .. } = self.shape;
+        let size = |buffer, found, wanted| {
+            if found == wanted { Ok(()) } else { Err(BatchError::Size { buffer, found, wanted }) }
+        };
+        size("mask", mask.map_or(envs, <[bool]>::len), envs)?;
+        self.each(observations, |feed, seat, row| {
+            if mask.is_none_or(|mask| mask[seat.slot]) {
+                seat.restart(feed)?;
+                seat.observe(row);
             }
-        }
-        let chunk = self.chunk();
-        let feed = &*self.feed;
-        self.seats
-            .par_chunks_mut(chunk)
-            .zip(observations.par_chunks_mut((chunk * observation).max(1)))
-            .map(|(seats, rows)| {
-                let mut first = Ok(());
-                for (seat, row) in seats.iter_mut().zip(rows.chunks_exact_mut(observation.max(1))) {
-                    if mask.is_none_or(|mask| mask[seat.slot]) {
-                        let begun = seat.restart(feed);
-                        if begun.is_ok() {
-                            seat.observe(row);
-                        }
-                        first = first.and(begun);
-                    }
-                }
-                first
-            })
-            .reduce(|| Ok(()), Result::and)
+            Ok(())
+        })
+    }
+
+    fn observe(&mut self, observations: &mut [f32]) -> Result<(), BatchError> {
+        self.each(observations, |_, seat, row| {
+            seat.observe(row);
+            Ok(())
+        })
     }
 
     fn step(&mut self, actions: &[f32], out: Output<'_>) -> Result<(), BatchError> {
         self.check(actions, &out)?;
         let (shape, autoreset, feed) = (self.shape, self.autoreset, &*self.feed);
-        let rows = Rows {
-            observations: out.observations,
-            last: out.final_observations,
-            rewards: out.rewards,
-            team_rewards: out.team_rewards,
-            terminated: out.terminated,
-            truncated: out.truncated,
-            done: out.done,
-        };
+        let rows = Rows::from(out);
         let flight = Flight { feed, autoreset, shape, chunk: self.chunk() };
         flight.fan(&mut self.seats, actions, rows)
     }
@@ -370,6 +331,20 @@ impl<L: Lane> Batch for Engine<L> {
 
     fn state_hash(&self, env: usize) -> Option<[u8; 32]> {
         self.seats.get(env).map(|seat| seat.lane.state_hash())
+    }
+
+    fn scene(&self, env: usize, acted: &[f32]) -> Option<Scene> {
+        let seat = self.seats.get(env)?;
+        seat.flies.as_ref().map(|_| seat.lane.scene(acted))
+    }
+
+    fn telemetry(&self, env: usize) -> Option<Value> {
+        let seat = self.seats.get(env)?;
+        seat.flies.as_ref().map(|_| seat.lane.telemetry())
+    }
+
+    fn alerts(&self, env: usize) -> Vec<String> {
+        self.seats.get(env).map(|seat| seat.lane.alerts()).unwrap_or_default()
     }
 
     fn absent(&self, env: usize, terminated: &mut [bool]) {

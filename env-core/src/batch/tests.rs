@@ -21,7 +21,7 @@ const ALL: Observe = Observe::All { bodies: None };
 impl Flying {
     /// Buffers begin with what no batch writes, so that a cell that is left out shows.
     fn new(recipe: &Arc<Recipe>, envs: usize, autoreset: Autoreset) -> Self {
-        let config = BatchConfig { envs, autoreset, observe: ALL };
+        let config = BatchConfig::new(envs, autoreset, ALL);
         let feed = Box::new(Seeds::new(Arc::clone(recipe), 5));
         let mut batch = recipe.task().batch(feed, config).unwrap();
         let shape = batch.shape();
@@ -234,7 +234,7 @@ fn a_slot_that_cannot_start_holds_up_nobody() {
     let fly = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let feed = Broken { good: Seeds::new(Arc::clone(&recipe), 5), bad: Arc::clone(&bad) };
-        let config = BatchConfig { envs: 300, autoreset: Autoreset::SameStep, observe: ALL };
+        let config = BatchConfig::new(300, Autoreset::SameStep, ALL);
         let mut batch = task.batch(Box::new(feed), config).unwrap();
         let mut buffers = Buffers::new(batch.shape(), config.autoreset);
         batch.reset(None, &mut buffers.observations).unwrap();
@@ -249,7 +249,7 @@ fn a_slot_that_cannot_start_holds_up_nobody() {
         let hashes: Vec<_> = (0..300).map(|env| batch.state_hash(env).unwrap()).collect();
         (told, hashes)
     };
-    let config = BatchConfig { envs: 3, autoreset: Autoreset::SameStep, observe: ALL };
+    let config = BatchConfig::new(3, Autoreset::SameStep, ALL);
     let first = task.batch(Box::new(Seeds::new(Arc::clone(&bad), 5)), config).err().unwrap();
     assert_eq!(
         first.to_string(),
@@ -288,7 +288,7 @@ fn a_slot_for_which_there_is_nothing_rests() {
         // One more for slot 0: what the batch reads its first recipe from.
         let left = Arc::new(std::sync::Mutex::new([2, 0, 2]));
         let feed = Scarce { good: Seeds::new(Arc::clone(&recipe), 5), left: Arc::clone(&left) };
-        let mut batch = task.batch(Box::new(feed), BatchConfig { envs: 3, autoreset, observe: ALL }).unwrap();
+        let mut batch = task.batch(Box::new(feed), BatchConfig::new(3, autoreset, ALL)).unwrap();
         let mut buffers = Buffers::new(batch.shape(), autoreset);
         buffers.observations.fill(f32::NAN);
         batch.reset(None, &mut buffers.observations).unwrap();
@@ -339,7 +339,7 @@ fn what_is_wrong_is_said_and_moves_nothing() {
     actions[8] = 0.0;
     assert_eq!(flying.step(&actions).unwrap_err().to_string(), "done holds 1 values, not 2");
     assert_eq!(flying.batch.state_hash(1), before);
-    let config = |envs| BatchConfig { envs, autoreset: Autoreset::NextStep, observe: ALL };
+    let config = |envs| BatchConfig::new(envs, Autoreset::NextStep, ALL);
     let wrong = |envs| task.batch(Box::new(Seeds::new(Arc::clone(&recipe), 0)), config(envs)).err().unwrap();
     assert_eq!(wrong(0).to_string(), "envs is 0, outside 1 to 1048576");
     assert_eq!(

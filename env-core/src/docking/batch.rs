@@ -2,14 +2,19 @@
 
 use std::sync::Arc;
 
+use serde_json::Value;
+
 use super::Docking;
 use super::constants::{MAX_DEPUTIES, OBSERVATION, STATE};
 use super::flight::Flight;
 use super::setup::{Setup, Start};
-use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task};
+use crate::batch::{
+    Axes, Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task,
+};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
 use crate::scenario::Recipe;
+use crate::scene::Scene;
 use crate::seed::{Seed, SeedSpace};
 use crate::task::TaskSpec;
 
@@ -26,6 +31,11 @@ pub(super) fn batch(
     if config.observe != (Observe::All { bodies: None }) {
         return Err(BatchError::Unsupported(
             "a deputy sees itself and nothing else: docking observes everything, and no bodies",
+        ));
+    }
+    if config.axes != Axes::World {
+        return Err(BatchError::Unsupported(
+            "a deputy has no axes of its own: docking's actions are along the chief's",
         ));
     }
     let (id, space) = (task.id(), task.params());
@@ -90,6 +100,9 @@ impl Lane for DockingLane {
                 *axis = f64::from(*value);
             }
         }
+        if !out.taken.is_empty() {
+            out.taken.copy_from_slice(actions);
+        }
         let stepped = self.flight.fly(thrusts);
         *out.team_reward = stepped.reward as f32;
         let live = self.flight.live();
@@ -115,6 +128,18 @@ impl Lane for DockingLane {
 
     fn score(&self) -> f64 {
         self.flight.flown().score
+    }
+
+    fn scene(&self, acted: &[f32]) -> Scene {
+        super::scene::scene(&self.flight, acted)
+    }
+
+    fn telemetry(&self) -> Value {
+        serde_json::to_value(self.flight.telemetry(&[], 0.0)).unwrap_or(Value::Null)
+    }
+
+    fn alerts(&self) -> Vec<String> {
+        self.flight.events().iter().map(super::event::Event::alert).collect()
     }
 
     fn state_hash(&self) -> [u8; 32] {

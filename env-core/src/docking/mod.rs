@@ -16,6 +16,7 @@ pub mod policies;
 pub mod record;
 pub mod relative;
 pub mod reward;
+mod scene;
 pub mod setup;
 pub mod spaces;
 pub mod telemetry;
@@ -44,7 +45,7 @@ use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
 use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
-use crate::space::{ActionSpace, Levels, ParamSpec, ScoreRange};
+use crate::space::{ActionSpace, Choices, Levels, ParamSpec, ScoreRange};
 use crate::task::{Episode, TaskCard, TaskSpec};
 use crate::wire::Wire;
 
@@ -110,6 +111,10 @@ impl TaskSpec for Docking {
 
     fn action_space(&self) -> ActionSpace {
         ActionSpace { columns: &["fx", "fy", "fz"], low: -MAX_THRUST_N, high: MAX_THRUST_N, unit: "N" }
+    }
+
+    fn choices(&self) -> Choices {
+        spaces::choices()
     }
 
     fn score_range(&self) -> ScoreRange {

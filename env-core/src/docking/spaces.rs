@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 
 use super::constants::{MAX_THRUST_N, TIME_LIMIT_S};
-use crate::space::{Harder, Levels, ParamSpec};
+use crate::batch::Axes;
+use crate::space::{Choices, Harder, Levels, ParamSpec};
 
 const DEPUTIES: ParamSpec = ParamSpec {
     name: "deputies",
@@ -101,3 +102,15 @@ pub static MULTIAGENT_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
         ],
     )
 });
+
+/// Every combination of full thrust one way, none, and full thrust the other, along each axis; coasting first.
+pub(super) fn choices() -> Choices {
+    const AXIS: [f32; 3] = [0.0, 1.0, -1.0];
+    let thrusts = AXIS.iter().flat_map(|&x| AXIS.iter().flat_map(move |&y| AXIS.map(|z| vec![x, y, z])));
+    Choices {
+        axes: Axes::World,
+        rows: thrusts.collect(),
+        about: "coasting, then every combination of 0, 1 and -1 N along x, y and z, z changing first; more than the bound is \
+                clamped to it",
+    }
+}

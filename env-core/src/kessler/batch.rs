@@ -2,16 +2,22 @@
 
 use std::sync::Arc;
 
+use serde_json::Value;
+
 use super::constants::{FRAGMENTS, HORIZON, SATELLITES};
+use super::event::Event;
 use super::flight::{Flight, Status};
 use super::reward::{Objective, score};
 use super::setup::{Setup, Start};
 use super::spaces::MAX_DEBRIS;
 use super::tracks::Tracks;
-use crate::batch::{Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task};
+use crate::batch::{
+    Axes, Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task,
+};
 use crate::chance::Seeded;
 use crate::error::ScenarioError;
 use crate::scenario::{MAX_LAYOUT_ROWS, Recipe};
+use crate::scene::Scene;
 use crate::seed::Seed;
 
 /// Values of one satellite in an observation of everything: x, y, vx, vy, fuel, survival.
@@ -54,7 +60,13 @@ pub(super) fn batch(
     let lane = || {
         let nothing = Seeded::new(Seed::in_space(crate::seed::SeedSpace::User, 0));
         let flight = Flight::new(objective, Arc::clone(&setup), &Start::default(), nothing);
-        KesslerLane { task, flight, recipe: Arc::clone(&recipe), observer: observer.clone() }
+        KesslerLane {
+            task,
+            axes: config.axes,
+            flight,
+            recipe: Arc::clone(&recipe),
+            observer: observer.clone(),
+        }
     };
     Ok(Box::new(Engine::new(config, shape, feed, lane)?))
 }
@@ -98,8 +110,32 @@ impl Observer {
     }
 }
 
+/// Burns radial out and in-track, turned into x and y.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "what is logged is what was done, in the precision of actions"
+)]
+fn turned(flight: &Flight<Seeded>, actions: &[[f32; 2]]) -> [[f32; 2]; SATELLITES] {
+    let mut turned = [[0.0; 2]; SATELLITES];
+    for ((turned, action), satellite) in turned.iter_mut().zip(actions).zip(flight.satellites()) {
+        let [radial, in_track] = action.map(f64::from);
+        let ((rx, ry), (tx, ty)) = satellite.body.frame();
+        // Adding zero leaves no minus zero behind: hold is hold.
+        *turned = [(radial * rx + in_track * tx) as f32 + 0.0, (radial * ry + in_track * ty) as f32 + 0.0];
+    }
+    turned
+}
+
+/// Tells what was done, where somebody wants to know.
+fn copy(actions: &[[f32; 2]], taken: &mut [f32]) {
+    if !taken.is_empty() {
+        taken.copy_from_slice(actions.as_flattened());
+    }
+}
+
 struct KesslerLane {
     task: &'static str,
+    axes: Axes,
     flight: Flight<Seeded>,
     /// What the flight's setup was read from.
     recipe: Arc<Recipe>,
@@ -122,7 +158,14 @@ impl Lane for KesslerLane {
         // can foresee.
         let quiet = |value: f32| if value == 0.0 { -0.0 } else { f64::from(value) };
         let (actions, _) = actions.as_chunks::<2>();
-        let stepped = self.flight.step_all(|i| actions.get(i).map(|&[x, y]| (quiet(x), quiet(y))));
+        let stepped = if self.axes == Axes::World {
+            copy(actions, out.taken);
+            self.flight.step_all(|i| actions.get(i).map(|&[x, y]| (quiet(x), quiet(y))))
+        } else {
+            let turned = turned(&self.flight, actions);
+            copy(&turned, out.taken);
+            self.flight.step_all(|i| turned.get(i).map(|&[x, y]| (quiet(x), quiet(y))))
+        };
         #[expect(clippy::cast_possible_truncation, reason = "rewards are single precision here")]
         let reward = stepped.reward as f32;
         *out.team_reward = reward;
@@ -144,6 +187,18 @@ impl Lane for KesslerLane {
 
     fn score(&self) -> f64 {
         score(self.flight.total())
+    }
+
+    fn scene(&self, acted: &[f32]) -> Scene {
+        super::scene::scene(&self.flight, acted)
+    }
+
+    fn telemetry(&self) -> Value {
+        serde_json::to_value(self.flight.telemetry(0.0, false)).unwrap_or(Value::Null)
+    }
+
+    fn alerts(&self) -> Vec<String> {
+        self.flight.events().iter().filter_map(Event::alert).collect()
     }
 
     fn state_hash(&self) -> [u8; 32] {

@@ -22,6 +22,7 @@ pub mod policies;
 pub mod record;
 pub mod reward;
 mod scatter;
+mod scene;
 pub mod setup;
 pub mod spaces;
 pub mod telemetry;
@@ -54,7 +55,7 @@ use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
 use crate::rollout::ReplayError;
 use crate::scenario::{Recipe, Scenario};
-use crate::space::{ActionSpace, Levels, ParamSpec, ScoreRange};
+use crate::space::{ActionSpace, Choices, Levels, ParamSpec, ScoreRange};
 use crate::task::{Episode, TaskCard, TaskSpec};
 use crate::wire::Wire;
 
@@ -147,6 +148,14 @@ impl TaskSpec for Kessler {
 
     fn action_space(&self) -> ActionSpace {
         ActionSpace { columns: &["delta_vx", "delta_vy"], low: -MAX_BURN, high: MAX_BURN, unit: "LU/TU" }
+    }
+
+    fn agent_axes(&self) -> Option<&'static [&'static str]> {
+        Some(&["radial", "in_track"])
+    }
+
+    fn choices(&self) -> Choices {
+        spaces::choices()
     }
 
     fn score_range(&self) -> ScoreRange {

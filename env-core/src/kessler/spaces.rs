@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 
 use super::constants::RADAR_NONE;
-use crate::space::{ByHand, Harder, Levels, OptionSpec, ParamSpec};
+use crate::batch::Axes;
+use crate::space::{ByHand, Choices, Harder, Levels, OptionSpec, ParamSpec};
 
 /// Most debris of a scenario, drawn and given, and most threats that *tracks* show.
 pub const MAX_DEBRIS: f64 = 1000.0;
@@ -208,3 +209,16 @@ pub static FORMATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
         ],
     )
 });
+
+/// Sizes of the burns to choose from, LU/TU: those of the blind panel.
+const SIZES: [f32; 4] = [0.05, 0.1, 0.2, 0.4];
+
+/// Hold, and burns of each size prograde, radial out, retrograde and radial in.
+pub(super) fn choices() -> Choices {
+    let burns = SIZES.iter().flat_map(|&v| [[0.0, v], [v, 0.0], [0.0, -v], [-v, 0.0]]);
+    Choices {
+        axes: Axes::Agent,
+        rows: std::iter::once([0.0, 0.0]).chain(burns).map(Vec::from).collect(),
+        about: "hold, then burns of 0.05, 0.1, 0.2 and 0.4 LU/TU, each prograde, radial out, retrograde and radial in",
+    }
+}

@@ -30,7 +30,7 @@ fn curriculum(deputies: &[f64]) -> Box<Curriculum> {
 }
 
 const fn config(envs: usize, autoreset: Autoreset) -> BatchConfig {
-    BatchConfig { envs, autoreset, observe: Observe::All { bodies: None } }
+    BatchConfig::new(envs, autoreset, Observe::All { bodies: None })
 }
 
 fn scenario(batch: &dyn Batch, env: usize) -> (Scenario, usize) {

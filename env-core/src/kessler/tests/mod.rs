@@ -1,5 +1,6 @@
 //! What kessler is held to.
 
+mod axes;
 mod bad_input;
 mod critique;
 mod critique_laws;

@@ -36,7 +36,7 @@ fn fresh(observe: Observe, flight: &Flight<Seeded>, len: usize) -> Vec<u32> {
 
 /// Flies a batch and its environments singly; how many rogues, fragments and resets there were.
 fn compare(task: &'static Kessler, recipe: Recipe, observe: Observe) -> (usize, usize) {
-    let config = BatchConfig { envs: ENVS, autoreset: Autoreset::SameStep, observe };
+    let config = BatchConfig::new(ENVS, Autoreset::SameStep, observe);
     let mut batch = task.batch(Box::new(Seeds::new(recipe, 31)), config).unwrap();
     let shape = batch.shape();
     let mut buffers = Buffers::new(shape, config.autoreset);
@@ -94,7 +94,7 @@ fn a_batch_sees_what_a_fresh_look_sees() {
 fn what_a_batch_cannot_observe() {
     let recipe = Arc::new(Recipe::new(&TASKS[0]).unwrap());
     let batch = |observe| {
-        let config = BatchConfig { envs: 1, autoreset: Autoreset::NextStep, observe };
+        let config = BatchConfig::new(1, Autoreset::NextStep, observe);
         TASKS[0].batch(Box::new(Seeds::new(Arc::clone(&recipe), 9)), config).err().unwrap().to_string()
     };
     assert_eq!(

@@ -38,7 +38,7 @@ impl Flying {
     pub fn of(recipe: Recipe, envs: usize, size: f64) -> anyhow::Result<Self> {
         let spec = recipe.task();
         let observe = Observe::All { bodies: None };
-        let config = BatchConfig { envs, autoreset: Autoreset::SameStep, observe };
+        let config = BatchConfig::new(envs, Autoreset::SameStep, observe);
         let mut batch = spec.batch(Box::new(Seeds::new(recipe, 1)), config)?;
         let shape = batch.shape();
         let mut buffers = Buffers::new(shape, config.autoreset);

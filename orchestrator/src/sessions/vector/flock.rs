@@ -139,6 +139,7 @@ impl Flock {
                 terminated: &mut self.terminated,
                 truncated: &mut self.truncated,
                 done: &mut self.done,
+                taken: &mut [],
             },
         );
         if let Err(error) = stepped {

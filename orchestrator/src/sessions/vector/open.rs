@@ -190,7 +190,7 @@ impl Sessions {
         wish: &VectorWish,
         wished: Wished,
     ) -> Result<(Plan, Source, Option<Held>), VectorError> {
-        let config = BatchConfig { envs: wish.envs, autoreset: wish.autoreset, observe: wish.observe };
+        let config = BatchConfig::new(wish.envs, wish.autoreset, wish.observe);
         match wished {
             Wished::Free(scenario) => {
                 if wish.task.is_some() {
