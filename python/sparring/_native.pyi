@@ -1,0 +1,180 @@
+"""
+What `sparring` is built on. Import `sparring` instead.
+"""
+
+from _typeshed import SupportsGetItem
+import numpy
+import numpy.typing
+from typing import Any, Final, SupportsIndex, final
+
+__all__ = ["__version__", "NativeBatch", "NativePolicy", "NativeScenario", "bracket", "card", "critique", "fly", "replay", "tasks"]
+
+__version__: Final[str]
+"""
+The version of the wheel.
+"""
+
+@final
+class NativeBatch:
+    """
+    A batch of environments of one task.
+    """
+    def __new__(cls, /, recipe: str, envs: SupportsIndex, *, observe: str, bodies: SupportsIndex | None, threats: SupportsIndex, look_ahead: SupportsIndex, axes: str, discrete: bool, autoreset_mode: str, threads: SupportsIndex | None, seed: SupportsIndex, single: bool) -> NativeBatch:
+        """
+        `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks"; `axes` "world" or "agent". With
+        `discrete` actions are numbers of the task's choices. `single` drops the first axis of all arrays but flags.
+        """
+    def agents(self, /) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
+        """
+        Of the last step: what each agent earned, who has left and whom the horizon cut off.
+        """
+    def alerts(self, /, env: SupportsIndex) -> list[str]:
+        """
+        What happened in the last step of an environment, in words.
+        """
+    def columns(self, /) -> list[str]:
+        """
+        What the values of an observation are called.
+        """
+    def episode(self, /, env: SupportsIndex) -> tuple[NativeScenario, float] | None:
+        """
+        The scenario an environment flies, and its score so far; none before the first reset.
+        """
+    def episodes(self, /) -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64]]":
+        """
+        Of the last step: whose episode ended, and its return and length, which go on for the others.
+        """
+    def final_observations(self, /) -> "numpy.typing.NDArray[numpy.float32]":
+        """
+        Of the last step, where the same step resets: the last observations of the environments whose episode ended, in order.
+        """
+    @property
+    def recipe(self, /) -> str:
+        """
+        The scenario without its seed that was asked for, complete, as JSON.
+        """
+    def render(self, /, env: SupportsIndex, width: SupportsIndex, height: SupportsIndex) -> "numpy.typing.NDArray[numpy.uint8]":
+        """
+        A picture of an environment, height × width × 3.
+        """
+    def reset(self, /, seeds: SupportsGetItem[int, Any | None] | None = None, mask: Any | None = None, out: Any | None = None) -> "numpy.typing.NDArray[numpy.float32]":
+        """
+        Begins the next episode of every environment, or of those in `mask`; `seeds` has a seed or none for each. All observations.
+        """
+    def set_recipe(self, /, env: SupportsIndex, scenario: NativeScenario) -> None:
+        """
+        Has an environment fly this scenario's recipe from its next episode on, by seeds of its own.
+        """
+    def set_scenario(self, /, env: SupportsIndex, scenario: NativeScenario | None) -> None:
+        """
+        Has an environment fly this scenario next and its recipe from then on, or again what all fly.
+        """
+    @property
+    def sizes(self, /) -> tuple[int, int, int]:
+        """
+        Agents, values of an action, values of an observation.
+        """
+    def state_hash(self, /, env: SupportsIndex) -> bytes | None:
+        """
+        A digest of every bit of an environment's state.
+        """
+    def step(self, /, actions: Any, out: tuple[Any, Any, Any, Any] | None = None) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], bool]":
+        """
+        One step of every environment, into `out` (observations, rewards, terminations, truncations) where it is given.
+        """
+    def taken(self, /) -> "numpy.typing.NDArray[numpy.float32]":
+        """
+        What each agent did in the last step, along the world's axes.
+        """
+    def telemetry(self, /, env: SupportsIndex) -> str | None:
+        """
+        What the agents of an environment see, in the wire form, as JSON.
+        """
+    @property
+    def threads(self, /) -> int:
+        """
+        Threads that step it.
+        """
+
+@final
+class NativePolicy:
+    """
+    A built-in policy that flies a scenario.
+    """
+    def __new__(cls, /, name: str, scenario: NativeScenario, seed: SupportsIndex) -> NativePolicy: ...
+    def act(self, /, telemetry: str) -> "numpy.typing.NDArray[numpy.float64]":
+        """
+        What each agent does, along the world's axes, on what it sees (the wire form, as JSON).
+        """
+
+@final
+class NativeScenario:
+    """
+    A scenario: `(scenario, actions)` decides every bit of an episode.
+    """
+    def __eq__(self, value: object, /) -> bool: ...
+    def __hash__(self, /) -> int: ...
+    def __ne__(self, value: object, /) -> bool: ...
+    def __new__(cls, /, text: str, any_seed: bool = False) -> NativeScenario:
+        """
+        Reads the wire form. With `any_seed` training and evaluation seeds are read too: to look at, not to fly in an environment.
+        """
+    @property
+    def agents(self, /) -> int:
+        """
+        Agents at the start.
+        """
+    @property
+    def horizon(self, /) -> int:
+        """
+        Steps after which an episode is truncated.
+        """
+    @property
+    def id(self, /) -> str:
+        """
+        Its id: the blake3 of its canonical form.
+        """
+    @property
+    def seed(self, /) -> int:
+        """
+        Its seed.
+        """
+    @property
+    def task(self, /) -> str:
+        """
+        The task's id.
+        """
+    def to_json(self, /) -> str:
+        """
+        The wire form, complete.
+        """
+
+def bracket(scenario: NativeScenario) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]":
+    """
+    What a scenario is worth, as JSON, and the reference's actions.
+    """
+
+def card(task: str) -> str:
+    """
+    A task as data, as JSON: params, options, levels, actions, policies.
+    """
+
+def critique(scenario: NativeScenario, actions: Any, stopped: str | None = None) -> str:
+    """
+    What an episode shows, as JSON.
+    """
+
+def fly(scenario: NativeScenario, policy: str, seed: SupportsIndex) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]":
+    """
+    Flies a scenario by a built-in policy to its end: how it went, as JSON, and what was done.
+    """
+
+def replay(scenario: NativeScenario, actions: Any, stopped: str | None = None) -> str:
+    """
+    What these actions earn on a scenario, as JSON.
+    """
+
+def tasks() -> list[str]:
+    """
+    The ids of all tasks.
+    """

@@ -1,0 +1,171 @@
+"""One environment: all agents by one action, their observations side by side."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.error import ResetNeeded
+
+from .scenario import Scenario, plain_seed, recipe_of
+from .settings import Actions, Axes, Observation, Settings, View, action_space
+from .window import FPS, Screen
+
+#: What `reset` takes as options.
+OPTIONS = ("scenario", "params", "level")
+
+
+class Environment(gymnasium.Env[Any, Any]):
+    """One environment of a task; `docs/python.md` has the tables of observations, actions, rewards and ends.
+
+    Args:
+        task: Its id, or its name alone: `kessler/survival` or `survival`.
+        params: Those that are not at their defaults (`sparring.parameter_space`), or at the level's.
+        physics: Options that are not at their defaults.
+        layout: Explicit bodies that replace or extend what the generator would draw.
+        level: A row of the task's table (`sparring.levels`), for the params that are not given.
+        observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking.
+        threats: With *tracks*: pieces of debris a satellite sees (8).
+        look_ahead: With *tracks*: steps over which they are foreseen (15).
+        bodies: With *telemetry*: pieces of debris there is room for (as many as the params can have).
+        actions: `continuous`, or `discrete`: a number for each agent out of `sparring.task(…).choices`.
+        axes: Along which continuous actions are: each `agent`'s own, or the `world`'s.
+        render_mode: `rgb_array`, or `human`: a window, which needs pygame.
+        render_size: Width and height of a picture, pixels.
+
+    Raises:
+        ValueError: What is unknown or out of range, with the field.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": FPS}
+
+    def __init__(
+        self,
+        task: str = "kessler/survival",
+        *,
+        params: Mapping[str, float] | None = None,
+        physics: Mapping[str, str] | None = None,
+        layout: Mapping[str, Any] | None = None,
+        level: int | None = None,
+        observation: Observation | None = None,
+        threats: int | None = None,
+        look_ahead: int | None = None,
+        bodies: int | None = None,
+        actions: Actions = "continuous",
+        axes: Axes | None = None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (640, 640),
+    ) -> None:
+        settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes)
+        self._settings = settings
+        self._native = settings.native(1, autoreset_mode="disabled", threads=1, seed=None, single=True)
+        self._view = View(settings, self._native)
+        self.observation_space = self._view.space()
+        self.action_space = action_space(settings, self._view)
+        self.screen = Screen(render_mode, render_size, self.metadata)
+        self.render_mode = render_mode
+        self._history: list[npt.NDArray[np.float32]] = []
+        self._flies = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begins an episode: of the scenario with this seed, or of the next in the row that the last seed began.
+
+        Args:
+            seed: 0 to 2^51 - 1.
+            options: `scenario` (a `Scenario` or its dict) is flown as it is; `params` and `level` replace the environment's,
+                until the next reset that has either.
+
+        Raises:
+            ValueError: A seed, a scenario or an option that is none.
+        """
+        if seed is not None:
+            super().reset(seed=plain_seed(seed))
+        whole = choose(self._native, 0, self._settings, options)
+        seen = self._native.reset([None if whole else seed])
+        self._history, self._flies = [], True
+        if self.render_mode == "human":
+            self.render()
+        return self._view.of(seen, single=True), {"scenario": self.scenario}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One step of the world.
+
+        Returns:
+            Observation, the team's reward, terminated (nobody is left, by the rules of the task), truncated (the horizon cut
+            somebody off), and info: `score`, the world's own number so far; `alerts`, what happened, in words.
+
+        Raises:
+            ValueError: An action that is none. Nothing has moved then.
+            gymnasium.error.ResetNeeded: There is no episode, or it is over.
+        """
+        if not self._flies:
+            raise ResetNeeded("nothing flies: call reset first")
+        seen, rewards, terminations, truncations, ended = self._native.step(action)
+        self._history.append(self._native.taken()[0])
+        episode = self._native.episode(0)
+        info = {"score": 0.0 if episode is None else episode[1], "alerts": self._native.alerts(0)}
+        self._flies = not ended
+        if self.render_mode == "human":
+            self.render()
+        terminated, truncated = bool(terminations[0]), bool(truncations[0])
+        return self._view.of(seen, single=True), float(rewards[0]), terminated, truncated, info
+
+    @property
+    def scenario(self) -> Scenario | None:
+        """What is flown; none before the first reset."""
+        episode = self._native.episode(0)
+        return None if episode is None else Scenario._of(episode[0])
+
+    @property
+    def history(self) -> npt.NDArray[np.float32]:
+        """What was done in this episode, steps × agents × values, along the world's axes: what `sparring.critique` asks for."""
+        shape = (0, self._view.agents, self._view.values)
+        return np.stack(self._history) if self._history else np.zeros(shape, np.float32)
+
+    def telemetry(self) -> dict[str, Any] | None:
+        """What is seen now in the wire form of the public kessler-env, for built-in policies and language models."""
+        text = self._native.telemetry(0)
+        return None if text is None else dict(json.loads(text))
+
+    def columns(self) -> list[str]:
+        """What the values of an observation are called, in the order of the flat array."""
+        return self._native.columns()
+
+    def state_hash(self) -> bytes | None:
+        """A digest of every bit of the state: equal where everything is."""
+        return self._native.state_hash(0)
+
+    def render(self) -> Any:
+        """A picture (`rgb_array`), or nothing but a window (`human`)."""
+        return self.screen.show(self._native, 0)
+
+    def close(self) -> None:
+        """Closes the window, if there is one."""
+        self.screen.close()
+
+
+def choose(native: Any, env: int, settings: Settings, options: Mapping[str, Any] | None) -> bool:
+    """Has an environment fly what the options of a reset say; whether that is a whole scenario, which has its own seed."""
+    options = options or {}
+    for name in options:
+        if name not in OPTIONS:
+            raise ValueError(f"options.{name}: unknown; there are {', '.join(OPTIONS)}")
+    scenario = options.get("scenario")
+    if scenario is not None:
+        if isinstance(scenario, Mapping):
+            scenario = Scenario.from_dict(scenario)
+        if not isinstance(scenario, Scenario):
+            raise ValueError("options.scenario: not a sparring.Scenario, nor the dict of one")
+        native.set_scenario(env, scenario._native)
+    elif "params" in options or "level" in options:
+        params = {**(settings.params or {}), **(options.get("params") or {})}
+        level = options.get("level", settings.level)
+        recipe = recipe_of(settings.task, params=params, physics=settings.physics, layout=settings.layout, level=level)
+        native.set_recipe(env, Scenario.from_dict({**recipe, "seed": 0})._native)
+    elif options:
+        native.set_scenario(env, None)
+    return scenario is not None

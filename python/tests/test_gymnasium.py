@@ -1,0 +1,160 @@
+"""Single environments against Gymnasium's own checker, and against what its API says."""
+
+import gymnasium
+import numpy as np
+import pytest
+from conftest import equal, short
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+
+import sparring
+
+
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+@pytest.mark.parametrize("observation", [None, "telemetry"])
+@pytest.mark.filterwarnings(
+    "ignore:.*(A Box observation space|not within the range|minimum value is -infinity|maximum value is infinity).*"
+)
+def test_check_env(id, observation, actions):
+    env = gymnasium.make(id, observation=observation, actions=actions, disable_env_checker=True)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.filterwarnings("ignore:.*(minimum value is -infinity|maximum value is infinity).*")
+def test_check_env_draws(id):
+    env = gymnasium.make(id, render_mode="rgb_array", disable_env_checker=True)
+    check_env(env.unwrapped)
+    env.close()
+
+
+def flown(env, seed, actions):
+    seen = [env.reset(seed=seed)[0]]
+    rest = []
+    for action in actions:
+        observation, reward, terminated, truncated, info = env.step(action)
+        seen.append(observation)
+        rest.append((reward, terminated, truncated, info["score"]))
+        if terminated or truncated:
+            break
+    return seen, rest
+
+
+def test_whole_episodes_are_the_same_again(task):
+    env = sparring.Environment(task, params=short(task))
+    env.action_space.seed(3)
+    actions = [env.action_space.sample() * 0.2 for _ in range(60)]
+    first = flown(env, 11, actions)
+    flown(env, 12, actions)
+    again = flown(env, 11, actions)
+    other = flown(sparring.Environment(task, params=short(task)), 11, actions)
+    for told in (again, other):
+        assert all(equal(a, b) for a, b in zip(first[0], told[0], strict=True))
+        assert first[1] == told[1]
+
+
+def test_flags_are_bools_and_rewards_floats(task):
+    env = sparring.Environment(task)
+    env.reset(seed=1)
+    _, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
+    assert isinstance(info["score"], float) and isinstance(info["alerts"], list)
+
+
+def test_observations_are_the_callers():
+    env = sparring.Environment("kessler/survival")
+    kept = [env.reset(seed=5)[0]]
+    copies = [kept[0].copy()]
+    for _ in range(20):
+        kept.append(env.step(env.action_space.sample())[0])
+        copies.append(kept[-1].copy())
+    assert all(equal(a, b) for a, b in zip(kept, copies, strict=True))
+    row = env.step(env.action_space.sample())[0][1]  # a view alone keeps the array too
+    copy = row.copy()
+    for _ in range(5):
+        env.step(env.action_space.sample())
+    assert equal(row, copy)
+
+
+def test_an_episode_that_is_over_wants_a_reset(task):
+    env = sparring.Environment(task, params=short(task))
+    with pytest.raises(ResetNeeded):
+        env.step(env.action_space.sample())
+    env.reset(seed=2)
+    for _ in range(3000):
+        *_, terminated, truncated, _ = env.step(np.zeros(env.action_space.shape, np.float32))
+        if terminated or truncated:
+            break
+    else:
+        pytest.fail("no end")
+    with pytest.raises(ResetNeeded):
+        env.step(env.action_space.sample())
+    env.reset()
+    env.step(env.action_space.sample())
+
+
+def test_actions_along_each_agents_own_axes_are_those_along_the_worlds_when_turned():
+    own = sparring.Environment("kessler/survival", observation="telemetry", axes="agent")
+    world = sparring.Environment("kessler/survival", observation="telemetry")
+    seen, _ = own.reset(seed=4)
+    world.reset(seed=4)
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        action = rng.uniform(-0.05, 0.05, (3, 2)).astype(np.float32)
+        x, y = seen["satellites"][:, 0].astype(float), seen["satellites"][:, 1].astype(float)
+        out = np.stack([x, y], 1) / np.hypot(x, y)[:, None]
+        along = np.stack([-out[:, 1], out[:, 0]], 1)
+        turned = action[:, :1] * out + action[:, 1:] * along
+        seen, *_, own_info = own.step(action)
+        told, *_, world_info = world.step(turned.astype(np.float32))
+        # Positions are told in single precision, so directions differ by some 1e-7, and what comes of them grows from there.
+        np.testing.assert_allclose(seen["satellites"], told["satellites"], rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(own.history, world.history, atol=1e-5)
+    assert own_info["score"] == pytest.approx(world_info["score"], abs=1e-9)
+
+
+def test_choices_do_what_the_task_says():
+    env = sparring.Environment("kessler/survival", actions="discrete", observation="telemetry")
+    seen, _ = env.reset(seed=4)
+    env.step([0, 3, 4])
+    burns = env.history[0]
+    own = seen["satellites"]
+    out = own[:, :2] / np.linalg.norm(own[:, :2], axis=1, keepdims=True)
+    along = np.stack([-out[:, 1], out[:, 0]], 1)
+    np.testing.assert_allclose(burns, [[0, 0], -0.05 * along[1], -0.05 * out[2]], atol=1e-6)
+
+
+def test_scenarios_and_params_by_options():
+    env = sparring.Environment("kessler/survival")
+    scenario = sparring.Scenario("survival", params={"debris": 60}, seed=99)
+    env.reset(seed=1, options={"scenario": scenario})
+    assert env.scenario == scenario
+    env.reset(options={"scenario": scenario.to_dict()})
+    assert env.scenario == scenario
+    env.reset(seed=5, options={"params": {"debris": 10}})
+    assert (env.scenario.seed, env.scenario.params["debris"]) == (5, 10.0)
+    env.reset(options={"level": 9})
+    assert env.scenario.params["debris"] == 200.0
+    for options, field in [
+        ({"scenario": 7}, "options.scenario"),
+        ({"no": 7}, "options.no"),
+        ({"params": {"debris": -1}}, "params.debris"),
+        ({"params": {"debris": float("nan")}}, "params.debris"),
+        ({"level": 10}, "level"),
+        ({"scenario": sparring.Scenario("formation")}, "scenario"),
+    ]:
+        with pytest.raises(ValueError, match=field):
+            env.reset(options=options)
+
+
+def test_seeds_of_training_and_evaluation_are_not_begun_by_hand():
+    env = sparring.Environment("kessler/survival")
+    for space in (1, 2):
+        seed = space << 51
+        with pytest.raises(ValueError, match="seed"):
+            env.reset(seed=seed)
+        fields = {**sparring.Scenario("survival").to_dict(), "seed": seed}
+        with pytest.raises(ValueError, match="seed"):
+            env.reset(options={"scenario": sparring.Scenario.from_dict(fields)})
+        with pytest.raises(ValueError, match="seed"):
+            sparring.Scenario("survival", seed=seed)

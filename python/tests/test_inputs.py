@@ -1,0 +1,212 @@
+"""Whatever is given: taken, or a ValueError that names the field. Never a crash, and nothing moves where it is refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+import sparring
+
+ENVS = 3
+envs = sparring.make_vec("kessler/survival", ENVS)
+envs.reset(seed=1)
+discrete = sparring.make_vec("kessler/survival", ENVS, actions="discrete")
+discrete.reset(seed=1)
+SHAPE = (ENVS, 3, 2)
+
+anything = st.one_of(
+    arrays.arrays(
+        arrays.scalar_dtypes(),
+        st.one_of(st.just(SHAPE), st.just((ENVS, 3)), arrays.array_shapes(min_dims=0, max_dims=4, max_side=4)),
+    ),
+    st.none(),
+    st.text(),
+    st.floats(),
+    st.lists(st.floats()),
+    st.dictionaries(st.text(), st.integers()),
+    st.just([[1], [2, 3]]),
+    st.just(object()),
+)
+
+
+def good(actions, whole):
+    """What must be taken: numbers of the right shape, finite in single precision, or whole and within the choices."""
+    if not isinstance(actions, np.ndarray):
+        return False
+    if whole:
+        return actions.dtype.kind in "iu" and actions.shape == (ENVS, 3) and ((actions >= 0) & (actions < 17)).all()
+    with np.errstate(all="ignore"):
+        return actions.dtype.kind in "fiu" and actions.shape == SHAPE and np.isfinite(actions.astype(np.float32)).all()
+
+
+@settings(max_examples=400, deadline=None)
+@given(anything, st.booleans())
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_actions(actions, whole):
+    batch = discrete if whole else envs
+    before = [batch.state_hash(env) for env in range(ENVS)]
+    if good(actions, whole):
+        batch.step(actions)
+    else:
+        with pytest.raises(ValueError, match="actions"):
+            batch.step(actions)
+        assert before == [batch.state_hash(env) for env in range(ENVS)]
+
+
+def test_strides_and_readonly_actions_are_taken():
+    wide = np.zeros((ENVS, 3, 4), np.float32)
+    envs.step(wide[..., ::2])
+    envs.step(np.asfortranarray(np.zeros(SHAPE, np.float32)))
+    locked = np.zeros(SHAPE, np.float32)
+    locked.setflags(write=False)
+    envs.step(locked)
+    envs.step(np.zeros(SHAPE, np.float64)[::-1])
+    envs.step(np.zeros(SHAPE, ">f4"))
+    envs.step(np.zeros(SHAPE, np.float16))
+
+
+def outs():
+    return [envs.empty(), np.zeros(ENVS), np.zeros(ENVS, bool), np.zeros(ENVS, bool)]
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("spoil", ["readonly", "dtype", "shape", "strides", "none", "order"])
+def test_out(place, spoil):
+    out = outs()
+    if spoil == "readonly":
+        out[place].setflags(write=False)
+    elif spoil == "dtype":
+        out[place] = out[place].astype(np.int16)
+    elif spoil == "shape":
+        out[place] = out[place][:-1]
+    elif spoil == "strides":
+        out[place] = np.repeat(out[place], 2, axis=0)[::2]
+    elif spoil == "order":
+        if place:
+            pytest.skip("one dimension has one order")
+        out[place] = np.asfortranarray(out[place])
+    else:
+        out[place] = None
+    before = envs.state_hash(0)
+    with pytest.raises(ValueError, match=rf"out\[{place}\]"):
+        envs.step(np.zeros(SHAPE, np.float32), out=tuple(out))
+    assert envs.state_hash(0) == before
+
+
+def test_out_that_overlaps():
+    out = outs()
+    out[3] = out[2]
+    with pytest.raises(ValueError, match=r"out\[3\]"):
+        envs.step(np.zeros(SHAPE, np.float32), out=tuple(out))
+    with pytest.raises(ValueError, match="out"):
+        envs.reset(out=np.zeros((ENVS, 3, 71), np.float32))
+    envs.reset(seed=1)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.one_of(st.integers(), st.floats(), st.text(), st.lists(st.one_of(st.none(), st.integers()), max_size=4), st.booleans()))
+def test_seeds(seed):
+    def fits(one):
+        return one is None or (not isinstance(one, bool) and isinstance(one, int) and 0 <= one < 2**51)
+
+    each = isinstance(seed, list)
+    taken = len(seed) == ENVS and all(map(fits, seed)) if each else fits(seed) and fits(seed + ENVS - 1)
+    if taken:
+        envs.reset(seed=seed)
+    else:
+        with pytest.raises(ValueError, match="seed"):
+            envs.reset(seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({"task": "kessler/none"}, "task"),
+        ({"num_envs": 0}, "num_envs"),
+        ({"num_envs": -1}, "num_envs"),
+        ({"num_envs": 2**20 + 1}, "num_envs"),
+        ({"num_envs": 1.5}, "num_envs"),
+        ({"params": {"debris": 1e9}}, "params.debris"),
+        ({"params": {"debris": 1.5}}, "params.debris"),
+        ({"params": {"debris": "many"}}, "params.debris"),
+        ({"params": {"no": 1}}, "params.no"),
+        ({"physics": {"no": "x"}}, "physics.no"),
+        ({"physics": {"contact": "x"}}, "physics.contact"),
+        ({"layout": {"no": 1}}, "layout"),
+        ({"layout": {"no": object()}}, "scenario"),
+        ({"level": 10}, "level"),
+        ({"level": True}, "level"),
+        ({"observation": "state"}, "observation"),
+        ({"threats": 5000}, "threats"),
+        ({"threats": -5}, "threats"),
+        ({"look_ahead": 0}, "look_ahead"),
+        ({"bodies": 4}, "bodies"),
+        ({"observation": "telemetry", "bodies": 10**7}, "bodies"),
+        ({"actions": "some"}, "actions"),
+        ({"axes": "own"}, "axes"),
+        ({"task": "docking/multiagent", "axes": "agent"}, "axes"),
+        ({"autoreset_mode": "never"}, "autoreset_mode"),
+        ({"threads": 0}, "threads"),
+        ({"threads": 10**6}, "threads"),
+        ({"render_mode": "human"}, "render_mode"),
+        ({"render_size": (1, 1)}, "render_size"),
+        ({"render_size": "big"}, "render_size"),
+    ],
+    ids=str,
+)
+def test_settings(given, field):
+    with pytest.raises(ValueError, match=field):
+        sparring.make_vec(**given)
+
+
+@settings(max_examples=100, deadline=None)
+@given(anything)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_logs(actions):
+    """A log that is none is refused by whoever reads it."""
+    scenario = sparring.Scenario("survival", seed=3)
+    for read in (sparring.replay, sparring.critique):
+        with pytest.raises(ValueError, match="actions"):
+            read(scenario, actions)
+
+
+plain = st.one_of(st.none(), st.booleans(), st.floats(), st.integers(), st.text())
+words = st.one_of(st.sampled_from(["task", "params", "seed", "layout", "physics", "kessler/survival"]), st.text())
+nested = st.recursive(
+    plain, lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(words, inner, max_size=4)), max_leaves=8
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(nested)
+def test_scenarios(fields):
+    """Whatever a dict has: a scenario or a ValueError."""
+    if not isinstance(fields, dict):
+        fields = {"task": "kessler/survival", "seed": 1, "layout": fields}
+    try:
+        scenario = sparring.Scenario.from_dict(fields)
+    except ValueError:
+        return
+    assert sparring.Scenario.from_dict(scenario.to_dict()) == scenario
+
+
+def test_two_threads_at_once_take_turns():
+    import threading
+
+    batch = sparring.make_vec("kessler/survival", 128, threads=2)
+    batch.reset(seed=1)
+    actions = np.zeros(batch.action_space.shape, np.float32)
+    failures = []
+
+    def fly():
+        try:
+            for _ in range(200):
+                batch.step(actions)
+        except BaseException as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=fly) for _ in range(4)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert not failures

@@ -1,0 +1,79 @@
+"""Against PettingZoo's own tests."""
+
+import numpy as np
+import pytest
+from conftest import equal, short
+
+import sparring
+
+pettingzoo = pytest.importorskip("pettingzoo")
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test  # noqa: E402
+from pettingzoo.utils import parallel_to_aec  # noqa: E402
+
+
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+def test_parallel_api(task, actions):
+    parallel_api_test(sparring.parallel_env(task, params=short(task), actions=actions), num_cycles=300)
+
+
+def test_parallel_seed(task):
+    parallel_seed_test(lambda: sparring.parallel_env(task))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_aec(task):
+    env = parallel_to_aec(sparring.parallel_env(task, params=short(task)))
+    assert env.metadata["is_parallelizable"]
+    api_test(env, num_cycles=200)
+
+
+def test_whole_episodes_are_the_same_again(task):
+    """What `parallel_seed_test` says of one step, of whole episodes."""
+
+    def flown():
+        env = sparring.parallel_env(task, params=short(task))
+        rows = []
+        for seed in (3, None, None):
+            seen, _ = env.reset(seed=seed)
+            rng = np.random.default_rng(4)
+            rows.append(seen)
+            while env.agents:
+                actions = {agent: rng.uniform(-0.3, 0.3, env.action_space(agent).shape) for agent in env.agents}
+                seen, rewards, terminations, truncations, _ = env.step(actions)
+                rows.append((seen, rewards, terminations, truncations))
+        return rows
+
+    first, again = flown(), flown()
+    assert len(first) > 20
+    for a, b in zip(first, again, strict=True):
+        if isinstance(a, dict):
+            assert equal(a, b)
+        else:
+            assert equal(a[0], b[0]) and a[1:] == b[1:]
+
+
+def test_agents_leave_and_flags_are_bools():
+    env = sparring.parallel_env("docking/multiagent", params=short("docking"))
+    env.reset(seed=1)
+    assert env.agents == ["deputy_0", "deputy_1", "deputy_2"]
+    seen_leaving = False
+    while env.agents:
+        before = list(env.agents)
+        seen, rewards, terminations, truncations, _ = env.step({})
+        assert set(seen) == set(rewards) == set(terminations) == set(truncations) == set(before)
+        assert all(type(flag) is bool for flag in [*terminations.values(), *truncations.values()])
+        assert env.agents == [a for a in before if not (terminations[a] or truncations[a])]
+        seen_leaving |= 0 < len(env.agents) < len(before)
+
+
+def test_what_is_no_action_is_refused_with_the_agent():
+    env = sparring.parallel_env("docking/multiagent")
+    env.reset(seed=1)
+    for actions, field in [
+        ({"deputy_9": [0, 0, 0]}, "deputy_9"),
+        ({"deputy_1": [0, 0]}, "deputy_1"),
+        ({"deputy_1": ["a", "b", "c"]}, "deputy_1"),
+        ({"deputy_1": [0, float("nan"), 0]}, "actions"),
+    ]:
+        with pytest.raises(ValueError, match=field):
+            env.step(actions)

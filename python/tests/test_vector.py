@@ -1,0 +1,144 @@
+"""The vector environment against Gymnasium's own SyncVectorEnv of the single ones, bit by bit."""
+
+import gymnasium
+import numpy as np
+import pytest
+from conftest import equal, short
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import sparring
+
+MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED]
+
+
+def peers(task, mode, envs, **settings):
+    """Ours, and Gymnasium's of the same environments."""
+    settings = {"params": short(task), **settings}
+    ours = sparring.make_vec(task, envs, autoreset_mode=mode, episode_statistics=False, **settings)
+    theirs = SyncVectorEnv([lambda: sparring.Environment(task, **settings) for _ in range(envs)], autoreset_mode=mode)
+    return ours, theirs
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("settings", [{}, {"observation": "telemetry"}, {"actions": "discrete"}], ids=str)
+def test_as_gymnasium_steps_them(task, mode, settings):
+    ours, theirs = peers(task, mode, 5, **settings)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    assert ours.single_action_space == theirs.single_action_space
+    assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"] == mode
+    seen, told = ours.reset(seed=17)[0], theirs.reset(seed=17)[0]
+    assert equal(seen, told)
+    ours.action_space.seed(1)
+    ends = 0
+    for _ in range(130):
+        actions = ours.action_space.sample()
+        here, there = ours.step(actions), theirs.step(actions)
+        assert all(equal(a, b) for a, b in zip(here[:4], there[:4], strict=True))
+        done = here[2] | here[3]
+        ends += done.sum()
+        if mode == AutoresetMode.SAME_STEP and done.any():
+            assert equal(here[4]["final_obs"], there[4]["final_obs"])
+            assert equal(here[4]["_final_obs"], there[4]["_final_obs"])
+        if mode == AutoresetMode.DISABLED and done.any():
+            assert equal(
+                ours.reset(options={"reset_mask": done.copy()})[0],
+                theirs.reset(options={"reset_mask": done.copy()})[0],
+            )
+    assert ends > 5
+
+
+@pytest.mark.parametrize("mode", MODES[:2])
+def test_episode_statistics_are_gymnasiums(task, mode):
+    settings = {"params": short(task), "autoreset_mode": mode}
+    ours = sparring.make_vec(task, 4, **settings)
+    theirs = gymnasium.wrappers.vector.RecordEpisodeStatistics(sparring.make_vec(task, 4, episode_statistics=False, **settings))
+    ours.reset(seed=3), theirs.reset(seed=3)
+    ours.action_space.seed(2)
+    ends = 0
+    for _ in range(130):
+        actions = ours.action_space.sample()
+        *_, here = ours.step(actions)
+        *_, there = theirs.step(actions)
+        assert ("episode" in here) == ("episode" in there)
+        if "episode" in here:
+            ends += 1
+            assert equal(here["_episode"], there["_episode"])
+            np.testing.assert_array_equal(here["episode"]["l"], there["episode"]["l"])
+            np.testing.assert_allclose(here["episode"]["r"], there["episode"]["r"], rtol=1e-12)
+            assert (here["episode"]["t"][here["_episode"]] > 0).all()
+    assert ends > 1
+
+
+def test_the_same_at_any_number_of_environments_and_threads(task):
+    def rollout(envs, threads):
+        made = sparring.make_vec(task, envs, params=short(task), threads=threads)
+        made.reset(seed=23)
+        rng = np.random.default_rng(9)
+        rows = []
+        for _ in range(120):
+            actions = rng.uniform(-0.3, 0.3, (256, *made.single_action_space.shape)).astype(np.float32)[:envs]
+            seen, rewards, terminations, truncations, _ = made.step(actions)
+            rows.append((seen[:7], rewards[:7], terminations[:7], truncations[:7]))
+        return rows, [made.state_hash(env) for env in range(7)]
+
+    first, hashes = rollout(7, 1)
+    for envs, threads in [(256, 1), (256, 2), (256, 5), (70, None)]:
+        again, others = rollout(envs, threads)
+        assert hashes == others
+        assert all(equal(a, b) for x, y in zip(first, again, strict=True) for a, b in zip(x, y, strict=True))
+
+
+def test_nothing_is_copied():
+    envs = sparring.make_vec("kessler/survival", 64, threads=2)
+    out = (envs.empty(), np.zeros(64), np.zeros(64, bool), np.zeros(64, bool))
+    seen, _ = envs.reset(seed=1, out=out[0])
+    assert seen.ctypes.data == out[0].ctypes.data
+    actions = np.zeros(envs.action_space.shape, np.float32)
+    for given, got in zip(out, envs.step(actions, out=out)[:4], strict=True):
+        assert given.ctypes.data == got.ctypes.data and given.shape == got.shape
+    assert out[1].any()
+    # Without arrays of the caller's: the same memory again once nobody has it, and never while somebody does.
+    places = {envs.step(actions)[0].ctypes.data for _ in range(50)}
+    assert len(places) <= 2
+    kept = [envs.step(actions)[0] for _ in range(10)]
+    assert len({one.ctypes.data for one in kept}) == 10
+
+
+def test_telemetry_is_views_of_one_array():
+    envs = sparring.make_vec("kessler/survival", 8, observation="telemetry")
+    seen, _ = envs.reset(seed=1)
+    bases = set()
+    for part in seen.values():
+        while part.base is not None and isinstance(part.base, np.ndarray):
+            part = part.base
+        bases.add(id(part))
+    assert len(bases) == 1
+
+
+def test_some_are_reset_and_the_others_go_on():
+    envs = sparring.make_vec("kessler/survival", 6, autoreset_mode="disabled")
+    envs.reset(seed=1)
+    actions = np.zeros(envs.action_space.shape, np.float32)
+    before = envs.step(actions)[0].copy()
+    mask = np.array([True, False, True, False, False, False])
+    after, _ = envs.reset(seed=50, options={"reset_mask": mask})
+    assert equal(before[~mask], after[~mask])
+    fresh, _ = envs.reset(seed=50)
+    assert equal(after[mask], fresh[mask])
+
+
+def test_gymnasium_makes_it():
+    envs = gymnasium.make_vec("sparring/Rendezvous-v0", 3, vectorization_mode="vector_entry_point", level=2)
+    assert isinstance(envs.unwrapped, sparring.VectorEnvironment)
+    gymnasium.wrappers.vector.RecordEpisodeStatistics(envs).reset(seed=1)
+    envs.close()
+
+
+def test_scenarios_one_each():
+    envs = sparring.make_vec("kessler/survival", 2)
+    scenarios = [sparring.Scenario("survival", params={"debris": n}, seed=n) for n in (10, 20)]
+    envs.reset(options={"scenario": scenarios})
+    assert [envs.scenario(0), envs.scenario(1)] == scenarios
+    with pytest.raises(ValueError, match="scenario"):
+        envs.reset(options={"scenario": scenarios[:1]})
