@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
 NODE_IS_THERE := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
-.PHONY: help demo dashboard test test-llm test-otlp bench bench-peers soak fmt lint deny sqlx check-cargo check-python check-node
+.PHONY: help demo dashboard wheel test test-python test-llm test-otlp bench bench-peers soak fmt lint deny sqlx check-cargo check-python check-node
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -16,6 +16,12 @@ demo: check-cargo ## A built-in learner trains against the curriculum: about 45 
 dashboard: check-node ## The dashboard's files, which the next build of the binary takes in
 	cd dashboard && npm ci --no-audit --no-fund --loglevel=error && npm run build
 
+wheel: check-cargo check-python ## Two wheels into target/wheels: sparring (the environments) and sparring-server (the program)
+	scripts/python-venv
+	@if node -e '$(NODE_IS_THERE)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi
+	cd python && ../target/python-venv/bin/maturin build --release --strip --locked --out ../target/wheels
+	cd python/server && SQLX_OFFLINE=true ../../target/python-venv/bin/maturin build --release --strip --locked --out ../../target/wheels
+
 # From empty it takes less time and disk without what the next build would take from this one.
 test: export CARGO_INCREMENTAL ?= 0
 test: check-cargo check-python dashboard lint ## Everything that is checked before a change lands
@@ -23,8 +29,15 @@ test: check-cargo check-python dashboard lint ## Everything that is checked befo
 	# The binary with the tests: built by itself it would be all of it once more, with other features of its dependencies.
 	SQLX_OFFLINE=true cargo build --workspace --locked --tests --bin sparring
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
+	$(MAKE) --no-print-directory test-python
 	scripts/chromium
 	cd dashboard && npm run check && npm test && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
+
+test-python: check-cargo check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, typed, and its stubs current
+	scripts/python-venv
+	scripts/python-stubs --check
+	cd python && ../target/python-venv/bin/ruff check . && ../target/python-venv/bin/ruff format --check . \
+		&& ../target/python-venv/bin/mypy && ../target/python-venv/bin/pytest
 
 test-llm: check-cargo check-python ## A small real language model, served here, designs layouts: MODEL=any.gguf
 	scripts/test-llm $(MODEL)
