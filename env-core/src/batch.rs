@@ -5,6 +5,7 @@
 //! so what it does is the same at any batch size and thread count; slot k's j-th scenario depends on (k, j) alone, never
 //! on who finishes first. Once every kind of event and draw has happened in a lane, nothing is allocated for it any more.
 
+pub mod book;
 mod buffers;
 mod engine;
 mod rows;
@@ -76,6 +77,8 @@ pub struct BatchConfig {
     pub observe: Observe,
     /// Along which axes actions are given.
     pub axes: Axes,
+    /// Scenarios of any task of the world are flown, where its tasks have the same agents; else of this one alone.
+    pub mixed: bool,
     /// The calling thread steps them alone. Else chunks of many are handed over to rayon's current pool.
     pub alone: bool,
 }
@@ -84,7 +87,7 @@ impl BatchConfig {
     /// With actions along the world's axes, by rayon's current pool.
     #[must_use]
     pub const fn new(envs: usize, autoreset: Autoreset, observe: Observe) -> Self {
-        Self { envs, autoreset, observe, axes: Axes::World, alone: false }
+        Self { envs, autoreset, observe, axes: Axes::World, mixed: false, alone: false }
     }
 }
 

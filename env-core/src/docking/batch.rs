@@ -38,6 +38,11 @@ pub(super) fn batch(
             "a deputy has no axes of its own: docking's actions are along the chief's",
         ));
     }
+    if config.mixed {
+        return Err(BatchError::Unsupported(
+            "docking's tasks differ in their agents: a batch is of one of them",
+        ));
+    }
     let (id, space) = (task.id(), task.params());
     let (recipe, _) = feed.scenario(0, 0);
     let setup = read(id, &recipe).map_err(|source| BatchError::Scenario { env: 0, source })?;

@@ -36,7 +36,8 @@ pub(super) fn batch(
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
     let (recipe, _) = feed.scenario(0, 0);
-    let setup = of_task(task, &recipe).and_then(|()| Setup::read(&recipe));
+    let task = (!config.mixed).then_some(task);
+    let setup = objective_of(task, &recipe).and_then(|_| Setup::read(&recipe));
     let setup = Arc::new(setup.map_err(|source| BatchError::Scenario { env: 0, source })?);
     let observer = match config.observe {
         Observe::All { bodies } => {
@@ -133,8 +134,20 @@ fn copy(actions: &[[f32; 2]], taken: &mut [f32]) {
     }
 }
 
+/// What a recipe's task rewards, where it is one that is flown here.
+fn objective_of(task: Option<&str>, recipe: &Recipe) -> Result<Objective, ScenarioError> {
+    let id = recipe.task().id();
+    of_task(task.unwrap_or(id), recipe)?;
+    super::objective(id).ok_or_else(|| ScenarioError::UnknownChoice {
+        field: "task".to_owned(),
+        value: id.to_owned(),
+        choices: super::TASKS.each_ref().map(|task| task.card.id).join(", "),
+    })
+}
+
 struct KesslerLane {
-    task: &'static str,
+    /// The only task there is; none where all of the world are flown.
+    task: Option<&'static str>,
     axes: Axes,
     flight: Flight<Seeded>,
     /// What the flight's setup was read from.
@@ -146,7 +159,7 @@ impl Lane for KesslerLane {
     fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
         let mut setup = None;
         if !Arc::ptr_eq(recipe, &self.recipe) {
-            of_task(self.task, recipe)?;
+            self.flight.set_objective(objective_of(self.task, recipe)?);
             setup = Some(Arc::new(Setup::read(recipe)?));
             self.recipe = Arc::clone(recipe);
         }

@@ -50,6 +50,11 @@ pub struct Flight<C> {
 }
 
 impl Flight<Seeded> {
+    /// What the next episode rewards.
+    pub(super) const fn set_objective(&mut self, objective: Objective) {
+        self.objective = objective;
+    }
+
     /// Starts over with the draws of this seed, and with another setup where one is given, in the same memory.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::body::Bytes;
-use env_core::batch::{Autoreset, Batch, BatchError, Output};
+use env_core::batch::{Batch, BatchError, Output};
 
 use super::book::Book;
 use super::frame::{HEADER, Layout, What};
@@ -16,7 +16,6 @@ pub const IDLE: u8 = 2;
 /// Environments, and what they are stepped with.
 pub(super) struct Flock {
     pub(super) batch: Box<dyn Batch>,
-    pub(super) autoreset: Autoreset,
     pub(super) layout: Layout,
     /// What is flown of a lease.
     pub(super) book: Option<Book>,
@@ -65,17 +64,11 @@ impl<'a> Parts<'a> {
 }
 
 impl Flock {
-    pub(super) fn new(
-        batch: Box<dyn Batch>,
-        autoreset: Autoreset,
-        layout: Layout,
-        book: Option<Book>,
-    ) -> Self {
+    pub(super) fn new(batch: Box<dyn Batch>, layout: Layout, book: Option<Book>) -> Self {
         let Layout { envs, agents, action, observation, finals, .. } = layout;
         let words = || Arc::new(vec![0.0; layout.most_bytes() / 4]);
         Self {
             batch,
-            autoreset,
             layout,
             book,
             actions: vec![0.0; envs * agents * action],
@@ -123,7 +116,7 @@ impl Flock {
 
     fn step(&mut self, sequence: u32) -> Result<Bytes, BatchError> {
         if let Some(book) = &mut self.book {
-            book.assign(self.autoreset, None);
+            book.assign(None);
         }
         let mut room = self.room();
         // It was just found to be ours alone.
@@ -147,7 +140,7 @@ impl Flock {
             return Err(error);
         }
         if let Some(book) = &mut self.book {
-            book.stepped(&self.actions, &self.done, self.autoreset);
+            book.stepped(&self.actions, parts.team_rewards, &self.done);
         }
         Ok(self.finish(sequence, room))
     }
@@ -156,7 +149,7 @@ impl Flock {
     pub(super) fn reset(&mut self, sequence: u32, mask: Option<&[bool]>) -> Result<Bytes, BatchError> {
         if let Some(book) = &mut self.book {
             book.give_up(mask);
-            book.assign(self.autoreset, Some(mask));
+            book.assign(Some(mask));
         }
         let mut room = self.room();
         let current = Arc::clone(&self.current);
@@ -180,7 +173,7 @@ impl Flock {
             }
         }
         if let Some(book) = &mut self.book {
-            book.began(mask, self.autoreset);
+            book.began(mask);
         }
         Ok(self.finish(sequence, room))
     }

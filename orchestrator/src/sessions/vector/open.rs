@@ -4,14 +4,15 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use axum::body::Bytes;
-use env_core::TaskSpec;
+use env_core::batch::book::Assigned;
 use env_core::batch::{Autoreset, Batch, BatchConfig, BatchError, Feed, MAX_ENVS, Observe, Seeds, Shape};
+use env_core::{Scenario, TaskSpec};
 use uuid::Uuid;
 
 use super::super::leased::{Held, for_no_runs, lock};
 use super::super::seat::Seat;
 use super::super::{Sessions, Who, WishError, Wished};
-use super::book::{Assigned, Book, LeaseFeed, Start};
+use super::book::Book;
 use super::flock::Flock;
 use super::frame::{Layout, MAX_IN, MAX_OUT};
 use super::reports::Reports;
@@ -36,25 +37,24 @@ const TRIED: usize = 64;
 const GROWTH: usize = 150;
 
 /// A batch, and who is told there what a lease's environments begin next.
-type Made = (Box<dyn Batch>, Option<Arc<Assigned>>);
+type Made = (Box<dyn Batch>, Option<Assigned>);
 
 /// What is to be flown.
 struct Plan {
     task: &'static dyn TaskSpec,
     config: BatchConfig,
     /// Those whose sizes are looked at; the first is the one whose observation is the largest, once that is known.
-    starts: Vec<Start>,
+    starts: Vec<Scenario>,
     leased: bool,
 }
 
 impl Plan {
-    fn feed(&self, envs: usize, start: &Start) -> (Box<dyn Feed>, Option<Arc<Assigned>>) {
+    fn feed(&self, envs: usize, start: &Scenario) -> (Box<dyn Feed>, Option<Assigned>) {
         if !self.leased {
-            return (Box::new(Seeds::new(Arc::clone(&start.0), start.1.get())), None);
+            return (Box::new(Seeds::new(Arc::clone(start.recipe()), start.seed().get())), None);
         }
-        let assigned = Assigned::new(envs, start.clone());
-        let feed = LeaseFeed { assigned: Arc::clone(&assigned), otherwise: start.clone() };
-        (Box::new(feed), Some(assigned))
+        let assigned = Assigned::new(envs, start);
+        (Box::new(assigned.clone()), Some(assigned))
     }
 
     /// The sizes of one environment, its bytes, and the start that has the largest.
@@ -133,7 +133,7 @@ impl Sessions {
         let Shape { envs, agents, action, .. } = shape;
         // Logs are kept of a lease's episodes until they are reported: at most a horizon of them.
         let log = if leased {
-            plan.task.horizon(&plan.starts[0].0) as usize * agents * (4 + 8 * action)
+            plan.task.horizon(plan.starts[0].recipe()) as usize * agents * (4 + 8 * action)
         } else {
             0
         };
@@ -144,8 +144,8 @@ impl Sessions {
             let (batch, assigned) = plan.batch()?;
             let book = assigned
                 .zip(book_pool)
-                .map(|(assigned, pool)| Book::new(pool, task.id(), assigned, envs, (agents, action)));
-            let mut flock = Box::new(Flock::new(batch, wish.autoreset, layout, book));
+                .map(|(assigned, pool)| Book::new(pool, task.id(), assigned, shape, wish.autoreset));
+            let mut flock = Box::new(Flock::new(batch, layout, book));
             let first = flock.reset(0, None)?;
             Ok::<_, BatchError>((flock, first))
         })
@@ -197,8 +197,11 @@ impl Sessions {
                     return Err(wrong("vector.task", "it is of a lease; say `task` beside `vector`"));
                 }
                 let (task, seed) = (scenario.task(), scenario.seed());
-                let starts = vec![(Arc::clone(scenario.recipe()), seed)];
-                Ok((Plan { task, config, starts, leased: false }, Source::Recipe { seed: seed.get() }, None))
+                Ok((
+                    Plan { task, config, starts: vec![scenario], leased: false },
+                    Source::Recipe { seed: seed.get() },
+                    None,
+                ))
             }
             Wished::Run { .. } => Err(wrong("lease_id", "it is missing: take a lease of the run first")),
             Wished::Lease { group: Some(_), .. } => {
@@ -222,10 +225,7 @@ impl Sessions {
                     let of_task = pool.left().filter(|(scenario, _)| scenario.task().id() == task.id());
                     let distinct =
                         of_task.filter(|(scenario, _)| seen.insert(Arc::as_ptr(scenario.recipe())));
-                    let start = |(scenario, _): (&env_core::Scenario, usize)| {
-                        (Arc::clone(scenario.recipe()), scenario.seed())
-                    };
-                    (task, distinct.take(TRIED).map(start).collect())
+                    (task, distinct.take(TRIED).map(|(scenario, _)| scenario.clone()).collect())
                 };
                 Ok((Plan { task, config, starts, leased: true }, Source::Lease { run, lease }, Some(pool)))
             }
