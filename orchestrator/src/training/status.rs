@@ -75,6 +75,40 @@ impl Standing {
     }
 }
 
+/// Asks where a run's tasks stand now, and nothing else.
+#[derive(Debug)]
+pub struct Glance {
+    /// Which run.
+    pub run: RunId,
+}
+
+/// Where a task stands at a glance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Glanced {
+    /// The task.
+    pub task: String,
+    /// Its level; none where there are none, and during placement.
+    pub level: Option<u32>,
+    /// What is known of success there; none before there is evidence.
+    pub mastery: Option<Mastery>,
+}
+
+impl Change for Glance {
+    type Answer = Vec<Glanced>;
+
+    async fn apply(self, work: &mut Work) -> Result<Vec<Glanced>, TrainingError> {
+        let (mind, _) = work.mind(self.run.as_str()).await?;
+        let mut mastery = mind.curriculum.mastery();
+        mastery.retain(|known| known.n > 0);
+        let glance = |status: TaskStatus| {
+            let here = mastery.iter().find(|known| known.task == status.task && known.level == status.level);
+            let level = status.level.filter(|_| status.placed);
+            Glanced { task: status.task, level, mastery: here.cloned() }
+        };
+        Ok(mind.curriculum.status().into_iter().map(glance).collect())
+    }
+}
+
 /// Where a task of a run stands, in numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gauge {

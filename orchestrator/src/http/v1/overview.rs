@@ -12,6 +12,7 @@ use crate::service::App;
 use crate::store::history::{self, MINUTE, Point, Window};
 use crate::store::{events, overview, runs};
 use crate::training::TrainingError;
+use crate::training::status::{Glance, Glanced};
 
 /// Points of the curve of skill.
 const POINTS: i64 = 60;
@@ -33,7 +34,7 @@ pub(super) struct Overview {
     prepared: i64,
     /// Proposals whose scenarios are being made.
     proposed: i64,
-    /// Its tasks, and where they stood when something of them last came back.
+    /// Its tasks, and where they stand.
     tasks: Vec<TaskGlance>,
     /// Mean skill over the run's life in at most 60 parts, all tasks together; null where nothing came back.
     skill: Vec<Option<f64>>,
@@ -46,9 +47,9 @@ pub(super) struct Overview {
 struct TaskGlance {
     /// The task.
     task: String,
-    /// Its level; none where there are none.
+    /// Its level; none where there are none, and during placement.
     level: Option<i64>,
-    /// The posterior over success on contested scenarios there: its mean.
+    /// The posterior over success on contested scenarios there: its mean; none before there is evidence.
     mastery: Option<f64>,
     /// Its 10 % quantile.
     mastery_low: Option<f64>,
@@ -90,6 +91,7 @@ pub(super) async fn show(
     let over = (now - lately.from.max(from)).max(1000) as f64 / 1000.0;
     let counts = overview::counts(&mut conn, run.as_str()).await?;
     let last = events::last(&mut conn, run.as_str()).await?;
+    let tasks = app.writer.change(Glance { run: run.clone() }).await?;
     Ok(axum::Json(Overview {
         run: run.to_string(),
         episodes: counts.episodes,
@@ -97,34 +99,23 @@ pub(super) async fn show(
         leases: counts.leases,
         prepared: counts.prepared,
         proposed: counts.proposed,
-        tasks: glances(&points),
+        tasks: tasks.into_iter().map(TaskGlance::of).collect(),
         skill: skill(&points, window, now),
         last: last.map(|(kind, at)| Last { kind, at: rfc3339(at) }),
     }))
 }
 
-/// Each task's last standing.
-fn glances(points: &[Point]) -> Vec<TaskGlance> {
-    let mut tasks = Vec::<TaskGlance>::new();
-    for Point { task, part, .. } in points {
-        if tasks.last().is_none_or(|last| last.task != *task) {
-            let task = task.clone();
-            tasks.push(TaskGlance {
-                task,
-                level: None,
-                mastery: None,
-                mastery_low: None,
-                mastery_high: None,
-            });
-        }
-        if let (Some(last), Some(standing)) = (tasks.last_mut(), part.standing) {
-            last.level = standing.level;
-            last.mastery = Some(standing.mean);
-            last.mastery_low = Some(standing.q10);
-            last.mastery_high = Some(standing.q90);
+impl TaskGlance {
+    fn of(Glanced { task, level, mastery }: Glanced) -> Self {
+        let known = mastery.as_ref();
+        Self {
+            task,
+            level: level.map(i64::from),
+            mastery: known.map(|known| known.mean),
+            mastery_low: known.map(|known| known.q10),
+            mastery_high: known.map(|known| known.q90),
         }
     }
-    tasks
 }
 
 /// Mean skill of all tasks in each bucket of a window, as far as it has come.
