@@ -51,6 +51,9 @@ pub struct Args {
     /// MiB of memory that the environments of all vector sessions of /v1/sessions may take together
     #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     session_memory: u32,
+    /// Stop when standard input ends too, as it does when the program that started the server is gone
+    #[arg(long)]
+    while_stdin: bool,
     #[command(flatten)]
     each: EachArgs,
     #[command(flatten)]
@@ -124,6 +127,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         tracing::info!(db = %args.db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         tokio::select! {
             told = told_to_stop() => told?,
+            () = stdin_ends(), if args.while_stdin => {}
             () = service.broken() => anyhow::bail!("the writer failed, nothing can be stored any more; the log says why"),
         }
         tracing::info!("The server is stopping.");
@@ -134,6 +138,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Scenarios that are still being prepared are not waited for: they are prepared again.
     runtime.shutdown_background();
     served
+}
+
+/// Waits for the end of standard input.
+async fn stdin_ends() {
+    let (done, ended) = tokio::sync::oneshot::channel();
+    // A thread of its own: one of the runtime's would be waited for when it ends.
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        let _ = done.send(());
+    });
+    let _ = ended.await; // the thread being gone means the same
 }
 
 /// Waits for Ctrl-C or SIGTERM.
