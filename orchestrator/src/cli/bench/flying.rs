@@ -28,16 +28,16 @@ impl Flying {
     /// No such task, or params out of range.
     pub fn new(task: &str, params: &[(&str, f64)], envs: usize, size: f64) -> anyhow::Result<Self> {
         let spec = env_core::task(task).with_context(|| format!("{task} is gone"))?;
-        Self::of(Recipe::with_params(spec, params.iter().copied())?, envs, size)
+        let recipe = Recipe::with_params(spec, params.iter().copied())?;
+        Self::of(recipe, envs, size, Observe::All { bodies: None })
     }
 
-    /// The same of a recipe.
+    /// The same of a recipe, observed as told.
     ///
     /// # Errors
-    /// More environments than a batch takes.
-    pub fn of(recipe: Recipe, envs: usize, size: f64) -> anyhow::Result<Self> {
+    /// More environments than a batch takes, or observations that the world does not have.
+    pub fn of(recipe: Recipe, envs: usize, size: f64, observe: Observe) -> anyhow::Result<Self> {
         let spec = recipe.task();
-        let observe = Observe::All { bodies: None };
         let config = BatchConfig::new(envs, Autoreset::SameStep, observe);
         let mut batch = spec.batch(Box::new(Seeds::new(recipe, 1)), config)?;
         let shape = batch.shape();

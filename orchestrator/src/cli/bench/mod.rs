@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
+use env_core::batch::Observe;
 use env_core::{Recipe, World};
 use serde::Serialize;
 
@@ -20,14 +21,16 @@ use crate::evaluation::bootstrap::quantile;
 const SLICES: u32 = 20;
 /// Share of the time spent before anything is counted.
 const WARM_UP: f64 = 0.1;
-/// Environments of the batch: few enough to stay in the nearest caches.
-const ENVS: usize = 64;
+/// Environments of the batch unless told: few enough to stay in the nearest caches.
+const ENVS: u32 = 64;
+/// Pieces of debris that tracks have, and steps they look ahead, as in Python unless told.
+const TRACKS: Observe = Observe::Tracks { threats: 8, look_ahead: 15 };
 /// Steps of all of them between two looks at the clock.
 const STEPS_PER_LOOK: u32 = 16;
 
 /// Measure how many environment steps a second one thread does.
 ///
-/// Steps a batch of 64 environments of a world in this process, at the task and params that the world names for it
+/// Steps a batch of environments of a world in this process, at the task and params that the world names for it
 /// (kessler: survival with 50 debris): small actions by about half of the agents in every step, a fresh seed for every
 /// episode, f32 observations of everything written after every step and reset, resets included. The time is cut into 20 slices; their median is told, and the 5th and
 /// 95th percentile as its spread.
@@ -40,6 +43,12 @@ pub struct Args {
     /// Step under this physics option; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<Chosen>,
+    /// Environments of the batch
+    #[arg(long, value_name = "N", default_value_t = ENVS, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    envs: u32,
+    /// Observe by tracks, as neural policies do, where the world has them
+    #[arg(long)]
+    tracks: bool,
     /// How long to measure, seconds
     #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
     seconds: f64,
@@ -53,7 +62,7 @@ fn after_help() -> String {
 }
 
 const AFTER_HELP: &str = "\
-JSON (--json): one object {env, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
+JSON (--json): one object {env, envs, tracks, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
 resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
 debris is null in worlds without it. What a step of the public original costs in Python is a stated constant (kessler: \
 125 µs), measured elsewhere, and null where it was not measured; bench/ measures both here.
@@ -61,12 +70,15 @@ debris is null in worlds without it. What a step of the public original costs in
 Examples:
   sparring bench
   sparring bench --physics contact=swept
+  sparring bench --envs 1024 --tracks
   sparring bench --env kessler --seconds 10 --json";
 
 /// What was measured.
 #[derive(Debug, Serialize)]
 pub struct Measured {
     env: &'static str,
+    envs: usize,
+    tracks: bool,
     debris: Option<u32>,
     physics: BTreeMap<&'static str, &'static str>,
     seconds: f64,
@@ -101,7 +113,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let task = env_core::task(world.bench().task).context("its benchmark's task is gone")?;
     let options = options::by_task(&args.options, &[task])?.remove(task.id()).unwrap_or_default();
     let options: Vec<_> = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str())).collect();
-    let measured = measure(world, &options, args.seconds)?;
+    let batch = BatchOf { envs: args.envs as usize, tracks: args.tracks };
+    let measured = measure(world, &options, batch, args.seconds)?;
     if args.json {
         output::print_json(&measured)?;
     } else {
@@ -110,13 +123,29 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// What is stepped.
+#[derive(Debug, Clone, Copy)]
+pub struct BatchOf {
+    /// How many environments.
+    pub envs: usize,
+    /// Observed by tracks; else everything is.
+    pub tracks: bool,
+}
+
+impl Default for BatchOf {
+    fn default() -> Self {
+        Self { envs: ENVS as usize, tracks: false }
+    }
+}
+
 /// Measures a world under these options for about so many seconds.
 ///
 /// # Errors
-/// Options it does not have, or a world whose own benchmark cannot start.
+/// Options or observations it does not have, or a world whose own benchmark cannot start.
 pub fn measure(
     world: &'static dyn World,
     options: &[(&str, &str)],
+    batch: BatchOf,
     seconds: f64,
 ) -> anyhow::Result<Measured> {
     let spec = world.bench();
@@ -124,7 +153,8 @@ pub fn measure(
     let recipe =
         Recipe::with_params(task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
     let options = recipe.chosen_options();
-    let mut flying = Flying::of(recipe, ENVS, spec.action)?;
+    let observe = if batch.tracks { TRACKS } else { Observe::All { bodies: None } };
+    let mut flying = Flying::of(recipe, batch.envs, spec.action, observe)?;
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     one.install(|| fly_for(&mut flying, Duration::from_secs_f64(seconds * WARM_UP)))?;
     let slice = Duration::from_secs_f64(seconds / f64::from(SLICES));
@@ -144,6 +174,8 @@ pub fn measure(
     let told: String = params.chain(chosen).collect();
     Ok(Measured {
         env: world.name(),
+        envs: batch.envs,
+        tracks: batch.tracks,
         debris: spec.params.iter().find(|(name, _)| *name == "debris").map(|(_, value)| *value as u32),
         seconds,
         slices: SLICES,
@@ -187,7 +219,7 @@ fn fly_for(flying: &mut Flying, time: Duration) -> anyhow::Result<(f64, f64, f64
     loop {
         for _ in 0..STEPS_PER_LOOK {
             flying.step()?;
-            steps += ENVS;
+            steps += flying.shape().envs;
             resets += flying.ended();
         }
         let took = begun.elapsed();
@@ -210,7 +242,7 @@ mod tests {
 
     #[test]
     fn what_is_measured_is_consistent() {
-        let found = measure(&env_core::kessler::KESSLER, &[], 0.2).unwrap();
+        let found = measure(&env_core::kessler::KESSLER, &[], BatchOf::default(), 0.2).unwrap();
         assert!(
             found.low <= found.single_thread_env_steps_per_s
                 && found.single_thread_env_steps_per_s <= found.high
@@ -222,17 +254,26 @@ mod tests {
         let told = serde_json::to_value(&found).unwrap();
         assert!(told["single_thread_env_steps_per_s"].is_f64() && told["debris"] == 50, "{told}");
         assert!(told["python_env_us_per_step"] == 125.0 && told["times_python_env"].is_f64(), "{told}");
-        assert_eq!(told.as_object().unwrap().len(), 12);
+        assert_eq!(told.as_object().unwrap().len(), 14);
     }
 
     #[test]
     fn options_are_stepped_and_told() {
         let kessler = &env_core::kessler::KESSLER;
-        let found = measure(kessler, &[("contact", "swept"), ("warnings", "exact")], 0.1).unwrap();
+        let found = measure(kessler, &[("contact", "swept"), ("warnings", "exact")], BatchOf::default(), 0.1)
+            .unwrap();
         let told = serde_json::to_value(&found).unwrap();
         assert_eq!(told["physics"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
         assert!(found.sentences().contains("debris 50, contact swept, warnings exact, one thread"));
-        assert!(measure(kessler, &[("contact", "swept"), ("risk", "pc")], 0.1).is_err());
+        assert!(measure(kessler, &[("contact", "swept"), ("risk", "pc")], BatchOf::default(), 0.1).is_err());
+    }
+
+    #[test]
+    fn tracks_are_observed_where_there_are_any() {
+        let batch = BatchOf { envs: 5, tracks: true };
+        let told = measure(&env_core::kessler::KESSLER, &[], batch, 0.1).unwrap();
+        assert!(told.single_thread_env_steps_per_s > 0.0);
+        assert!(measure(&env_core::docking::DOCKING, &[], batch, 0.1).is_err());
     }
 
     #[test]
