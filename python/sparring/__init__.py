@@ -11,7 +11,11 @@ The worlds are compiled; what is here makes them feel native to Gymnasium and Pe
 and what a scenario is worth is asked by `sparring.bracket`, what an episode shows by `sparring.critique`.
 """
 
+from typing import TYPE_CHECKING
+
 from ._native import __version__
+from .curriculum import Curriculum, CurriculumError
+from .evaluation import Evaluated, evaluate
 from .parallel import ParallelEnvironment, parallel_env
 from .policies import Policy, policy
 from .registration import ENVIRONMENTS, register
@@ -20,20 +24,31 @@ from .single import Environment
 from .tasks import Param, Task, levels, parameter_space, task, tasks
 from .vector import VectorEnvironment, make_vec
 
+if TYPE_CHECKING:
+    from .client import ApiError, AsyncClient, Client, Unreachable
+
 __all__ = [
     "ENVIRONMENTS",
+    "ApiError",
+    "AsyncClient",
     "Bracket",
+    "Client",
+    "Curriculum",
+    "CurriculumError",
     "Environment",
+    "Evaluated",
     "Flown",
     "ParallelEnvironment",
     "Param",
     "Policy",
     "Scenario",
     "Task",
+    "Unreachable",
     "VectorEnvironment",
     "__version__",
     "bracket",
     "critique",
+    "evaluate",
     "fly",
     "levels",
     "make_vec",
@@ -47,3 +62,12 @@ __all__ = [
 ]
 
 register()
+
+
+def __getattr__(name: str) -> object:
+    # Clients need what not everybody has, and take a while to be imported.
+    if name in ("Client", "AsyncClient", "ApiError", "Unreachable"):
+        from . import client
+
+        return getattr(client, name)
+    raise AttributeError(f"module 'sparring' has no attribute {name!r}")

@@ -2,12 +2,10 @@
 What `sparring` is built on. Import `sparring` instead.
 """
 
-from _typeshed import SupportsGetItem
+from _typeshed import Incomplete, SupportsGetItem
 import numpy
 import numpy.typing
-from typing import Any, Final, SupportsIndex, final
-
-__all__ = ["__version__", "NativeBatch", "NativePolicy", "NativeScenario", "bracket", "card", "critique", "fly", "replay", "tasks"]
+from typing import Any, Final, SupportsFloat, SupportsIndex, final
 
 __version__: Final[str]
 """
@@ -19,10 +17,14 @@ class NativeBatch:
     """
     A batch of environments of one task.
     """
-    def __new__(cls, /, recipe: str, envs: SupportsIndex, *, observe: str, bodies: SupportsIndex | None, threats: SupportsIndex, look_ahead: SupportsIndex, axes: str, discrete: bool, autoreset_mode: str, threads: SupportsIndex | None, seed: SupportsIndex, single: bool) -> NativeBatch:
+    def __new__(cls, /, recipe: str, envs: SupportsIndex, *, observe: str, bodies: SupportsIndex | None, threats: SupportsIndex, look_ahead: SupportsIndex, axes: str, discrete: bool, autoreset_mode: str, threads: SupportsIndex | None, seed: SupportsIndex, single: bool, curriculum: NativeCurriculum | None = None) -> NativeBatch:
         """
         `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks"; `axes` "world" or "agent". With
         `discrete` actions are numbers of the task's choices. `single` drops the first axis of all arrays but flags.
+        """
+    def absent(self, /) -> "numpy.typing.NDArray[numpy.bool_]":
+        """
+        Who takes no part in what is flown now.
         """
     def agents(self, /) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
         """
@@ -47,6 +49,15 @@ class NativeBatch:
     def final_observations(self, /) -> "numpy.typing.NDArray[numpy.float32]":
         """
         Of the last step, where the same step resets: the last observations of the environments whose episode ended, in order.
+        """
+    def leave(self, /) -> None:
+        """
+        Gives back to the curriculum what is being flown.
+        """
+    def lessons(self, /) -> "tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
+        """
+        Of each environment: the level of what it flies (-1: none), whether to learn from it, and whether it rests, since a
+        curriculum has nothing left for it.
         """
     @property
     def recipe(self, /) -> str:
@@ -94,6 +105,46 @@ class NativeBatch:
     def threads(self, /) -> int:
         """
         Threads that step it.
+        """
+
+@final
+class NativeCurriculum:
+    """
+    A run's curriculum, as a trainer takes part in it.
+    """
+    def __new__(cls, /, url: str, run: str, token: str | None, *, columns: bool, groups: SupportsIndex, group_size: SupportsIndex | None, purpose: str, evaluation: str | None, ttl_s: SupportsIndex, ahead: SupportsIndex, buffer: SupportsIndex, patience_s: SupportsFloat | SupportsIndex) -> NativeCurriculum:
+        """
+        Begins to take leases of a run.
+        """
+    def close(self, /, timeout_s: SupportsFloat | SupportsIndex) -> None:
+        """
+        Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error.
+        """
+    def flush(self, /, timeout_s: SupportsFloat | SupportsIndex) -> None:
+        """
+        Waits until what was flown of whole leases is handed in.
+        """
+    @property
+    def policy_version(self, /) -> int:
+        """
+        Which policy flies what is flown from now on.
+        """
+    @policy_version.setter
+    def policy_version(self, /, version: SupportsIndex) -> None: ...
+    def stats(self, /) -> str:
+        """
+        What became of everything, as JSON.
+        """
+
+@final
+class NativeLink:
+    """
+    The way to a server, for what is asked now and then.
+    """
+    def __new__(cls, /, url: str, token: str | None = None) -> NativeLink: ...
+    def ask(self, /, method: str, path: str, body: str | None = None, *, patience_s: SupportsFloat | SupportsIndex = 30.0) -> str:
+        """
+        Asks, again while the server is busy but not for longer than `patience_s`; JSON comes back.
         """
 
 @final
@@ -178,3 +229,5 @@ def tasks() -> list[str]:
     """
     The ids of all tasks.
     """
+
+def __getattr__(name: str) -> Incomplete: ...

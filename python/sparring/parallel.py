@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
+from .curriculum import Curriculum
 from .scenario import Scenario
 from .settings import Actions, Axes, Observation, Settings, View, agent_action_space
-from .single import OPTIONS, choose
+from .single import OPTIONS, choose, lesson
 from .window import FPS, Screen
 
 try:
@@ -74,7 +75,9 @@ class ParallelEnvironment(ParallelEnv):
         if self.render_mode == "human":
             self.render()
         rows = self._rows(seen)
-        return {agent: rows[agent] for agent in self.agents}, {agent: {} for agent in self.agents}
+        return {agent: rows[agent] for agent in self.agents}, {
+            agent: lesson(self._native, self._settings) for agent in self.agents
+        }
 
     def step(
         self, actions: Mapping[str, Any]
@@ -137,12 +140,13 @@ class ParallelEnvironment(ParallelEnv):
         return self._screen.show(self._native, 0)
 
     def close(self) -> None:
-        """Closes the window, if there is one."""
+        """Closes the window, if there is one, and gives back to the curriculum what is being flown."""
         self._screen.close()
+        self._native.leave()
 
 
 def parallel_env(
-    task: str = "docking/multiagent",
+    task: str | None = None,
     *,
     params: Mapping[str, float] | None = None,
     physics: Mapping[str, str] | None = None,
@@ -154,16 +158,19 @@ def parallel_env(
     bodies: int | None = None,
     actions: Actions = "continuous",
     axes: Axes | None = None,
+    curriculum: Curriculum | None = None,
     render_mode: str | None = None,
     render_size: tuple[int, int] = (640, 640),
 ) -> ParallelEnvironment:
     """One environment with an agent for each satellite or deputy: a `pettingzoo.ParallelEnv`.
 
-    Arguments are those of `sparring.Environment`.
+    Arguments are those of `sparring.Environment`; the task is docking/multiagent unless told.
 
     Raises:
         ValueError: What is unknown or out of range, with the field.
         gymnasium.error.DependencyNotInstalled: PettingZoo is missing.
     """
-    settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes)
+    if task is None and curriculum is None:
+        task = "docking/multiagent"
+    settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes, curriculum)
     return ParallelEnvironment(settings, render_mode, render_size)

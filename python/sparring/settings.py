@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from . import _native
+from .curriculum import Curriculum
 from .scenario import recipe_of, to_json
 from .tasks import Task
 from .tasks import task as find
@@ -22,6 +23,8 @@ Axes = Literal["agent", "world"]
 
 #: Cells of *tracks* are within plus and minus this.
 TRACKS_LIMIT = 2.0
+#: Pieces of debris that *telemetry* has room for where a curriculum decides how many there are.
+ROOM = 320
 #: Values of one satellite, and rows of debris, in kessler's *telemetry*.
 SATELLITE_VALUES = 6
 DEBRIS_ROWS = ("x", "y", "vx", "vy")
@@ -31,7 +34,7 @@ DEBRIS_ROWS = ("x", "y", "vx", "vy")
 class Settings:
     """What an environment is, beside how many there are of it."""
 
-    task: str
+    task: str | None
     params: Mapping[str, float] | None = None
     physics: Mapping[str, str] | None = None
     layout: Mapping[str, Any] | None = None
@@ -42,10 +45,23 @@ class Settings:
     bodies: int | None = None
     actions: Actions = "continuous"
     axes: Axes | None = None
+    curriculum: Curriculum | None = None
     told: Task = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "told", find(self.task))
+        if self.curriculum is not None:
+            for name in ("params", "physics", "layout", "level"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f"{name}: the curriculum says what is flown")
+            self._set(task=_task_of(self.curriculum, self.task))
+        self._set(told=find(self.task or "kessler/survival"))
+        if self.curriculum is not None and self.told.default_observation == "tracks":
+            # How many bodies there are is the curriculum's to say, and changes.
+            self._set(bodies=ROOM if self.observation == "telemetry" and self.bodies is None else self.bodies)
+
+    def _set(self, **fields: Any) -> None:
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
 
     def seen(self) -> Observation:
         """How it is observed.
@@ -71,7 +87,13 @@ class Settings:
         return self.axes or ("agent" if self.seen() == "tracks" else "world")
 
     def native(
-        self, envs: int, *, autoreset_mode: str, threads: int | None, seed: int | None, single: bool
+        self,
+        envs: int,
+        *,
+        autoreset_mode: str,
+        threads: int | None,
+        seed: int | None,
+        single: bool,
     ) -> _native.NativeBatch:
         """The environments themselves."""
         if self.actions not in ("continuous", "discrete"):
@@ -82,7 +104,7 @@ class Settings:
                                       or not 0 <= value < 2**31):  # fmt: skip
                 raise ValueError(f"{name}: {value!r} is not a whole number from 0 on")
         seen = self.seen()
-        recipe = recipe_of(self.task, params=self.params, physics=self.physics, layout=self.layout, level=self.level)
+        recipe = recipe_of(self.told.id, params=self.params, physics=self.physics, layout=self.layout, level=self.level)
         return _native.NativeBatch(
             to_json(recipe),
             envs,
@@ -96,11 +118,25 @@ class Settings:
             threads=threads,
             seed=secrets.randbits(50) if seed is None else seed,
             single=single,
+            curriculum=None if self.curriculum is None else self.curriculum.attach(envs),
         )
 
     def agent_name(self) -> str:
         """What one agent is called."""
         return "satellite" if self.told.world.startswith("kessler") else "deputy"
+
+
+def _task_of(curriculum: Curriculum, task: str | None) -> str:
+    tasks = curriculum.tasks
+    over = ", ".join(tasks)
+    worlds = {one.split("/")[0] for one in tasks}
+    if len(worlds) > 1 or (len(tasks) > 1 and worlds == {"docking"}):
+        raise ValueError(
+            f"curriculum: its run is over {over}, whose agents differ; one over kessler, or one task of docking, can be flown"
+        )
+    if task is not None and find(task).id not in tasks:
+        raise ValueError(f"task: the curriculum's run is over {over}, not {task}")
+    return tasks[0] if task is None else find(task).id
 
 
 class View:

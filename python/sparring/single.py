@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
+from .curriculum import Curriculum, CurriculumError
 from .scenario import Scenario, plain_seed, recipe_of
 from .settings import Actions, Axes, Observation, Settings, View, action_space
 from .window import FPS, Screen
@@ -23,7 +24,7 @@ class Environment(gymnasium.Env[Any, Any]):
     """One environment of a task; `docs/python.md` has the tables of observations, actions, rewards and ends.
 
     Args:
-        task: Its id, or its name alone: `kessler/survival` or `survival`.
+        task: Its id, or its name alone: `kessler/survival`, which is flown unless told, or `survival`.
         params: Those that are not at their defaults (`sparring.parameter_space`), or at the level's.
         physics: Options that are not at their defaults.
         layout: Explicit bodies that replace or extend what the generator would draw.
@@ -34,6 +35,8 @@ class Environment(gymnasium.Env[Any, Any]):
         bodies: With *telemetry*: pieces of debris there is room for (as many as the params can have).
         actions: `continuous`, or `discrete`: a number for each agent out of `sparring.task(…).choices`.
         axes: Along which continuous actions are: each `agent`'s own, or the `world`'s.
+        curriculum: Says which scenarios are flown, and is told how they went, as in `sparring.make_vec`; seeds and the rest of
+            what says that are then its business.
         render_mode: `rgb_array`, or `human`: a window, which needs pygame.
         render_size: Width and height of a picture, pixels.
 
@@ -45,7 +48,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     def __init__(
         self,
-        task: str = "kessler/survival",
+        task: str | None = None,
         *,
         params: Mapping[str, float] | None = None,
         physics: Mapping[str, str] | None = None,
@@ -57,10 +60,13 @@ class Environment(gymnasium.Env[Any, Any]):
         bodies: int | None = None,
         actions: Actions = "continuous",
         axes: Axes | None = None,
+        curriculum: Curriculum | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] = (640, 640),
     ) -> None:
-        settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes)
+        settings = Settings(
+            task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes, curriculum
+        )
         self._settings = settings
         self._native = settings.native(1, autoreset_mode="disabled", threads=1, seed=None, single=True)
         self._view = View(settings, self._native)
@@ -89,7 +95,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._history, self._flies = [], True
         if self.render_mode == "human":
             self.render()
-        return self._view.of(seen, single=True), {"scenario": self.scenario}
+        return self._view.of(seen, single=True), {"scenario": self.scenario, **lesson(self._native, self._settings)}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the world.
@@ -144,8 +150,19 @@ class Environment(gymnasium.Env[Any, Any]):
         return self.screen.show(self._native, 0)
 
     def close(self) -> None:
-        """Closes the window, if there is one."""
+        """Closes the window, if there is one, and gives back to the curriculum what is being flown."""
         self.screen.close()
+        self._native.leave()
+
+
+def lesson(native: Any, settings: Settings) -> dict[str, Any]:
+    """What a curriculum says of the episode that one environment flies: its level, and whether to learn from it."""
+    if settings.curriculum is None:
+        return {}
+    levels, train, rests = native.lessons()
+    if rests[0]:
+        raise CurriculumError("there is nothing left to fly: the evaluation is flown")
+    return {"level": int(levels[0]), "train": bool(train[0])}
 
 
 def choose(native: Any, env: int, settings: Settings, options: Mapping[str, Any] | None) -> bool:
@@ -164,7 +181,7 @@ def choose(native: Any, env: int, settings: Settings, options: Mapping[str, Any]
     elif "params" in options or "level" in options:
         params = {**(settings.params or {}), **(options.get("params") or {})}
         level = options.get("level", settings.level)
-        recipe = recipe_of(settings.task, params=params, physics=settings.physics, layout=settings.layout, level=level)
+        recipe = recipe_of(settings.told.id, params=params, physics=settings.physics, layout=settings.layout, level=level)
         native.set_recipe(env, Scenario.from_dict({**recipe, "seed": 0})._native)
     elif options:
         native.set_scenario(env, None)

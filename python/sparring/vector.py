@@ -11,8 +11,9 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from .curriculum import Curriculum
 from .scenario import Scenario, plain_seed
-from .settings import Actions, Axes, Observation, Settings, View, action_space
+from .settings import Actions, Axes, Observation, Settings, View, action_space, agent_action_space
 from .single import choose
 from .window import FPS, Screen
 
@@ -49,20 +50,29 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         render_size: tuple[int, int],
     ) -> None:
         self._settings = settings
-        self._native = settings.native(num_envs, autoreset_mode=MODES[autoreset_mode], threads=threads, seed=None, single=False)
+        #: Who says what is flown, where somebody does.
+        self.curriculum = settings.curriculum
+        self._native = settings.native(
+            num_envs,
+            autoreset_mode=MODES[autoreset_mode],
+            threads=threads,
+            seed=None,
+            single=False,
+        )
         self._view = View(settings, self._native)
         self.num_envs = num_envs
         self.metadata = {**type(self).metadata, "autoreset_mode": autoreset_mode}
         self.autoreset_mode = autoreset_mode
         self.single_observation_space = self._view.space()
         self.single_action_space = action_space(settings, self._view)
+        #: The space of one agent's action.
+        self.agent_action_space = agent_action_space(settings, self._view)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.render_mode = render_mode
         self._screen = Screen(render_mode, render_size, self.metadata)
         self._statistics = episode_statistics
         self._begun: npt.NDArray[np.float64] = np.full(num_envs, time.perf_counter())
-        self._last: npt.NDArray[np.bool_] | None = None
 
     def reset(
         self,
@@ -171,6 +181,10 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         """Of the last step, envs × agents: what each agent earned, who has left by the rules, whom the horizon cut off."""
         return self._native.agents()
 
+    def absent(self) -> npt.NDArray[np.bool_]:
+        """Envs × agents: who takes no part in what is flown now: the scenario does without, or they have left."""
+        return self._native.absent()
+
     def taken(self) -> npt.NDArray[np.float32]:
         """What each agent did in the last step, envs × agents × values, along the world's axes."""
         return self._native.taken()
@@ -192,6 +206,25 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
     def state_hash(self, env: int) -> bytes | None:
         """A digest of every bit of an environment's state."""
         return self._native.state_hash(env)
+
+    @property
+    def levels(self) -> npt.NDArray[np.int64]:
+        """With a curriculum: the level of what each environment flies; -1 where it has none."""
+        return self._native.lessons()[0]
+
+    @property
+    def train(self) -> npt.NDArray[np.bool_]:
+        """With a curriculum: whether to learn from what each environment flies; some strategies only want to know how it goes."""
+        return self._native.lessons()[1]
+
+    @property
+    def rests(self) -> npt.NDArray[np.bool_]:
+        """With a curriculum: who has nothing left to fly; its rows are zeros."""
+        return self._native.lessons()[2]
+
+    def close_extras(self, **_: Any) -> None:
+        """Gives back to the curriculum what is being flown; the curriculum itself is its owner's to close."""
+        self._native.leave()
 
     @property
     def threads(self) -> int:
@@ -220,9 +253,10 @@ def _mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def make_vec(
-    task: str = "kessler/survival",
+    task: str | None = None,
     num_envs: int = 1,
     *,
+    curriculum: Curriculum | None = None,
     params: Mapping[str, float] | None = None,
     physics: Mapping[str, str] | None = None,
     layout: Mapping[str, Any] | None = None,
@@ -242,8 +276,10 @@ def make_vec(
     """Many environments of one task: a `gymnasium.vector.VectorEnv`.
 
     Args:
-        task: Its id, or its name alone.
+        task: Its id, or its name alone (`kessler/survival`; with a curriculum what its run is over).
         num_envs: How many, up to 2^20.
+        curriculum: Says which scenarios are flown, of all tasks of its run, and is told how they went. Then `params`, `physics`,
+            `layout` and `level` are its business.
         params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes: As `sparring.Environment`.
         autoreset_mode: Gymnasium's three: `next_step`, `same_step`, `disabled`.
         threads: That step them (one for each core); fewer than 64 environments are stepped by the caller's.
@@ -259,7 +295,20 @@ def make_vec(
     >>> seen.shape
     (4, 3, 72)
     """
-    settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes)
+    settings = Settings(
+        task,
+        params,
+        physics,
+        layout,
+        level,
+        observation,
+        threats,
+        look_ahead,
+        bodies,
+        actions,
+        axes,
+        curriculum,
+    )
     return VectorEnvironment(
         settings,
         num_envs,

@@ -1,16 +1,20 @@
 //! Many environments, or one, as arrays.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+mod parts;
 
-use env_core::batch::{Autoreset, Axes, BatchConfig, MAX_ENVS, Observe, Shape};
-use env_core::seed::FREE_MASK;
+use std::sync::{Arc, Mutex};
+
+use env_core::batch::book::{Assigned, Book};
+use env_core::batch::{Autoreset, Axes, BatchConfig, Feed, MAX_ENVS, Observe, Shape};
 use env_core::{Recipe, Seed, TaskSpec};
 use numpy::{IxDyn, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 
-use crate::arrays::{Shelf, copy_f32, read_i64, read_mask, writable};
+pub(crate) use self::parts::Wrong;
+use self::parts::{hold, lock, read_seed};
+use crate::arrays::{Shelf, read_mask, writable};
+use crate::curriculum::{Desk, Episode, NativeCurriculum, Stop};
 use crate::errors::{self, invalid};
 use crate::feed::{Fed, Rows};
 use crate::pool::Pool;
@@ -27,6 +31,8 @@ type Stepped<'py> = (
 );
 /// Of each environment: whether its episode ended, its return, its length.
 type Episodes<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
+/// Of each environment: its level, whether to learn from it, whether it rests.
+type Lessons<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 /// Of each agent: its reward, whether it has left, whether the horizon cut it off.
 type Agents<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<bool>>, Bound<'py, PyArray2<bool>>);
 /// Arrays of a caller's own for these.
@@ -37,6 +43,20 @@ struct Shelves {
     observations: Shelf<f32>,
     rewards: Shelf<f64>,
     flags: [Shelf<bool>; 2],
+}
+
+impl Shelves {
+    fn new(lead: &[usize], Shape { envs, agents, observation, .. }: Shape, observe: Observe) -> Self {
+        let seen = match observe {
+            Observe::Tracks { .. } => vec![agents, observation / agents],
+            Observe::All { .. } => vec![observation],
+        };
+        Self {
+            observations: Shelf::new(&[lead, &seen].concat()),
+            rewards: Shelf::new(&[envs]),
+            flags: [Shelf::new(&[envs]), Shelf::new(&[envs])],
+        }
+    }
 }
 
 /// A batch of environments of one task.
@@ -50,19 +70,10 @@ pub(crate) struct NativeBatch {
     action_shape: Vec<usize>,
     choices: Option<Vec<Vec<f32>>>,
     autoreset: Autoreset,
+    /// Who says what is flown, where it is a curriculum.
+    desk: Option<Arc<Desk>>,
     state: Mutex<State>,
     shelves: Mutex<Shelves>,
-}
-
-/// By a thread that has let the interpreter go.
-fn hold<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What a panic left is no more than a batch of which a step was begun; it says itself what it refuses.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// By a thread that has the interpreter, and lets it go while it waits: whoever holds this may be waiting for that.
-fn lock<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a, T> {
-    mutex.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
 }
 
 fn autoreset(word: &str) -> PyResult<Autoreset> {
@@ -79,9 +90,10 @@ impl NativeBatch {
     /// `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks"; `axes` "world" or "agent". With
     /// `discrete` actions are numbers of the task's choices. `single` drops the first axis of all arrays but flags.
     #[new]
-    #[pyo3(signature = (recipe, envs, *, observe, bodies, threats, look_ahead, axes, discrete, autoreset_mode, threads, seed, single))]
+    #[pyo3(signature = (recipe, envs, *, observe, bodies, threats, look_ahead, axes, discrete, autoreset_mode, threads, seed, single, curriculum=None))]
     #[expect(clippy::too_many_arguments, reason = "one call, from one place, by keywords")]
     fn new(
+        py: Python<'_>,
         recipe: &str,
         envs: usize,
         observe: &str,
@@ -94,11 +106,17 @@ impl NativeBatch {
         threads: Option<usize>,
         seed: u64,
         single: bool,
+        curriculum: Option<&NativeCurriculum>,
     ) -> PyResult<Self> {
         if !(1..=MAX_ENVS).contains(&envs) {
             return Err(invalid("num_envs", format!("{envs} is not from 1 to {MAX_ENVS}")));
         }
-        let recipe = crate::scenario::recipe(recipe)?;
+        let first = curriculum.map(|of| py.detach(|| of.desk.join(envs)).map_err(Stop::error)).transpose()?;
+        let assigned = first.as_ref().map(|first| Assigned::new(envs, first));
+        let recipe = match &first {
+            Some(first) => Arc::clone(first.recipe()),
+            None => crate::scenario::recipe(recipe)?,
+        };
         let task = recipe.task();
         let observe = match observe {
             "all" => Observe::All { bodies },
@@ -115,36 +133,33 @@ impl NativeBatch {
             Seed::in_space(env_core::seed::SeedSpace::User, seed.wrapping_add(slot as u64))
         });
         let pool = Pool::new(threads, envs)?;
-        let config = BatchConfig { envs, autoreset, observe, axes, alone: pool.alone() };
-        let batch = task.batch(Box::new(Fed(Arc::clone(&rows))), config);
+        let mixed = curriculum.is_some() && task.agent_axes().is_some();
+        let config = BatchConfig { envs, autoreset, observe, axes, mixed, alone: pool.alone() };
+        let feed: Box<dyn Feed> = match &assigned {
+            Some(assigned) => Box::new(assigned.clone()),
+            None => Box::new(Fed(Arc::clone(&rows))),
+        };
+        let batch = task.batch(feed, config);
         let batch = batch.map_err(|error| PyValueError::new_err(error.to_string()))?;
         rows.rewind();
         let shape = batch.shape();
-        let Shape { agents, action, observation, .. } = shape;
-        let leading = if single { vec![] } else { vec![envs] };
-        let shaped = |rest: &[usize]| [&leading, rest].concat();
-        let action_shape = if discrete { shaped(&[agents]) } else { shaped(&[agents, action]) };
-        let observations = match observe {
-            Observe::Tracks { .. } => shaped(&[agents, observation / agents]),
-            Observe::All { .. } => shaped(&[observation]),
-        };
-        let state = State::new(batch, autoreset);
-        let shelves = Shelves {
-            observations: Shelf::new(&observations),
-            rewards: Shelf::new(&[envs]),
-            flags: [Shelf::new(&[envs]), Shelf::new(&[envs])],
-        };
+        let Shape { agents, action, .. } = shape;
+        let lead = if single { &[][..] } else { &[envs][..] };
+        let action_shape = if discrete { vec![agents] } else { vec![agents, action] };
+        let book = assigned.map(|assigned| Book::new(assigned, shape, autoreset));
+        let state = State::new(batch, autoreset, book);
         Ok(Self {
             task,
             recipe,
             rows,
             pool,
             shape,
-            action_shape,
+            action_shape: [lead, &action_shape].concat(),
             choices: choices.map(|choices| choices.rows),
             autoreset,
+            desk: curriculum.map(|curriculum| Arc::clone(&curriculum.desk)),
             state: Mutex::new(state),
-            shelves: Mutex::new(shelves),
+            shelves: Mutex::new(Shelves::new(lead, shape, observe)),
         })
     }
 
@@ -199,14 +214,21 @@ impl NativeBatch {
         }
         let begun = py.detach(|| {
             let state = &mut *hold(&self.state);
+            if let Some(desk) = &self.desk {
+                desk.give_up(state.book()?, mask.as_deref());
+                desk.assign(state.book()?, Some(mask.as_deref())).map_err(Wrong::Curriculum)?;
+            }
             let begun = self.pool.run(|| {
                 state.batch.reset(mask.as_deref(), slice)?;
                 state.batch.observe(slice)
             });
+            if let Some(book) = &mut state.book {
+                book.began(mask.as_deref());
+            }
             state.begin(mask.as_deref(), self.shape);
-            begun
+            begun.map_err(Wrong::Batch)
         });
-        begun.map_err(|error| errors::batch(py, &error))?;
+        begun.map_err(|wrong| wrong.error(py))?;
         drop(written);
         Ok(observations)
     }
@@ -237,11 +259,18 @@ impl NativeBatch {
             };
             let stepped = py.detach(|| {
                 let state = &mut *hold(&self.state);
+                if let Some(desk) = &self.desk {
+                    desk.assign(state.book()?, None).map_err(Wrong::Curriculum)?;
+                }
                 let stepped = self.pool.run(|| state.step(&taken, &mut slices, self.shape, self.autoreset));
                 state.actions = taken;
-                stepped
+                if let (Ok(_), Some(desk), Some(book)) = (&stepped, &self.desk, &mut state.book) {
+                    book.stepped(&state.taken, &state.buffers.team_rewards, &state.buffers.done);
+                    desk.finish(book);
+                }
+                stepped.map_err(Wrong::Batch)
             });
-            stepped.map_err(|error| errors::batch(py, &error))?
+            stepped.map_err(|wrong| wrong.error(py))?
         };
         Ok((observations, rewards, terminations, truncations, ended))
     }
@@ -267,6 +296,19 @@ impl NativeBatch {
             PyArray1::from_slice(py, &state.buffers.terminated).reshape(shape)?,
             PyArray1::from_slice(py, &state.buffers.truncated).reshape(shape)?,
         ))
+    }
+
+    /// Who takes no part in what is flown now.
+    #[pyo3(signature = () -> "numpy.typing.NDArray[numpy.bool_]")]
+    fn absent<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let state = lock(py, &self.state);
+        let mut absent = state.buffers.terminated.clone();
+        for (env, agents) in absent.chunks_exact_mut(self.shape.agents).enumerate() {
+            if state.ended[env] {
+                state.batch.absent(env, agents);
+            }
+        }
+        PyArray1::from_vec(py, absent).reshape([self.shape.envs, self.shape.agents])
     }
 
     /// Of the last step, where the same step resets: the last observations of the environments whose episode ended, in order.
@@ -298,6 +340,30 @@ impl NativeBatch {
         self.known(env)?;
         let episode = lock(py, &self.state).batch.episode(env);
         Ok(episode.map(|(scenario, score)| (NativeScenario(scenario), score)))
+    }
+
+    /// Of each environment: the level of what it flies (-1: none), whether to learn from it, and whether it rests, since a
+    /// curriculum has nothing left for it.
+    #[pyo3(signature = () -> "tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]")]
+    fn lessons<'py>(&self, py: Python<'py>) -> Lessons<'py> {
+        let state = lock(py, &self.state);
+        let flying = || state.book.iter().flat_map(Book::flying);
+        let of = |episode: &Episode| episode.level.unwrap_or(-1);
+        let levels: Vec<i64> = flying().map(|flown| flown.map_or(-1, |flown| of(&flown.name))).collect();
+        let train: Vec<bool> = flying().map(|flown| flown.is_some_and(|flown| flown.name.train)).collect();
+        let rests: Vec<bool> = (0..self.shape.envs).map(|env| state.batch.rests(env)).collect();
+        (PyArray1::from_vec(py, levels), PyArray1::from_vec(py, train), PyArray1::from_vec(py, rests))
+    }
+
+    /// Gives back to the curriculum what is being flown.
+    fn leave(&self, py: Python<'_>) {
+        py.detach(|| {
+            if let Some(desk) = &self.desk
+                && let Some(mut book) = hold(&self.state).book.take()
+            {
+                desk.leave(&mut book, self.shape.envs);
+            }
+        });
     }
 
     /// Has an environment fly this scenario next and its recipe from then on, or again what all fly.
@@ -355,81 +421,4 @@ impl NativeBatch {
         let pixels = pixels.ok_or_else(|| invalid("render", "nothing flies yet: reset first"))?;
         PyArray1::from_vec(py, pixels).reshape([height as usize, width as usize, 3])
     }
-}
-
-/// A seed that callers may choose.
-fn read_seed(seed: &Bound<'_, PyAny>) -> PyResult<Seed> {
-    let wanted = || invalid("seed", format!("{seed} is not {}", env_core::SEED_WANTED));
-    let value: u64 = seed.extract().map_err(|_| wanted())?;
-    if value > FREE_MASK { Err(wanted()) } else { Seed::user(value).map_err(|_| wanted()) }
-}
-
-impl NativeBatch {
-    fn known(&self, env: usize) -> PyResult<()> {
-        let envs = self.shape.envs;
-        if env < envs { Ok(()) } else { Err(invalid("env", format!("{env} of {envs}"))) }
-    }
-
-    fn of_task(&self, NativeScenario(scenario): &NativeScenario) -> PyResult<()> {
-        let (task, mine) = (scenario.task().id(), self.task.id());
-        if task == mine { Ok(()) } else { Err(invalid("scenario", format!("one of {task}, not of {mine}"))) }
-    }
-
-    fn read_actions(&self, given: &Bound<'_, PyAny>, into: &mut Vec<f32>) -> PyResult<()> {
-        let Some(choices) = &self.choices else {
-            return copy_f32("actions", given, &self.action_shape, into);
-        };
-        into.clear();
-        for choice in read_i64("actions", given, &self.action_shape)? {
-            let row = usize::try_from(choice).ok().and_then(|choice| choices.get(choice));
-            let wrong = || invalid("actions", format!("{choice} is not from 0 to {}", choices.len() - 1));
-            into.extend_from_slice(row.ok_or_else(wrong)?);
-        }
-        Ok(())
-    }
-
-    /// The caller's array for observations, or one of ours.
-    fn observations<'py>(
-        &self,
-        py: Python<'py>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        match out {
-            Some(out) => Ok(out.cast::<PyArrayDyn<f32>>().map_err(|_| not_of("out", "float32"))?.clone()),
-            None => Ok(lock(py, &self.shelves).observations.take(py)),
-        }
-    }
-
-    #[expect(clippy::type_complexity, reason = "the four arrays of a step")]
-    fn arrays<'py>(
-        &self,
-        py: Python<'py>,
-        out: Option<Given<'py>>,
-    ) -> PyResult<(
-        Bound<'py, PyArrayDyn<f32>>,
-        Bound<'py, PyArrayDyn<f64>>,
-        Bound<'py, PyArrayDyn<bool>>,
-        Bound<'py, PyArrayDyn<bool>>,
-    )> {
-        let Some((observations, rewards, terminations, truncations)) = out else {
-            let shelves = &mut *lock(py, &self.shelves);
-            let [terminations, truncations] = &mut shelves.flags;
-            return Ok((
-                shelves.observations.take(py),
-                shelves.rewards.take(py),
-                terminations.take(py),
-                truncations.take(py),
-            ));
-        };
-        Ok((
-            observations.cast_into().map_err(|_| not_of("out[0]", "float32"))?,
-            rewards.cast_into().map_err(|_| not_of("out[1]", "float64"))?,
-            terminations.cast_into().map_err(|_| not_of("out[2]", "bool"))?,
-            truncations.cast_into().map_err(|_| not_of("out[3]", "bool"))?,
-        ))
-    }
-}
-
-fn not_of(field: &str, dtype: &str) -> PyErr {
-    invalid(field, format!("not a numpy array of dtype {dtype}"))
 }

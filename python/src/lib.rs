@@ -2,6 +2,7 @@
 
 mod arrays;
 mod batch;
+mod curriculum;
 mod errors;
 mod feed;
 mod picture;
@@ -17,6 +18,8 @@ use pyo3::prelude::pymodule;
 mod _native {
     #[pymodule_export]
     use super::batch::NativeBatch;
+    #[pymodule_export]
+    use super::curriculum::{CurriculumError, NativeCurriculum, NativeLink};
     #[pymodule_export]
     use super::scenario::{NativeScenario, bracket, critique, fly, replay};
     #[pymodule_export]

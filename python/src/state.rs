@@ -1,11 +1,16 @@
 //! What moves: the environments, the buffers they write, and what is counted of their episodes.
 
+use env_core::batch::book::Book;
 use env_core::batch::{Autoreset, Batch, BatchError, Buffers, Output, Shape};
 
+use crate::batch::Wrong;
+use crate::curriculum::Episode;
 use crate::picture::Picture;
 
 /// Everything that moves.
 pub(crate) struct State {
+    /// Who flies what, where a curriculum says so.
+    pub(crate) book: Option<Book<Episode>>,
     pub(crate) batch: Box<dyn Batch>,
     pub(crate) buffers: Buffers,
     pub(crate) actions: Vec<f32>,
@@ -28,7 +33,7 @@ pub(crate) struct Slices<'a> {
 
 impl State {
     /// Of a batch that is yet to be reset.
-    pub(crate) fn new(batch: Box<dyn Batch>, autoreset: Autoreset) -> Self {
+    pub(crate) fn new(batch: Box<dyn Batch>, autoreset: Autoreset, book: Option<Book<Episode>>) -> Self {
         let shape = batch.shape();
         let Shape { envs, agents, action, .. } = shape;
         Self {
@@ -40,7 +45,13 @@ impl State {
             ended: vec![false; envs],
             pictures: Vec::new(),
             batch,
+            book,
         }
+    }
+
+    /// The curriculum's book.
+    pub(crate) fn book(&mut self) -> Result<&mut Book<Episode>, Wrong> {
+        self.book.as_mut().ok_or_else(|| Wrong::Curriculum("these environments are closed".to_owned().into()))
     }
 
     /// Episodes begin, of all or of those in the mask.

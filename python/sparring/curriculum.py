@@ -1,0 +1,223 @@
+"""The curriculum of a run, as an argument of environments."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from . import _native
+from ._native import CurriculumError as CurriculumError
+from .scenario import to_json
+from .server import Server
+
+Form = Literal["auto", "groups", "columns"]
+
+#: Environments from which on `form="auto"` takes columns.
+MANY = 256
+
+
+class Curriculum:
+    """What a run proposes, fetched ahead and reported by threads of its own.
+
+    Give it to `sparring.make_vec(curriculum=…)`: environments fly what the run's strategy proposes, and every episode goes back
+    with its actions, from which the server works out its score. Stepping waits for the network only where there is nothing
+    left to fly. A server that is away costs nothing as long as there is; what is flown meanwhile is kept, up to `buffer`
+    episodes, and handed in when it is back.
+
+    Args:
+        url: Where the server is.
+        run: The run's id. Without one a run is created, with `settings`.
+        token: A trainer's, where the server wants one; `SPARRING_TOKEN` unless told.
+        settings: Of a run that is created: `tasks`, `strategy`, `group_size` … as `POST /v1/runs` takes them.
+        form: How episodes are reported. `groups`: every action log is replayed, contested scenarios and designed layouts are
+            among them: for a few thousand episodes a second. `columns`: scores are claimed and some logs audited: for more.
+            `auto`: columns from 256 environments on.
+        lease: Groups of a lease (64; 1 024 of columns).
+        group_size: Episodes of one scenario (the run's).
+        purpose: `train`, `probe` (evidence without exploring) or `eval` (evaluation seeds, which move nothing).
+        evaluation: With `purpose="eval"`: the evaluation whose scenarios are flown; environments rest when none is left.
+        ahead: Episodes that are kept ready (twice the environments, at least).
+        buffer: Episodes that are kept while the server is away.
+        patience_s: How long a step waits for something to fly, or for room, before it raises `CurriculumError`.
+
+    Raises:
+        CurriculumError: No server, no such run, or it refuses.
+    """
+
+    def __init__(
+        self,
+        url: str = "http://127.0.0.1:8700",
+        run: str | None = None,
+        *,
+        token: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+        form: Form = "auto",
+        lease: int | None = None,
+        group_size: int | None = None,
+        purpose: Literal["train", "probe", "eval"] = "train",
+        evaluation: str | None = None,
+        ahead: int = 1,
+        buffer: int = 100_000,
+        patience_s: float = 60.0,
+        ttl_s: int = 600,
+    ) -> None:
+        if form not in ("auto", "groups", "columns"):
+            raise ValueError(f"form: {form!r} is none of auto, groups, columns")
+        if purpose not in ("train", "probe", "eval"):
+            raise ValueError(f"purpose: {purpose!r} is none of train, probe, eval")
+        if purpose == "eval" and form == "columns":
+            raise ValueError("form: an evaluation is flown as groups")
+        self.url = url
+        self.token = token or os.environ.get("SPARRING_TOKEN") or None
+        self._link = _native.NativeLink(url, self.token)
+        if run is None:
+            run = str(self.ask("POST", "/v1/runs", dict(settings or {}))["id"])
+        elif settings is not None:
+            raise ValueError("settings: they are of a run that is created; this one exists")
+        self.run = run
+        told = self.ask("GET", f"/v1/runs/{run}")
+        #: The tasks of the run.
+        self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["settings"]["curriculum"]["tasks"])
+        self._wish: dict[str, Any] = {
+            "group_size": group_size,
+            "purpose": purpose,
+            "evaluation": evaluation,
+            "ttl_s": ttl_s,
+            "ahead": ahead,
+            "buffer": buffer,
+            "patience_s": float(patience_s),
+        }
+        self._form, self._lease = ("groups" if purpose == "eval" else form), lease
+        self._native: _native.NativeCurriculum | None = None
+        self._version = 0
+        self._closed = False
+        self._server: Server | None = None
+
+    @classmethod
+    def local(
+        cls,
+        db: str | os.PathLike[str] | None = None,
+        run: str | None = None,
+        *,
+        binary: str | None = None,
+        **settings: Any,
+    ) -> Curriculum:
+        """Starts a server on this machine for as long as the curriculum is used, on a port nobody else has.
+
+        Args:
+            db: Its database, which stays; one that is forgotten afterwards unless told.
+            run: A run that is in it; one is created otherwise.
+            binary: The program: `SPARRING_BIN`, or `sparring` on the path, unless told. `pip install sparring-server` has it.
+            settings: As `Curriculum` takes them.
+
+        Raises:
+            CurriculumError: No such program, or it does not start.
+        """
+        server = Server(db, binary)
+        try:
+            made = cls(server.url, run, **settings)
+        except BaseException:
+            server.stop()
+            raise
+        made._server = server
+        return made
+
+    def attach(self, num_envs: int) -> _native.NativeCurriculum:
+        """What environments fly by; the first to ask decides which form `auto` is."""
+        if self._closed:
+            raise CurriculumError("the curriculum is closed")
+        if self._native is None:
+            columns = self._form == "columns" or (self._form == "auto" and num_envs >= MANY)
+            groups = self._lease or (1024 if columns else 64)
+            self._native = _native.NativeCurriculum(self.url, self.run, self.token, columns=columns, groups=groups, **self._wish)
+            self._native.policy_version = self._version
+        return self._native
+
+    @property
+    def policy_version(self) -> int:
+        """Which policy flies from now on: set it whenever the policy has changed."""
+        return self._version
+
+    @policy_version.setter
+    def policy_version(self, version: int) -> None:
+        self._version = int(version)
+        if self._native is not None:
+            self._native.policy_version = self._version
+
+    def stats(self) -> dict[str, Any]:
+        """What became of what was flown, in episodes: `flown`, `counted`, `accepted`, `waiting`, `late`, … and since when the
+        server is away (`away_s`)."""
+        return {} if self._native is None else dict(json.loads(self._native.stats()))
+
+    def mastery(self) -> list[dict[str, Any]]:
+        """Per task: level, mastery with its interval, plain success, skill, params in force."""
+        return list(self.ask("GET", f"/v1/runs/{self.run}/mastery")["tasks"])
+
+    def numbers(self) -> dict[str, float]:
+        """What is worth a curve, by its name: of each task `level`, `mastery` with `mastery_q10` and `mastery_q90`, `success`,
+        `score` and `skill` as the scenarios came, `zero_variance_share`, each of `params/…`; and of this trainer
+        `episodes/flown`, `episodes/waiting` …"""
+        told: dict[str, float] = {}
+        for row in self.mastery():
+            task = row["task"]
+            mastery, plain = row["mastery"], row["plain"]
+            named = {
+                "level": mastery["level"] if row["level"] is None else row["level"],
+                "mastery": mastery["mean"],
+                "mastery_q10": mastery["q10"],
+                "mastery_q90": mastery["q90"],
+                **{name: plain[name] for name in ("success", "score", "skill")},
+                "zero_variance_share": row["groups"]["zero_variance_share"],
+                **{f"params/{name}": value for name, value in row["params"].items()},
+            }
+            told.update({f"{task}/{name}": float(value) for name, value in named.items() if value is not None})
+        stats = self.stats()
+        told.update({f"episodes/{name}": float(value) for name, value in stats.items() if isinstance(value, (int, float))})
+        return told
+
+    def ask(self, method: str, path: str, body: Any = None) -> Any:
+        """Asks the server something else; `sparring.Client` has all there is, with types.
+
+        Raises:
+            CurriculumError: It refuses, or nobody answers.
+        """
+        return json.loads(self._link.ask(method, path, None if body is None else to_json(body)))
+
+    def beside(self, **wish: Any) -> Curriculum:
+        """Another part of the same run, for other environments: `purpose="eval"`, for one. It has to be closed by itself."""
+        made = Curriculum(self.url, self.run, token=self.token, **wish)
+        made.policy_version = self.policy_version
+        return made
+
+    def flush(self, timeout_s: float = 60.0) -> None:
+        """Waits until the server has what was flown of whole leases.
+
+        Raises:
+            CurriculumError: It has not after this time, or refuses some of it.
+        """
+        if self._native is not None:
+            self._native.flush(timeout_s)
+
+    def close(self, timeout_s: float = 60.0) -> None:
+        """Hands in what was flown, gives back what was not, and stops a server of its own.
+
+        Raises:
+            CurriculumError: What was flown could not be handed in, or was refused.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if self._native is not None:
+                self._native.close(timeout_s)
+        finally:
+            if self._server is not None:
+                self._server.stop()
+
+    def __enter__(self) -> Curriculum:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,109 @@
+"""What a policy is worth on scenarios that are held out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from .curriculum import Curriculum, CurriculumError
+from .vector import VectorEnvironment, make_vec
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """How a policy fared on a suite."""
+
+    #: The evaluation's id: `sparring eval`, the dashboard and `GET /v1/evaluations/compare` know it by this.
+    id: str
+    #: For each task, part of the suite and policy: means with 95 % bootstrap intervals of score, success, skill, lost,
+    #: fuel_used and cvar10. Policies are this one and the plans that look at nothing.
+    rows: list[dict[str, Any]]
+
+    def of(self, task: str, number: str = "skill", part: str = "contested") -> float | None:
+        """The mean of one number of the policy itself; none where it has none."""
+        for row in self.rows:
+            if (row["task"], row["part"]) == (task, part) and row["policy"] not in BLIND and row.get(number):
+                mean: float | None = row[number]["mean"]
+                return mean
+        return None
+
+
+#: Policies of a suite's rows that are there to compare with.
+BLIND = ("blind_panel",)
+
+
+def evaluate(
+    curriculum: Curriculum,
+    act: Callable[[Any], Any],
+    *,
+    suite: str | None = None,
+    policy: str = "policy",
+    rollouts: int | None = None,
+    chance: bool | None = None,
+    training: str | None = None,
+    training_seed: int | None = None,
+    num_envs: int = 64,
+    progress: Callable[[int, int], None] | None = None,
+    **environment: Any,
+) -> Evaluated:
+    """Flies a held-out suite with a policy, for the run of a curriculum; moves nothing of it.
+
+    Args:
+        curriculum: Whose run it is of; its `policy_version` is what is evaluated.
+        act: Actions of all environments from their observations.
+        suite: A suite that the server knows (kessler-heldout-v2).
+        policy: What the policy is called.
+        rollouts: Episodes of each scenario (1; 8 of a policy that `chance` is in).
+        chance: Whether the policy draws its actions.
+        training, training_seed: What trainings of one kind are called together, and which of them this is.
+        num_envs: Environments that fly it.
+        progress: Is told how many episodes are flown, and of how many.
+        environment: What `sparring.make_vec` takes: how it is observed, and what actions are.
+
+    Raises:
+        CurriculumError: No such suite, or the server fails.
+    """
+    wish = {"suite": suite, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
+    begun = curriculum.ask(
+        "POST",
+        "/v1/evaluations",
+        {
+            "run": curriculum.run,
+            "policy": policy,
+            "version": curriculum.policy_version,
+            **{name: value for name, value in wish.items() if value is not None},
+        },
+    )
+    most = begun["scenarios"] * begun["rollouts"]
+    with curriculum.beside(purpose="eval", evaluation=begun["id"]) as exam:
+        envs = make_vec(num_envs=min(num_envs, most), curriculum=exam, **environment)
+        try:
+            for flown in _fly(envs, act):
+                if progress is not None:
+                    progress(flown, most)
+        finally:
+            envs.close()
+    return _told(curriculum, begun["id"])
+
+
+def _fly(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:
+    seen, _ = envs.reset()
+    flown = 0
+    while not envs.rests.all():
+        seen, _, _, _, infos = envs.step(act(seen))
+        if "_episode" in infos:
+            flown += int(infos["_episode"].sum())
+            yield flown
+
+
+def _told(curriculum: Curriculum, evaluation: str, most_s: float = 120.0) -> Evaluated:
+    until = time.monotonic() + most_s
+    while True:
+        told = curriculum.ask("GET", f"/v1/evaluations/{evaluation}")
+        if told["state"] == "complete":
+            return Evaluated(evaluation, told["rows"])
+        if told["state"] == "failed" or time.monotonic() > until:
+            raise CurriculumError(f"the evaluation {evaluation} is {told['state']}: {told.get('trouble') or 'it takes too long'}")
+        time.sleep(0.1)

@@ -1,0 +1,133 @@
+//! What the methods of a batch are made of.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use env_core::Seed;
+use env_core::batch::BatchError;
+use env_core::seed::FREE_MASK;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
+
+use super::{Given, NativeBatch};
+use crate::arrays::{copy_f32, read_i64};
+use crate::curriculum::Stop;
+use crate::errors::{self, invalid};
+use crate::scenario::NativeScenario;
+
+/// Why nothing was begun or stepped.
+pub(crate) enum Wrong {
+    Batch(BatchError),
+    Curriculum(Stop),
+}
+
+impl Wrong {
+    pub(super) fn error(self, py: Python<'_>) -> PyErr {
+        match self {
+            Self::Batch(error) => errors::batch(py, &error),
+            Self::Curriculum(stop) => stop.error(),
+        }
+    }
+}
+
+/// By a thread that has let the interpreter go.
+pub(super) fn hold<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What a panic left is no more than a batch of which a step was begun; it says itself what it refuses.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// By a thread that has the interpreter, and lets it go while it waits: whoever holds this may be waiting for that.
+pub(super) fn lock<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a, T> {
+    mutex.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Drop for NativeBatch {
+    fn drop(&mut self) {
+        // What nobody closed is closed now. Whoever waits for the stock needs no interpreter.
+        let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let (Some(desk), Some(mut book)) = (&self.desk, state.book.take()) {
+            desk.leave(&mut book, self.shape.envs);
+        }
+    }
+}
+
+/// A seed that callers may choose.
+pub(super) fn read_seed(seed: &Bound<'_, PyAny>) -> PyResult<Seed> {
+    let wanted = || invalid("seed", format!("{seed} is not {}", env_core::SEED_WANTED));
+    let value: u64 = seed.extract().map_err(|_| wanted())?;
+    if value > FREE_MASK { Err(wanted()) } else { Seed::user(value).map_err(|_| wanted()) }
+}
+
+impl NativeBatch {
+    pub(super) fn known(&self, env: usize) -> PyResult<()> {
+        let envs = self.shape.envs;
+        if env < envs { Ok(()) } else { Err(invalid("env", format!("{env} of {envs}"))) }
+    }
+
+    /// A curriculum says what is flown, and nobody else.
+    pub(super) fn of_task(&self, NativeScenario(scenario): &NativeScenario) -> PyResult<()> {
+        if self.desk.is_some() {
+            return Err(invalid("scenario", "the curriculum says what is flown"));
+        }
+        let (task, mine) = (scenario.task().id(), self.task.id());
+        if task == mine { Ok(()) } else { Err(invalid("scenario", format!("one of {task}, not of {mine}"))) }
+    }
+
+    pub(super) fn read_actions(&self, given: &Bound<'_, PyAny>, into: &mut Vec<f32>) -> PyResult<()> {
+        let Some(choices) = &self.choices else {
+            return copy_f32("actions", given, &self.action_shape, into);
+        };
+        into.clear();
+        for choice in read_i64("actions", given, &self.action_shape)? {
+            let row = usize::try_from(choice).ok().and_then(|choice| choices.get(choice));
+            let wrong = || invalid("actions", format!("{choice} is not from 0 to {}", choices.len() - 1));
+            into.extend_from_slice(row.ok_or_else(wrong)?);
+        }
+        Ok(())
+    }
+
+    /// The caller's array for observations, or one of ours.
+    pub(super) fn observations<'py>(
+        &self,
+        py: Python<'py>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        match out {
+            Some(out) => Ok(out.cast::<PyArrayDyn<f32>>().map_err(|_| not_of("out", "float32"))?.clone()),
+            None => Ok(lock(py, &self.shelves).observations.take(py)),
+        }
+    }
+
+    #[expect(clippy::type_complexity, reason = "the four arrays of a step")]
+    pub(super) fn arrays<'py>(
+        &self,
+        py: Python<'py>,
+        out: Option<Given<'py>>,
+    ) -> PyResult<(
+        Bound<'py, PyArrayDyn<f32>>,
+        Bound<'py, PyArrayDyn<f64>>,
+        Bound<'py, PyArrayDyn<bool>>,
+        Bound<'py, PyArrayDyn<bool>>,
+    )> {
+        let Some((observations, rewards, terminations, truncations)) = out else {
+            let shelves = &mut *lock(py, &self.shelves);
+            let [terminations, truncations] = &mut shelves.flags;
+            return Ok((
+                shelves.observations.take(py),
+                shelves.rewards.take(py),
+                terminations.take(py),
+                truncations.take(py),
+            ));
+        };
+        Ok((
+            observations.cast_into().map_err(|_| not_of("out[0]", "float32"))?,
+            rewards.cast_into().map_err(|_| not_of("out[1]", "float64"))?,
+            terminations.cast_into().map_err(|_| not_of("out[2]", "bool"))?,
+            truncations.cast_into().map_err(|_| not_of("out[3]", "bool"))?,
+        ))
+    }
+}
+
+fn not_of(field: &str, dtype: &str) -> PyErr {
+    invalid(field, format!("not a numpy array of dtype {dtype}"))
+}

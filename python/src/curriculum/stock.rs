@@ -1,0 +1,245 @@
+//! What was fetched and is not flown yet, what was flown and is not handed in yet, and who waits for what.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use env_core::Scenario;
+use env_core::batch::book::{Flown, Pool, Tape};
+use serde::Serialize;
+
+use super::lease::{Episode, Episodes, Lease};
+
+/// What became of everything, in episodes.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct Tally {
+    /// Leases that were taken.
+    pub(super) leases: u64,
+    /// Flown to their end.
+    pub(super) flown: u64,
+    /// Claimed in columns that the server accepted, once what it audited earned what was claimed.
+    pub(super) accepted: u64,
+    /// Claimed in columns that the server refused: a log did not earn what was claimed.
+    pub(super) refused: u64,
+    /// Claimed in columns whose audit was not over in time.
+    pub(super) unproven: u64,
+    /// Whole logs that were counted, and kept as a statistic.
+    pub(super) counted: u64,
+    pub(super) stored: u64,
+    /// Handed in before, or after their lease was over.
+    pub(super) duplicate: u64,
+    pub(super) late: u64,
+    /// Not flown to their end, and told so.
+    pub(super) unflown: u64,
+}
+
+/// A lease of columns that is being flown.
+#[derive(Debug)]
+pub(super) struct Ledger {
+    pub(super) lease: Arc<Lease>,
+    pub(super) flown: Vec<Option<Line>>,
+    pub(super) open: usize,
+    /// The oldest policy that flew any of it.
+    pub(super) version: u32,
+}
+
+/// One episode of it.
+#[derive(Debug)]
+pub(super) struct Line {
+    pub(super) score: f64,
+    pub(super) tape: Tape,
+}
+
+/// What is to be handed in.
+#[derive(Debug)]
+pub(super) enum Parcel {
+    /// A lease of columns, as far as it was flown.
+    Columns(Ledger),
+    /// An episode of a lease of groups.
+    Result {
+        /// Which.
+        episode: Episode,
+        /// What was done.
+        tape: Tape,
+        /// By whom.
+        version: u32,
+    },
+    /// What is left of a lease is given back.
+    Release(Arc<Lease>),
+}
+
+impl Parcel {
+    /// Episodes in it.
+    pub(super) fn episodes(&self) -> usize {
+        match self {
+            Self::Columns(ledger) => ledger.flown.iter().flatten().count(),
+            Self::Result { .. } => 1,
+            Self::Release(_) => 0,
+        }
+    }
+}
+
+/// Everything that trainers and the two threads share.
+#[derive(Debug, Default)]
+pub(super) struct Stock {
+    pub(super) version: u32,
+    pub(super) fetched: VecDeque<Episodes>,
+    returned: Vec<(Episode, Scenario)>,
+    ledgers: BTreeMap<String, Ledger>,
+    /// Episodes of each lease of groups that are neither handed in nor given up.
+    pub(super) groups: BTreeMap<String, (Arc<Lease>, usize)>,
+    pub(super) outbox: VecDeque<Parcel>,
+    /// Episodes in the outbox, those that are being sent included.
+    pub(super) waiting: usize,
+    /// Episodes that should be ready at any time.
+    pub(super) wanted: usize,
+    /// Since when the server is away, and how that shows.
+    pub(super) away: Option<(Instant, String)>,
+    /// Why nothing more will come.
+    pub(super) fault: Option<String>,
+    /// There are no more episodes: an evaluation is flown.
+    pub(super) exhausted: bool,
+    pub(super) closing: bool,
+    /// Something is being sent.
+    pub(super) sending: bool,
+    /// Nobody waits any more for what is being sent.
+    pub(super) abandoned: bool,
+    /// What was being sent is told, and nothing more will be.
+    pub(super) ended: bool,
+    pub(super) tally: Tally,
+}
+
+impl Stock {
+    /// Episodes that can be begun at once.
+    pub(super) fn ready(&self) -> usize {
+        self.returned.len() + self.fetched.iter().map(|episodes| episodes.left).sum::<usize>()
+    }
+
+    /// Whether anything can come of it still.
+    ///
+    /// # Errors
+    /// Why not.
+    pub(super) fn usable(&self) -> Result<(), String> {
+        if self.closing {
+            return Err("the curriculum is closed".to_owned());
+        }
+        self.fault.clone().map_or(Ok(()), Err)
+    }
+
+    /// What comes first, which stays; all of a run's kessler have one shape, and so have all of its docking.
+    pub(super) fn first(&self) -> Option<Scenario> {
+        let returned = self.returned.last().map(|(_, scenario)| scenario.clone());
+        returned.or_else(|| self.fetched.front().and_then(Episodes::first))
+    }
+
+    /// A lease came.
+    pub(super) fn add(&mut self, episodes: Episodes) {
+        let lease = Arc::clone(&episodes.lease);
+        self.tally.leases += 1;
+        if lease.columns {
+            let flown = (0..lease.episodes).map(|_| None).collect();
+            let (open, version) = (lease.episodes, lease.version);
+            self.ledgers.insert(lease.id.clone(), Ledger { lease, flown, open, version });
+        } else {
+            self.groups.insert(lease.id.clone(), (lease.clone(), lease.episodes));
+        }
+        self.fetched.push_back(episodes);
+    }
+
+    /// An episode was flown to its end.
+    pub(super) fn flown(&mut self, flown: Flown<Episode>) {
+        let Flown { name: episode, scenario, tape, earned } = flown;
+        let range = scenario.task().score_range();
+        let score = earned.clamp(range.min, range.max);
+        let (id, version) = (episode.lease.id.clone(), self.version);
+        self.tally.flown += 1;
+        self.waiting += 1;
+        if !episode.lease.columns {
+            self.outbox.push_back(Parcel::Result { episode, tape, version });
+            return;
+        }
+        let Some(ledger) = self.ledgers.get_mut(&id) else { return };
+        ledger.version = ledger.version.min(version);
+        if let Some(line) = ledger.flown.get_mut(episode.index).filter(|line| line.is_none()) {
+            *line = Some(Line { score, tape });
+            ledger.open -= 1;
+        }
+        if ledger.open == 0
+            && let Some(ledger) = self.ledgers.remove(&id)
+        {
+            self.outbox.push_back(Parcel::Columns(ledger));
+        }
+    }
+
+    /// Nothing more is flown: what was begun of columns is claimed as far as it goes, the rest is given back.
+    pub(super) fn give_up(&mut self) {
+        self.fetched.clear();
+        self.returned.clear();
+        for (_, ledger) in std::mem::take(&mut self.ledgers) {
+            self.tally.unflown += ledger.open as u64;
+            let begun = ledger.flown.iter().any(Option::is_some);
+            let parcel =
+                if begun { Parcel::Columns(ledger) } else { Parcel::Release(Arc::clone(&ledger.lease)) };
+            self.outbox.push_back(parcel);
+        }
+        for (_, (lease, open)) in std::mem::take(&mut self.groups) {
+            self.tally.unflown += open as u64;
+            self.outbox.push_back(Parcel::Release(lease));
+        }
+    }
+
+    /// Leases of which something is still to be flown.
+    pub(super) fn active(&self) -> Vec<Arc<Lease>> {
+        let columns = self.ledgers.values().map(|ledger| &ledger.lease);
+        columns.chain(self.groups.values().map(|(lease, _)| lease)).map(Arc::clone).collect()
+    }
+}
+
+impl Pool for Stock {
+    type Name = Episode;
+
+    fn take(&mut self) -> Option<(Episode, Scenario)> {
+        if let Some(returned) = self.returned.pop() {
+            return Some(returned);
+        }
+        loop {
+            let episodes = self.fetched.front_mut()?;
+            match episodes.next() {
+                Some(next) => return Some(next),
+                None => {
+                    self.fetched.pop_front();
+                }
+            }
+        }
+    }
+
+    fn give_back(&mut self, episode: Episode, scenario: Scenario) {
+        if !self.closing {
+            self.returned.push((episode, scenario));
+        }
+    }
+}
+
+/// The stock, and who waits for a change of it.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    stock: Mutex<Stock>,
+    changed: Condvar,
+}
+
+impl Shared {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Stock> {
+        // Nothing that holds it can panic; if something did, what is in stock still is.
+        self.stock.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a change, at most so long.
+    pub(super) fn wait<'a>(&self, stock: MutexGuard<'a, Stock>, most: Duration) -> MutexGuard<'a, Stock> {
+        self.changed.wait_timeout(stock, most).unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// Tells all who wait.
+    pub(super) fn tell(&self) {
+        self.changed.notify_all();
+    }
+}

@@ -1,0 +1,214 @@
+"""A curriculum of a real server, through its death and resurrection."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import sparring
+
+BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
+pytestmark = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
+
+
+def local(**wish):
+    wish = {"settings": SETTINGS, **wish}
+    return sparring.Curriculum.local(binary=BINARY, **wish)
+
+
+def until(what, most=30.0):
+    began = time.monotonic()
+    while not what():
+        assert time.monotonic() - began < most
+        time.sleep(0.02)
+
+
+def fly(envs, steps, size=0.0):
+    rng = np.random.default_rng(1)
+    ended = 0
+    for _ in range(steps):
+        actions = rng.uniform(-size, size, envs.action_space.shape).astype(np.float32)
+        *_, infos = envs.step(actions)
+        ended += infos["_episode"].sum() if "_episode" in infos else 0
+    return int(ended)
+
+
+@pytest.mark.parametrize("form", ["groups", "columns"])
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+def test_episodes_are_flown_and_counted(form, mode):
+    with local(form=form, lease=32) as curriculum:
+        envs = sparring.make_vec(num_envs=16, curriculum=curriculum, autoreset_mode=mode)
+        envs.reset()
+        curriculum.policy_version = 3
+        ended = fly(envs, 230, 0.02)
+        assert (envs.levels == 0).all()
+        assert envs.train.all()
+        envs.close()
+        curriculum.flush()
+        stats = curriculum.stats()
+        assert stats["flown"] == ended > 60
+        assert stats["refused"] == stats["late"] == stats["duplicate"] == 0
+        if form == "columns":
+            assert stats["accepted"] + stats["waiting"] <= ended
+            assert stats["accepted"] >= 32
+        else:
+            assert stats["counted"] + stats["stored"] == ended
+        curriculum.close()
+        told = curriculum.stats()
+        assert told["waiting"] == 0
+
+
+def test_a_run_of_several_tasks_is_flown_by_one_batch():
+    settings = {**SETTINGS, "tasks": ["kessler/survival", "kessler/rendezvous", "kessler/formation"]}
+    with local(settings=settings, form="groups", lease=16) as curriculum:
+        envs = sparring.make_vec(num_envs=8, curriculum=curriculum)
+        envs.reset()
+        tasks = set()
+        for _ in range(120):
+            envs.step(np.zeros(envs.action_space.shape, np.float32))
+            tasks |= {envs.scenario(env).task for env in range(8)}
+        envs.close()
+        assert tasks == set(settings["tasks"])
+        curriculum.flush()
+        assert curriculum.stats()["counted"] + curriculum.stats()["stored"] == curriculum.stats()["flown"] > 10
+
+
+def test_docking():
+    settings = {**SETTINGS, "tasks": ["docking/multiagent"]}
+    with local(settings=settings, form="groups", lease=4) as curriculum:
+        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        seen, _ = envs.reset()
+        assert seen.shape == (4, 5, 8)
+        ended = fly(envs, 1600, 1.0)
+        envs.close()
+        curriculum.flush()
+        assert curriculum.stats()["flown"] == ended > 2
+
+
+def test_a_server_that_dies_loses_nothing(tmp_path):
+    db = tmp_path / "run.sqlite3"
+    curriculum = local(db=db, form="groups", lease=64, ahead=300, patience_s=60)
+    envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
+    envs.reset()
+    fly(envs, 60)
+    until(lambda: curriculum.stats()["ready"] >= 300)
+    server = curriculum._server
+    port = curriculum.url.rsplit(":", 1)[1]
+    server._process.send_signal(signal.SIGKILL)
+    server._process.wait()
+    ended = fly(envs, 200)
+    assert ended > 40
+    away = curriculum.stats()
+    assert away["away_s"] is not None
+    assert away["waiting"] >= 40
+    from subprocess import DEVNULL, Popen
+
+    again = Popen([BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", str(db)], stdout=DEVNULL, stderr=DEVNULL)
+    try:
+        fly(envs, 100)
+        envs.close()
+        curriculum.flush()
+        told = curriculum.stats()
+        assert told["counted"] + told["stored"] + told["duplicate"] == told["flown"]
+        assert told["late"] == 0
+        curriculum.close()
+    finally:
+        again.terminate()
+        again.wait()
+
+
+def test_a_server_that_stays_away_is_told_and_what_was_flown_is_kept():
+    curriculum = local(form="groups", lease=16, patience_s=0.5)
+    envs = sparring.make_vec(num_envs=8, curriculum=curriculum)
+    envs.reset()
+    curriculum._server._process.kill()
+    curriculum._server._process.wait()
+    began = time.monotonic()
+    with pytest.raises(sparring.CurriculumError, match="away"):
+        fly(envs, 2000)
+    assert time.monotonic() - began < 20
+    assert curriculum.stats()["waiting"] == curriculum.stats()["flown"] > 0
+    envs.close()
+    with pytest.raises(sparring.CurriculumError, match="could not be handed in"):
+        curriculum.close(timeout_s=1)
+
+
+def test_what_the_server_refuses_is_told():
+    with pytest.raises(sparring.CurriculumError, match="no server answers"):
+        sparring.Curriculum("http://127.0.0.1:1", run="run-none")
+    with local() as curriculum:
+        with pytest.raises(sparring.CurriculumError, match="404"):
+            sparring.Curriculum(curriculum.url, run="run-none")
+        with pytest.raises(sparring.CurriculumError, match="tasks"):
+            sparring.Curriculum(curriculum.url, settings={"tasks": ["none"]})
+        with pytest.raises(ValueError, match="level"):
+            sparring.make_vec(curriculum=curriculum, level=3)
+        with pytest.raises(ValueError, match="task"):
+            sparring.make_vec("kessler/formation", curriculum=curriculum)
+        envs = sparring.make_vec(curriculum=curriculum)
+        with pytest.raises(ValueError, match="scenario"):
+            envs.reset(options={"scenario": sparring.Scenario("survival")})
+    with pytest.raises(sparring.CurriculumError, match="closed"):
+        envs.reset()
+
+
+def test_a_program_that_is_none():
+    with pytest.raises(sparring.CurriculumError, match="start"):
+        sparring.Curriculum.local(binary="/nowhere/sparring")
+    with pytest.raises(sparring.CurriculumError, match="serve"):
+        sparring.Curriculum.local(binary="/bin/false")
+
+
+def test_a_server_ends_with_the_process_that_started_it(tmp_path):
+    program = f"""
+import os, sparring
+curriculum = sparring.Curriculum.local({os.fspath(tmp_path / "run.sqlite3")!r}, binary={BINARY!r}, settings={SETTINGS!r})
+print(curriculum._server._process.pid, flush=True)
+os.kill(os.getpid(), 9)
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    pid = int(ended.stdout)
+
+    def gone():
+        try:
+            with open(f"/proc/{pid}/stat") as stat:
+                return stat.read().rsplit(")", 1)[1].split()[0] == "Z"
+        except FileNotFoundError:
+            return True
+
+    until(gone)
+
+
+def test_waiting_is_interrupted_by_ctrl_c():
+    with local(form="groups") as curriculum:
+        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        envs.reset()
+        until(lambda: curriculum.stats()["ready"] >= 16)
+        curriculum.ask("POST", f"/v1/runs/{curriculum.run}/pause")
+        timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            fly(envs, 100_000)
+        envs.close()
+
+
+def test_two_batches_share_one_curriculum_and_what_is_given_back_is_flown_again():
+    with local(form="groups", lease=8, ahead=8) as curriculum:
+        one, two = (sparring.make_vec(num_envs=4, curriculum=curriculum) for _ in range(2))
+        one.reset()
+        two.reset()
+        given = {one.scenario(env).seed for env in range(4)}
+        one.close()
+        with pytest.raises(sparring.CurriculumError, match="closed"):
+            one.step(np.zeros(one.action_space.shape, np.float32))
+        three = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        three.reset()
+        assert {three.scenario(env).seed for env in range(4)} == given
+        three.close()
+        two.close()
