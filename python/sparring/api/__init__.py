@@ -1,0 +1,1 @@
+"""What the API of a server takes and answers, and its operations."""

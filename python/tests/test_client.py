@@ -1,0 +1,133 @@
+"""The clients against a real server: every operation is there, and a server that dies is waited for."""
+
+import asyncio
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import threading
+import time
+
+import pytest
+
+import sparring
+from sparring.server import Server
+
+BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
+pytestmark = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+WISH = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
+
+
+@pytest.fixture(scope="module")
+def url():
+    server = Server(None, BINARY)
+    yield server.url
+    server.stop()
+
+
+def test_a_run_from_its_beginning_to_its_end(url):
+    with sparring.Client(url) as client:
+        run = client.runs.create(**WISH, name="by hand")["id"]
+        assert client.runs.show(run)["name"] == "by hand"
+        lease = client.leases.take(run, groups=2, ttl_s=60)
+        results = []
+        for group in lease["groups"]:
+            scenario = sparring.Scenario.from_dict({**lease["recipes"][group["recipe"]], "seed": group["seed"]})
+            _, flown = sparring.fly(scenario, "heuristic")
+            steps = [[[agent, *map(float, acted)] for agent, acted in enumerate(step)] for step in flown]
+            results += [{"episode": name, "actions": {"steps": steps}} for name in group["episodes"]]
+        for expected in ("counted", "duplicate"):
+            told = client.results.report(run, results=results)["results"]
+            assert {result["status"] for result in told} == {expected}, told
+        assert client.mastery.show(run)["tasks"][0]["plain"]["episodes"] == 2
+        assert [episode["episode"] for episode in client.every(client.episodes.list, run, limit=1)]
+        assert client.runs.pause(run)["status"] == "paused"
+        with pytest.raises(sparring.ApiError) as refused:
+            client.leases.take(run, groups=1)
+        assert refused.value.status == 409
+        assert client.runs.archive(run)["archived_at"]
+        kinds = []
+        for event in client.events(run, after=0):
+            kinds.append((event.kind, event.data.get("state")))
+            if kinds[-1] == ("run", "archived"):
+                break
+        assert kinds[0] == ("run", "created")
+
+
+def test_what_is_refused_names_the_field(url):
+    with sparring.Client(url) as client:
+        with pytest.raises(sparring.ApiError, match=r"422: tasks\.0") as refused:
+            client.runs.create(tasks=["none"])
+        assert refused.value.field == "tasks.0"
+        with pytest.raises(sparring.ApiError, match="400: run"):
+            client.runs.show("../audit")
+        with pytest.raises(ValueError, match="JSON"):
+            client.runs.create(contested_share=float("nan"))
+        with pytest.raises(ValueError, match="lists"):
+            list(client.every(client.mastery.history, client.runs.create(**WISH)["id"]))
+
+
+def test_the_same_to_be_awaited(url):
+    async def fly():
+        async with sparring.AsyncClient(url) as client:
+            runs = await asyncio.gather(*(client.runs.create(**WISH, name=f"at once {n}") for n in range(5)))
+            names = [run["name"] async for run in client.every(client.runs.list, limit=2)]
+            assert {f"at once {n}" for n in range(5)} <= set(names)
+            with pytest.raises(sparring.ApiError, match="404"):
+                await client.runs.show("run-none")
+            await client.runs.archive(runs[0]["id"])
+            seen = []
+            async for event in client.events(runs[0]["id"], after=0):
+                seen.append(event.data.get("state"))
+                if seen[-1] == "archived":
+                    return seen
+
+    assert asyncio.run(fly())[0] == "created"
+
+
+def test_a_server_that_comes_back_is_waited_for(tmp_path):
+    db = tmp_path / "run.sqlite3"
+    server = Server(db, BINARY)
+    port = server.url.rsplit(":", 1)[1]
+    again = []
+
+    def restart():
+        line = [BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", os.fspath(db)]
+        time.sleep(1)
+        again.append(subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+
+    with sparring.Client(server.url, patience_s=30) as client:
+        run = client.runs.create(**WISH)["id"]
+        heard = client.events(run, after=0)
+        assert next(heard).data["state"] == "created"
+        server._process.send_signal(signal.SIGKILL)
+        server._process.wait()
+        thread = threading.Thread(target=restart)
+        thread.start()
+        try:
+            assert client.runs.show(run)["id"] == run
+            client.runs.archive(run)
+            assert any(event.data.get("state") == "archived" for event in heard)
+        finally:
+            thread.join()
+            again[0].terminate()
+            again[0].wait()
+        with sparring.Client(server.url, patience_s=0.5) as hasty, pytest.raises(sparring.Unreachable):
+            hasty.runs.list()
+
+
+def test_every_operation_of_v1_has_a_method():
+    snapshot = pathlib.Path(__file__).parents[2] / "tests/tests/snapshots/documents__openapi.snap"
+    document = json.loads(snapshot.read_text().split("\n---\n", 1)[1])
+    elsewhere = {"connect", "listen"}  # a socket, and `events`
+    count = sum(
+        operation["operationId"] not in elsewhere
+        for path, verbs in document["paths"].items() if path.startswith("/v1/")
+        for operation in verbs.values()
+    )  # fmt: skip
+    client = sparring.Client("http://127.0.0.1:1")
+    groups = [group for name, group in vars(client).items() if not name.startswith("_")]
+    methods = [name for group in groups for name in dir(type(group)) if not name.startswith("_")]
+    assert len(methods) == count > 50
+    client.close()
