@@ -1,0 +1,101 @@
+"""Stable-Baselines3's PPO learns survival and eco_station through the curriculum.
+
+    pip install 'sparring[sb3]' sparring-server matplotlib
+    python examples/sb3_ppo.py --steps 1000000 --tensorboard runs --plot sb3.svg
+
+One policy flies every satellite. The curriculum says what is flown and is told how it went; the policy is flown on held-out
+scenarios now and then, which move nothing.
+"""
+
+import argparse
+import json
+
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+
+import sparring
+import sparring.sb3
+
+TASKS = ["kessler/survival", "kessler/eco_station"]
+# Episodes are fifty steps, and what a burn is worth shows within some ten.
+SETTINGS = {"n_steps": 50, "batch_size": 2400, "n_epochs": 8, "gamma": 0.97, "gae_lambda": 0.9, "learning_rate": 5e-4}
+POLICY = {"net_arch": [128, 128], "log_std_init": -1.5}
+
+
+class Looks(BaseCallback):
+    """Flies the held-out suite every so many steps, before the first and behind the last, too."""
+
+    def __init__(self, curriculum: sparring.Curriculum, every: int) -> None:
+        super().__init__()
+        self.curriculum, self.every, self.next, self.curve = curriculum, every, 0, []
+
+    def look(self) -> None:
+        found = sparring.evaluate(self.curriculum, sparring.sb3.act(self.model), policy="sb3-ppo", chance=False)
+        skill = {task: found.of(task) for task in TASKS}
+        level = {task: self.curriculum.numbers().get(f"{task}/level") for task in TASKS}
+        self.curve.append({"steps": self.num_timesteps, "skill": skill, "level": level})
+        print(json.dumps(self.curve[-1]), flush=True)
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps >= self.next:
+            self.next += self.every
+            self.look()
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        self.look()
+
+
+def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> list:
+    """Trains, and says what it learned on the way."""
+    torch.set_num_threads(1)
+    envs = sparring.sb3.vec_env(args.envs, curriculum=curriculum)
+    model = PPO("MlpPolicy", envs, **SETTINGS, policy_kwargs=POLICY, seed=args.seed, device="cpu", tensorboard_log=args.tensorboard)
+    looks = Looks(curriculum, max(1, args.steps // args.looks))
+    # The rows of an environment are its satellites: three steps of the model's are one of the world's.
+    model.learn(args.steps, callback=CallbackList([looks, sparring.sb3.CurriculumCallback(curriculum)]))
+    envs.close()
+    curriculum.flush()
+    if args.save:
+        model.save(args.save)
+    return looks.curve
+
+
+def plot(curve: list, file: str) -> None:
+    """Held-out skill and level over steps."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.4), layout="constrained")
+    for axis, name in zip(figure.subplots(1, 2), ("skill", "level"), strict=True):
+        for task in TASKS:
+            axis.plot([row["steps"] for row in curve], [row[name][task] for row in curve], "o-", label=task)
+        axis.set_xlabel("steps of a satellite")
+        axis.set_ylabel({"skill": "skill on held-out contested scenarios", "level": "level"}[name])
+        axis.grid(alpha=0.3)
+        axis.legend(frameon=False)
+    figure.savefig(file, metadata={"Date": None} if file.endswith(".svg") else None)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--url", help="a server that is there; one is started otherwise")
+    parser.add_argument("--steps", type=int, default=1_000_000, help="of satellites, as Stable-Baselines3 counts (%(default)s)")
+    parser.add_argument("--envs", type=int, default=64, help="environments of three satellites each (%(default)s)")
+    parser.add_argument("--looks", type=int, default=10, help="at the held-out suite (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--tensorboard", help="a folder for TensorBoard")
+    parser.add_argument("--plot", help="a picture of what was learned")
+    parser.add_argument("--save", help="where the model is kept")
+    args = parser.parse_args()
+    wish = {"settings": {"tasks": TASKS, "name": "sb3"}, "form": "groups"}
+    with sparring.Curriculum(args.url, **wish) if args.url else sparring.Curriculum.local(**wish) as curriculum:
+        curve = train(args, curriculum)
+    if args.plot:
+        plot(curve, args.plot)
+
+
+if __name__ == "__main__":
+    main()

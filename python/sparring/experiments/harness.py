@@ -1,0 +1,114 @@
+"""Flies all trainings of an experiment, one after another or some at once; what is done already is left alone."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from queue import Empty
+from typing import Any
+
+from ..server import Server
+from .. import Curriculum
+from . import training
+from .findings import read
+from .plan import BASELINE, Experiment, Training, write
+
+#: The server's database, in the experiment's folder: runs, evaluations, and what they rest on.
+DATABASE = "runs.sqlite3"
+#: Each arm against the baseline on the same scenarios, as the server compares them.
+COMPARED = "compared.json"
+
+#: Told what is flown: the training, and how many steps more.
+Told = Callable[[Training, int], None]
+
+
+def missing(folder: Path, experiment: Experiment) -> list[Training]:
+    """Trainings that are not done."""
+    return [one for one in experiment.trainings() if not training.is_done(folder, one)]
+
+
+def fly(folder: Path, experiment: Experiment, *, url: str | None, binary: str | None, jobs: int, told: Told) -> None:
+    """Flies what is missing, on a server of its own unless `url` says which.
+
+    Raises:
+        CurriculumError: There is no server, or it fails.
+    """
+    waiting = missing(folder, experiment)
+    if not waiting and (folder / COMPARED).exists():
+        return
+    with _server(folder, url, binary) as at:
+        if jobs == 1:
+            for one in waiting:
+                training.fly(folder, experiment, one, at, lambda steps, one=one: told(one, steps))  # type: ignore[misc]
+        else:
+            _at_once(folder, experiment, waiting, at, jobs, told)
+        _compare(folder, at)
+
+
+def _compare(folder: Path, url: str) -> None:
+    found = read(folder)
+    named = {arm: ",".join(found.done[one]["evaluation"] for one in found.of(arm)) for arm in found.arms()}
+    compared = {}
+    if BASELINE in named:
+        run = next(iter(found.done.values()))["run"]
+        with Curriculum(url, run) as curriculum:
+            for arm in named.keys() - {BASELINE}:
+                at = f"/v1/evaluations/compare?a={named[arm]}&b={named[BASELINE]}"
+                compared[arm] = curriculum.ask("GET", at)["rows"]
+    write(folder / COMPARED, compared)
+
+
+@contextmanager
+def _server(folder: Path, url: str | None, binary: str | None) -> Iterator[str]:
+    if url is not None:
+        yield url
+        return
+    server = Server(folder / DATABASE, binary)
+    try:
+        yield server.url
+    finally:
+        server.stop()
+
+
+def _at_once(folder: Path, experiment: Experiment, waiting: list[Training], url: str, jobs: int, told: Told) -> None:
+    # Threads of a learner do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    with context.Manager() as manager, ProcessPoolExecutor(jobs, mp_context=context, initializer=_alone) as pool:
+        queue = manager.Queue()
+        running = [pool.submit(_one, folder, experiment, one, url, queue) for one in waiting]
+        try:
+            while any(not future.done() for future in running) and not _failed(running):
+                _hear(queue, told)
+                time.sleep(0.2)
+            _hear(queue, told)
+            for future in running:
+                if future.done():
+                    future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _alone() -> None:
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+
+
+def _one(folder: Path, experiment: Experiment, one: Training, url: str, queue: Any) -> None:
+    training.fly(folder, experiment, one, url, lambda steps: queue.put((one, steps)))
+
+
+def _failed(running: list[Future[None]]) -> bool:
+    return any(future.done() and future.exception() is not None for future in running)
+
+
+def _hear(queue: Any, told: Told) -> None:
+    while True:
+        try:
+            one, steps = queue.get_nowait()
+        except Empty:
+            return
+        told(one, steps)

@@ -1,0 +1,173 @@
+"""What came out of an experiment as people read it: tables in Markdown, pictures, and tables for other programs."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .findings import BLIND, NUMBERS, PART, Findings
+from .harness import COMPARED
+from .plan import BASELINE
+
+REPORT = "report.md"
+#: What a curve is of, and what it is called.
+CURVES = (("heldout_skill", "held-out skill (contested)"), ("level", "level that is faced"))
+
+
+def write(found: Findings, folder: Path) -> list[Path]:
+    """Writes everything; the files."""
+    files = [folder / "trainings.csv", folder / REPORT, folder / "skill.svg", folder / "curves.svg"]
+    _trainings(found, files[0])
+    files[1].write_text(_report(found, folder))
+    _skill(found, files[2])
+    _curves(found, files[3])
+    return files
+
+
+def _trainings(found: Findings, file: Path) -> None:
+    with file.open("w", newline="") as opened:
+        writer = csv.writer(opened)
+        writer.writerow(["arm", "seed", "task", *NUMBERS, "zero_variance_share", "steps_to_threshold", "steps", "flown_s", "run"])
+        for one, told in found.done.items():
+            for number, task in enumerate(found.experiment.tasks):
+                at = found.of(one.arm).index(one)
+                of = {name: found.values(one.arm, name)[at, number] for name in NUMBERS}
+                zero = next(row["groups"]["zero_variance_share"] for row in told["tasks"] if row["task"] == task)
+                writer.writerow([
+                    one.arm, one.seed, task, *(f"{of[name]:.6f}" for name in NUMBERS), zero, found.steps_to_threshold(one),
+                    told["steps"], round(told["flown_s"], 1), told["run"],
+                ])  # fmt: skip
+
+
+def _report(found: Findings, folder: Path) -> str:
+    asked = found.experiment
+    parts = [
+        "# Curricula compared\n",
+        f"{len(found.done)} of {len(asked.trainings())} trainings: {', '.join(asked.arms)}, seeds {', '.join(map(str, asked.seeds))}; "
+        f"{asked.budget:,} environment steps each on {', '.join(asked.tasks)}, groups of {asked.group_size}. "
+        f"Held-out suite: {asked.suite or 'the usual one'}, its {PART} scenarios, {asked.rollouts} episodes each by the policy as it "
+        "explores.\n",
+        f"Versions: {', '.join(f'{name} {version}' for name, version in found.versions.items())}; "
+        f"server {', '.join(sorted({told['server'] for told in found.done.values()}))}.\n",
+        "## Across trainings\n",
+        "Interquartile means across training seeds with 95 % stratified bootstrap intervals (rliable). The worst tenth of scenarios is "
+        "ranked by one half of their episodes and told by the other. *Zero variance*: groups whose episodes all scored the same. "
+        f"*Steps*: of each training, at the first look with a mean held-out skill of {asked.threshold} or more.\n",
+        _table(
+            ["arm", "trainings", *NUMBERS, "zero variance", f"steps to {asked.threshold}"],
+            [*(_arm(found, arm) for arm in found.arms()), _blind(found)],
+        ),
+        f"## Against {BASELINE}, on the same scenarios\n",
+        "Differences with 95 % bootstrap intervals over scenarios, trainings of a side taken together; *improvement*: how likely an "
+        "episode of the arm scores higher on the same scenario.\n",
+        _compared(found, folder),
+        "![Held-out skill of each training](skill.svg)\n",
+        "![Over the training](curves.svg)\n",
+    ]
+    return "\n".join(parts)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _arm(found: Findings, arm: str) -> list[str]:
+    trainings = found.of(arm)
+    steps = [found.steps_to_threshold(one) for one in trainings]
+    zero = found.zero_variance(arm)
+    numbers = [found.across(arm, number) for number in NUMBERS]
+    return [
+        arm,
+        str(len(trainings)),
+        *("–" if number is None else str(number) for number in numbers),
+        "–" if zero is None else f"{zero:.2f}",
+        ", ".join("never" if at is None else f"{at:,}" for at in steps),
+    ]
+
+
+def _blind(found: Findings) -> list[str]:
+    return [f"*{BLIND}*", "", *(_shown(found.blind(number)) for number in NUMBERS), "", ""]
+
+
+def _shown(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.3f}"
+
+
+def _compared(found: Findings, folder: Path) -> str:
+    file = folder / COMPARED
+    compared = json.loads(file.read_text()) if file.exists() else {}
+    rows = [
+        [arm, row["task"], *(_difference(row.get(name)) for name in ("skill", "success", "score", "improvement"))]
+        for arm in found.arms()
+        for row in compared.get(arm, [])
+        if row["part"] == PART and row["task"] in found.experiment.tasks
+    ]
+    if not rows:
+        return f"{BASELINE} is not among the arms.\n"
+    return _table(["arm", "task", "skill", "success", "score", "improvement"], rows)
+
+
+def _difference(of: dict[str, Any] | None) -> str:
+    return "–" if not of else f"{of['mean']:+.3f} [{of['low']:+.3f}, {of['high']:+.3f}]"
+
+
+def _drawn(file: Path, width: int, draw: Callable[[Any], None]) -> None:
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.5 * width, 3.6), layout="constrained")
+    FigureCanvasSVG(figure)  # type: ignore[no-untyped-call]
+    axes = figure.subplots(1, width, squeeze=False)[0]
+    draw(axes)
+    for axis in axes:
+        axis.grid(alpha=0.3)
+        axis.spines[["top", "right"]].set_visible(False)
+    # Without a date: the same findings are the same file.
+    figure.savefig(file, metadata={"Date": None})
+
+
+def _skill(found: Findings, file: Path) -> None:
+    def draw(axes: Any) -> None:
+        arms = found.arms()
+        for place, arm in enumerate(reversed(arms)):
+            each = found.values(arm, "skill").mean(axis=1)
+            axes[0].plot(each, np.full(len(each), place), "o", color="tab:blue", alpha=0.45)
+            across = found.across(arm, "skill")
+            if across is not None:
+                axes[0].plot([across.low, across.high], [place, place], color="black")
+                axes[0].plot([across.mean], [place], "|", color="black", markersize=14)
+        axes[0].axvline(found.blind("skill"), color="tab:red", linestyle="--", label="blind plans")
+        axes[0].set_yticks(range(len(arms)), list(reversed(arms)))
+        axes[0].set_xlabel("held-out skill (contested)")
+        axes[0].legend(frameon=False)
+
+    _drawn(file, 1, draw)
+
+
+def _curves(found: Findings, file: Path) -> None:
+    def draw(axes: Any) -> None:
+        for axis, (name, label) in zip(axes, CURVES, strict=True):
+            for arm in found.arms():
+                steps, means = _mean_curve(found, arm, name)
+                axis.plot(steps, means, label=arm)
+            axis.set_xlabel("environment steps")
+            axis.set_ylabel(label)
+        axes[0].axhline(found.blind("skill"), color="tab:red", linestyle="--", linewidth=1)
+        axes[0].legend(frameon=False)
+
+    _drawn(file, len(CURVES), draw)
+
+
+def _mean_curve(found: Findings, arm: str, name: str) -> tuple[list[int], list[float]]:
+    points: dict[int, list[float]] = {}
+    for one in found.of(arm):
+        for row in found.curves[one]:
+            points.setdefault(row["steps"], []).append(row.get(name, float("nan")))
+    steps = sorted(points)
+    return steps, [float(np.mean(points[at])) for at in steps]

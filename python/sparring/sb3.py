@@ -1,0 +1,172 @@
+"""Stable-Baselines3: `vec_env` is a `VecEnv`, `CurriculumCallback` brings the curriculum's numbers to TensorBoard.
+
+curriculum = sparring.Curriculum.local(settings={"tasks": ["kessler/survival"]})
+envs = sparring.sb3.vec_env(128, curriculum=curriculum)
+model = PPO("MlpPolicy", envs, tensorboard_log="runs")
+model.learn(1_000_000, callback=sparring.sb3.CurriculumCallback(curriculum))
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+try:
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise ImportError("sparring.sb3 needs stable-baselines3: pip install 'sparring[sb3]'") from error
+
+from .curriculum import Curriculum
+from .vector import VectorEnvironment, make_vec
+
+
+def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | None = None, **environment: Any) -> AgentsVecEnv:
+    """Environments for Stable-Baselines3, a row for each agent: one policy flies them all, and each is rewarded for itself.
+
+    Args:
+        num_envs: Environments; `envs.num_envs` is this times the task's agents.
+        task, curriculum, environment: As `sparring.make_vec`; not `telemetry`, which has no rows.
+
+    Raises:
+        ValueError: What is unknown or out of range, with the field.
+    """
+    for name in ("autoreset_mode", "episode_statistics"):
+        if name in environment:
+            raise ValueError(f"{name}: Stable-Baselines3 wants it as it is here")
+    if environment.get("observation") == "telemetry":
+        raise ValueError("observation: telemetry has no row for each agent; take tracks or state")
+    return AgentsVecEnv(make_vec(task, num_envs, curriculum=curriculum, autoreset_mode="same_step", **environment))
+
+
+class AgentsVecEnv(VecEnv):
+    """A row for each agent of each environment.
+
+    A row whose agent has left its episode is done, and is done again in every step until the others have: it earns nothing
+    there. `episode` is in the infos of the first row of an environment, with the team's return and length.
+    """
+
+    def __init__(self, envs: VectorEnvironment) -> None:
+        #: The environments themselves.
+        self.envs = envs
+        discrete = envs.single_action_space.shape is not None and len(envs.single_action_space.shape) == 1
+        observed, acts = envs.single_observation_space, envs.single_action_space
+        self.agents = observed.shape[0]  # type: ignore[index]
+        self._acting = (envs.num_envs, self.agents) if discrete else (envs.num_envs, *acts.shape)  # type: ignore[misc]
+        row = spaces.Box(observed.low[0], observed.high[0], dtype=np.float32)  # type: ignore[attr-defined]
+        self.render_mode = envs.render_mode
+        super().__init__(envs.num_envs * self.agents, row, envs.agent_action_space)
+        self._begun = time.time()
+        self._left = np.zeros(self.num_envs, np.bool_)
+
+    def _rows(self, seen: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return seen.reshape(self.num_envs, -1)
+
+    def reset(self) -> npt.NDArray[np.float32]:
+        """Begins an episode everywhere."""
+        seeds = self._seeds[:: self.agents]
+        seen, _ = self.envs.reset(seed=None if seeds[0] is None else seeds)
+        self._reset_seeds()
+        self._reset_options()
+        self._left = self.envs.agents()[1].reshape(-1).copy()
+        return self._rows(seen)
+
+    def step_async(self, actions: npt.NDArray[Any]) -> None:
+        """Says what all do."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict[str, Any]]]:
+        """Has them do it."""
+        seen, _, _, _, told = self.envs.step(self._actions.reshape(self._acting))
+        earned, left, cut = self.envs.agents()
+        rewards, terminated, truncated = earned.reshape(-1), left.reshape(-1), cut.reshape(-1)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        dones = terminated | truncated
+        if "_episode" in told:
+            self._end(told, dones, truncated & ~terminated, infos)
+        return self._rows(seen), rewards, dones, infos
+
+    def _end(
+        self, told: dict[str, Any], dones: npt.NDArray[np.bool_], cut: npt.NDArray[np.bool_], infos: list[dict[str, Any]]
+    ) -> None:
+        now = round(time.time() - self._begun, 6)
+        of = told["episode"]
+        for env in np.flatnonzero(told["_episode"]):
+            first = env * self.agents
+            infos[first]["episode"] = {"r": float(of["r"][env]), "l": int(of["l"][env]), "t": now}
+            last = told["final_obs"][env]
+            for agent in range(self.agents):
+                infos[first + agent]["terminal_observation"] = last[agent]
+                infos[first + agent]["TimeLimit.truncated"] = bool(cut[first + agent])
+            dones[first : first + self.agents] = True
+
+    def close(self) -> None:
+        """Gives back to the curriculum what is being flown."""
+        self.envs.close()
+
+    def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
+        """A picture of each environment."""
+        return self.envs.render() or []
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The same of all: there is one object for them."""
+        value = self.render_mode if attr_name == "render_mode" else getattr(self.envs, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Of all at once."""
+        setattr(self.envs, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Of all at once."""
+        told = getattr(self.envs, method_name)(*args, **kwargs)
+        return [told for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """They are not."""
+        return [False for _ in self._get_indices(indices)]
+
+
+def act(model: Any, deterministic: bool = True) -> Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]:
+    """Actions of all agents of all environments by a model that was trained with `vec_env`: for `sparring.evaluate`."""
+
+    def of(seen: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+        actions, _ = model.predict(seen.reshape(-1, seen.shape[-1]), deterministic=deterministic)
+        shaped: npt.NDArray[Any] = actions.reshape(*seen.shape[:2], *actions.shape[1:])
+        return shaped
+
+    return of
+
+
+class CurriculumCallback(BaseCallback):
+    """Counts the policy's version up with every rollout, and writes the curriculum's numbers beside the learner's own: mastery,
+    level, params, skill, the share of groups without variance.
+
+    Args:
+        curriculum: The curriculum.
+        every: Rollouts between two looks at its numbers.
+    """
+
+    def __init__(self, curriculum: Curriculum, every: int = 5) -> None:
+        super().__init__()
+        self.curriculum = curriculum
+        self.every = every
+        self._rollouts = 0
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_end(self) -> None:
+        self._rollouts += 1
+        if self._rollouts % self.every == 1 or self.every == 1:
+            for name, value in self.curriculum.numbers().items():
+                self.logger.record(f"curriculum/{name}", value)
+
+    def _on_rollout_start(self) -> None:
+        # What is flown from here on is by a policy that has learned from the last rollout.
+        self.curriculum.policy_version = self._rollouts
