@@ -162,12 +162,13 @@ class Curriculum:
         told: dict[str, float] = {}
         for row in self.mastery():
             task = row["task"]
-            mastery, plain = row["mastery"], row["plain"]
+            # Strategies without levels have no mastery at one, nor has anybody during placement.
+            mastery, plain = row["mastery"] or {}, row["plain"]
             named = {
-                "level": mastery["level"] if row["level"] is None else row["level"],
-                "mastery": mastery["mean"],
-                "mastery_q10": mastery["q10"],
-                "mastery_q90": mastery["q90"],
+                "level": mastery.get("level") if row["level"] is None else row["level"],
+                "mastery": mastery.get("mean"),
+                "mastery_q10": mastery.get("q10"),
+                "mastery_q90": mastery.get("q90"),
                 **{name: plain[name] for name in ("success", "score", "skill")},
                 "zero_variance_share": row["groups"]["zero_variance_share"],
                 **{f"params/{name}": value for name, value in row["params"].items()},

@@ -15,13 +15,14 @@ import argparse
 import sys
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from ..curriculum import CurriculumError
 from .plan import DESIGNS, STRATEGIES, TARGET, Experiment, Training, Wrong, names, record
 
 
 def _options() -> argparse.ArgumentParser:
-    usual = {field.name: field.default for field in fields(Experiment)}
+    usual: dict[str, Any] = {field.name: field.default for field in fields(Experiment)}
     parser = argparse.ArgumentParser(
         prog="python -m sparring.experiments curriculum",
         description=__doc__,
@@ -29,7 +30,7 @@ def _options() -> argparse.ArgumentParser:
     )
 
     def listed(name: str) -> str:
-        return ",".join(str(value) for value in usual[name])  # type: ignore[attr-defined]
+        return ",".join(str(value) for value in usual[name])
 
     parser.add_argument("--out", type=Path, required=True, help="folder of the experiment: made, or gone on with")
     parser.add_argument(
@@ -37,7 +38,7 @@ def _options() -> argparse.ArgumentParser:
         default=listed("arms"),
         help=f"of {', '.join(STRATEGIES)} and {TARGET}, or all; {DESIGNS} behind one designs layouts, too (default: %(default)s)",
     )
-    parser.add_argument("--seeds", default=listed("seeds"), help="of trainings; four and more for interquartile means (%(default)s)")
+    parser.add_argument("--seeds", default=listed("seeds"), help="of trainings; four or more to trim any (%(default)s)")
     parser.add_argument("--tasks", default=listed("tasks"), help="trained together, and told of (%(default)s)")
     parser.add_argument("--suite", help="held-out suite that the server knows (kessler-heldout-v2)")
     for name, text in (

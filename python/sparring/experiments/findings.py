@@ -1,8 +1,8 @@
 """What came out of an experiment: read from its folder, and what may be said of it.
 
 Means across trainings are interquartile means with stratified bootstrap intervals by rliable (Agarwal et al. 2021, "Deep
-reinforcement learning at the edge of the statistical precipice", section 4.3). Scenarios are never trimmed: a training's number is
-its mean over all of a part of the suite. What two arms differ by is told on the same scenarios, by the server.
+reinforcement learning at the edge of the statistical precipice", section 4.3). Scenarios are never trimmed: a training's number
+is its mean over all of a part of the suite. What two arms differ by is told on the same scenarios, by the server.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ class Interval:
     high: float
 
     def __str__(self) -> str:
+        if self.low == self.high:  # one training alone
+            return f"{self.mean:.3f}"
         return f"{self.mean:.3f} [{self.low:.3f}, {self.high:.3f}]"
 
 

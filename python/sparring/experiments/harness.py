@@ -12,8 +12,8 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
-from ..server import Server
 from .. import Curriculum
+from ..server import Server
 from . import training
 from .findings import read
 from .plan import BASELINE, Experiment, Training, write

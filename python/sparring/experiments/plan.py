@@ -59,7 +59,8 @@ class Experiment:
             given = getattr(self, name)
             if not given or len(set(given)) != len(given):
                 raise Wrong(f"{name}: none, or one of them twice")
-        for name, least in (("budget", 1), ("group_size", 1), ("looks", 1), ("rollouts", 1), ("num_envs", 1), ("target_level", 0)):
+        for name in ("budget", "group_size", "looks", "rollouts", "num_envs", "target_level"):
+            least = 0 if name == "target_level" else 1
             if getattr(self, name) < least:
                 raise Wrong(f"{name}: {getattr(self, name)} is below {least}")
         for task in self.tasks:

@@ -12,11 +12,11 @@ import numpy as np
 
 from .findings import BLIND, NUMBERS, PART, Findings
 from .harness import COMPARED
-from .plan import BASELINE
+from .plan import BASELINE, TARGET
 
 REPORT = "report.md"
 #: What a curve is of, and what it is called.
-CURVES = (("heldout_skill", "held-out skill (contested)"), ("level", "level that is faced"))
+CURVES = (("heldout_skill", "held-out skill (contested)"), ("learner_level", "level that is faced"))
 
 
 def write(found: Findings, folder: Path) -> list[Path]:
@@ -44,32 +44,49 @@ def _trainings(found: Findings, file: Path) -> None:
                 ])  # fmt: skip
 
 
+ACROSS = """## Across trainings
+
+Interquartile means across training seeds with 95 % stratified bootstrap intervals (rliable). The worst tenth of scenarios is
+ranked by one half of their episodes and told by the other. *Zero variance*: groups whose episodes all scored the same. *Steps*:
+of each training, at the first look with a mean held-out skill of {threshold} or more.
+"""
+AGAINST = """## Against {baseline}, on the same scenarios
+
+Differences with 95 % bootstrap intervals over scenarios, trainings of a side taken together; *improvement*: how likely an
+episode of the arm scores higher on the same scenario.
+"""
+PICTURES = """![Held-out skill of each training](skill.svg)
+
+![Over the training](curves.svg)
+"""
+
+
 def _report(found: Findings, folder: Path) -> str:
     asked = found.experiment
+    head = ["arm", "trainings", *NUMBERS, "zero variance", f"steps to {asked.threshold}"]
     parts = [
         "# Curricula compared\n",
-        f"{len(found.done)} of {len(asked.trainings())} trainings: {', '.join(asked.arms)}, seeds {', '.join(map(str, asked.seeds))}; "
-        f"{asked.budget:,} environment steps each on {', '.join(asked.tasks)}, groups of {asked.group_size}. "
-        f"Held-out suite: {asked.suite or 'the usual one'}, its {PART} scenarios, {asked.rollouts} episodes each by the policy as it "
-        "explores.\n",
-        f"Versions: {', '.join(f'{name} {version}' for name, version in found.versions.items())}; "
-        f"server {', '.join(sorted({told['server'] for told in found.done.values()}))}.\n",
-        "## Across trainings\n",
-        "Interquartile means across training seeds with 95 % stratified bootstrap intervals (rliable). The worst tenth of scenarios is "
-        "ranked by one half of their episodes and told by the other. *Zero variance*: groups whose episodes all scored the same. "
-        f"*Steps*: of each training, at the first look with a mean held-out skill of {asked.threshold} or more.\n",
-        _table(
-            ["arm", "trainings", *NUMBERS, "zero variance", f"steps to {asked.threshold}"],
-            [*(_arm(found, arm) for arm in found.arms()), _blind(found)],
-        ),
-        f"## Against {BASELINE}, on the same scenarios\n",
-        "Differences with 95 % bootstrap intervals over scenarios, trainings of a side taken together; *improvement*: how likely an "
-        "episode of the arm scores higher on the same scenario.\n",
+        _what(found),
+        ACROSS.format(threshold=asked.threshold),
+        _table(head, [*(_arm(found, arm) for arm in found.arms()), _blind(found)]),
+        AGAINST.format(baseline=BASELINE),
         _compared(found, folder),
-        "![Held-out skill of each training](skill.svg)\n",
-        "![Over the training](curves.svg)\n",
+        PICTURES,
     ]
     return "\n".join(parts)
+
+
+def _what(found: Findings) -> str:
+    asked = found.experiment
+    seeds = ", ".join(map(str, asked.seeds))
+    servers = ", ".join(sorted({told["server"] for told in found.done.values()}))
+    versions = ", ".join(f"{name} {version}" for name, version in found.versions.items())
+    return (
+        f"{len(found.done)} of {len(asked.trainings())} trainings: {', '.join(asked.arms)}, seeds {seeds}; {asked.budget:,} "
+        f"environment steps each on {', '.join(asked.tasks)}, groups of {asked.group_size}.\n"
+        f"Held-out suite: {asked.suite or 'the usual one'}, its {PART} scenarios, {asked.rollouts} episodes each by the policy "
+        f"as it explores.\n\nVersions: {versions}; server {servers}.\n"
+    )
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:
@@ -103,7 +120,12 @@ def _compared(found: Findings, folder: Path) -> str:
     file = folder / COMPARED
     compared = json.loads(file.read_text()) if file.exists() else {}
     rows = [
-        [arm, row["task"], *(_difference(row.get(name)) for name in ("skill", "success", "score", "improvement"))]
+        [
+            arm,
+            row["task"],
+            *(_interval(row.get(name), "+") for name in ("skill", "success", "score")),
+            _interval(row.get("improvement"), ""),
+        ]
         for arm in found.arms()
         for row in compared.get(arm, [])
         if row["part"] == PART and row["task"] in found.experiment.tasks
@@ -113,8 +135,8 @@ def _compared(found: Findings, folder: Path) -> str:
     return _table(["arm", "task", "skill", "success", "score", "improvement"], rows)
 
 
-def _difference(of: dict[str, Any] | None) -> str:
-    return "–" if not of else f"{of['mean']:+.3f} [{of['low']:+.3f}, {of['high']:+.3f}]"
+def _interval(of: dict[str, Any] | None, sign: str) -> str:
+    return "–" if not of else f"{of['mean']:{sign}.3f} [{of['low']:{sign}.3f}, {of['high']:{sign}.3f}]"
 
 
 def _drawn(file: Path, width: int, draw: Callable[[Any], None]) -> None:
@@ -122,7 +144,7 @@ def _drawn(file: Path, width: int, draw: Callable[[Any], None]) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.5 * width, 3.6), layout="constrained")
-    FigureCanvasSVG(figure)  # type: ignore[no-untyped-call]
+    FigureCanvasSVG(figure)
     axes = figure.subplots(1, width, squeeze=False)[0]
     draw(axes)
     for axis in axes:
@@ -155,6 +177,9 @@ def _curves(found: Findings, file: Path) -> None:
         for axis, (name, label) in zip(axes, CURVES, strict=True):
             for arm in found.arms():
                 steps, means = _mean_curve(found, arm, name)
+                if (arm, name) == (TARGET, "learner_level"):
+                    # Its run has one level, whatever that is in the table of the others.
+                    means = [float(found.experiment.target_level)] * len(steps)
                 axis.plot(steps, means, label=arm)
             axis.set_xlabel("environment steps")
             axis.set_ylabel(label)

@@ -90,9 +90,7 @@ class _Watch:
         numbers = self.curriculum.numbers()
         for task in self.experiment.tasks:
             contested = {name: found.of(task, name) for name in ("skill", "success", "score")}
-            faced = {
-                name.removeprefix(f"{task}/"): value for name, value in numbers.items() if name.startswith(f"{task}/")
-            }
+            faced = {name.removeprefix(f"{task}/"): value for name, value in numbers.items() if name.startswith(f"{task}/")}
             self.curve.append(
                 {
                     "steps": steps,
@@ -114,7 +112,7 @@ def _examine(
 ) -> sparring.Evaluated:
     # What is drawn here is none of the training's: it goes on as if nobody had looked.
     with torch.random.fork_rng():
-        named = {} if training is None else {"training": training.arm, "training_seed": training.seed}
+        named: dict[str, Any] = {} if training is None else {"training": training.arm, "training_seed": training.seed}
         policy = "look" if training is None else training.arm
         return sparring.evaluate(curriculum, act, suite=experiment.suite, policy=policy, num_envs=EXAMINED, **named, **how)
 

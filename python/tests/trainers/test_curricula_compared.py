@@ -14,7 +14,9 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("rliable")
 
+import sparring
 from sparring.experiments import findings, plan
+from sparring.server import Server
 
 BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 TASK = "kessler/survival"
@@ -98,8 +100,15 @@ def test_it_goes_on_where_it_was_stopped_and_says_what_was_flown(tmp_path):
         assert found.values(one.arm, "skill")[0, 0] == pytest.approx(np.nanmean(skills), abs=1e-6)
         assert {row["steps"] for row in found.curves[one]} == {3200, 6400}
     # One level alone: what was faced was drawn from one row.
-    (row,) = found.done[plan.Training("target", 1)]["tasks"]
-    assert row["params"]["debris"] == 100.0
+    server = Server(out / "runs.sqlite3", BINARY)
+    try:
+        with sparring.Curriculum(server.url, found.done[plan.Training("target", 1)]["run"]) as run_of:
+            at = f"/v1/runs/{run_of.run}/episodes"
+            some = [episode["episode"] for episode in run_of.ask("GET", f"{at}?limit=20")["episodes"]]
+            debris = {run_of.ask("GET", f"{at}/{episode}")["scenario"]["params"]["debris"] for episode in some}
+    finally:
+        server.stop()
+    assert debris == {sparring.levels(TASK)[5]["debris"]} != {sparring.levels(TASK)[0]["debris"]}
     report = (out / "report.md").read_text()
     assert "| uniform | 1 |" in report and "| target | 1 |" in report and "blind_panel" in report
     assert "| target | kessler/survival |" in report, "compared with the baseline"
