@@ -1226,9 +1226,9 @@ class TaskGlance(TypedDict):
     """A task in a glance."""
 
     level: NotRequired[int | None]
-    """Its level; none where there are none."""
+    """Its level; none where there are none, and during placement."""
     mastery: NotRequired[float | None]
-    """The posterior over success on contested scenarios there: its mean."""
+    """The posterior over success on contested scenarios there: its mean; none before there is evidence."""
     mastery_high: NotRequired[float | None]
     """Its 90 % quantile."""
     mastery_low: NotRequired[float | None]
@@ -1796,7 +1796,7 @@ class Overview(TypedDict):
     skill: list[float | None]
     """Mean skill over the run's life in at most 60 parts, all tasks together; null where nothing came back."""
     tasks: list[TaskGlance]
-    """Its tasks, and where they stood when something of them last came back."""
+    """Its tasks, and where they stand."""
 
 
 class PolicyView(PolicySettings):
