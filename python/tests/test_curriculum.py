@@ -158,6 +158,20 @@ def test_what_the_server_refuses_is_told():
         envs.reset()
 
 
+def test_closing_gives_back_what_is_still_being_leased():
+    with local(form="groups", lease=64, ahead=500) as curriculum:
+        # Leases are asked for from here on; each part is closed while one is under way.
+        for _ in range(5):
+            part = curriculum.beside(form="groups", lease=64, ahead=500)
+            envs = sparring.make_vec(num_envs=2, curriculum=part)
+            envs.reset()
+            envs.close()
+            part.close()
+        leases = curriculum.ask("GET", f"/v1/runs/{curriculum.run}/leases")["leases"]
+        assert len(leases) >= 5
+        assert not [lease for lease in leases if lease["status"] == "active"], leases
+
+
 def test_a_program_that_is_none():
     with pytest.raises(sparring.CurriculumError, match="start"):
         sparring.Curriculum.local(binary="/nowhere/sparring")

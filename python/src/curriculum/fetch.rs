@@ -64,16 +64,22 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
             if stock.closing {
                 return;
             }
+            stock.asking = true;
             stock.version
         };
         let taken = wish.take(link, version);
         let mut stock = shared.lock();
+        stock.asking = false;
+        shared.tell(); // whoever closes waits for this
         match taken {
             Ok(episodes) if episodes.left == 0 => stock.exhausted = true,
             Ok(episodes) => {
                 stock.away = None;
                 stock.add(episodes);
-                shared.tell();
+                if stock.closing {
+                    // It came too late to be flown, and is given back with the others.
+                    stock.give_up();
+                }
             }
             // A run that is paused is one that goes on some time.
             Err(Failure::Refused { status: 409, why, .. }) => {
@@ -85,15 +91,12 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
                 if field == "evaluation" && stock.tally.leases > 0 =>
             {
                 stock.exhausted = true;
-                shared.tell();
             }
             Err(Failure::Refused { status, why, .. }) => {
                 stock.fault = Some(format!("the server refuses leases ({status}): {why}"));
-                shared.tell();
             }
             Err(Failure::Away { why, after }) => {
                 stock.away.get_or_insert((Instant::now(), why));
-                shared.tell();
                 drop(stock);
                 pause(shared, after.unwrap_or(PAUSE));
             }

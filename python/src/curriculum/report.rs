@@ -26,10 +26,13 @@ pub(super) fn report(shared: &Shared, link: &Link, run: &str) {
     loop {
         let parcels = {
             let mut stock = shared.lock();
-            while stock.outbox.is_empty() && !stock.closing && looked.elapsed() < renewal(&stock.active()) {
+            while stock.outbox.is_empty()
+                && (!stock.closing || stock.asking)
+                && looked.elapsed() < renewal(&stock.active())
+            {
                 stock = shared.wait(stock, LOOK);
             }
-            if stock.outbox.is_empty() && stock.closing {
+            if stock.outbox.is_empty() && stock.closing && !stock.asking {
                 stock.ended = true;
                 shared.tell();
                 return;

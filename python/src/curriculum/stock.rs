@@ -100,6 +100,8 @@ pub(super) struct Stock {
     /// There are no more episodes: an evaluation is flown.
     pub(super) exhausted: bool,
     pub(super) closing: bool,
+    /// A lease is being asked for.
+    pub(super) asking: bool,
     /// Something is being sent.
     pub(super) sending: bool,
     /// Nobody waits any more for what is being sent.
