@@ -3,7 +3,9 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
 NODE_IS_THERE := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
-.PHONY: help demo dashboard wheel test test-python test-llm test-otlp bench bench-peers soak fmt lint deny sqlx check-cargo check-python check-node
+# The binary with the tests: built by itself it would be all of it once more, with other features of its dependencies.
+BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --bin sparring
+.PHONY: help demo dashboard wheel test fetched test-python test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak fmt lint deny sqlx check-cargo check-python check-node
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -24,20 +26,45 @@ wheel: check-cargo check-python ## Two wheels into target/wheels: sparring (the 
 
 # From empty it takes less time and disk without what the next build would take from this one.
 test: export CARGO_INCREMENTAL ?= 0
-test: check-cargo check-python dashboard lint ## Everything that is checked before a change lands
-	scripts/openenv-venv
-	# The binary with the tests: built by itself it would be all of it once more, with other features of its dependencies.
-	SQLX_OFFLINE=true cargo build --workspace --locked --tests --bin sparring
+test: check-cargo check-python check-node ## Everything that is checked before a change lands
+	@# What is fetched comes while the compiler works.
+	@$(MAKE) --no-print-directory fetched & fetching=$$!; \
+		$(MAKE) --no-print-directory lint && wait $$fetching || { kill $$fetching 2>/dev/null; exit 1; }
+	$(BUILD_TESTS)
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
 	$(MAKE) --no-print-directory test-python
-	scripts/chromium
+	@# torch is hundreds of megabytes, so that not everybody who runs the tests should have to fetch it.
+	@if [[ -n "$$SPARRING_TRAINERS" ]]; then $(MAKE) --no-print-directory test-trainers; fi
 	cd dashboard && npm run check && npm test && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
+
+fetched: check-python dashboard
+	scripts/openenv-venv
+	scripts/python-venv --packages
+	scripts/chromium
+	@if [[ -n "$$SPARRING_TRAINERS" ]]; then scripts/sb3-venv; fi
 
 test-python: check-cargo check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, typed, and its stubs current
 	scripts/python-venv
 	scripts/python-stubs --check
+	scripts/python-client --check
+	$(BUILD_TESTS)
 	cd python && ../target/python-venv/bin/ruff check . && ../target/python-venv/bin/ruff format --check . \
-		&& ../target/python-venv/bin/mypy && ../target/python-venv/bin/pytest
+		&& ../target/python-venv/bin/mypy && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" ../target/python-venv/bin/pytest
+
+test-trainers: check-cargo check-python ## Stable-Baselines3 and the learner in one file learn through the curriculum (fetches torch)
+	scripts/python-venv
+	scripts/sb3-venv
+	$(BUILD_TESTS)
+	@# More threads than cores wait for each other: the server has one of its own.
+	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+		../target/sb3-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/trainers
+
+test-heavy: check-cargo check-python ## RLlib, TRL and the notebook, on small models (fetches about seven gigabytes; run by hand)
+	scripts/python-venv
+	scripts/heavy-venv
+	$(BUILD_TESTS)
+	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OMP_NUM_THREADS=1 \
+		../target/heavy-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/heavy
 
 test-llm: check-cargo check-python ## A small real language model, served here, designs layouts: MODEL=any.gguf
 	scripts/test-llm $(MODEL)
@@ -55,6 +82,11 @@ bench-peers: check-cargo check-python ## openenv-core's server beside ours, and 
 	cargo build --release --locked -p orchestrator -p bench
 	target/openenv-venv/bin/python bench/peers.py --sparring target/release/sparring --bench target/release/bench \
 		--kessler-env "$(KESSLER_ENV)"
+
+bench-python: wheel ## Stepping from Python beside the compiled batch, and what a curriculum costs; KESSLER_ENV as above
+	cargo build --release --locked -p orchestrator
+	scripts/bench-venv
+	target/bench-venv/bin/python bench/python.py --sparring target/release/sparring --kessler-env "$(KESSLER_ENV)"
 
 test-otlp: check-cargo check-python ## Spans reach an OpenTelemetry collector, with the feature otlp
 	scripts/test-otlp
