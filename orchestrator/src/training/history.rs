@@ -7,8 +7,10 @@ use sqlx::SqliteConnection;
 use super::mind::Mind;
 use super::{Change, TrainingError, Work};
 use crate::clock::Millis;
+use crate::curriculum::{Mastery, TaskStatus};
+use crate::ids::RunId;
 use crate::store::StoreError;
-use crate::store::history::{self, Part, Standing};
+use crate::store::history::{self, Part, Point, Standing};
 use crate::store::sums::Sums;
 
 /// How often it is looked where a run's tasks stand: quantiles take a while, and many transactions come in a second.
@@ -129,13 +131,45 @@ fn levels(mind: &Mind) -> Vec<Option<u32>> {
 
 /// Where a run's tasks stand.
 fn standings(mind: &Mind) -> BTreeMap<String, Standing> {
-    let mastery = mind.curriculum.mastery();
-    let status = mind.curriculum.status().into_iter().filter_map(|status| {
+    standing(&mind.curriculum.status(), &mind.curriculum.mastery())
+}
+
+/// Where tasks stand, as their history has it.
+#[must_use]
+pub fn standing(status: &[TaskStatus], mastery: &[Mastery]) -> BTreeMap<String, Standing> {
+    let of = |status: &TaskStatus| {
         let held = mastery.iter().find(|held| held.task == status.task && held.level == status.level);
         let level = status.level.map(i64::from);
         // Of a level without evidence it is known as little as of any: Beta(1, 1).
         let (mean, q10, q90) = held.map_or((0.5, 0.1, 0.9), |held| (held.mean, held.q10, held.q90));
-        (held.is_some() || level.is_some()).then_some((status.task, Standing { level, mean, q10, q90 }))
-    });
-    status.collect()
+        let known = held.is_some() || level.is_some();
+        known.then(|| (status.task.clone(), Standing { level, mean, q10, q90 }))
+    };
+    status.iter().filter_map(of).collect()
+}
+
+/// Has the last point of each task tell where it stands now: it was looked at up to some seconds before the last results came.
+pub fn bring_up(points: &mut [Point], now: &BTreeMap<String, Standing>) {
+    for at in 0..points.len() {
+        let last = points.get(at + 1).is_none_or(|next| next.task != points[at].task);
+        if let Some(standing) = now.get(&points[at].task).filter(|_| last) {
+            points[at].part.standing = Some(*standing);
+        }
+    }
+}
+
+/// Asks where a run's tasks stand now, as their history has it.
+#[derive(Debug)]
+pub struct StandingNow {
+    /// Which run.
+    pub run: RunId,
+}
+
+impl Change for StandingNow {
+    type Answer = BTreeMap<String, Standing>;
+
+    async fn apply(self, work: &mut Work) -> Result<Self::Answer, TrainingError> {
+        let (mind, _) = work.mind(self.run.as_str()).await?;
+        Ok(standings(mind))
+    }
 }

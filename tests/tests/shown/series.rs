@@ -25,6 +25,29 @@ async fn series(api: &Api, from: i64, to: i64, points: u32) -> Value {
     api.get(&path).await.expect(200)
 }
 
+/// Where a task stands is looked at now and then; what came in between is in the last point nevertheless.
+#[tokio::test]
+async fn the_last_point_says_where_a_task_stands_now() {
+    let (clock, hand) = Clock::manual(START);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    run(&api, json!({})).await;
+    for after in [0, 0, 3 * MINUTE, 0, 0] {
+        hand.fetch_add(after, Ordering::SeqCst);
+        fly(&api, 9, "heuristic").await;
+        let now = hand.load(Ordering::SeqCst) + 1;
+        let standing = api.get("/v1/runs/run/mastery").await.expect(200)["tasks"][0]["mastery"].clone();
+        let told = series(&api, START, now, 2000).await["tasks"][0].clone();
+        for (column, key) in [("mastery", "mean"), ("mastery_low", "q10"), ("mastery_high", "q90")] {
+            assert_eq!(
+                told[column].as_array().and_then(|values| values.last()),
+                Some(&standing[key]),
+                "{standing}"
+            );
+        }
+    }
+}
+
 #[tokio::test]
 async fn all_buckets_together_are_what_came_back() {
     let (clock, hand) = Clock::manual(START);

@@ -16,6 +16,7 @@ use crate::store::overview;
 use crate::store::runs::{self, RunRow};
 use crate::store::sums::Sums;
 use crate::training::evaluation::read;
+use crate::training::history::{bring_up, standing as standing_of};
 use crate::training::status::Standing;
 
 /// Points of a curve.
@@ -72,7 +73,8 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
     let standing = Standing::stored(&mut conn, run).await.context("the run's curriculum")?;
     let Standing { status, mastery, explanation, sums: plain, .. } = standing;
     let window = Window::of((row.created_at, now), POINTS, now);
-    let points = history::curve(&mut conn, run, window).await?;
+    let mut points = history::curve(&mut conn, run, window).await?;
+    bring_up(&mut points, &standing_of(&status, &mastery));
     let moves = all_moves(&mut conn, run).await?;
     let mut tasks = Vec::new();
     for status in status {

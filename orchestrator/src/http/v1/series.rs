@@ -13,6 +13,7 @@ use crate::clock::{Millis, rfc3339};
 use crate::service::App;
 use crate::store::history::{self, Part, Point, Window};
 use crate::store::runs;
+use crate::training::history::{StandingNow, bring_up};
 
 /// Points of a curve unless told.
 const POINTS: u32 = 300;
@@ -200,7 +201,11 @@ pub(super) async fn show(
         return Err(Problem::invalid("points", format!("is {points}, but must be from 1 to {MOST}")));
     }
     let window = Window::of((from, to), i64::from(points), now);
-    let tasks = by_task(history::curve(&mut conn, run.as_str(), window).await?, window.width);
+    let mut points = history::curve(&mut conn, run.as_str(), window).await?;
+    if to >= now {
+        bring_up(&mut points, &app.writer.change(StandingNow { run }).await?);
+    }
+    let tasks = by_task(points, window.width);
     Ok(axum::Json(Series {
         from: rfc3339(window.from),
         to: rfc3339(window.to),
