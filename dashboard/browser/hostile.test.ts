@@ -129,6 +129,23 @@ test("nothing of it becomes markup, and nothing of it runs", async () => {
   }
 });
 
+test("what turns the order of text around is shown, and turns nothing", async () => {
+  const { page } = await open(browser, service.url);
+  for (const place of [
+    "/",
+    "/runs/run",
+    "/runs/run/failures",
+    `/runs/run/episodes/${failed}`,
+    "/evaluations",
+  ]) {
+    await go(page, service.url, place);
+    await page.locator("main").getByText("⟨U+202E⟩").first().waitFor();
+    const seen = await page.evaluate(() => document.title + (document.body.textContent ?? ""));
+    expect(seen, place).not.toMatch(/[\u202a-\u202e\u2066-\u2069]/);
+  }
+  await page.context().close();
+});
+
 test("it is there to be read", async () => {
   const { page } = await open(browser, service.url);
   await go(page, service.url, "/");

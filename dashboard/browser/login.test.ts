@@ -16,7 +16,7 @@ beforeAll(async () => {
     design: { designer: "off" },
   });
   await hold(service, "run", 8);
-  for (const role of ["viewer", "admin"]) {
+  for (const role of ["viewer", "trainer", "admin"]) {
     const told = await service.run("token", "create", "--db", service.db, "--role", role, role);
     tokens[role] = /spk_\S+|sparring_\S+|[A-Za-z0-9_-]{30,}/.exec(told)?.[0] ?? "";
     expect(tokens[role]).not.toBe("");
@@ -43,6 +43,7 @@ test("without a token there is nothing to see, and a wrong one is told", async (
   await page.getByLabel("Token").fill("nonsense");
   await page.getByRole("button", { name: "Log in" }).click();
   await page.getByRole("alert").waitFor();
+  expect(await page.getByRole("button", { name: "Log out" }).count()).toBe(0);
   expect(await page.locator("main").textContent()).not.toContain("survival");
   await page.context().close();
 });
@@ -50,9 +51,11 @@ test("without a token there is nothing to see, and a wrong one is told", async (
 test("a viewer sees, live too, and may not act", async () => {
   const { page } = await enter("viewer");
   await page.getByRole("article", { name: "run" }).waitFor();
-  await page.getByRole("button", { name: "Pause run" }).click();
-  await page.getByRole("alert").waitFor();
-  expect(await page.getByRole("alert").textContent()).toMatch(/admin/);
+  await page.getByText("You are a viewer").waitFor();
+  const pause = page.getByRole("button", { name: "Pause run" });
+  expect(await pause.isDisabled()).toBe(true);
+  expect(await pause.getAttribute("title")).toMatch(/admin; yours is viewer/);
+  expect(await page.getByRole("button", { name: "New run" }).isDisabled()).toBe(true);
   expect((await service.get<{ status: string }>("/v1/runs/run", tokens["viewer"])).status).toBe("active");
   await go(page, service.url, "/runs/run");
   await page.getByText("live", { exact: true }).waitFor();
@@ -61,8 +64,19 @@ test("a viewer sees, live too, and may not act", async () => {
   await page.context().close();
 });
 
+test("a trainer begins, and leaves the steering to others", async () => {
+  const { page } = await enter("trainer");
+  await page.getByText("You are a trainer").waitFor();
+  expect(await page.getByRole("button", { name: "New run" }).isEnabled()).toBe(true);
+  expect(await page.getByRole("button", { name: "Archive run" }).isDisabled()).toBe(true);
+  await go(page, service.url, "/runs/run/designs");
+  expect(await page.getByRole("button", { name: "Ask", exact: true }).isDisabled()).toBe(true);
+  await page.context().close();
+});
+
 test("an admin acts", async () => {
   const { page } = await enter("admin");
+  await page.getByText("You are an admin").waitFor();
   await page.getByRole("button", { name: "Pause run" }).click();
   await page.getByRole("button", { name: "Resume run" }).waitFor();
   expect((await service.get<{ status: string }>("/v1/runs/run", tokens["admin"])).status).toBe("paused");

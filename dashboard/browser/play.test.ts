@@ -67,6 +67,25 @@ test("a burn is dragged, weighed, done and taken back", async () => {
   await page.context().close();
 });
 
+test("what is typed is weighed at once, and what is too much is not flown", async () => {
+  const { page, wrong } = await open(browser, url);
+  await page.goto(`${url}/dashboard/#/play?task=kessler/survival&seed=7&level=2`);
+  const burn = page.getByLabel("delta vx of agent 0");
+  await burn.focus();
+  await page.keyboard.press("ControlOrMeta+a");
+  await page.keyboard.type("0.5");
+  expect(await burn.inputValue()).toBe("0.5");
+  expect(await page.locator('[data-agent="0"] td').last().textContent()).toBe("2.50");
+  await page.keyboard.press("ControlOrMeta+a");
+  await page.keyboard.type("1.5");
+  await page.getByText("each number must be from -1 to 1").waitFor();
+  expect(await page.getByRole("button", { name: "Do it" }).isDisabled()).toBe(true);
+  await page.getByRole("button", { name: "Drop the burns" }).click();
+  expect(await burn.inputValue()).toBe("0");
+  expect(wrong).toEqual([]);
+  await page.context().close();
+});
+
 test("it is shared by its address, and left by the others'", async () => {
   const { page, wrong } = await open(browser, url);
   await page.goto(`${url}/dashboard/#/play`);

@@ -6,7 +6,7 @@ export default defineConfig({
     root: new URL("..", import.meta.url).pathname,
     include: ["browser/**/*.test.ts"],
     globalSetup: ["browser/seeded.ts"],
-    testTimeout: 120_000,
+    testTimeout: 300_000,
     hookTimeout: 900_000,
     maxWorkers: 2,
     expect: { poll: { timeout: 15_000 } }, // two cores, a server and a browser

@@ -6,6 +6,12 @@ export interface Stretch {
 
 const SHORTEST_S = 60;
 
+/** Where what there is to see ends: at `to` while data come, else a little after the last of them. */
+export function endOf({ from, to }: Stretch, last: number | undefined): number {
+  if (last === undefined || last <= from || to - last <= 0.1 * (to - from)) return to;
+  return Math.min(to, last + Math.max(SHORTEST_S, 0.03 * (last - from)));
+}
+
 export class TimeRange {
   /** What there is to see, seconds since 1970. */
   whole = $state<Stretch>({ from: 0, to: 1 });

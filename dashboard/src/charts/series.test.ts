@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { TimeRange } from "./range.svelte";
+import { TimeRange, endOf } from "./range.svelte";
 import { csv } from "./series";
 
 test("CSV has a row for each point, its intervals, and quotes where a name has them", () => {
@@ -33,4 +33,10 @@ test("a stretch stays within what there is", () => {
   expect(range.chosen).toBeNull();
   range.last(1_000);
   expect(range.shown).toEqual({ from: 9_000, to: 10_000 });
+});
+
+test("all there is ends a little after the last data where nothing came for long", () => {
+  expect(endOf({ from: 0, to: 10_000 }, 9_500)).toBe(10_000); // they come
+  expect(endOf({ from: 0, to: 100_000 }, 10_000)).toBe(10_300);
+  expect(endOf({ from: 0, to: 100 }, undefined)).toBe(100);
 });

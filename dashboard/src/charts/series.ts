@@ -8,6 +8,8 @@ export interface Curve {
   low?: (number | null)[];
   high?: (number | null)[];
   dashed?: boolean;
+  /** It stays as it is until it changes: drawn in steps. */
+  stepped?: boolean;
 }
 
 /** A moment with words: a level that moved. */

@@ -1,5 +1,6 @@
 /** The service's API: typed by its OpenAPI document, with the token of whoever is logged in. */
 import createClient, { type Middleware } from "openapi-fetch";
+import { readable } from "./readable";
 import { session } from "./session.svelte";
 import type { components, paths } from "./schema";
 
@@ -44,11 +45,23 @@ export async function body<T>(asked: Promise<Answer<T>>): Promise<T> {
   } catch {
     throw new Refused(0, "The service does not answer.");
   }
-  if (answer.response.ok && answer.data !== undefined) return answer.data;
-  const problem = (answer.error ?? {}) as { detail?: string; field?: string };
+  if (answer.response.ok && answer.data !== undefined) return readable(answer.data);
+  const problem = readable(answer.error ?? {}) as { detail?: string; field?: string };
+  if (answer.response.status === 403) session.refused(problem.detail ?? "");
   throw new Refused(
     answer.response.status,
     problem.detail ?? `The service answers ${String(answer.response.status)}.`,
     problem.field,
   );
+}
+
+/** Learns what the token is good for: the service tells by what it lets it see, and names its role where it does not. */
+export async function learnRole() {
+  const token = session.token;
+  try {
+    await body(client.GET("/v1/audit", { params: { query: { limit: 1 } } }));
+    if (session.token === token) session.role = "admin";
+  } catch {
+    // A refusal has told the role; any other trouble is told by the page that has it.
+  }
 }

@@ -10,6 +10,11 @@ export function count(n: number | null | undefined): string {
   return Math.abs(n) < 100_000 ? whole.format(n) : short.format(n);
 }
 
+/** So many of something: 1 step, 2 steps. */
+export function counted(n: number, what: string): string {
+  return `${count(n)} ${what}${n === 1 ? "" : "s"}`;
+}
+
 /** To so many digits behind the point. */
 export function fixed(n: number | null | undefined, digits = 2): string {
   return n === null || n === undefined || !Number.isFinite(n)

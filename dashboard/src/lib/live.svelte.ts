@@ -3,6 +3,7 @@
  * is tried again, from the last event that came; what is shown says that it is not live meanwhile.
  */
 import { EventSourceParserStream } from "eventsource-parser/stream";
+import { readable } from "./readable";
 import { session } from "./session.svelte";
 
 export interface Happened {
@@ -127,7 +128,7 @@ export class Live {
 
   #take(event: { id?: string | undefined; event?: string | undefined; data: string }) {
     if (event.id !== undefined) this.#last = event.id;
-    const data = JSON.parse(event.data) as Record<string, unknown>;
+    const data = readable(JSON.parse(event.data) as Record<string, unknown>);
     this.happened({
       id: Number(event.id),
       kind: event.event ?? "message",

@@ -10,6 +10,23 @@ function text(value: unknown): string {
       : JSON.stringify(value);
 }
 
+/** Kinds of events, as what happened, where no more of it is known. */
+const KINDS: Record<string, string> = {
+  run: "the run was changed",
+  lease: "a lease began or ended",
+  group: "a group came back",
+  move: "a level moved",
+  claim: "episodes came back in columns",
+  failures: "episodes were criticised",
+  design: "layouts were designed",
+  health: "its health changed",
+  gap: "events were left out",
+};
+
+export function happened(kind: string): string {
+  return KINDS[kind] ?? kind.replaceAll("_", " ");
+}
+
 export function words({ kind, data }: Happened): string {
   const task = typeof data["task"] === "string" ? shortTask(data["task"]) : "";
   switch (kind) {

@@ -14,6 +14,18 @@ type Told = AnyFrame & { observation: KesslerState | DockingState };
 /** LU/TU of burn cost 5 fuel each (kessler's constants, as its task says of `fuel`). */
 export const FUEL_PER_SPEED = 5;
 
+/** What agents may do, as a task tells it. */
+export interface Space {
+  columns: string[];
+  low: number;
+  high: number;
+  unit: string;
+}
+
+export function beyond(value: number | undefined, { low, high }: Space): boolean {
+  return value !== undefined && (value < low || value > high);
+}
+
 /** Working out what a scenario is worth may find the service busy. */
 const TRIES = 20;
 const PAUSE_MS = 1500;
@@ -53,11 +65,11 @@ export class Flight {
       .map(([agent, values]) => [Number(agent), ...values]);
   }
 
-  async commit(times: number) {
-    const added = Array.from(
-      { length: Math.min(times, this.horizon - this.steps.length) },
-      () => this.action,
-    );
+  /** Does the draft, in so many steps: `again` in each of them, else in the first, and then nobody acts. */
+  async commit(times: number, again: boolean) {
+    const action = this.action;
+    const length = Math.max(1, Math.min(Math.floor(times) || 1, this.horizon - this.steps.length));
+    const added = Array.from({ length }, (_, i) => (again || i === 0 ? action : []));
     const before = this.steps.length;
     if (await this.#fly([...this.steps, ...added], before + 1)) this.draft = {};
   }

@@ -1,0 +1,11 @@
+import { expect, test } from "vitest";
+import { readable } from "./readable";
+
+test("what turns text around is shown, line breaks and other writing stay", () => {
+  expect(readable({ name: "a\u202Eb\u2069\u0007", "k\u202A": [1, null], deep: [["\u0085"]] })).toEqual({
+    name: "a⟨U+202E⟩b⟨U+2069⟩⟨U+0007⟩",
+    "k⟨U+202A⟩": [1, null],
+    deep: [["⟨U+0085⟩"]],
+  });
+  expect(readable("שלום\n\tمرحبا")).toBe("שלום\n\tمرحبا");
+});
