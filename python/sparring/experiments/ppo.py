@@ -226,7 +226,8 @@ def train(
                 steps = config.rollout * config.num_envs
                 told |= {"steps_per_s": steps / (now - began), "flying_steps_per_s": steps / (flown - began)}
                 told |= {"return": float(np.mean(returns))} if returns else {}
-                told |= {"level": float(envs.levels.mean())} if curriculum else {}
+                levels = envs.levels[envs.levels >= 0]
+                told |= {"level": float(levels.mean())} if levels.size else {}
                 report(taken, policy, told)
     finally:
         envs.close()

@@ -131,7 +131,8 @@ def _compared(found: Findings, folder: Path) -> str:
         if row["part"] == PART and row["task"] in found.experiment.tasks
     ]
     if not rows:
-        return f"{BASELINE} is not among the arms.\n"
+        absent = BASELINE not in found.arms()
+        return f"{BASELINE} is not among the arms.\n" if absent else "They are compared once all trainings are done.\n"
     return _table(["arm", "task", "skill", "success", "score", "improvement"], rows)
 
 
@@ -180,8 +181,8 @@ def _curves(found: Findings, file: Path) -> None:
                 if (arm, name) == (TARGET, "learner_level"):
                     # Its run has one level, whatever that is in the table of the others.
                     means = [float(found.experiment.target_level)] * len(steps)
-                axis.plot(steps, means, label=arm)
-            axis.set_xlabel("environment steps")
+                axis.plot([at / 1000 for at in steps], means, label=arm)
+            axis.set_xlabel("environment steps, thousands")
             axis.set_ylabel(label)
         axes[0].axhline(found.blind("skill"), color="tab:red", linestyle="--", linewidth=1)
         axes[0].legend(frameon=False)
