@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
 import json
 import os
+import sys
+import weakref
 from collections.abc import Mapping
 from typing import Any, Literal
+
+import numpy as np
 
 from . import _native
 from ._native import CurriculumError as CurriculumError
@@ -14,6 +20,8 @@ from .server import Server
 
 Form = Literal["auto", "groups", "columns"]
 
+#: Seconds in which a program that ends without closing hands in what it flew.
+AT_EXIT_S = 15.0
 #: Environments from which on `form="auto"` takes columns.
 MANY = 256
 
@@ -94,6 +102,18 @@ class Curriculum:
         self._version = 0
         self._closed = False
         self._server: Server | None = None
+        self._pid = os.getpid()
+        # A program that ends without closing has what it flew handed in. By a weak reference: who is forgotten is not kept.
+        self._leave = functools.partial(_call, weakref.WeakMethod(self._at_exit))
+        atexit.register(self._leave)
+
+    def _at_exit(self) -> None:
+        # What a forked process inherits is its parent's to hand in.
+        if self._native is not None and not self._closed and os.getpid() == self._pid:
+            try:
+                self.close(AT_EXIT_S)
+            except CurriculumError as error:
+                print(f"sparring: a curriculum was not closed, and at the end: {error}", file=sys.stderr)
 
     @classmethod
     def local(
@@ -142,9 +162,11 @@ class Curriculum:
 
     @policy_version.setter
     def policy_version(self, version: int) -> None:
-        self._version = int(version)
+        if isinstance(version, bool) or not isinstance(version, (int, np.integer)) or not 0 <= version < 2**32:
+            raise ValueError(f"policy_version: {version!r} is not a whole number from 0 to 4294967295")
         if self._native is not None:
-            self._native.policy_version = self._version
+            self._native.policy_version = int(version)
+        self._version = int(version)
 
     def stats(self) -> dict[str, Any]:
         """What became of what was flown, in episodes: `flown`, `counted`, `accepted`, `waiting`, `late`, … and since when the
@@ -210,6 +232,7 @@ class Curriculum:
         if self._closed:
             return
         self._closed = True
+        atexit.unregister(self._leave)
         try:
             if self._native is not None:
                 self._native.close(timeout_s)
@@ -222,3 +245,9 @@ class Curriculum:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _call(leave: weakref.WeakMethod[Any]) -> None:
+    at_exit = leave()
+    if at_exit is not None:
+        at_exit()

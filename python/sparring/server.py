@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import re
 import shutil
@@ -22,8 +21,9 @@ class Server:
         program = binary or os.environ.get("SPARRING_BIN") or shutil.which("sparring")
         if not program:
             raise CurriculumError("there is no program `sparring`: pip install sparring-server, or name one by SPARRING_BIN")
-        self._folder = tempfile.TemporaryDirectory(prefix="sparring-") if db is None else None
-        file = os.path.join(self._folder.name, "run.sqlite3") if db is None and self._folder else os.fspath(db or "")
+        # Not a TemporaryDirectory: a process that is forked would remove its parent's.
+        folder = tempfile.mkdtemp(prefix="sparring-") if db is None else None
+        file = os.path.join(folder, "run.sqlite3") if folder else os.fspath(db or "")
         line = [program, "serve", "--bind", "127.0.0.1:0", "--db", file, "--while-stdin"]
         self._said: list[str] = []
         pipe, same = subprocess.PIPE, subprocess.STDOUT
@@ -32,10 +32,11 @@ class Server:
             # what was flown is handed in before.
             self._process = subprocess.Popen(line, stdin=pipe, stdout=pipe, stderr=same, text=True, start_new_session=True)
         except OSError as error:
-            self._forget()
+            _forget(folder)
             raise CurriculumError(f"{program} does not start: {error}") from error
-        self._finalizer = weakref.finalize(self, _stop, self._process)
-        atexit.register(self.stop)
+        self._pid = os.getpid()
+        # When nobody has it any more, and when the program ends.
+        self._finalizer = weakref.finalize(self, _stop, self._process, self._pid, folder)
         url = self._find()
         if url is None:
             self.stop()
@@ -46,14 +47,19 @@ class Server:
         found = threading.Event()
         urls: list[str] = []
 
+        # The thread keeps what it needs, and not the server, so that one that is forgotten ends.
+        out, said = self._process.stdout, self._said
+
         def read() -> None:
-            for text in self._process.stdout or ():
-                del self._said[:-50]
-                self._said.append(text)
+            for text in out or ():
+                del said[:-50]
+                said.append(text)
                 at = re.search(r"serves at (http://\S+?)[.,]?(?:\s|$)", text)
                 if at and not urls:
                     urls.append(at[1])
                     found.set()
+            if out is not None:
+                out.close()
             found.set()
 
         self._reader = threading.Thread(target=read, daemon=True, name="sparring-server")
@@ -63,20 +69,22 @@ class Server:
 
     def stop(self) -> None:
         """Stops it, and forgets its folder."""
-        atexit.unregister(self.stop)
+        if os.getpid() != self._pid:
+            return  # it is the parent's of a process that was forked
         self._finalizer()
         self._reader.join(10)
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
-        self._forget()
-
-    def _forget(self) -> None:
-        if self._folder is not None:
-            self._folder.cleanup()
 
 
-def _stop(process: subprocess.Popen[str]) -> None:
+def _forget(folder: str | None) -> None:
+    if folder is not None:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _stop(process: subprocess.Popen[str], pid: int, folder: str | None) -> None:
+    if os.getpid() != pid:
+        return
+    if process.stdin is not None:
+        process.stdin.close()
     if process.poll() is None:
         process.terminate()
         try:
@@ -85,3 +93,4 @@ def _stop(process: subprocess.Popen[str]) -> None:
             process.kill()
             process.wait()
             warnings.warn("the server did not stop by itself and was killed", ResourceWarning, stacklevel=2)
+    _forget(folder)

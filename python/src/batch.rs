@@ -215,8 +215,9 @@ impl NativeBatch {
         let begun = py.detach(|| {
             let state = &mut *hold(&self.state);
             if let Some(desk) = &self.desk {
-                desk.give_up(state.book()?, mask.as_deref());
+                // Where nothing can be assigned nothing has moved: what is being flown goes on.
                 desk.assign(state.book()?, Some(mask.as_deref())).map_err(Wrong::Curriculum)?;
+                desk.give_up(state.book()?, mask.as_deref());
             }
             let begun = self.pool.run(|| {
                 state.batch.reset(mask.as_deref(), slice)?;

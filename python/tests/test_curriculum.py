@@ -1,5 +1,6 @@
 """A curriculum of a real server, through its death and resurrection."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -197,6 +198,73 @@ os.kill(os.getpid(), 9)
             return True
 
     until(gone)
+
+
+def test_a_reset_that_fails_moves_nothing(tmp_path):
+    db = tmp_path / "run.sqlite3"
+    curriculum = local(db=db, form="groups", lease=16, ahead=8, patience_s=0.5)
+    envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
+    envs.reset()
+    fly(envs, 20)
+    port = curriculum.url.rsplit(":", 1)[1]
+    curriculum._server._process.kill()
+    curriculum._server._process.wait()
+    with pytest.raises(sparring.CurriculumError):
+        fly(envs, 2000)
+    for _ in range(3):
+        with pytest.raises(sparring.CurriculumError):
+            envs.reset()
+    line = [BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", str(db)]
+    again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until(lambda: curriculum.stats()["away_s"] is None)
+        until(lambda: curriculum.stats()["ready"] >= 16)
+        fly(envs, 130)
+        envs.close()
+        curriculum.flush()
+        told = curriculum.stats()
+        assert told["counted"] + told["stored"] + told["duplicate"] == told["flown"] > 16
+        curriculum.close()
+    finally:
+        again.terminate()
+        again.wait()
+
+
+@pytest.mark.parametrize("end", ["", "raise KeyboardInterrupt", "import os; os.fork() or os._exit(0)"])
+def test_who_ends_without_closing_has_what_was_flown_handed_in(tmp_path, end):
+    db = tmp_path / "run.sqlite3"
+    program = f"""
+import numpy as np, sparring
+curriculum = sparring.Curriculum.local({os.fspath(db)!r}, binary={BINARY!r}, settings={SETTINGS!r}, form="groups")
+envs = sparring.make_vec(num_envs=64, curriculum=curriculum)
+envs.reset()
+for _ in range(51):
+    envs.step(np.zeros(envs.action_space.shape, np.float32))
+print(curriculum.run, curriculum.stats()["flown"], flush=True)
+{end}
+"""
+    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, timeout=60)
+    run, flown = ended.stdout.split()
+    assert int(flown) >= 64
+    with local(db=db, settings=None, run=run) as curriculum:
+        told = curriculum.ask("GET", f"/v1/runs/{run}/overview")
+    assert told["episodes"] == int(flown), ended.stderr
+
+
+def test_a_server_that_nobody_has_any_more_is_stopped():
+    curriculum = local(form="groups")
+    process = curriculum._server._process
+    del curriculum
+    gc.collect()
+    until(lambda: process.poll() is not None)
+
+
+@pytest.mark.parametrize("version", [-1, 2.7, True, 2**70, "1"])
+def test_a_version_that_is_none(version):
+    with local() as curriculum:
+        with pytest.raises(ValueError, match="policy_version"):
+            curriculum.policy_version = version
+        assert curriculum.policy_version == 0
 
 
 def test_waiting_is_interrupted_by_ctrl_c():
