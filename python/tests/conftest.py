@@ -1,8 +1,15 @@
+import os
+
 import gymnasium
 import numpy as np
 import pytest
 
 import sparring
+
+#: The program whose server tests start.
+BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
+#: `make test-python` and the others build it and name it: there nothing is left out.
+served = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program: build it, or run make test-python")
 
 
 @pytest.fixture(params=sorted(sparring.ENVIRONMENTS))
@@ -34,4 +41,4 @@ def short(task):
     return {"debris": 120.0, "spread": 1.0}
 
 
-__all__ = ["equal", "gymnasium", "short"]
+__all__ = ["BINARY", "equal", "gymnasium", "served", "short"]

@@ -10,12 +10,12 @@ import threading
 import time
 
 import pytest
+from conftest import BINARY, served
 
 import sparring
 from sparring.server import Server
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
-pytestmark = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+pytestmark = served
 WISH = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
 
 

@@ -10,17 +10,23 @@ import time
 
 import numpy as np
 import pytest
+from conftest import BINARY, served
 
 import sparring
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
-pytestmark = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+pytestmark = served
 SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
 
 
 def local(**wish):
     wish = {"settings": SETTINGS, **wish}
     return sparring.Curriculum.local(binary=BINARY, **wish)
+
+
+def serve_again(db, url):
+    """A server where one was that died, on its database."""
+    line = [BINARY, "serve", "--bind", url.removeprefix("http://"), "--db", os.fspath(db)]
+    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def until(what, most=30.0):
@@ -100,7 +106,6 @@ def test_a_server_that_dies_loses_nothing(tmp_path):
     fly(envs, 60)
     until(lambda: curriculum.stats()["ready"] >= 300)
     server = curriculum._server
-    port = curriculum.url.rsplit(":", 1)[1]
     server._process.send_signal(signal.SIGKILL)
     server._process.wait()
     ended = fly(envs, 200)
@@ -108,9 +113,7 @@ def test_a_server_that_dies_loses_nothing(tmp_path):
     away = curriculum.stats()
     assert away["away_s"] is not None
     assert away["waiting"] >= 40
-    from subprocess import DEVNULL, Popen
-
-    again = Popen([BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", str(db)], stdout=DEVNULL, stderr=DEVNULL)
+    again = serve_again(db, curriculum.url)
     try:
         fly(envs, 100)
         envs.close()
@@ -206,7 +209,6 @@ def test_a_reset_that_fails_moves_nothing(tmp_path):
     envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
     envs.reset()
     fly(envs, 20)
-    port = curriculum.url.rsplit(":", 1)[1]
     curriculum._server._process.kill()
     curriculum._server._process.wait()
     with pytest.raises(sparring.CurriculumError):
@@ -214,8 +216,7 @@ def test_a_reset_that_fails_moves_nothing(tmp_path):
     for _ in range(3):
         with pytest.raises(sparring.CurriculumError):
             envs.reset()
-    line = [BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", str(db)]
-    again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    again = serve_again(db, curriculum.url)
     try:
         until(lambda: curriculum.stats()["away_s"] is None)
         until(lambda: curriculum.stats()["ready"] >= 16)

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 
 import pytest
+from conftest import BINARY, served
 
 pytest.importorskip("trl")
 pytest.importorskip("nbclient")
@@ -18,7 +19,6 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 import sparring
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 NOTEBOOK = Path(__file__).parents[3] / "examples" / "grpo_kessler.ipynb"
 
 
@@ -38,7 +38,7 @@ def execute():
     return "".join(output.get("text", "") for cell in book.cells for output in cell.get("outputs", []))
 
 
-@pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+@served
 def test_it_runs_to_its_end(tmp_path, monkeypatch):
     settings = {"tasks": ["kessler/survival"], "group_size": 4, "judge": "deterministic", "design": {"designer": "off"}}
     with sparring.Curriculum.local(binary=BINARY, settings=settings) as curriculum:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import BINARY, served
 
 pytest.importorskip("ray")
 import ray
@@ -29,8 +30,6 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 import sparring
 import sparring.rllib
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
-served = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
 EXAMPLE = Path(__file__).parents[3] / "examples" / "rllib_ppo.py"
 
 

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import BINARY, served
 
 pytest.importorskip("trl")
 import torch
@@ -26,8 +27,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 sys.path.insert(0, os.fspath(EXAMPLES))
 tiny_model = pytest.importorskip("tiny_model")
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
-pytestmark = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+pytestmark = served
 torch.set_num_threads(1)
 SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
 

@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from conftest import BINARY, served
 
 pytest.importorskip("torch")
 pytest.importorskip("rliable")
@@ -19,7 +20,6 @@ from sparring.experiments import findings, plan
 from sparring.experiments.command import main
 from sparring.server import Server
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 TASK = "kessler/survival"
 
 
@@ -67,7 +67,7 @@ def test_nothing_is_trimmed_of_three_and_the_ends_are_of_four():
     assert four.low <= four.mean <= four.high
 
 
-@pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+@served
 def test_it_goes_on_where_it_was_stopped_and_says_what_was_flown(tmp_path):
     out = tmp_path / "mine"
     asked = ("--out", out, "--strategies", "uniform,target", "--seeds", 1, "--budget", 6400, "--looks", 1, "--rollouts", 2)

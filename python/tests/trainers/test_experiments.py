@@ -1,17 +1,14 @@
 """The learner in one file, on the curriculum of a real server."""
 
-import os
-
 import numpy as np
 import pytest
+from conftest import BINARY, served
 
 pytest.importorskip("torch")
 import torch
 
 import sparring
 from sparring.experiments import ppo
-
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 
 
 def test_advantages_are_the_sums_they_stand_for():
@@ -64,7 +61,7 @@ def test_observations_are_written_where_they_are_learned_from():
     again.close()
 
 
-@pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+@served
 def test_it_learns_through_the_curriculum(tmp_path):
     settings = {"tasks": ["kessler/survival"], "design": {"designer": "off"}}
     told = []

@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 import pytest
+from conftest import BINARY, served
 
 pytest.importorskip("stable_baselines3")
 import torch
@@ -14,7 +15,6 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 import sparring
 import sparring.sb3
 
-BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 PPO_SETTINGS = {
     "n_steps": 50,
     "batch_size": 2400,
@@ -81,7 +81,7 @@ def test_docking_and_a_wrapper_of_theirs():
     envs.close()
 
 
-@pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program")
+@served
 def test_it_learns_through_the_curriculum(tmp_path):
     torch.set_num_threads(1)
     settings = {"tasks": ["kessler/survival", "kessler/eco_station"], "design": {"designer": "off"}}
