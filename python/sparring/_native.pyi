@@ -42,9 +42,9 @@ class NativeBatch:
         """
         The scenario an environment flies, and its score so far; none before the first reset.
         """
-    def episodes(self, /) -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64]]":
+    def episodes(self, /) -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.float64]]":
         """
-        Of the last step: whose episode ended, and its return and length, which go on for the others.
+        Of the last step: whose episode ended, and its return, its length and how many seconds it took; zeros for the others.
         """
     def final_observations(self, /) -> "numpy.typing.NDArray[numpy.float32]":
         """

@@ -69,6 +69,12 @@ class _Setup:
     """What both clients are made with."""
 
     def __init__(self, url: str, token: str | None, timeout_s: float, patience_s: float) -> None:
+        try:
+            plain = httpx.URL(url)
+        except (httpx.InvalidURL, TypeError) as error:
+            raise ValueError(f"url: {url!r} is none: {error}") from error
+        if plain.scheme not in ("http", "https") or not plain.host:
+            raise ValueError(f"url: {url!r} is no address like http://127.0.0.1:8700")
         token = token or os.environ.get("SPARRING_TOKEN")
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
@@ -160,6 +166,7 @@ class Client(operations.Operations):
     Raises:
         ApiError: What the server refuses.
         Unreachable: Nobody answers.
+        ValueError: A URL that is none.
     """
 
     def __init__(

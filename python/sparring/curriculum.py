@@ -49,9 +49,13 @@ class Curriculum:
         ahead: Episodes that are kept ready (twice the environments, at least).
         buffer: Episodes that are kept while the server is away.
         patience_s: How long a step waits for something to fly, or for room, before it raises `CurriculumError`.
+        ttl_s: Seconds until what was leased and not heard of is somebody else's: longer than an episode takes.
+
+    A process that is forked has no curriculum: it makes one of its own, with the same `run`.
 
     Raises:
         CurriculumError: No server, no such run, or it refuses.
+        ValueError: What is unknown or out of range, with the field.
     """
 
     def __init__(
@@ -77,6 +81,10 @@ class Curriculum:
             raise ValueError(f"purpose: {purpose!r} is none of train, probe, eval")
         if purpose == "eval" and form == "columns":
             raise ValueError("form: an evaluation is flown as groups")
+        for name, value, most in (("lease", lease, 1024), ("group_size", group_size, 1024), ("ahead", ahead, 2**20),
+                                  ("buffer", buffer, 2**31), ("ttl_s", ttl_s, 24 * 3600)):  # fmt: skip
+            if value is not None:
+                _whole(name, value, most)
         self.url = url
         self.token = token or os.environ.get("SPARRING_TOKEN") or None
         self._link = _native.NativeLink(url, self.token)
@@ -144,8 +152,13 @@ class Curriculum:
         made._server = server
         return made
 
+    def _here(self) -> None:
+        if os.getpid() != self._pid:
+            raise CurriculumError("the curriculum is another process's: one that was forked makes its own, with the same run")
+
     def attach(self, num_envs: int) -> _native.NativeCurriculum:
         """What environments fly by; the first to ask decides which form `auto` is."""
+        self._here()
         if self._closed:
             raise CurriculumError("the curriculum is closed")
         if self._native is None:
@@ -164,6 +177,7 @@ class Curriculum:
     def policy_version(self, version: int) -> None:
         if isinstance(version, bool) or not isinstance(version, (int, np.integer)) or not 0 <= version < 2**32:
             raise ValueError(f"policy_version: {version!r} is not a whole number from 0 to 4294967295")
+        self._here()
         if self._native is not None:
             self._native.policy_version = int(version)
         self._version = int(version)
@@ -171,6 +185,7 @@ class Curriculum:
     def stats(self) -> dict[str, Any]:
         """What became of what was flown, in episodes: `flown`, `counted`, `accepted`, `waiting`, `late`, … and since when the
         server is away (`away_s`)."""
+        self._here()
         return {} if self._native is None else dict(json.loads(self._native.stats()))
 
     def mastery(self) -> list[dict[str, Any]]:
@@ -178,16 +193,16 @@ class Curriculum:
         return list(self.ask("GET", f"/v1/runs/{self.run}/mastery")["tasks"])
 
     def numbers(self) -> dict[str, float]:
-        """What is worth a curve, by its name: of each task `level`, `mastery` with `mastery_q10` and `mastery_q90`, `success`,
-        `score` and `skill` as the scenarios came, `zero_variance_share`, each of `params/…`; and of this trainer
-        `episodes/flown`, `episodes/waiting` …"""
+        """What is worth a curve, by its name: of each task `level` and `mastery` with `mastery_q10` and `mastery_q90` (from when
+        placement has found its level), `success`, `score` and `skill` as the scenarios came, `zero_variance_share`, each of
+        `params/…`; and of this trainer `episodes/flown`, `episodes/waiting` …"""
         told: dict[str, float] = {}
         for row in self.mastery():
             task = row["task"]
-            # Strategies without levels have no mastery at one, nor has anybody during placement.
-            mastery, plain = row["mastery"] or {}, row["plain"]
+            # Strategies without levels have none, nor has anybody during placement: what is probed is no level yet.
+            mastery, plain = (row["mastery"] or {}) if row["placed"] else {}, row["plain"]
             named = {
-                "level": mastery.get("level") if row["level"] is None else row["level"],
+                "level": row["level"],
                 "mastery": mastery.get("mean"),
                 "mastery_q10": mastery.get("q10"),
                 "mastery_q90": mastery.get("q90"),
@@ -220,16 +235,18 @@ class Curriculum:
         Raises:
             CurriculumError: It has not after this time, or refuses some of it.
         """
+        self._here()
         if self._native is not None:
             self._native.flush(timeout_s)
 
     def close(self, timeout_s: float = 60.0) -> None:
-        """Hands in what was flown, gives back what was not, and stops a server of its own.
+        """Hands in what was flown, gives back what was not, and stops a server of its own. In a process that was forked it does
+        nothing: all of that is the parent's.
 
         Raises:
             CurriculumError: What was flown could not be handed in, or was refused.
         """
-        if self._closed:
+        if self._closed or os.getpid() != self._pid:
             return
         self._closed = True
         atexit.unregister(self._leave)
@@ -245,6 +262,11 @@ class Curriculum:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _whole(name: str, value: Any, most: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
+        raise ValueError(f"{name}: {value!r} is not a whole number from 1 to {most}")
 
 
 def _call(leave: weakref.WeakMethod[Any]) -> None:

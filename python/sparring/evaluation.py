@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .curriculum import Curriculum, CurriculumError
+from .tasks import task as sparring_task
 from .vector import VectorEnvironment, make_vec
 
 
@@ -53,8 +54,8 @@ def evaluate(
     Args:
         curriculum: Whose run it is of; its `policy_version` is what is evaluated.
         act: Actions of all environments from their observations.
-        suite: A suite that the server knows (kessler-heldout-v2).
-        policy: What the policy is called.
+        suite: A suite that the server knows (the newest that has a task of the run; `GET /v1/suites` lists them).
+        policy: What the policy is called; not `blind_panel`, which is what it is compared with.
         rollouts: Episodes of each scenario (1; 8 of a policy that `chance` is in).
         chance: Whether the policy draws its actions.
         training, training_seed: What trainings of one kind are called together, and which of them this is.
@@ -64,7 +65,13 @@ def evaluate(
 
     Raises:
         CurriculumError: No such suite, or the server fails.
+        ValueError: A suite of another world than the run's, or what is unknown or out of range, with the field.
     """
+    if policy in BLIND:
+        raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
+    if "autoreset_mode" in environment:
+        raise ValueError("autoreset_mode: an evaluation flies each scenario once, and resets by itself")
+    suite = _suite(curriculum, suite)
     wish = {"suite": suite, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
     begun = curriculum.ask(
         "POST",
@@ -86,6 +93,21 @@ def evaluate(
         finally:
             envs.close()
     return _told(curriculum, begun["id"])
+
+
+def _suite(curriculum: Curriculum, wanted: str | None) -> str | None:
+    mine = {task.split("/")[0] for task in curriculum.tasks}
+    for known in curriculum.ask("GET", "/v1/suites")["suites"]:
+        worlds = {task.split("/")[0] for task in known["tasks"]}
+        if wanted not in (None, known["name"]) or (wanted is None and not worlds & mine):
+            continue
+        over = f"{known['name']} is of {', '.join(known['tasks'])}, and the run of {', '.join(curriculum.tasks)}"
+        if not worlds & mine:
+            raise ValueError(f"suite: {over}")
+        if len({sparring_task(task).agents for task in known["tasks"]}) > 1:
+            raise ValueError(f"suite: {over}: their agents differ, and one policy cannot fly all of it")
+        return str(known["name"])
+    return wanted  # one that there is not is the server's to refuse
 
 
 def _fly(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -206,7 +206,7 @@ class Bracket:
     #: What the planner earned, with hindsight: a lower bound on the best.
     reference: Flown
     #: The actions that earn it: steps × agents × values.
-    witness: npt.NDArray[np.float64]
+    witness: npt.NDArray[np.float64] = field(repr=False)
     #: The reference succeeds.
     solvable: bool
     #: It does, and acting blindly mostly does not: acting well matters here.
@@ -225,13 +225,19 @@ class Bracket:
         return max(-1.0, min(1.0, (score - self.floor) / gap)) if gap >= 0.05 else None
 
 
+def _of(scenario: Scenario) -> _native.NativeScenario:
+    if not isinstance(scenario, Scenario):
+        raise ValueError(f"scenario: {type(scenario).__name__} is no sparring.Scenario")
+    return scenario._native
+
+
 def bracket(scenario: Scenario) -> Bracket:
     """Floor and reference of a scenario, and whether acting well matters on it. Takes a millisecond to some.
 
     Raises:
         ValueError: A scenario that has no fair start.
     """
-    text, witness = _native.bracket(scenario._native)
+    text, witness = _native.bracket(_of(scenario))
     told = json.loads(text)
     return Bracket(
         panel=tuple(Flown(**flown) for flown in told.pop("panel")),
@@ -252,7 +258,7 @@ def replay(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = Non
     Raises:
         ValueError: Too many or too few steps, or what is not finite.
     """
-    return Flown(**json.loads(_native.replay(scenario._native, actions, stopped)))
+    return Flown(**json.loads(_native.replay(_of(scenario), actions, stopped)))
 
 
 def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = None) -> dict[str, Any]:
@@ -262,11 +268,11 @@ def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = N
     Raises:
         ValueError: As `replay`.
     """
-    found: dict[str, Any] = json.loads(_native.critique(scenario._native, actions, stopped))
+    found: dict[str, Any] = json.loads(_native.critique(_of(scenario), actions, stopped))
     return found
 
 
 def fly(scenario: Scenario, policy: str = "heuristic", seed: int = 0) -> tuple[Flown, npt.NDArray[np.float64]]:
     """Flies a scenario by a built-in policy (`sparring.task(…).policies`): how it went, and what was done."""
-    text, actions = _native.fly(scenario._native, policy, plain_seed(seed))
+    text, actions = _native.fly(_of(scenario), policy, plain_seed(seed))
     return Flown(**json.loads(text)), actions

@@ -50,11 +50,13 @@ class Settings:
 
     def __post_init__(self) -> None:
         if self.curriculum is not None:
+            if not isinstance(self.curriculum, Curriculum):
+                raise ValueError(f"curriculum: {self.curriculum!r} is no sparring.Curriculum")
             for name in ("params", "physics", "layout", "level"):
                 if getattr(self, name) is not None:
                     raise ValueError(f"{name}: the curriculum says what is flown")
             self._set(task=_task_of(self.curriculum, self.task))
-        self._set(told=find(self.task or "kessler/survival"))
+        self._set(told=find("kessler/survival" if self.task is None else self.task))
         if self.curriculum is not None and self.told.default_observation == "tracks":
             # How many bodies there are is the curriculum's to say, and changes.
             self._set(bodies=ROOM if self.observation == "telemetry" and self.bodies is None else self.bodies)
@@ -187,6 +189,17 @@ class View:
             "mask": flat[..., known:],
             "satellites": flat[..., :own].reshape(*lead, self.agents, SATELLITE_VALUES),
         }
+
+    def rows(self, flat: npt.NDArray[np.float32]) -> list[Any]:
+        """The same of each environment by itself."""
+        seen = self.of(flat)
+        if self.mode != "telemetry":
+            return list(seen)
+        if not self.kessler:
+            return [{"deputies": row} for row in seen["deputies"]]
+        # All at once: views of views are what takes time where some tens of episodes end in a step.
+        parts = zip(seen["debris"], seen["mask"], seen["satellites"], strict=True)
+        return [{"debris": debris, "mask": mask, "satellites": satellites} for debris, mask, satellites in parts]
 
 
 def action_space(settings: Settings, view: View) -> spaces.Box | spaces.MultiDiscrete:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -72,7 +71,6 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         self.render_mode = render_mode
         self._screen = Screen(render_mode, render_size, self.metadata)
         self._statistics = episode_statistics
-        self._begun: npt.NDArray[np.float64] = np.full(num_envs, time.perf_counter())
 
     def reset(
         self,
@@ -100,8 +98,6 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         seeds = self._seeds(seed)
         self._choose(options, seeds, mask)
         seen = self._native.reset(seeds, mask, out)
-        now = time.perf_counter()
-        self._begun = np.where(mask, now, self._begun) if mask is not None else np.full(self.num_envs, now)
         return self._view.of(seen), {}
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
@@ -142,7 +138,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         Returns:
             Observations, team rewards, terminations, truncations, infos. Infos are empty but in steps that end episodes:
             `episode` has returns `r`, lengths `l` and times `t` of those in the mask `_episode`; in same-step mode `final_obs`
-            has their last observations, and `final_info` is empty.
+            has their last observations, and `final_info` is empty. Scores and alerts are not among them: ask `score(env)` of
+            those that fly, and the curriculum or `sparring.replay` of those that ended.
 
         Raises:
             ValueError: Actions or arrays that are none, with the field. Nothing has moved then.
@@ -154,18 +151,14 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def _infos(self) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        done, returns, lengths = self._native.episodes()
+        done, returns, lengths, seconds = self._native.episodes()
         if self._statistics:
-            now, over = time.perf_counter(), np.flatnonzero(done)
-            of = {"r": np.zeros(self.num_envs), "l": np.zeros(self.num_envs, int), "t": np.zeros(self.num_envs)}
-            of["r"][over], of["l"][over] = returns[over], lengths[over]
-            of["t"][over] = np.round(now - self._begun[over], 6)
-            self._begun[over] = now
-            infos["episode"], infos["_episode"] = of, done
+            infos["episode"], infos["_episode"] = {"r": returns, "l": lengths, "t": seconds}, done
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
-            rows = self._native.final_observations()
-            last = np.full(self.num_envs, None, dtype=object)
-            last[done] = np.fromiter((self._view.of(row, single=True) for row in rows), dtype=object, count=len(rows))
+            rows = self._view.rows(self._native.final_observations())
+            last = np.empty(self.num_envs, dtype=object)
+            for env, row in zip(np.flatnonzero(done).tolist(), rows, strict=True):
+                last[env] = row
             infos["final_obs"], infos["_final_obs"] = last, done.copy()
             infos["final_info"], infos["_final_info"] = {}, done.copy()
         return infos
@@ -224,7 +217,9 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def close_extras(self, **_: Any) -> None:
         """Gives back to the curriculum what is being flown; the curriculum itself is its owner's to close."""
-        self._native.leave()
+        native = getattr(self, "_native", None)  # some versions of Gymnasium close what could not be made, too
+        if native is not None:
+            native.leave()
 
     @property
     def threads(self) -> int:

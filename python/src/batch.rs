@@ -19,7 +19,7 @@ use crate::errors::{self, invalid};
 use crate::feed::{Fed, Rows};
 use crate::pool::Pool;
 use crate::scenario::NativeScenario;
-use crate::state::{Slices, State};
+use crate::state::{Ended, Slices, State};
 
 /// What a step gives: observations, rewards, terminations, truncations, and whether any episode ended.
 type Stepped<'py> = (
@@ -29,8 +29,13 @@ type Stepped<'py> = (
     Bound<'py, PyArrayDyn<bool>>,
     bool,
 );
-/// Of each environment: whether its episode ended, its return, its length.
-type Episodes<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
+/// Of each environment: whether its episode ended, its return, its length, and the seconds it took.
+type Episodes<'py> = (
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+);
 /// Of each environment: its level, whether to learn from it, whether it rests.
 type Lessons<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 /// Of each agent: its reward, whether it has left, whether the horizon cut it off.
@@ -66,6 +71,8 @@ pub(crate) struct NativeBatch {
     recipe: Arc<Recipe>,
     rows: Arc<Rows>,
     pool: Pool,
+    /// The process it was made in.
+    process: u32,
     shape: Shape,
     action_shape: Vec<usize>,
     choices: Option<Vec<Vec<f32>>>,
@@ -153,6 +160,7 @@ impl NativeBatch {
             recipe,
             rows,
             pool,
+            process: std::process::id(),
             shape,
             action_shape: [lead, &action_shape].concat(),
             choices: choices.map(|choices| choices.rows),
@@ -195,6 +203,7 @@ impl NativeBatch {
         mask: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        self.here()?;
         let envs = self.shape.envs;
         let mask = mask.map(|mask| read_mask("reset_mask", mask, envs)).transpose()?;
         let seeds = seeds.unwrap_or_default();
@@ -242,6 +251,7 @@ impl NativeBatch {
         actions: &Bound<'py, PyAny>,
         out: Option<Given<'py>>,
     ) -> PyResult<Stepped<'py>> {
+        self.here()?;
         let mut taken = std::mem::take(&mut lock(py, &self.state).actions);
         self.read_actions(actions, &mut taken)?;
         let (observations, rewards, terminations, truncations) = self.arrays(py, out)?;
@@ -276,14 +286,16 @@ impl NativeBatch {
         Ok((observations, rewards, terminations, truncations, ended))
     }
 
-    /// Of the last step: whose episode ended, and its return and length, which go on for the others.
-    #[pyo3(signature = () -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64]]")]
+    /// Of the last step: whose episode ended, and its return, its length and how many seconds it took; zeros for the others.
+    #[pyo3(signature = () -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.float64]]")]
     fn episodes<'py>(&self, py: Python<'py>) -> Episodes<'py> {
         let state = lock(py, &self.state);
+        let Ended { returns, lengths, seconds } = state.of_ended();
         (
             PyArray1::from_slice(py, &state.ended),
-            PyArray1::from_slice(py, &state.returns),
-            PyArray1::from_slice(py, &state.lengths),
+            PyArray1::from_vec(py, returns),
+            PyArray1::from_vec(py, lengths),
+            PyArray1::from_vec(py, seconds),
         )
     }
 
@@ -317,13 +329,10 @@ impl NativeBatch {
     fn final_observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let state = lock(py, &self.state);
         let width = self.shape.observation;
-        let ended = state.ended.iter().enumerate().filter(|(_, ended)| **ended).map(|(env, _)| env);
-        let rows: Vec<f32> = ended
-            .flat_map(|env| {
-                state.buffers.final_observations.get(env * width..(env + 1) * width).unwrap_or(&[])
-            })
-            .copied()
-            .collect();
+        let last = state.buffers.final_observations.chunks_exact(width.max(1));
+        let ended = state.ended.iter().zip(last).filter(|(ended, _)| **ended);
+        let mut rows = Vec::new();
+        ended.for_each(|(_, last)| rows.extend_from_slice(last));
         let shape = lock(py, &self.shelves).observations.shape().to_vec();
         let count = rows.len() / width.max(1);
         PyArray1::from_vec(py, rows).reshape(IxDyn(&[&[count], shape.get(1..).unwrap_or(&[])].concat()))
@@ -359,7 +368,7 @@ impl NativeBatch {
     /// Gives back to the curriculum what is being flown.
     fn leave(&self, py: Python<'_>) {
         py.detach(|| {
-            if let Some(desk) = &self.desk
+            if let Some(desk) = self.desk.as_ref().filter(|_| self.is_here())
                 && let Some(mut book) = hold(&self.state).book.take()
             {
                 desk.leave(&mut book, self.shape.envs);

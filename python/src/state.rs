@@ -1,5 +1,7 @@
 //! What moves: the environments, the buffers they write, and what is counted of their episodes.
 
+use std::time::Instant;
+
 use env_core::batch::book::Book;
 use env_core::batch::{Autoreset, Batch, BatchError, Buffers, Output, Shape};
 
@@ -18,9 +20,17 @@ pub(crate) struct State {
     /// Of each environment's episode so far.
     pub(crate) returns: Vec<f64>,
     pub(crate) lengths: Vec<i64>,
+    begun: Vec<Instant>,
     /// Its episode ended in the last step.
     pub(crate) ended: Vec<bool>,
     pub(crate) pictures: Vec<Option<Picture>>,
+}
+
+/// Of each environment, zeros where no episode ended.
+pub(crate) struct Ended {
+    pub(crate) returns: Vec<f64>,
+    pub(crate) lengths: Vec<i64>,
+    pub(crate) seconds: Vec<f64>,
 }
 
 /// What a step writes for the caller.
@@ -42,6 +52,7 @@ impl State {
             taken: vec![0.0; envs * agents * action],
             returns: vec![0.0; envs],
             lengths: vec![0; envs],
+            begun: vec![Instant::now(); envs],
             ended: vec![false; envs],
             pictures: Vec::new(),
             batch,
@@ -54,11 +65,31 @@ impl State {
         self.book.as_mut().ok_or_else(|| Wrong::Curriculum("these environments are closed".to_owned().into()))
     }
 
+    /// Of the episodes that ended in the last step.
+    pub(crate) fn of_ended(&self) -> Ended {
+        let mut told = Ended {
+            returns: vec![0.0; self.ended.len()],
+            lengths: vec![0; self.ended.len()],
+            seconds: vec![0.0; self.ended.len()],
+        };
+        let now = Instant::now();
+        for (env, _) in self.ended.iter().enumerate().filter(|(_, ended)| **ended) {
+            told.returns[env] = self.returns[env];
+            told.lengths[env] = self.lengths[env];
+            // As Gymnasium has it: microseconds are enough.
+            let micros = now.duration_since(self.begun[env]).as_micros();
+            told.seconds[env] = micros as f64 / 1e6;
+        }
+        told
+    }
+
     /// Episodes begin, of all or of those in the mask.
     pub(crate) fn begin(&mut self, mask: Option<&[bool]>, shape: Shape) {
+        let now = Instant::now();
         for env in 0..shape.envs {
             if mask.is_none_or(|mask| mask[env]) {
                 (self.returns[env], self.lengths[env], self.ended[env]) = (0.0, 0, false);
+                self.begun[env] = now;
                 let agents = env * shape.agents..(env + 1) * shape.agents;
                 self.batch.absent(env, &mut self.buffers.terminated[agents.clone()]);
                 self.buffers.truncated[agents.clone()].fill(false);
@@ -92,10 +123,12 @@ impl State {
         };
         self.batch.step(actions, output)?;
         let mut any = false;
+        let mut now = None;
         for env in 0..shape.envs {
             let (reward, done) = (f64::from(buffers.team_rewards[env]), buffers.done[env]);
             if self.ended[env] {
                 // The last step ended its episode: what is counted now is another's.
+                self.begun[env] = *now.get_or_insert_with(Instant::now);
                 (self.returns[env], self.lengths[env]) =
                     (0.0, if autoreset == Autoreset::NextStep { -1 } else { 0 });
                 if let Some(Some(picture)) = self.pictures.get_mut(env) {

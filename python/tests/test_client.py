@@ -131,3 +131,9 @@ def test_every_operation_of_v1_has_a_method():
     methods = [name for group in groups for name in dir(type(group)) if not name.startswith("_")]
     assert len(methods) == count > 50
     client.close()
+
+
+@pytest.mark.parametrize("url", ["127.0.0.1:8700", "ftp://127.0.0.1", "http://", "http://[::1", None])
+def test_a_url_that_is_none(url):
+    with pytest.raises(ValueError, match=r"^url: "):
+        sparring.Client(url)

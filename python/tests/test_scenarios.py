@@ -86,3 +86,10 @@ def test_what_is_unknown_is_refused_with_what_there_is():
         with pytest.raises(ValueError, match=words):
             call()
     assert sparring.replay(scenario, np.zeros((3, 3, 2)), stopped="too_late").steps == 50
+
+
+def test_what_is_no_scenario():
+    for what in (sparring.bracket, lambda one: sparring.critique(one, []), lambda one: sparring.replay(one, []), sparring.fly):
+        with pytest.raises(ValueError, match=r"^scenario: "):
+            what("kessler/survival")
+    assert len(repr(sparring.bracket(sparring.Scenario("survival", seed=1)))) < 4000

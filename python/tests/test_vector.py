@@ -1,5 +1,8 @@
 """The vector environment against Gymnasium's own SyncVectorEnv of the single ones, bit by bit."""
 
+import gc
+import os
+
 import gymnasium
 import numpy as np
 import pytest
@@ -142,3 +145,26 @@ def test_scenarios_one_each():
     assert [envs.scenario(0), envs.scenario(1)] == scenarios
     with pytest.raises(ValueError, match="scenario"):
         envs.reset(options={"scenario": scenarios[:1]})
+
+
+def test_a_forked_process_is_told_that_it_has_no_threads():
+    envs = sparring.make_vec("kessler/survival", 128, threads=2)
+    envs.reset(seed=1)
+    child = os.fork()
+    if child == 0:
+        try:
+            envs.step(np.zeros(envs.action_space.shape, np.float32))
+        except RuntimeError as error:
+            os._exit(7 if "another process" in str(error) else 8)
+        os._exit(9)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+    envs.step(np.zeros(envs.action_space.shape, np.float32))
+    envs.close()
+
+
+def test_what_cannot_be_made_leaves_nothing_to_close(recwarn):
+    for wrong in ({"num_envs": 0}, {"task": ""}, {"curriculum": "http://127.0.0.1:8700"}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            sparring.make_vec(**{"num_envs": 2, **wrong})
+    gc.collect()
+    assert not [one for one in recwarn if "_native" in str(one.message)]

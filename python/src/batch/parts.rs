@@ -6,6 +6,7 @@ use env_core::Seed;
 use env_core::batch::BatchError;
 use env_core::seed::FREE_MASK;
 use numpy::PyArrayDyn;
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 
@@ -44,6 +45,9 @@ pub(super) fn lock<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a,
 impl Drop for NativeBatch {
     fn drop(&mut self) {
         // What nobody closed is closed now. Whoever waits for the stock needs no interpreter.
+        if !self.is_here() {
+            return; // it is the parent's of a process that was forked
+        }
         let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
         if let (Some(desk), Some(mut book)) = (&self.desk, state.book.take()) {
             desk.leave(&mut book, self.shape.envs);
@@ -59,6 +63,21 @@ pub(super) fn read_seed(seed: &Bound<'_, PyAny>) -> PyResult<Seed> {
 }
 
 impl NativeBatch {
+    /// Whether this is the process it was made in.
+    pub(super) fn is_here(&self) -> bool {
+        std::process::id() == self.process
+    }
+
+    /// Threads are not forked with a process: whoever waited for them would wait for ever.
+    pub(super) fn here(&self) -> PyResult<()> {
+        if self.is_here() || (self.pool.alone() && self.desk.is_none()) {
+            return Ok(());
+        }
+        Err(PyRuntimeError::new_err(
+            "these environments are another process's, and a fork has none of their threads: make them in the process that steps them",
+        ))
+    }
+
     pub(super) fn known(&self, env: usize) -> PyResult<()> {
         let envs = self.shape.envs;
         if env < envs { Ok(()) } else { Err(invalid("env", format!("{env} of {envs}"))) }

@@ -26,7 +26,7 @@ use self::stock::{Shared, Stock};
 use crate::errors::invalid;
 
 create_exception!(
-    _native,
+    sparring,
     CurriculumError,
     PyRuntimeError,
     "The curriculum gives no more episodes, or does not take what was flown: why is in the words."
