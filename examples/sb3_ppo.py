@@ -53,7 +53,8 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> list:
     """Trains, and says what it learned on the way."""
     torch.set_num_threads(1)
     envs = sparring.sb3.vec_env(args.envs, curriculum=curriculum)
-    model = PPO("MlpPolicy", envs, **SETTINGS, policy_kwargs=POLICY, seed=args.seed, device="cpu", tensorboard_log=args.tensorboard)
+    how = {**SETTINGS, **sparring.sb3.flown_only(envs), "policy_kwargs": POLICY, "seed": args.seed, "device": "cpu"}
+    model = PPO("MlpPolicy", envs, **how, tensorboard_log=args.tensorboard)
     looks = Looks(curriculum, max(1, args.steps // args.looks))
     # The rows of an environment are its satellites: three steps of the model's are one of the world's.
     model.learn(args.steps, callback=CallbackList([looks, sparring.sb3.CurriculumCallback(curriculum)]))

@@ -1,8 +1,9 @@
-"""Stable-Baselines3: `vec_env` is a `VecEnv`, `CurriculumCallback` brings the curriculum's numbers to TensorBoard.
+"""Stable-Baselines3: `vec_env` is a `VecEnv`, `flown_only` has PPO learn from what is flown alone, `CurriculumCallback`
+brings the curriculum's numbers to TensorBoard.
 
 curriculum = sparring.Curriculum.local(settings={"tasks": ["kessler/survival"]})
 envs = sparring.sb3.vec_env(128, curriculum=curriculum)
-model = PPO("MlpPolicy", envs, tensorboard_log="runs")
+model = PPO("MlpPolicy", envs, tensorboard_log="runs", **sparring.sb3.flown_only(envs))
 model.learn(1_000_000, callback=sparring.sb3.CurriculumCallback(curriculum))
 """
 
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 try:
+    from stable_baselines3.common.buffers import RolloutBuffer
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
@@ -48,7 +50,8 @@ class AgentsVecEnv(VecEnv):
     """A row for each agent of each environment.
 
     A row whose agent has left its episode is done, and is done again in every step until the others have: it earns nothing
-    there. `episode` is in the infos of the first row of an environment, with the team's return and length.
+    there, and `flown_only` keeps these rows from PPO. `episode` is in the infos of the first row of an environment, with the
+    team's return and length; `VecMonitor`, which adds up each row by itself, has nothing to add.
     """
 
     def __init__(self, envs: VectorEnvironment) -> None:
@@ -62,7 +65,10 @@ class AgentsVecEnv(VecEnv):
         self.render_mode = envs.render_mode
         super().__init__(envs.num_envs * self.agents, row, envs.agent_action_space)
         self._begun = time.time()
-        self._left = np.zeros(self.num_envs, np.bool_)
+        #: Of each row, in the last step: whether it is to be learned from. Not where the agent had left, nor where the
+        #: curriculum only wants to know how it goes.
+        self.counts = np.zeros(self.num_envs, np.bool_)
+        self._flies = self.counts
 
     def _rows(self, seen: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         return seen.reshape(self.num_envs, -1)
@@ -73,8 +79,14 @@ class AgentsVecEnv(VecEnv):
         seen, _ = self.envs.reset(seed=None if seeds[0] is None else seeds)
         self._reset_seeds()
         self._reset_options()
-        self._left = self.envs.agents()[1].reshape(-1).copy()
+        self._flies = self._flying()
         return self._rows(seen)
+
+    def _flying(self) -> npt.NDArray[np.bool_]:
+        here = ~self.envs.absent()
+        if self.envs.curriculum is not None:
+            here &= self.envs.train[:, None]
+        return here.reshape(-1)
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
         """Says what all do."""
@@ -89,6 +101,7 @@ class AgentsVecEnv(VecEnv):
         dones = terminated | truncated
         if "_episode" in told:
             self._end(told, dones, truncated & ~terminated, infos)
+        self.counts, self._flies = self._flies, self._flying()
         return self._rows(seen), rewards, dones, infos
 
     def _end(
@@ -130,6 +143,38 @@ class AgentsVecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """They are not."""
         return [False for _ in self._get_indices(indices)]
+
+
+class FlownBuffer(RolloutBuffer):
+    """A rollout of which only the rows are given out that `AgentsVecEnv.counts` says."""
+
+    def __init__(self, *args: Any, envs: AgentsVecEnv, **settings: Any) -> None:
+        self._envs = envs
+        super().__init__(*args, **settings)
+
+    def reset(self) -> None:
+        """Begins a rollout."""
+        self.flown = np.zeros((self.buffer_size, self.n_envs), np.bool_)
+        super().reset()
+
+    def add(self, *args: Any, **row: Any) -> None:
+        """A step of all rows."""
+        self.flown[self.pos] = self._envs.counts
+        super().add(*args, **row)
+
+    def _get_samples(self, batch_inds: npt.NDArray[np.int64], env: Any = None) -> Any:
+        flown = batch_inds[self.flown.swapaxes(0, 1).reshape(-1)[batch_inds]]
+        # Of a minibatch in which nobody flew there is nothing to learn, but it has to have a mean.
+        return super()._get_samples(flown if flown.size else batch_inds, env)
+
+
+def flown_only(envs: VecEnv) -> dict[str, Any]:
+    """Settings of PPO and A2C by which they learn from rows of agents that fly, and of no others.
+
+    Args:
+        envs: Of `vec_env`, or a wrapper around it.
+    """
+    return {"rollout_buffer_class": FlownBuffer, "rollout_buffer_kwargs": {"envs": envs.unwrapped}}
 
 
 def act(model: Any, deterministic: bool = True) -> Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]:

@@ -28,6 +28,22 @@ PPO_SETTINGS = {
 }
 
 
+def test_only_what_is_flown_is_learned_from():
+    envs = sparring.sb3.vec_env(8, "kessler/survival", level=9)
+    model = PPO("MlpPolicy", envs, n_steps=50, batch_size=64, n_epochs=1, device="cpu", **sparring.sb3.flown_only(envs))
+    model.learn(1)
+    buffer, envs = model.rollout_buffer, envs.envs
+    flown = buffer.flown
+    assert 0.3 < flown.mean() < 1.0, "some left, but not all at once"
+    # Who has left earns nothing until the others have, and whoever flies again flew in the step that began it.
+    assert (buffer.rewards[~flown] == 0).all()
+    given = sum(len(batch.observations) for batch in buffer.get(64))
+    assert given == flown.sum()
+    left = np.flatnonzero(buffer.swap_and_flatten(flown[..., None]).reshape(-1) == 0)
+    absent = {row.tobytes() for row in buffer.observations[left]}
+    assert not any(row.numpy().tobytes() in absent for batch in buffer.get(64) for row in batch.observations)
+
+
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])
 def test_rows_are_those_of_the_environments(actions):
     envs = sparring.sb3.vec_env(3, "kessler/survival", level=9, actions=actions)
@@ -75,7 +91,7 @@ def test_wrong_settings_are_named():
 
 def test_docking_and_a_wrapper_of_theirs():
     envs = VecMonitor(sparring.sb3.vec_env(2, "docking/multiagent", params={"time_limit_s": 60.0}))
-    model = PPO("MlpPolicy", envs, n_steps=64, device="cpu")
+    model = PPO("MlpPolicy", envs, n_steps=64, device="cpu", **sparring.sb3.flown_only(envs))
     model.learn(1000)
     assert model.num_timesteps >= 1000
     envs.close()
@@ -87,7 +103,7 @@ def test_it_learns_through_the_curriculum(tmp_path):
     settings = {"tasks": ["kessler/survival", "kessler/eco_station"], "design": {"designer": "off"}}
     with sparring.Curriculum.local(binary=BINARY, settings=settings, form="groups") as curriculum:
         envs = sparring.sb3.vec_env(64, curriculum=curriculum)
-        model = PPO("MlpPolicy", envs, tensorboard_log=os.fspath(tmp_path), **PPO_SETTINGS)
+        model = PPO("MlpPolicy", envs, tensorboard_log=os.fspath(tmp_path), **PPO_SETTINGS, **sparring.sb3.flown_only(envs))
         start = sparring.evaluate(curriculum, sparring.sb3.act(model), policy="start", chance=False)
         model.learn(250_000, callback=sparring.sb3.CurriculumCallback(curriculum))
         envs.close()
