@@ -59,15 +59,40 @@ class Config:
     log_std: float = -1.5
     seed: int = 1
 
+    def __post_init__(self) -> None:
+        for name in ("steps", "num_envs", "rollout", "threads", "epochs", "minibatches", "hidden"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: at least one")
+        for name in ("learning_rate", "clip", "max_grad_norm"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name}: more than nothing")
+        for name in ("gamma", "gae_lambda"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name}: from 0 to 1")
+
 
 class Policy(nn.Module):
     """An actor and a critic beside each other, for one agent's row."""
 
     def __init__(self, cells: int, values: int, config: Config) -> None:
         super().__init__()
+        self.sizes, self.config = (cells, values), config
         self.actor = _layers(cells, config.hidden, values, 0.01)
         self.critic = _layers(cells, config.hidden, 1, 1.0)
         self.log_std = nn.Parameter(torch.full((values,), config.log_std))
+
+    def save(self, file: str) -> None:
+        """Keeps its weights, and what it is made of."""
+        torch.save({"config": asdict(self.config), "sizes": self.sizes, "weights": self.state_dict()}, file)
+
+    @staticmethod
+    def load(file: str) -> Policy:
+        """One that was kept."""
+        kept = torch.load(file)
+        cells, values = kept["sizes"]
+        policy = Policy(cells, values, Config(**kept["config"]))
+        policy.load_state_dict(kept["weights"])
+        return policy
 
     def spread(self, rows: torch.Tensor) -> torch.distributions.Normal:
         """The distribution of each value of an action."""
@@ -261,6 +286,7 @@ def _options() -> argparse.ArgumentParser:
     where.add_argument("--url", help="a server whose curriculum is flown (`sparring serve`)")
     where.add_argument("--local", action="store_true", help="start one for as long as this runs (pip install sparring-server)")
     parser.add_argument("--run", help="a run of that server; one is created otherwise")
+    parser.add_argument("--save", help="where the policy is kept: a file of torch's, to be read by `Policy.load`")
     parser.add_argument("--csv", help="where numbers of each rollout are written")
     parser.add_argument("--tensorboard", help="a folder for TensorBoard, with the curriculum's numbers")
     return parser
@@ -275,8 +301,15 @@ def _curriculum(args: argparse.Namespace) -> sparring.Curriculum | None:
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
-    args = _options().parse_args(arguments)
-    config = Config(**{name: getattr(args, name) for name in asdict(Config())})
+    parser = _options()
+    args = parser.parse_args(arguments)
+    if args.run and not (args.url or args.local):
+        parser.error("--run is of a server: say which by --url")
+    try:
+        config = Config(**{name: getattr(args, name) for name in asdict(Config())})
+        sparring.task(config.task or "kessler/survival")
+    except ValueError as error:
+        parser.error(str(error))
     print(f"{speed(config):,.0f} env-steps/s of the environments alone, on {config.threads} thread(s)")
     curriculum = _curriculum(args)
     board: Any = None
@@ -288,7 +321,7 @@ def main(arguments: list[str] | None = None) -> None:
 
     def report(taken: int, _: Policy, told: dict[str, float]) -> None:
         lines.append({"steps": taken, **told})
-        if len(lines) % 10 == 1:
+        if len(lines) % 10 == 1 or taken >= config.steps:
             told |= curriculum.numbers() if curriculum and board else {}
             if board:
                 for name, value in told.items():
@@ -301,6 +334,8 @@ def main(arguments: list[str] | None = None) -> None:
 
     try:
         policy = train(config, curriculum, report)
+        if args.save:
+            policy.save(args.save)
         if curriculum:
             curriculum.flush()
             told = sparring.evaluate(curriculum, policy.act, policy="ppo", chance=False)

@@ -74,3 +74,24 @@ def test_it_learns_through_the_curriculum(tmp_path):
     assert versions >= 20
     # 0.2 to 0.4 in trainings by hand; an agent that does nothing has 0.0, and one that acts at random less.
     assert skill > 0.1
+
+
+@pytest.mark.parametrize(
+    ("line", "field"),
+    [("--steps -5", "steps"), ("--minibatches 0", "minibatches"), ("--run run-x", "--run"), ("--task moon", "task")],
+)
+def test_what_cannot_be_trained_is_said_in_a_sentence(line, field, capsys):
+    with pytest.raises(SystemExit) as ended:
+        ppo.main(line.split())
+    assert ended.value.code == 2
+    assert field in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_policy_that_is_kept_acts_as_it_did(tmp_path, capsys):
+    file = tmp_path / "policy.pt"
+    ppo.main(["--steps", "600", "--num-envs", "4", "--save", str(file), "--level", "3"])
+    assert "600 steps" in capsys.readouterr().out, "the last rollout is told of"
+    policy = ppo.Policy.load(str(file))
+    seen = np.random.default_rng(1).normal(size=(2, 3, policy.sizes[0])).astype(np.float32)
+    assert policy.act(seen).shape == (2, 3, 2)
+    assert (policy.act(seen) == ppo.Policy.load(str(file)).act(seen)).all()
