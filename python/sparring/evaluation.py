@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .curriculum import Curriculum, CurriculumError
-from .tasks import task as sparring_task
+from .tasks import task as find
 from .vector import VectorEnvironment, make_vec
 
 
@@ -61,7 +61,8 @@ def evaluate(
         training, training_seed: What trainings of one kind are called together, and which of them this is.
         num_envs: Environments that fly it.
         progress: Is told how many episodes are flown, and of how many.
-        environment: What `sparring.make_vec` takes: how it is observed, and what actions are.
+        environment: What `sparring.make_vec` takes: how it is observed, and what actions are; `task`, to fly that one alone. Of
+            docking, whose tasks have different agents, only what the run is over is flown.
 
     Raises:
         CurriculumError: No such suite, or the server fails.
@@ -71,8 +72,8 @@ def evaluate(
         raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
     if "autoreset_mode" in environment:
         raise ValueError("autoreset_mode: an evaluation flies each scenario once, and resets by itself")
-    suite = _suite(curriculum, suite)
-    wish = {"suite": suite, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
+    known = _suite(curriculum, suite, environment.get("task"))
+    wish = {**known, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
     begun = curriculum.ask(
         "POST",
         "/v1/evaluations",
@@ -95,19 +96,20 @@ def evaluate(
     return _told(curriculum, begun["id"])
 
 
-def _suite(curriculum: Curriculum, wanted: str | None) -> str | None:
+def _suite(curriculum: Curriculum, wanted: str | None, flown: str | None) -> dict[str, Any]:
+    """The suite, and its tasks where not all of them can be flown by one policy."""
     mine = {task.split("/")[0] for task in curriculum.tasks}
     for known in curriculum.ask("GET", "/v1/suites")["suites"]:
         worlds = {task.split("/")[0] for task in known["tasks"]}
         if wanted not in (None, known["name"]) or (wanted is None and not worlds & mine):
             continue
-        over = f"{known['name']} is of {', '.join(known['tasks'])}, and the run of {', '.join(curriculum.tasks)}"
         if not worlds & mine:
+            over = f"{known['name']} is of {', '.join(known['tasks'])}, and the run of {', '.join(curriculum.tasks)}"
             raise ValueError(f"suite: {over}")
-        if len({sparring_task(task).agents for task in known["tasks"]}) > 1:
-            raise ValueError(f"suite: {over}: their agents differ, and one policy cannot fly all of it")
-        return str(known["name"])
-    return wanted  # one that there is not is the server's to refuse
+        if flown is None and len({find(task).agents for task in known["tasks"]}) == 1:
+            return {"suite": known["name"]}
+        return {"suite": known["name"], "tasks": list(curriculum.tasks) if flown is None else [find(flown).id]}
+    return {} if wanted is None else {"suite": wanted}  # one that there is not is the server's to refuse
 
 
 def _fly(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:

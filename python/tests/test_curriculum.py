@@ -310,12 +310,13 @@ def test_an_evaluation_is_of_the_world_of_the_run():
 
         with pytest.raises(ValueError, match="suite: kessler-heldout-v2 is of kessler/"):
             sparring.evaluate(curriculum, hold, suite="kessler-heldout-v2")
-        with pytest.raises(ValueError, match=r"suite: docking-heldout-v1 is of .* their agents differ"):
-            sparring.evaluate(curriculum, hold)
         with pytest.raises(ValueError, match="policy: blind_panel"):
             sparring.evaluate(curriculum, hold, policy="blind_panel")
         with pytest.raises(ValueError, match="autoreset_mode"):
             sparring.evaluate(curriculum, hold, autoreset_mode="disabled")
+        found = sparring.evaluate(curriculum, hold, policy="hold", chance=False)
+        assert {row["task"] for row in found.rows} <= {"all", "docking/single"}
+        assert found.of("docking/single", "score", "all") is not None
 
 
 @pytest.mark.parametrize("version", [-1, 2.7, True, 2**70, "1"])

@@ -108,7 +108,7 @@ impl Report {
     /// Of what policies did on a suite.
     #[must_use]
     pub fn new(suite: &Suite, suite_hash: String, terms: &Terms, flown: &[Flown]) -> Self {
-        let blocks = blocks(suite);
+        let blocks = blocks(suite, flown);
         let rows = blocks.par_iter().flat_map_iter(|block| {
             flown.iter().map(|flown| block.row(flown, terms.seed)).collect::<Vec<_>>()
         });
@@ -144,19 +144,28 @@ struct Block {
     picked: Vec<bool>,
 }
 
-/// All tasks together where they are of one world, then each; each part of them.
-fn blocks(suite: &Suite) -> Vec<Block> {
-    let tasks = suite.tasks();
+/// All tasks together where they are of one world, then each; each part of them, as far as all policies flew it.
+fn blocks(suite: &Suite, flown: &[Flown]) -> Vec<Block> {
+    let by_all = |place: usize| {
+        flown.iter().all(|flown| flown.episodes.get(place).is_some_and(|episodes| !episodes.is_empty()))
+    };
+    let entries: Vec<(bool, &Entry)> =
+        suite.entries().enumerate().map(|(place, entry)| (by_all(place), entry)).collect();
+    let any = |task: &str| entries.iter().any(|(flown, entry)| *flown && entry.scenario.task().id() == task);
+    let mut tasks = suite.tasks();
+    tasks.retain(|task| any(task.id()));
     // Scores, agents and fuel of different worlds are no one quantity: no mean is made of them.
     let worlds: BTreeSet<&str> = tasks.iter().map(|task| task.world()).collect();
     let all = (worlds.len() == 1).then_some(ALL);
     let mut blocks = Vec::new();
     for task in all.into_iter().chain(tasks.iter().map(|task| task.id())) {
         for (part, of) in PARTS {
-            let belongs = |entry: &Entry| {
-                (task == ALL || entry.scenario.task().id() == task) && of.is_none_or(|of| entry.part == of)
+            let belongs = |(flown, entry): &(bool, &Entry)| {
+                *flown
+                    && (task == ALL || entry.scenario.task().id() == task)
+                    && of.is_none_or(|of| entry.part == of)
             };
-            let picked: Vec<bool> = suite.entries().map(belongs).collect();
+            let picked: Vec<bool> = entries.iter().map(belongs).collect();
             if picked.contains(&true) {
                 blocks.push(Block { task: task.to_owned(), part, picked });
             }

@@ -16,6 +16,8 @@ pub struct EvaluationRow {
     pub suite: String,
     /// Its hash.
     pub suite_hash: String,
+    /// The tasks of it that are flown, as JSON; none: all.
+    pub tasks: Option<String>,
     /// The policy: a built-in one where there is no run.
     pub policy: String,
     /// Whose trainer flies it; none: the server does.
@@ -48,18 +50,23 @@ pub struct EvaluationRow {
     pub completed_at: Option<Millis>,
 }
 
-/// Begins an evaluation, with its scenarios unflown: its number.
+/// Begins an evaluation, with its scenarios, at these places of the suite, unflown: its number.
 ///
 /// # Errors
 /// The database's.
-pub async fn insert(conn: &mut SqliteConnection, row: &EvaluationRow) -> Result<i64, StoreError> {
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    row: &EvaluationRow,
+    entries: &[i64],
+) -> Result<i64, StoreError> {
     let id = query!(
-        "INSERT INTO evaluations (name, suite, suite_hash, policy, run, version, training, training_seed, rollouts,
+        "INSERT INTO evaluations (name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts,
                                   chance, seed, state, scenarios, created_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         row.name,
         row.suite,
         row.suite_hash,
+        row.tasks,
         row.policy,
         row.run,
         row.version,
@@ -75,7 +82,6 @@ pub async fn insert(conn: &mut SqliteConnection, row: &EvaluationRow) -> Result<
     .execute(&mut *conn)
     .await?
     .last_insert_rowid();
-    let entries: Vec<i64> = (0..row.scenarios).collect();
     for rows in entries.chunks(ROWS) {
         let mut statement = QueryBuilder::new("INSERT INTO evaluation_scenarios (evaluation, entry) ");
         statement.push_values(rows, |mut values, entry| {
@@ -93,7 +99,7 @@ pub async fn insert(conn: &mut SqliteConnection, row: &EvaluationRow) -> Result<
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<EvaluationRow>, StoreError> {
     Ok(sqlx::query_as!(
         EvaluationRow,
-        "SELECT id, name, suite, suite_hash, policy, run, version, training, training_seed, rollouts, chance, seed, state,
+        "SELECT id, name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts, chance, seed, state,
                 trouble, scenarios, flown, reflown, created_at, completed_at
          FROM evaluations WHERE id = ?",
         id
@@ -113,7 +119,7 @@ pub async fn below(
 ) -> Result<Vec<EvaluationRow>, StoreError> {
     Ok(sqlx::query_as!(
         EvaluationRow,
-        "SELECT id, name, suite, suite_hash, policy, run, version, training, training_seed, rollouts, chance, seed, state,
+        "SELECT id, name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts, chance, seed, state,
                 trouble, scenarios, flown, reflown, created_at, completed_at
          FROM evaluations WHERE id < ? ORDER BY id DESC LIMIT ?",
         before,
@@ -286,15 +292,13 @@ pub async fn page(
     Ok(rows.into_iter().map(|row| (row.entry, row.episodes)).collect())
 }
 
-/// The episodes of each scenario, as JSON, in order; none where it is not flown.
+/// The places of the suite that are flown, in order, each with the episodes there as JSON; none where they are not flown yet.
 ///
 /// # Errors
 /// The database's.
-pub async fn episodes(conn: &mut SqliteConnection, id: i64) -> Result<Vec<Option<String>>, StoreError> {
-    Ok(sqlx::query_scalar!(
-        "SELECT episodes FROM evaluation_scenarios WHERE evaluation = ? ORDER BY entry",
-        id
-    )
-    .fetch_all(conn)
-    .await?)
+pub async fn episodes(
+    conn: &mut SqliteConnection,
+    id: i64,
+) -> Result<Vec<(i64, Option<String>)>, StoreError> {
+    page(conn, id, -1, i64::MAX).await
 }

@@ -354,13 +354,15 @@ class Evaluation(TypedDict):
     run: NotRequired[str | None]
     """The run whose trainer flies it; none: the server does."""
     scenarios: int
-    """Scenarios of the suite."""
+    """Scenarios that are to be flown."""
     state: str
     """`open` (its trainer leases scenarios), `flying` (the server does), `complete` or `failed`."""
     suite: str
     """The suite."""
     suite_hash: str
     """Its hash: evaluations of the same compare."""
+    tasks: NotRequired[list[str] | None]
+    """The tasks of it that are flown; none: all."""
     training: NotRequired[str | None]
     """What trainings of one kind are called together."""
     training_seed: NotRequired[int | None]
@@ -439,6 +441,8 @@ class EvaluationWish(TypedDict):
     """What a built-in policy with chance in it draws from (0)."""
     suite: NotRequired[str | None]
     """A suite that comes with the program (kessler-heldout-v2)."""
+    tasks: NotRequired[list[str] | None]
+    """Only its scenarios of these tasks (all), for a policy that flies no others. Needs `run`: the server flies whole suites."""
     training: NotRequired[str | None]
     """What trainings of one kind that differ by their seed are called together."""
     training_seed: NotRequired[int | None]

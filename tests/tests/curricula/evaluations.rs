@@ -76,6 +76,48 @@ async fn the_server_flies_built_in_policies_and_compares_them() {
     assert_eq!(rest["evaluations"][0]["id"], json!(hold));
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_policy_of_one_task_flies_that_part_of_a_suite() {
+    const SUITE: &str = "docking-heldout-v1";
+    let server = Server::start().await;
+    let api = server.api();
+    let wish =
+        json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let wish = json!({"suite": SUITE, "policy": "mine", "run": "run", "rollouts": 1, "chance": false, "tasks": ["docking/single"]});
+    let mine = begin(&api, wish).await;
+    let wish = json!({"groups": 500, "purpose": "eval", "evaluation": mine});
+    let all = lease(&api, "run", wish).await;
+    let episodes = all.episodes();
+    assert_eq!(episodes.len(), 192, "half of the suite");
+    assert!(episodes.iter().all(|(_, scenario)| scenario.task().id() == "docking/single"));
+    for results in episodes.chunks(100) {
+        let results = results.iter().map(|(id, scenario)| result(id, scenario, "heuristic")).collect();
+        let _ = api.report("run", results).await;
+    }
+    let found = complete(&api, &mine).await;
+    assert_eq!((&found["scenarios"], &found["tasks"]), (&json!(192), &json!(["docking/single"])));
+    let rows = found["rows"].as_array().unwrap();
+    assert!(rows.iter().all(|row| row["task"] != "docking/multiagent"), "{rows:?}");
+    // What is said of it is what is said of that part of a whole evaluation.
+    let theirs = begin(&api, json!({"suite": SUITE, "policy": "heuristic"})).await;
+    let whole = complete(&api, &theirs).await;
+    assert_eq!(whole["tasks"], Value::Null);
+    for policy in ["mine", "blind_panel"] {
+        let other = if policy == "mine" { "heuristic" } else { policy };
+        let (a, b) =
+            (row(&found, "docking/single", "all", policy), row(&whole, "docking/single", "all", other));
+        assert_eq!((&a["score"], &a["success"]), (&b["score"], &b["success"]), "{policy}");
+    }
+    let compared = api.get(&format!("/v1/evaluations/compare?a={mine}&b={theirs}")).await.expect(200);
+    let rows = compared["rows"].as_array().unwrap();
+    assert!(rows.iter().all(|row| row["task"] != "docking/multiagent" && row["score"]["mean"] == 0.0));
+    let scenarios =
+        api.get(&format!("/v1/evaluations/{mine}/scenarios?limit=500")).await.expect(200)["scenarios"]
+            .clone();
+    assert_eq!(scenarios.as_array().unwrap().len(), 192);
+}
+
 async fn refuses_what_counts_twice(api: &Api, mine: &str, theirs: &str, hold: &str) {
     for (a, b) in [
         (format!("{mine},{mine}"), hold),
@@ -165,6 +207,9 @@ async fn what_cannot_be_evaluated_is_refused() {
         (json!({"policy": "hold", "version": 3}), "version"),
         (json!({"policy": "mine", "run": "NO"}), "run"),
         (json!({"policy": ""}), "policy"),
+        (json!({"policy": "hold", "tasks": [SURVIVAL]}), "tasks"),
+        (json!({"policy": "mine", "run": "run", "tasks": []}), "tasks"),
+        (json!({"policy": "mine", "run": "run", "tasks": ["docking/single"]}), "tasks"),
     ] {
         let problem = api.post("/v1/evaluations", wish.clone()).await.expect(422);
         assert!(

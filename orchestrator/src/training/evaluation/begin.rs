@@ -3,11 +3,11 @@
 use serde::Deserialize;
 use utoipa::ToSchema;
 
-use crate::evaluation::suite::Suite;
 use crate::evaluation::suite::file::{self, BuiltIn};
+use crate::evaluation::suite::{Entry, Suite};
 use crate::ids::RunId;
 use crate::store::evaluations::{self, EvaluationRow};
-use crate::store::{runs, signed};
+use crate::store::{runs, signed, to_json};
 use crate::training::settings::{MAX_GROUP_SIZE, within};
 use crate::training::{Change, TrainingError, Work};
 
@@ -23,6 +23,9 @@ pub struct EvaluationWish {
     /// A suite that comes with the program (kessler-heldout-v2).
     #[schema(example = "kessler-heldout-v2")]
     pub suite: Option<String>,
+    /// Only its scenarios of these tasks (all), for a policy that flies no others. Needs `run`: the server flies whole suites.
+    #[schema(example = json!(["docking/single"]))]
+    pub tasks: Option<Vec<String>>,
     /// Without `run`, a built-in policy that every task of the suite has: the server flies it. With `run`, whatever you call yours.
     #[schema(example = "heuristic")]
     pub policy: String,
@@ -49,6 +52,8 @@ pub struct EvaluationWish {
 pub struct BeginEvaluation {
     row: EvaluationRow,
     run: Option<RunId>,
+    /// Places of the suite.
+    entries: Vec<i64>,
 }
 
 impl BeginEvaluation {
@@ -91,11 +96,16 @@ impl BeginEvaluation {
         if run.is_none() && wish.chance.is_some() {
             return Err(TrainingError::invalid("chance", "of a built-in policy it is known; leave it out"));
         }
+        if run.is_none() && wish.tasks.is_some() {
+            return Err(TrainingError::invalid("tasks", "the server flies whole suites; leave it out"));
+        }
+        let entries = entries(suite, wish.tasks.as_deref())?;
         let row = EvaluationRow {
             id: 0,
             name: wish.name.unwrap_or_else(|| wish.policy.clone()),
             suite: suite.name.clone(),
             suite_hash: hash.clone(),
+            tasks: wish.tasks.as_ref().map(to_json).transpose()?,
             policy: wish.policy,
             run: run.as_ref().map(RunId::to_string),
             version: wish.version.map(i64::from),
@@ -106,14 +116,27 @@ impl BeginEvaluation {
             seed: signed(u64::from(wish.seed.unwrap_or(0))),
             state: if run.is_some() { "open" } else { "flying" }.to_owned(),
             trouble: None,
-            scenarios: suite.entries().count() as i64,
+            scenarios: entries.len() as i64,
             flown: 0,
             reflown: 0,
             created_at: 0,
             completed_at: None,
         };
-        Ok(Self { row, run })
+        Ok(Self { row, run, entries })
     }
+}
+
+/// The places of a suite's scenarios of these tasks.
+fn entries(suite: &Suite, tasks: Option<&[String]>) -> Result<Vec<i64>, TrainingError> {
+    let known: Vec<&str> = suite.tasks().iter().map(|task| task.id()).collect();
+    let stranger = tasks.into_iter().flatten().find(|task| !known.contains(&task.as_str()));
+    if stranger.is_some() || tasks.is_some_and(<[String]>::is_empty) {
+        let why = format!("name one or more of {}, which {} is of", known.join(", "), suite.name);
+        return Err(TrainingError::invalid("tasks", why));
+    }
+    let wanted =
+        |entry: &Entry| tasks.is_none_or(|tasks| tasks.iter().any(|task| task == entry.scenario.task().id()));
+    Ok((0..).zip(suite.entries()).filter(|(_, entry)| wanted(entry)).map(|(place, _)| place).collect())
 }
 
 /// Whether a built-in policy has chance in it.
@@ -139,7 +162,7 @@ impl Change for BeginEvaluation {
     type Answer = EvaluationRow;
 
     async fn apply(self, work: &mut Work) -> Result<EvaluationRow, TrainingError> {
-        let Self { mut row, run } = self;
+        let Self { mut row, run, entries } = self;
         row.created_at = work.now;
         let conn = &mut work.conn;
         if evaluations::unfinished(conn).await? >= MOST_UNFINISHED {
@@ -151,7 +174,7 @@ impl Change for BeginEvaluation {
             let known = known.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
             row.version = row.version.or(Some(known.policy_version));
         }
-        row.id = evaluations::insert(conn, &row).await?;
+        row.id = evaluations::insert(conn, &row, &entries).await?;
         Ok(row)
     }
 }

@@ -41,6 +41,9 @@ pub enum ReadError {
     /// They are of different suites.
     #[error("eval-{0} and eval-{1} are of different suites: nothing of them compares")]
     OtherSuite(i64, i64),
+    /// They flew other tasks of it.
+    #[error("eval-{0} and eval-{1} flew no task of their suite in common: nothing of them compares")]
+    NothingInCommon(i64, i64),
     /// One is named twice.
     #[error("eval-{0} is named twice: it is one training")]
     Twice(i64),
@@ -78,9 +81,15 @@ pub async fn read(conn: &mut SqliteConnection, id: i64) -> Result<Found, ReadErr
     if row.state != "complete" {
         return Err(ReadError::Unfinished { id, flown: row.flown, scenarios: row.scenarios });
     }
-    let mut episodes = Vec::new();
-    for text in evaluations::episodes(conn, id).await? {
-        episodes.push(from_json("an evaluation", &text.unwrap_or_else(|| "[]".to_owned()))?);
+    // Of scenarios that were not to be flown there are no episodes.
+    let mut episodes = vec![Vec::new(); suite_of(&row)?.suite.entries().count()];
+    for (place, text) in evaluations::episodes(conn, id).await? {
+        let known = usize::try_from(place).ok().and_then(|place| episodes.get_mut(place));
+        let known =
+            known.ok_or_else(|| StoreError::unreadable("an evaluation", "a scenario beyond its suite"))?;
+        if let Some(text) = text {
+            *known = from_json("an evaluation", &text)?;
+        }
     }
     let flown = Flown { policy: row.name.clone(), chance: row.chance != 0, episodes };
     Ok(Found { row, flown })
@@ -133,8 +142,19 @@ pub fn compare(one: &[Found], other: &[Found]) -> Result<Sides, ReadError> {
     }
     let BuiltIn { suite, hash } = suite_of(first)?;
     let terms = Terms { seed: 0, rollouts: small(first.rollouts), against: Some("b".to_owned()) };
-    let flown = [together("a", one), together("b", other)];
-    let of = |side: &[Found]| across(&side.iter().map(|found| &found.flown).collect::<Vec<_>>(), 0);
+    // Where one flew fewer tasks than another, what both flew is compared.
+    let flown_by_all = |place: usize| {
+        one.iter().chain(other).all(|found| found.flown.episodes.get(place).is_some_and(|e| !e.is_empty()))
+    };
+    let common: Vec<bool> = (0..one[0].flown.episodes.len()).map(flown_by_all).collect();
+    if !common.contains(&true) {
+        return Err(ReadError::NothingInCommon(first.id, other[0].row.id));
+    }
+    let flown = [together("a", one, &common), together("b", other, &common)];
+    let of = |side: &[Found]| {
+        let flown: Vec<Flown> = side.iter().map(|found| found.flown.on(&common)).collect();
+        across(&flown.iter().collect::<Vec<_>>(), 0)
+    };
     Ok(Sides { report: Report::new(suite, hash.clone(), &terms, &flown), one: of(one), other: of(other) })
 }
 
@@ -158,14 +178,15 @@ fn of_one_kind(side: &[Found]) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The episodes of several trainings on each scenario.
-fn together(name: &str, side: &[Found]) -> Flown {
-    let scenarios = side.first().map_or(0, |found| found.flown.episodes.len());
-    let of =
-        |at: usize| side.iter().filter_map(|found| found.flown.episodes.get(at)).flatten().copied().collect();
+/// The episodes of several trainings on each of these scenarios, none on the others.
+fn together(name: &str, side: &[Found], common: &[bool]) -> Flown {
+    let of = |(at, common): (usize, &bool)| match common {
+        true => side.iter().filter_map(|found| found.flown.episodes.get(at)).flatten().copied().collect(),
+        false => Vec::new(),
+    };
     Flown {
         policy: name.to_owned(),
         chance: side.len() > 1 || side.iter().any(|found| found.flown.chance),
-        episodes: (0..scenarios).map(of).collect(),
+        episodes: common.iter().enumerate().map(of).collect(),
     }
 }

@@ -18,6 +18,8 @@ pub(in crate::http::v1) struct Evaluation {
     suite: String,
     /// Its hash: evaluations of the same compare.
     suite_hash: String,
+    /// The tasks of it that are flown; none: all.
+    tasks: Option<Vec<String>>,
     /// The policy.
     policy: String,
     /// The run whose trainer flies it; none: the server does.
@@ -36,7 +38,7 @@ pub(in crate::http::v1) struct Evaluation {
     state: String,
     /// Why it failed.
     trouble: Option<String>,
-    /// Scenarios of the suite.
+    /// Scenarios that are to be flown.
     scenarios: i64,
     /// Of these, flown.
     flown: i64,
@@ -56,6 +58,7 @@ impl From<EvaluationRow> for Evaluation {
             name: row.name,
             suite: row.suite,
             suite_hash: row.suite_hash,
+            tasks: row.tasks.and_then(|tasks| serde_json::from_str(&tasks).ok()),
             policy: row.policy,
             run: row.run,
             version: row.version,
