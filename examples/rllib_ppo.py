@@ -7,7 +7,7 @@
     sparring serve & python examples/rllib_ppo.py --url http://127.0.0.1:8700 --run my-run
 
 In kessler one agent acts for all three satellites and is paid what the team earns; its module flies each from its own row
-(`sparring.rllib.module`). With --agents, and in docking, each satellite or deputy is an agent that is paid for itself.
+(`sparring.rllib.module`). With --agents, and in docking, each satellite or deputy is an agent; deputies are paid for themselves.
 --tensorboard writes the curriculum's numbers beside the return; Tune, which this does without, writes all there are by itself.
 
 Several hosts share one server: here `head` has it, and Ray's head. All need sparring, and two tokens: the server's, since an

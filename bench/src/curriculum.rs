@@ -2,12 +2,12 @@
 
 use std::time::Instant;
 
+use curriculum::simulation::drive::outcome;
+use curriculum::simulation::synthetic::Synthetic;
+use curriculum::simulation::{Learner, LearnerKind};
+use curriculum::{Curriculum, CurriculumEvent, Settings, StrategyKind, TaskPlan, difficulty};
 use env_core::Draws;
 use env_core::draws::Purpose;
-use orchestrator::curriculum::{Curriculum, CurriculumEvent, Settings, StrategyKind, TaskPlan, difficulty};
-use orchestrator::simulation::drive::outcome;
-use orchestrator::simulation::synthetic::Synthetic;
-use orchestrator::simulation::{Learner, LearnerKind};
 
 use crate::Row;
 

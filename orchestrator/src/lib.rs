@@ -2,7 +2,6 @@
 pub mod cli;
 pub mod clock;
 pub mod counts;
-pub mod curriculum;
 pub mod evaluation;
 pub mod frames;
 pub mod http;
@@ -12,7 +11,6 @@ pub mod policy;
 mod reading;
 pub mod service;
 pub mod sessions;
-pub mod simulation;
 pub mod store;
 pub mod threads;
 pub mod tokens;

@@ -118,7 +118,8 @@ class NativeCurriculum:
         """
     def close(self, /, timeout_s: SupportsFloat | SupportsIndex) -> None:
         """
-        Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error.
+        Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error. Who is
+        interrupted may close once more.
         """
     def flush(self, /, timeout_s: SupportsFloat | SupportsIndex) -> None:
         """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import random
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -18,6 +17,7 @@ except ImportError as error:
     raise ImportError("sparring.Client needs httpx and httpx-sse: pip install 'sparring[client]'") from error
 
 from .api import operations
+from .curriculum import plain_token
 from .scenario import to_json
 
 #: Seconds before asking again the first time, where the server does not say; twice as long each time after.
@@ -75,7 +75,7 @@ class _Setup:
             raise ValueError(f"url: {url!r} is none: {error}") from error
         if plain.scheme not in ("http", "https") or not plain.host:
             raise ValueError(f"url: {url!r} is no address like http://127.0.0.1:8700")
-        token = token or os.environ.get("SPARRING_TOKEN")
+        token = plain_token(token)
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
         self.patience_s = patience_s
@@ -166,7 +166,7 @@ class Client(operations.Operations):
     Raises:
         ApiError: What the server refuses.
         Unreachable: Nobody answers.
-        ValueError: A URL that is none.
+        ValueError: A URL or a token that is none.
     """
 
     def __init__(

@@ -10,6 +10,7 @@ import sys
 import weakref
 from collections.abc import Mapping
 from typing import Any, Literal
+from urllib.parse import quote
 
 import numpy as np
 
@@ -41,8 +42,9 @@ class Curriculum:
         settings: Of a run that is created: `tasks`, `strategy`, `group_size` … as `POST /v1/runs` takes them.
         form: How episodes are reported. `groups`: every action log is replayed, contested scenarios and designed layouts are
             among them: for a few thousand episodes a second. `columns`: scores are claimed and some logs audited: for more.
-            `auto`: columns from 256 environments on.
-        lease: Groups of a lease (64; 1 024 of columns).
+            `auto`: columns from 256 environments on, where the run's strategy goes with them.
+        lease: Groups of a lease (64; of columns as many as there are environments, 64 to 1 024). Of a lease of columns only the
+            groups that are audited move the mastery, and nothing does where more than a tenth was not flown: not too many.
         group_size: Episodes of one scenario (the run's).
         purpose: `train`, `probe` (evidence without exploring) or `eval` (evaluation seeds, which move nothing).
         evaluation: With `purpose="eval"`: the evaluation whose scenarios are flown; environments rest when none is left.
@@ -85,17 +87,21 @@ class Curriculum:
                                   ("buffer", buffer, 2**31), ("ttl_s", ttl_s, 24 * 3600)):  # fmt: skip
             if value is not None:
                 _whole(name, value, most)
+        if not 0.0 <= patience_s < 1e9:
+            raise ValueError(f"patience_s: {patience_s!r} is no number of seconds")
         self.url = url
-        self.token = token or os.environ.get("SPARRING_TOKEN") or None
+        self.token = plain_token(token)
+        self._pid = os.getpid()
         self._link = _native.NativeLink(url, self.token)
         if run is None:
             run = str(self.ask("POST", "/v1/runs", dict(settings or {}))["id"])
         elif settings is not None:
             raise ValueError("settings: they are of a run that is created; this one exists")
         self.run = run
-        told = self.ask("GET", f"/v1/runs/{run}")
+        self._name = quote(run, safe="")
+        told = self.ask("GET", f"/v1/runs/{self._name}")["settings"]["curriculum"]
         #: The tasks of the run.
-        self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["settings"]["curriculum"]["tasks"])
+        self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["tasks"])
         self._wish: dict[str, Any] = {
             "group_size": group_size,
             "purpose": purpose,
@@ -110,7 +116,6 @@ class Curriculum:
         self._version = 0
         self._closed = False
         self._server: Server | None = None
-        self._pid = os.getpid()
         # A program that ends without closing has what it flew handed in. By a weak reference: who is forgotten is not kept.
         self._leave = functools.partial(_call, weakref.WeakMethod(self._at_exit))
         atexit.register(self._leave)
@@ -162,11 +167,16 @@ class Curriculum:
         if self._closed:
             raise CurriculumError("the curriculum is closed")
         if self._native is None:
-            columns = self._form == "columns" or (self._form == "auto" and num_envs >= MANY)
-            groups = self._lease or (1024 if columns else 64)
+            columns = self._form == "columns" or (self._form == "auto" and num_envs >= MANY and self._goes_with_columns())
+            groups = self._lease or (min(max(num_envs, 64), 1024) if columns else 64)
             self._native = _native.NativeCurriculum(self.url, self.run, self.token, columns=columns, groups=groups, **self._wish)
             self._native.policy_version = self._version
         return self._native
+
+    def _goes_with_columns(self) -> bool:
+        mine = self.ask("GET", f"/v1/runs/{self._name}")["settings"]["curriculum"]["strategy"]
+        known = self.ask("GET", "/v1/strategies")["strategies"]
+        return any(one["columns"] for one in known if one["name"] == mine)
 
     @property
     def policy_version(self) -> int:
@@ -184,13 +194,13 @@ class Curriculum:
 
     def stats(self) -> dict[str, Any]:
         """What became of what was flown, in episodes: `flown`, `counted`, `accepted`, `waiting`, `late`, … and since when the
-        server is away (`away_s`)."""
+        server is away (`away_s`); docs/python.md has all of it."""
         self._here()
         return {} if self._native is None else dict(json.loads(self._native.stats()))
 
     def mastery(self) -> list[dict[str, Any]]:
         """Per task: level, mastery with its interval, plain success, skill, params in force."""
-        return list(self.ask("GET", f"/v1/runs/{self.run}/mastery")["tasks"])
+        return list(self.ask("GET", f"/v1/runs/{self._name}/mastery")["tasks"])
 
     def numbers(self) -> dict[str, float]:
         """What is worth a curve, by its name: of each task `level` and `mastery` with `mastery_q10` and `mastery_q90` (from when
@@ -221,6 +231,7 @@ class Curriculum:
         Raises:
             CurriculumError: It refuses, or nobody answers.
         """
+        self._here()
         return json.loads(self._link.ask(method, path, None if body is None else to_json(body)))
 
     def beside(self, **wish: Any) -> Curriculum:
@@ -248,20 +259,39 @@ class Curriculum:
         """
         if self._closed or os.getpid() != self._pid:
             return
-        self._closed = True
-        atexit.unregister(self._leave)
         try:
             if self._native is not None:
                 self._native.close(timeout_s)
-        finally:
-            if self._server is not None:
-                self._server.stop()
+        except KeyboardInterrupt:
+            raise  # what waits is handed in when the program ends, or by closing once more
+        except BaseException:
+            self._end()
+            raise
+        self._end()
+
+    def _end(self) -> None:
+        self._closed = True
+        atexit.unregister(self._leave)
+        if self._server is not None:
+            self._server.stop()
 
     def __enter__(self) -> Curriculum:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def plain_token(token: str | None) -> str | None:
+    """A token that can be sent: the one that is given, or `SPARRING_TOKEN`.
+
+    Raises:
+        ValueError: One that is none; it is not repeated.
+    """
+    token = (token or os.environ.get("SPARRING_TOKEN") or "").strip()
+    if not all("!" <= letter <= "~" for letter in token):
+        raise ValueError("token: it has other characters than a token has")
+    return token or None
 
 
 def _whole(name: str, value: Any, most: int) -> None:

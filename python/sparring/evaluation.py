@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from .curriculum import Curriculum, CurriculumError
-from .tasks import task as find
 from .vector import VectorEnvironment, make_vec
 
 
@@ -40,6 +39,7 @@ def evaluate(
     act: Callable[[Any], Any],
     *,
     suite: str | None = None,
+    tasks: Sequence[str] | None = None,
     policy: str = "policy",
     rollouts: int | None = None,
     chance: bool | None = None,
@@ -55,14 +55,14 @@ def evaluate(
         curriculum: Whose run it is of; its `policy_version` is what is evaluated.
         act: Actions of all environments from their observations.
         suite: A suite that the server knows (the newest that has a task of the run; `GET /v1/suites` lists them).
+        tasks: Its tasks that are flown (those of the run); all that one policy flies have agents alike, as all of kessler's have.
         policy: What the policy is called; not `blind_panel`, which is what it is compared with.
         rollouts: Episodes of each scenario (1; 8 of a policy that `chance` is in).
         chance: Whether the policy draws its actions.
         training, training_seed: What trainings of one kind are called together, and which of them this is.
         num_envs: Environments that fly it.
         progress: Is told how many episodes are flown, and of how many.
-        environment: What `sparring.make_vec` takes: how it is observed, and what actions are; `task`, to fly that one alone. Of
-            docking, whose tasks have different agents, only what the run is over is flown.
+        environment: What `sparring.make_vec` takes: how it is observed, and what actions are.
 
     Raises:
         CurriculumError: No such suite, or the server fails.
@@ -72,7 +72,7 @@ def evaluate(
         raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
     if "autoreset_mode" in environment:
         raise ValueError("autoreset_mode: an evaluation flies each scenario once, and resets by itself")
-    known = _suite(curriculum, suite, environment.get("task"))
+    known = _suite(curriculum, suite, tasks)
     wish = {**known, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
     begun = curriculum.ask(
         "POST",
@@ -96,8 +96,8 @@ def evaluate(
     return _told(curriculum, begun["id"])
 
 
-def _suite(curriculum: Curriculum, wanted: str | None, flown: str | None) -> dict[str, Any]:
-    """The suite, and its tasks where not all of them can be flown by one policy."""
+def _suite(curriculum: Curriculum, wanted: str | None, tasks: Sequence[str] | None) -> dict[str, Any]:
+    """The suite, and which of its tasks are flown."""
     mine = {task.split("/")[0] for task in curriculum.tasks}
     for known in curriculum.ask("GET", "/v1/suites")["suites"]:
         worlds = {task.split("/")[0] for task in known["tasks"]}
@@ -106,9 +106,8 @@ def _suite(curriculum: Curriculum, wanted: str | None, flown: str | None) -> dic
         if not worlds & mine:
             over = f"{known['name']} is of {', '.join(known['tasks'])}, and the run of {', '.join(curriculum.tasks)}"
             raise ValueError(f"suite: {over}")
-        if flown is None and len({find(task).agents for task in known["tasks"]}) == 1:
-            return {"suite": known["name"]}
-        return {"suite": known["name"], "tasks": list(curriculum.tasks) if flown is None else [find(flown).id]}
+        mine_of_it = [task for task in known["tasks"] if task in curriculum.tasks]
+        return {"suite": known["name"], "tasks": list(tasks or mine_of_it)}
     return {} if wanted is None else {"suite": wanted}  # one that there is not is the server's to refuse
 
 

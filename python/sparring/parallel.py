@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
 from .curriculum import Curriculum
-from .scenario import Scenario
+from .scenario import Scenario, plain_seed
 from .settings import Actions, Axes, Observation, Settings, View, agent_action_space
 from .single import OPTIONS, choose, lesson
 from .window import FPS, Screen
@@ -69,7 +69,7 @@ class ParallelEnvironment(ParallelEnv):
         # PettingZoo's wrappers and tests hand options through that are not ours.
         ours = {name: value for name, value in (options or {}).items() if name in OPTIONS}
         whole = choose(self._native, 0, self._settings, ours)
-        seen = self._native.reset([None if whole else seed])
+        seen = self._native.reset([None if whole or seed is None else plain_seed(seed)])
         _, left, _ = self._native.agents()
         self.agents = [agent for agent, absent in zip(self.possible_agents, left[0], strict=True) if not absent]
         if self.render_mode == "human":

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from .scenario import Scenario
+from .scenario import Scenario, plain_seed
+from .scenario import _of as scenario_of
 
 
 class Policy:
@@ -18,7 +19,7 @@ class Policy:
 
     def __init__(self, name: str, scenario: Scenario, seed: int = 0) -> None:
         self.name = name
-        self._native = _native.NativePolicy(name, scenario._native, seed)
+        self._native = _native.NativePolicy(name, scenario_of(scenario), plain_seed(seed))
 
     def act(self, telemetry: Mapping[str, Any]) -> npt.NDArray[np.float64]:
         """What each agent does, agents × values, on what it sees: `Environment.telemetry()`, or what a server says."""
@@ -29,6 +30,6 @@ def policy(name: str, scenario: Scenario, seed: int = 0) -> Policy:
     """A built-in policy by name: `sparring.task(…).policies` has them, and what they do.
 
     Raises:
-        ValueError: No such policy.
+        ValueError: No such policy, or no scenario or seed.
     """
     return Policy(name, scenario, seed)

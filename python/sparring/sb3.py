@@ -29,7 +29,8 @@ from .vector import VectorEnvironment, make_vec
 
 
 def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | None = None, **environment: Any) -> AgentsVecEnv:
-    """Environments for Stable-Baselines3, a row for each agent: one policy flies them all, and each is rewarded for itself.
+    """Environments for Stable-Baselines3, a row for each agent: one policy flies them all. In docking
+    each is rewarded for itself, in kessler all for the team.
 
     Args:
         num_envs: Environments; `envs.num_envs` is this times the task's agents.
@@ -145,11 +146,24 @@ class AgentsVecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
 
+class _Flying:
+    """Which rows count in the last step. A model that is saved does not take its environments along: then all do."""
+
+    def __init__(self, envs: AgentsVecEnv | None = None) -> None:
+        self._envs = envs
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Flying, ()
+
+    def counts(self) -> npt.NDArray[np.bool_] | bool:
+        return True if self._envs is None else self._envs.counts
+
+
 class FlownBuffer(RolloutBuffer):
     """A rollout of which only the rows are given out that `AgentsVecEnv.counts` says."""
 
-    def __init__(self, *args: Any, envs: AgentsVecEnv, **settings: Any) -> None:
-        self._envs = envs
+    def __init__(self, *args: Any, flying: _Flying, **settings: Any) -> None:
+        self._flying = flying
         super().__init__(*args, **settings)
 
     def reset(self) -> None:
@@ -159,7 +173,7 @@ class FlownBuffer(RolloutBuffer):
 
     def add(self, *args: Any, **row: Any) -> None:
         """A step of all rows."""
-        self.flown[self.pos] = self._envs.counts
+        self.flown[self.pos] = self._flying.counts()
         super().add(*args, **row)
 
     def _get_samples(self, batch_inds: npt.NDArray[np.int64], env: Any = None) -> Any:
@@ -171,10 +185,17 @@ class FlownBuffer(RolloutBuffer):
 def flown_only(envs: VecEnv) -> dict[str, Any]:
     """Settings of PPO and A2C by which they learn from rows of agents that fly, and of no others.
 
+    A model that was saved is told again: `PPO.load(file, env=envs, **flown_only(envs))`.
+
     Args:
         envs: Of `vec_env`, or a wrapper around it.
+
+    Raises:
+        ValueError: Other environments.
     """
-    return {"rollout_buffer_class": FlownBuffer, "rollout_buffer_kwargs": {"envs": envs.unwrapped}}
+    if not isinstance(envs.unwrapped, AgentsVecEnv):
+        raise ValueError("envs: not of sparring.sb3.vec_env")
+    return {"rollout_buffer_class": FlownBuffer, "rollout_buffer_kwargs": {"flying": _Flying(envs.unwrapped)}}
 
 
 def act(model: Any, deterministic: bool = True) -> Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -221,6 +222,8 @@ class Bracket:
 
     def skill(self, score: float) -> float | None:
         """(score - floor)/(reference - floor) within -1 and 1; none where the two are nearer than 0.05."""
+        if not math.isfinite(score):
+            raise ValueError(f"score: {score!r} is none")
         gap = self.reference.score - self.floor
         return max(-1.0, min(1.0, (score - self.floor) / gap)) if gap >= 0.05 else None
 

@@ -354,3 +354,60 @@ def test_two_batches_share_one_curriculum_and_what_is_given_back_is_flown_again(
         assert {three.scenario(env).seed for env in range(4)} == given
         three.close()
         two.close()
+
+
+def test_closing_without_a_server_is_interrupted_and_says_what_is_lost():
+    curriculum = local(form="groups")
+    envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+    envs.reset()
+    until(lambda: curriculum.stats()["ready"] >= 8)
+    curriculum._server._process.kill()
+    flown = fly(envs, 60)
+    envs.close()
+    timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        curriculum.close(30)
+    assert time.monotonic() - began < 5
+    with pytest.raises(sparring.CurriculumError, match="could not be handed in"):
+        curriculum.close(1)
+    told = curriculum.stats()
+    assert told["lost"] == told["flown"] - told["counted"] - told["stored"] == flown > 0
+
+
+def test_a_run_that_is_paused_is_told_as_that():
+    with local(form="groups", patience_s=2, lease=1) as curriculum:
+        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        envs.reset()
+        curriculum.ask("POST", f"/v1/runs/{curriculum.run}/pause")
+        with pytest.raises(sparring.CurriculumError, match=r"nothing to fly; run .* is paused"):
+            fly(envs, 10_000)
+        assert curriculum.stats()["paused"]
+        assert curriculum.stats()["away_s"] is None
+        envs.close()
+
+
+def test_a_strategy_that_does_not_go_with_columns_is_flown_as_groups():
+    with local(settings={**SETTINGS, "strategy": "plr"}) as curriculum:
+        envs = sparring.make_vec(num_envs=256, curriculum=curriculum)
+        envs.reset()
+        assert fly(envs, 52) >= 256
+        envs.close()
+        curriculum.flush()
+        told = curriculum.stats()
+    assert told["counted"] + told["stored"] == told["flown"]
+
+
+@pytest.mark.parametrize("token", ["é", "two words", "line\nbreak"])
+def test_a_token_that_is_none_is_not_repeated(token):
+    for made in (sparring.Curriculum, sparring.Client):
+        with pytest.raises(ValueError, match="token: ") as told:
+            made(token=token)
+        assert token not in str(told.value)
+
+
+@pytest.mark.parametrize("patience_s", [-1.0, float("nan"), float("inf")])
+def test_a_patience_that_is_none(patience_s):
+    with pytest.raises(ValueError, match="patience_s: "):
+        local(patience_s=patience_s)

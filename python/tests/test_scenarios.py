@@ -93,3 +93,9 @@ def test_what_is_no_scenario():
         with pytest.raises(ValueError, match=r"^scenario: "):
             what("kessler/survival")
     assert len(repr(sparring.bracket(sparring.Scenario("survival", seed=1)))) < 4000
+
+
+def test_a_score_that_is_none_has_no_skill():
+    bracket = sparring.bracket(sparring.Scenario("survival", level=9, seed=3))
+    with pytest.raises(ValueError, match="score"):
+        bracket.skill(float("nan"))

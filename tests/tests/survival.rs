@@ -9,7 +9,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use orchestrator::curriculum::{Curriculum, CurriculumEvent};
+use curriculum::{Curriculum, CurriculumEvent};
 use orchestrator::training::RunSettings;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};

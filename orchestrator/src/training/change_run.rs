@@ -11,10 +11,10 @@ use super::settings::{
     EvidenceFrom, MAX_AUDIT_GROUPS, MAX_GROUP_SIZE, RunSettings, TaskWish, specialise, within,
 };
 use super::{Change, Happening, TrainingError, Work, queue};
-use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
 use crate::ids::RunId;
 use crate::store::runs::{self, RunRow};
 use crate::store::to_json;
+use curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
 
 /// What is to change of a run; what is left out stays as it is. Tasks keep their level and mastery unless their table or physics
 /// change; under another strategy they keep their mastery, and the strategy starts afresh.

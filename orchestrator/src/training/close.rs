@@ -8,12 +8,12 @@ use super::ended::{Ended, GroupEnd};
 use super::sets::Sets;
 use super::work::Work;
 use super::{Happening, TrainingError, design, evaluation, queue, refill};
-use crate::curriculum::{GroupOutcome, Move, Proposal, Signals};
 use crate::store::closings::{self, GroupSums};
 use crate::store::groups::{self, Closing, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::sums::{self, Sums};
 use crate::store::{from_json, proposals, small, unsigned};
+use curriculum::{GroupOutcome, Move, Proposal, Signals};
 
 /// How often a scenario is offered: one that makes every trainer fall over must not come back for ever.
 const MOST_ATTEMPTS: i64 = 3;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::curriculum::Move;
+use curriculum::Move;
 
 /// What closed groups came to.
 #[derive(Debug, Default)]

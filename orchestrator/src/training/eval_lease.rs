@@ -10,10 +10,10 @@ use rayon::prelude::*;
 use super::lease::{Granted, TakeLease};
 use super::prepare::{Hopeless, Place, Prepared, prepare, store_all};
 use super::{Change, Happening, TrainingError, Work, Writer};
-use crate::curriculum::{Proposal, Role};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::unsigned;
+use curriculum::{Proposal, Role};
 
 /// Groups of a lease fit this many times into the numbers of one: seeds of two leases never meet.
 const GROUPS_OF_A_LEASE: u64 = 1 << 20;

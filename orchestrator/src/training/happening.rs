@@ -5,11 +5,11 @@ use serde::Serialize;
 use super::mind::word;
 use super::{TrainingError, Work};
 use crate::counts;
-use crate::curriculum::Move;
 use crate::store::events::{self, Told};
 use crate::store::groups::GroupRow;
 use crate::store::leases::LeaseRow;
 use crate::store::{StoreError, to_json};
+use curriculum::Move;
 
 /// Something that happened in a run.
 #[derive(Debug, Clone, Serialize)]

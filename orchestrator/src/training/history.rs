@@ -7,11 +7,11 @@ use sqlx::SqliteConnection;
 use super::mind::Mind;
 use super::{Change, TrainingError, Work};
 use crate::clock::Millis;
-use crate::curriculum::{Mastery, TaskStatus};
 use crate::ids::RunId;
 use crate::store::StoreError;
 use crate::store::history::{self, Part, Point, Standing};
 use crate::store::sums::Sums;
+use curriculum::{Mastery, TaskStatus};
 
 /// How often it is looked where a run's tasks stand: quantiles take a while, and many transactions come in a second.
 const LOOK: Millis = 2_000;

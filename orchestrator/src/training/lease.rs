@@ -9,12 +9,12 @@ use super::queue::{self, AHEAD};
 use super::sets::Sets;
 use super::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
 use super::{Change, Happening, Mind, TrainingError, Work, columns};
-use crate::curriculum::Proposal;
 use crate::ids::{LeaseId, RunId, random_token};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::proposals::{self, Queued};
 use crate::store::{design_counts, folds, from_json, refills, serving, tokens};
+use curriculum::Proposal;
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;

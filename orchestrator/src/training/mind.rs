@@ -9,9 +9,9 @@ use super::criticise::Ledger;
 use super::settings::RunSettings;
 use crate::clock::Millis;
 use crate::counts;
-use crate::curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Settings, Snapshot};
 use crate::store::curriculum::Event;
 use crate::store::{self, StoreError, from_json, signed, to_json, unsigned};
+use curriculum::{Curriculum, CurriculumEvent, GroupOutcome, Move, Proposal, Settings, Snapshot};
 
 /// Events between snapshots.
 const SNAPSHOT_EVERY: u64 = 1000;

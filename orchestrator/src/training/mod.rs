@@ -46,8 +46,8 @@ pub use settings::RunSettings;
 pub use work::{Wakes, Work};
 pub use writer::{Change, Writer};
 
-use crate::curriculum::{RestoreError, SettingsError};
 use crate::store::{StoreError, Trouble};
+use curriculum::{RestoreError, SettingsError};
 
 /// Why a use case was refused or failed.
 #[derive(Debug, thiserror::Error)]

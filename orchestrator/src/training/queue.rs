@@ -2,8 +2,8 @@
 
 use super::TrainingError;
 use super::work::Work;
-use crate::curriculum::Proposal;
 use crate::store::{from_json, proposals, unsigned};
+use curriculum::Proposal;
 
 /// Proposals that wait while nobody asks for more.
 pub(super) const AHEAD: u32 = 64;

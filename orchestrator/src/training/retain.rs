@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Change, TrainingError, Work};
 use crate::counts;
-use crate::curriculum::Evidence;
 use crate::store::episodes::{self, EpisodeRow};
 use crate::store::folds::{self, FoldedClaim, FoldedEpisode, FoldedGroup, FoldedLease, FoldedState};
 use crate::store::groups::{self, GroupRow};
@@ -13,6 +12,7 @@ use crate::store::leases::{COLUMNS, GROUPS, LeaseRow};
 use crate::store::progress::{self, Stretch};
 use crate::store::retention::{self, Proposed};
 use crate::store::{StoreError, columns, curriculum, from_json, signed, sweep, unsigned};
+use ::curriculum::Evidence;
 
 /// Episodes folded in one change: what waits behind it waits a few milliseconds.
 const EPISODES: i64 = 96;

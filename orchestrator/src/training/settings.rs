@@ -9,8 +9,8 @@ use utoipa::ToSchema;
 
 use super::TrainingError;
 use super::design::{DesignSettings, DesignWish};
-use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
 use crate::judging::Judge;
+use curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
 
 /// Most episodes of a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;

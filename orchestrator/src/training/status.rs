@@ -4,12 +4,12 @@ use sqlx::SqliteConnection;
 
 use super::mind::Mind;
 use super::{Change, RunSettings, TrainingError, Work};
-use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::ids::RunId;
 use crate::store::closings::{self, GroupSums};
 use crate::store::columns::{self, ClaimedSums};
 use crate::store::pulse;
 use crate::store::sums::{self, Sums};
+use curriculum::{Explanation, Mastery, TaskStatus};
 
 /// Asks where a run stands.
 #[derive(Debug)]

@@ -11,12 +11,12 @@ use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinSet;
 
 use crate::counts;
-use crate::curriculum::Proposal;
 use crate::store::proposals::{self, Waiting, unprepared};
 use crate::store::{from_json, runs, signed, unsigned};
 use crate::training::prepare::{Hopeless, Origin, Place, Prepared, StorePrepared, prepare};
 use crate::training::sets::Sets;
 use crate::training::{RunSettings, TrainingError, Writer};
+use curriculum::Proposal;
 
 /// Proposals that are prepared at once, of all runs together. More than there are cores: a scenario that takes seconds must
 /// not keep those that take milliseconds waiting, and the system shares the cores out among them.

@@ -99,6 +99,7 @@ def _run(args: argparse.Namespace) -> None:
 
     from . import findings, harness, report
 
+    findings.needs()  # before hours of training, not behind them
     if not args.report:
         experiment = record(args.out, _asked(args))
         waiting = harness.missing(args.out, experiment)

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .plan import FILE, Experiment, Training, Wrong
-from .training import DONE, is_done
+from .plan import DONE, FILE, Experiment, Training, Wrong
+from .training import is_done
 
 #: Resamples of a bootstrap.
 RESAMPLES = 2000
@@ -104,6 +104,18 @@ def _of(rows: list[dict[str, Any]], task: str, number: str, policy: str) -> floa
         if (row["task"], row["part"], row["policy"]) == (task, PART, policy) and row.get(number):
             return float(row[number]["mean"])
     return float("nan")
+
+
+def needs() -> None:
+    """Whether what the report is made with can be used.
+
+    Raises:
+        Wrong: It cannot.
+    """
+    try:
+        from rliable import library  # noqa: F401
+    except Exception as error:  # libraries that do not go together fail in ways of their own
+        raise Wrong(f"rliable cannot be used here ({error}): pip install 'sparring[experiments]'") from error
 
 
 def interquartile(values: npt.NDArray[np.float64]) -> Interval:

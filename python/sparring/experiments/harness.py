@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import time
@@ -12,11 +13,12 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
-from .. import Curriculum
+from .. import Curriculum, _native
+from ..curriculum import plain_token
 from ..server import Server
 from . import training
 from .findings import read
-from .plan import BASELINE, Experiment, Training, write
+from .plan import BASELINE, Experiment, Training, Wrong, write
 
 #: The server's database, in the experiment's folder: runs, evaluations, and what they rest on.
 DATABASE = "runs.sqlite3"
@@ -37,17 +39,26 @@ def fly(folder: Path, experiment: Experiment, *, url: str | None, binary: str | 
 
     Raises:
         CurriculumError: There is no server, or it fails.
+        Wrong: It does not know the suite.
     """
     waiting = missing(folder, experiment)
     if not waiting and (folder / COMPARED).exists():
         return
     with _server(folder, url, binary) as at:
+        _known(at, experiment.suite)
         if jobs == 1:
             for one in waiting:
                 training.fly(folder, experiment, one, at, lambda steps, one=one: told(one, steps))  # type: ignore[misc]
         else:
             _at_once(folder, experiment, waiting, at, jobs, told)
         _compare(folder, at)
+
+
+def _known(url: str, suite: str | None) -> None:
+    told = json.loads(_native.NativeLink(url, plain_token(None)).ask("GET", "/v1/suites"))["suites"]
+    known = [one["name"] for one in told]
+    if suite is not None and suite not in known:
+        raise Wrong(f"suite: there is no {suite}; the server knows {', '.join(known)}")
 
 
 def _compare(folder: Path, url: str) -> None:

@@ -22,6 +22,8 @@ BASELINE = "uniform"
 #: Packages whose versions decide what comes out.
 PACKAGES = ("numpy", "gymnasium", "torch", "rliable")
 FILE = "experiment.json"
+#: Written last: a training whose folder has it is done.
+DONE = "done.json"
 
 
 class Wrong(Exception):
@@ -123,7 +125,8 @@ def record(folder: Path, experiment: Experiment) -> Experiment:
         Wrong: The folder has an experiment that cannot go on as this one.
     """
     file = folder / FILE
-    if file.exists():
+    # Of what has come to nothing yet there is nothing to go on with.
+    if file.exists() and any(folder.glob(f"*/{DONE}")):
         before = json.loads(file.read_text())["experiment"]
         now = json.loads(json.dumps(asdict(experiment)))
         differing = [name for name, value in now.items() if name not in ("arms", "seeds") and before.get(name) != value]

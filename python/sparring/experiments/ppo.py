@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,8 +89,14 @@ class Policy(nn.Module):
 
     @staticmethod
     def load(file: str) -> Policy:
-        """One that was kept."""
+        """One that was kept.
+
+        Raises:
+            ValueError: A file of something else.
+        """
         kept = torch.load(file)
+        if not isinstance(kept, dict) or not {"sizes", "config", "weights"} <= kept.keys():
+            raise ValueError(f"file: {file} is no policy that was saved here")
         cells, values = kept["sizes"]
         policy = Policy(cells, values, Config(**kept["config"]))
         policy.load_state_dict(kept["weights"])
@@ -128,9 +136,12 @@ class Rollout:
     """What was seen, done and earned in some steps of all environments; environments write here."""
 
     def __init__(self, envs: sparring.VectorEnvironment, steps: int) -> None:
-        rows = (steps, envs.num_envs, envs.empty().shape[1])
+        rows = (steps, envs.num_envs, (envs.single_observation_space.shape or (1,))[0])
         # One row more than steps: what is seen behind the last.
-        self.seen = np.zeros((steps + 1, *envs.empty().shape), np.float32)
+        row = envs.single_observation_space.shape or ()
+        self.seen = np.zeros((steps + 1, envs.num_envs, *row), np.float32)
+        #: The same memory in the shape that environments write.
+        self.written = self.seen.reshape(steps + 1, *envs.empty().shape)
         self.actions = np.zeros((*rows, *(envs.agent_action_space.shape or ())), np.float32)
         self.log_probs = np.zeros(rows, np.float32)
         self.values = np.zeros((steps + 1, *rows[1:]), np.float32)
@@ -153,7 +164,7 @@ class Rollout:
                 self.values[step] = policy.critic(rows).squeeze(-1).numpy()
             self.actions[step] = actions.numpy()
             self.counts[step] = ~absent & learns[:, None]
-            out = (self.seen[step + 1], *self._team)
+            out = (self.written[step + 1], *self._team)
             *_, infos = envs.step(self.actions[step], out=out)
             rewards, terminated, truncated = envs.agents()
             self.rewards[step] = rewards
@@ -234,7 +245,7 @@ def train(
         rollout = Rollout(envs, config.rollout)
         policy = Policy(rollout.seen.shape[-1], rollout.actions.shape[-1], config)
         optimizer = torch.optim.Adam(policy.parameters(), config.learning_rate, eps=1e-5)
-        envs.reset(seed=config.seed, out=rollout.seen[0])
+        envs.reset(seed=config.seed, out=rollout.written[0])
         absent = envs.absent()
         taken, version = 0, 0
         while taken < config.steps:
@@ -299,17 +310,40 @@ def _curriculum(args: argparse.Namespace) -> sparring.Curriculum | None:
     return sparring.Curriculum.local(settings=settings) if args.local else None
 
 
+def _numbers(curriculum: sparring.Curriculum | None) -> dict[str, float]:
+    try:
+        return curriculum.numbers() if curriculum else {}
+    except sparring.CurriculumError:
+        return {}  # a server that is away costs a point of the curves, not the training
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = _options()
     args = parser.parse_args(arguments)
-    if args.run and not (args.url or args.local):
-        parser.error("--run is of a server: say which by --url")
+    if args.run and not args.url:
+        parser.error("--run is of a server that is there: say which by --url")
+    if args.level is not None and (args.url or args.local):
+        parser.error("--level: the curriculum says what is flown")
+    for name, file in (("save", args.save), ("csv", args.csv)):
+        if file and not Path(file).resolve().parent.is_dir():
+            parser.error(f"--{name}: there is no folder {Path(file).resolve().parent}")
     try:
         config = Config(**{name: getattr(args, name) for name in asdict(Config())})
-        sparring.task(config.task or "kessler/survival")
+        make_envs(config, None).close()
     except ValueError as error:
         parser.error(str(error))
+    try:
+        _run(args, config)
+    except sparring.CurriculumError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        sys.exit(130)
+
+
+def _run(args: argparse.Namespace, config: Config) -> None:
     print(f"{speed(config):,.0f} env-steps/s of the environments alone, on {config.threads} thread(s)")
     curriculum = _curriculum(args)
     board: Any = None
@@ -319,11 +353,14 @@ def main(arguments: list[str] | None = None) -> None:
         board = SummaryWriter(args.tensorboard)
     lines: list[dict[str, float]] = []
 
-    def report(taken: int, _: Policy, told: dict[str, float]) -> None:
+    newest: list[Policy] = []
+
+    def report(taken: int, policy: Policy, told: dict[str, float]) -> None:
+        newest[:] = [policy]
         lines.append({"steps": taken, **told})
         if len(lines) % 10 == 1 or taken >= config.steps:
-            told |= curriculum.numbers() if curriculum and board else {}
             if board:
+                told |= _numbers(curriculum)
                 for name, value in told.items():
                     board.add_scalar(name, value, taken)
             print(
@@ -334,8 +371,6 @@ def main(arguments: list[str] | None = None) -> None:
 
     try:
         policy = train(config, curriculum, report)
-        if args.save:
-            policy.save(args.save)
         if curriculum:
             curriculum.flush()
             told = sparring.evaluate(curriculum, policy.act, policy="ppo", chance=False)
@@ -345,8 +380,9 @@ def main(arguments: list[str] | None = None) -> None:
                     f"{task}: {'no' if skill is None else format(skill, '.3f')} skill on held-out contested scenarios ({told.id})"
                 )
     finally:
-        if curriculum:
-            curriculum.close()
+        # What was learned is kept, however it ended.
+        if args.save and newest:
+            newest[0].save(args.save)
         if board:
             board.close()
         if args.csv and lines:
@@ -354,6 +390,8 @@ def main(arguments: list[str] | None = None) -> None:
                 writer = csv.DictWriter(file, list(dict.fromkeys(name for line in lines for name in line)))
                 writer.writeheader()
                 writer.writerows(lines)
+        if curriculum:
+            curriculum.close()
 
 
 if __name__ == "__main__":

@@ -14,10 +14,8 @@ import torch
 import sparring
 
 from . import ppo
-from .plan import Experiment, Training, write
+from .plan import DONE, Experiment, Training, write
 
-#: Written last: a training whose folder has it is done.
-DONE = "done.json"
 #: Environments that fly an evaluation.
 EXAMINED = 256
 

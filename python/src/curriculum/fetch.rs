@@ -74,7 +74,7 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
         match taken {
             Ok(episodes) if episodes.left == 0 => stock.exhausted = true,
             Ok(episodes) => {
-                stock.away = None;
+                (stock.away, stock.paused) = (None, None);
                 stock.add(episodes);
                 if stock.closing {
                     // It came too late to be flown, and is given back with the others.
@@ -83,7 +83,7 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
             }
             // A run that is paused is one that goes on some time.
             Err(Failure::Refused { status: 409, why, .. }) => {
-                stock.away.get_or_insert((Instant::now(), why));
+                (stock.away, stock.paused) = (None, Some(why));
                 drop(shared.wait(stock, PAUSE));
             }
             // An evaluation of which nothing is left is flown, once what is leased is; all of that is begun here, or elsewhere.

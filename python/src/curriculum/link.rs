@@ -1,5 +1,6 @@
 //! The way to the server: requests that are made again while it is away or busy.
 
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
@@ -10,6 +11,8 @@ use ureq::http::{Method, Request};
 use super::{failed, until};
 use crate::errors::invalid;
 
+/// How often whoever waits for an answer looks up, for one that interrupts it too.
+const LOOK: Duration = Duration::from_millis(100);
 /// How long one request may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
 /// Largest answer that is read, bytes: a lease of 1 024 groups with layouts has some.
@@ -113,14 +116,14 @@ fn read(answer: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> Result
 
 /// The way to a server, for what is asked now and then.
 #[pyclass(frozen, module = "sparring._native")]
-pub(crate) struct NativeLink(Link);
+pub(crate) struct NativeLink(Arc<Link>);
 
 #[pymethods]
 impl NativeLink {
     #[new]
     #[pyo3(signature = (url, token=None))]
     fn new(url: &str, token: Option<String>) -> Self {
-        Self(Link::new(url, token))
+        Self(Arc::new(Link::new(url, token)))
     }
 
     /// Asks, again while the server is busy but not for longer than `patience_s`; JSON comes back.
@@ -136,7 +139,7 @@ impl NativeLink {
         let verb = Method::from_bytes(method.as_bytes()).map_err(|error| invalid("method", error))?;
         let until = until("patience_s", patience_s)?;
         loop {
-            match py.detach(|| self.0.ask(verb.clone(), path, body)) {
+            match self.answer(py, &verb, path, body)? {
                 Ok(value) => return Ok(value.to_string()),
                 Err(Failure::Refused { status: 0, why, .. }) => return Err(invalid("url", why)),
                 Err(Failure::Refused { status, why, .. }) => {
@@ -149,8 +152,41 @@ impl NativeLink {
                     if Instant::now() + after > until {
                         return Err(failed(format!("{method} {path}: the server is busy: {why}")));
                     }
-                    py.detach(|| std::thread::sleep(after));
-                    py.check_signals()?;
+                    let again = Instant::now() + after;
+                    while Instant::now() < again {
+                        py.detach(|| std::thread::sleep(LOOK.min(after)));
+                        py.check_signals()?;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl NativeLink {
+    /// One answer, for which a thread of its own waits: whoever asks may be interrupted.
+    fn answer(
+        &self,
+        py: Python<'_>,
+        verb: &Method,
+        path: &str,
+        body: Option<&str>,
+    ) -> PyResult<Result<Value, Failure>> {
+        let (link, verb, path) = (Arc::clone(&self.0), verb.clone(), path.to_owned());
+        let (body, (tell, mut told)) = (body.map(str::to_owned), mpsc::sync_channel(1));
+        let asking = std::thread::Builder::new().name("sparring-ask".to_owned());
+        asking.spawn(move || {
+            // Nobody waits for it any more where this fails.
+            let _ = tell.send(link.ask(verb, &path, body.as_deref()));
+        })?;
+        loop {
+            let (answer, waited) = py.detach(move || (told.recv_timeout(LOOK), told));
+            told = waited;
+            match answer {
+                Ok(answer) => return Ok(answer),
+                Err(mpsc::RecvTimeoutError::Timeout) => py.check_signals()?,
+                Err(mpsc::RecvTimeoutError::Disconnected) => {
+                    return Err(failed("the thread that asked failed".to_owned()));
                 }
             }
         }

@@ -86,9 +86,14 @@ impl Desk {
         if Instant::now() >= until {
             return Err(format!("{}; {}", without(&stock), away(&stock)).into());
         }
+        self.look(stock).map_err(Stop::Interrupted)
+    }
+
+    /// Waits for a change, or some time; whoever waits may be interrupted.
+    fn look<'a>(&'a self, stock: MutexGuard<'a, Stock>) -> PyResult<MutexGuard<'a, Stock>> {
         drop(self.shared.wait(stock, LOOK));
         // The interpreter is asked for only by those who hold nothing that others wait for with it.
-        Python::attach(|py| py.check_signals()).map_err(Stop::Interrupted)?;
+        Python::attach(|py| py.check_signals())?;
         Ok(self.shared.lock())
     }
 
@@ -165,6 +170,9 @@ impl Desk {
 }
 
 fn away(stock: &Stock) -> String {
+    if let Some(why) = &stock.paused {
+        return why.clone();
+    }
     match &stock.away {
         Some((since, why)) => format!("the server is away for {:.0} s: {why}", since.elapsed().as_secs_f64()),
         None => "the server is slow".to_owned(),
@@ -241,6 +249,7 @@ impl NativeCurriculum {
             told["ready"] = json!(stock.ready());
             told["waiting"] = json!(stock.waiting);
             told["away_s"] = json!(stock.away.as_ref().map(|(since, _)| since.elapsed().as_secs_f64()));
+            told["paused"] = json!(stock.paused.is_some());
             told["fault"] = json!(stock.fault);
             told.to_string()
         })
@@ -248,7 +257,7 @@ impl NativeCurriculum {
 
     /// Waits until what was flown of whole leases is handed in.
     fn flush(&self, py: Python<'_>, timeout_s: f64) -> PyResult<()> {
-        let until = Instant::now() + Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::ZERO);
+        let until = until("timeout_s", timeout_s)?;
         py.detach(|| {
             let mut stock = self.desk.shared.lock();
             while stock.outbox.iter().any(|parcel| parcel.episodes() > 0) || stock.sending {
@@ -262,13 +271,14 @@ impl NativeCurriculum {
                         away(&stock)
                     )));
                 }
-                stock = self.desk.shared.wait(stock, LOOK);
+                stock = self.desk.look(stock)?;
             }
             Ok(())
         })
     }
 
-    /// Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error.
+    /// Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error. Who is
+    /// interrupted may close once more.
     fn close(&self, py: Python<'_>, timeout_s: f64) -> PyResult<()> {
         let until = until("timeout_s", timeout_s)?;
         py.detach(|| {
@@ -280,10 +290,11 @@ impl NativeCurriculum {
             }
             shared.tell();
             while !stock.ended && Instant::now() < until {
-                stock = shared.wait(stock, LOOK);
+                stock = self.desk.look(stock)?;
             }
             let lost = if stock.ended { 0 } else { stock.waiting };
             stock.abandoned = true;
+            stock.tally.lost += lost as u64;
             let (fault, why) = (stock.fault.take(), away(&stock));
             drop(stock);
             let threads = std::mem::take(&mut *self.threads.lock().unwrap_or_else(PoisonError::into_inner));

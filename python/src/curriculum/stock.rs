@@ -31,6 +31,8 @@ pub(super) struct Tally {
     pub(super) late: u64,
     /// Not flown to their end, and told so.
     pub(super) unflown: u64,
+    /// Flown, but not handed in when the curriculum was closed.
+    pub(super) lost: u64,
 }
 
 /// A lease of columns that is being flown.
@@ -93,6 +95,8 @@ pub(super) struct Stock {
     pub(super) waiting: usize,
     /// Episodes that should be ready at any time.
     pub(super) wanted: usize,
+    /// The run is paused: in words.
+    pub(super) paused: Option<String>,
     /// Since when the server is away, and how that shows.
     pub(super) away: Option<(Instant, String)>,
     /// Why nothing more will come.

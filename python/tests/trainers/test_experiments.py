@@ -95,3 +95,11 @@ def test_a_policy_that_is_kept_acts_as_it_did(tmp_path, capsys):
     seen = np.random.default_rng(1).normal(size=(2, 3, policy.sizes[0])).astype(np.float32)
     assert policy.act(seen).shape == (2, 3, 2)
     assert (policy.act(seen) == ppo.Policy.load(str(file)).act(seen)).all()
+
+
+@pytest.mark.parametrize("task", ["docking/single", "docking/multiagent"])
+def test_docking_is_learned_from(task):
+    told = []
+    policy = ppo.train(ppo.Config(task=task, steps=80, num_envs=2, rollout=20), None, lambda *now: told.append(now))
+    assert [taken for taken, *_ in told] == [40, 80]
+    assert policy.sizes == (8, 3)

@@ -1,7 +1,9 @@
 """Stable-Baselines3 on the curriculum of a real server: rows as it wants them, and it learns."""
 
 import os
+import zipfile
 
+import gymnasium
 import numpy as np
 import pytest
 from conftest import BINARY, served
@@ -9,7 +11,8 @@ from conftest import BINARY, served
 pytest.importorskip("stable_baselines3")
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.save_util import json_to_data
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import sparring
@@ -42,6 +45,28 @@ def test_only_what_is_flown_is_learned_from():
     left = np.flatnonzero(buffer.swap_and_flatten(flown[..., None]).reshape(-1) == 0)
     absent = {row.tobytes() for row in buffer.observations[left]}
     assert not any(row.numpy().tobytes() in absent for batch in buffer.get(64) for row in batch.observations)
+
+
+def test_a_model_is_kept_and_goes_on(tmp_path):
+    envs = sparring.sb3.vec_env(4, "kessler/survival", level=9)
+    model = PPO("MlpPolicy", envs, n_steps=50, batch_size=200, device="cpu", **sparring.sb3.flown_only(envs))
+    model.learn(600)
+    model.save(tmp_path / "model")
+    with zipfile.ZipFile(tmp_path / "model.zip") as kept:
+        data = json_to_data(kept.read("data").decode())
+    # As it comes out of the file it knows no environments, and learns from all rows; told again it is as before.
+    kept_so = {name: data[name] for name in ("rollout_buffer_class", "rollout_buffer_kwargs")}
+    for told in (kept_so, sparring.sb3.flown_only(envs)):
+        again = PPO("MlpPolicy", envs, n_steps=50, batch_size=200, device="cpu", **told)
+        again.learn(600)
+        assert again.rollout_buffer.flown.all() == (told is kept_so)
+    if int(torch.__version__.split(".")[0]) >= 2:  # Stable-Baselines3 reads no file with an older one
+        again = PPO.load(tmp_path / "model", env=envs, device="cpu", **sparring.sb3.flown_only(envs))
+        seen = envs.reset()
+        assert (again.predict(seen, deterministic=True)[0] == model.predict(seen, deterministic=True)[0]).all()
+        again.learn(600)
+    with pytest.raises(ValueError, match="envs"):
+        sparring.sb3.flown_only(DummyVecEnv([lambda: gymnasium.make("sparring/Survival-v0")]))
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])

@@ -15,8 +15,8 @@ use super::feed::{
 use super::train::{MEMBERS, Moved, Plan, Progress, Watch, train};
 use super::trainee::{Kind, Member, Trainee};
 use crate::cli::options::ByTask;
-use crate::curriculum::{Curriculum, GroupOutcome, Proposal, Settings, Signals, Source, TaskPlan};
 use crate::training::prepare::{Hopeless, Place, prepare};
+use curriculum::{Curriculum, GroupOutcome, Proposal, Settings, Signals, Source, TaskPlan};
 
 struct Local {
     seed: u64,
@@ -101,7 +101,7 @@ impl Feed for Local {
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>> {
         let books = self.books.lock().unwrap();
         let mastery = books.curriculum.mastery();
-        let task = |status: crate::curriculum::TaskStatus| TaskMastery {
+        let task = |status: curriculum::TaskStatus| TaskMastery {
             mastery: mastery
                 .iter()
                 .find(|m| m.task == status.task && m.level == status.level)

@@ -11,7 +11,7 @@ use env_core::{Recipe, TaskSpec};
 
 use super::Args;
 use crate::cli::options;
-use crate::curriculum::TaskPlan;
+use curriculum::TaskPlan;
 
 /// The level without a run that has one.
 const LEVEL: u32 = 3;

@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::brief::{OfRun, Told};
-use crate::curriculum::TaskPlan;
+use curriculum::TaskPlan;
 
 /// Longest time one request may take.
 const TIMEOUT: Duration = Duration::from_secs(30);

@@ -5,7 +5,6 @@ use env_core::TaskSpec;
 use sqlx::{Acquire, SqliteConnection};
 
 use crate::clock::Millis;
-use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::evaluation::report::ReportRow;
 use crate::store::curriculum::{self, MoveRow};
 use crate::store::evaluations::{self, EvaluationRow};
@@ -18,6 +17,7 @@ use crate::store::sums::Sums;
 use crate::training::evaluation::read;
 use crate::training::history::{bring_up, standing as standing_of};
 use crate::training::status::Standing;
+use ::curriculum::{Explanation, Mastery, TaskStatus};
 
 /// Points of a curve.
 const POINTS: i64 = 240;

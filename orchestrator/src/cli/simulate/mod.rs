@@ -16,8 +16,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::output::{self, Format};
-use crate::curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
-use crate::simulation::{Learner, LearnerKind, Plan, Summary, Track, simulate};
+use curriculum::simulation::{Learner, LearnerKind, Plan, Summary, Track, simulate};
+use curriculum::{Settings, StrategyKind, Target, TaskPlan, Tuning};
 
 const ALL: &str = "all";
 

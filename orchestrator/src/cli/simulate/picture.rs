@@ -4,8 +4,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::Simulated;
-use crate::curriculum::MoveKind;
-use crate::simulation::drive::Sample;
+use curriculum::MoveKind;
+use curriculum::simulation::drive::Sample;
 
 /// The size of one simulation's part.
 const PART: (u32, u32) = (320, 210);

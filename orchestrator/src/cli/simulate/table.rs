@@ -2,8 +2,8 @@
 
 use super::Simulated;
 use crate::cli::output;
-use crate::curriculum::{Move, MoveKind};
-use crate::simulation::drive::Sample;
+use curriculum::simulation::drive::Sample;
+use curriculum::{Move, MoveKind};
 
 /// Stretches that one simulation is told in.
 const STRETCHES: usize = 10;

@@ -11,7 +11,6 @@ use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::curriculum::{Explanation, Mastery, TaskStatus};
 use crate::service::App;
 use crate::store::closings::GroupSums;
 use crate::store::columns::ClaimedSums;
@@ -19,6 +18,7 @@ use crate::store::progress::{self, Stretch};
 use crate::store::sums::Sums;
 use crate::store::{curriculum, from_json};
 use crate::training::status::{Look, Standing};
+use ::curriculum::{Explanation, Mastery, TaskStatus};
 
 /// Points of a curve over time.
 const POINTS: usize = 100;

@@ -11,13 +11,13 @@ use super::super::extract::{Bytes, Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::super::room::aside;
 use super::run_id;
-use crate::curriculum::Move;
 use crate::reading;
 use crate::service::App;
 use crate::store::to_json;
 use crate::training::audit::{Claim, Claimed};
 use crate::training::ended::{Ended, GroupEnd, Refill};
 use crate::training::receipt::Receipt;
+use curriculum::Move;
 
 /// Most results of a batch.
 const MAX_RESULTS: usize = 5000;

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 
 use super::super::extract::NoQuery;
 use super::super::problem::Problem;
-use crate::curriculum::{Hyper, StrategyKind};
+use curriculum::{Hyper, StrategyKind};
 
 /// All strategies.
 #[derive(Serialize, ToSchema)]

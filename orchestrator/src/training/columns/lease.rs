@@ -5,7 +5,6 @@ use std::sync::Arc;
 use env_core::{Recipe, Scenario, Seed, SeedSpace};
 
 use super::RANGES;
-use crate::curriculum::Proposal;
 use crate::store::columns::{self, RangeRow};
 use crate::store::leases::{self, COLUMNS, LeaseRow};
 use crate::store::{StoreError, proposals, scenarios, signed, unsigned};
@@ -13,6 +12,7 @@ use crate::training::lease::{Granted, Purpose, TTL_S, TakeLease};
 use crate::training::prepare::{recipe_of, seed_of};
 use crate::training::settings::{MAX_GROUP_SIZE, within};
 use crate::training::{Change, Happening, Mind, TrainingError, Work};
+use curriculum::Proposal;
 
 /// Most groups, and most episodes, of such a lease.
 pub const MAX_GROUPS: u32 = 100_000;

@@ -18,13 +18,13 @@ use super::serve::near;
 use super::stock::{self, Last, View};
 use crate::clock::Millis;
 use crate::counts;
-use crate::curriculum::TaskPlan;
 use crate::ids::AskId;
 use crate::store::asks::{self, AskRow};
 use crate::store::layouts::{self, LayoutRow, Turn};
 use crate::store::{StoreError, design_counts, from_json, signed, small, to_json};
 use crate::store::{brackets, scenarios};
 use crate::training::{Change, Happening, Mind, TrainingError, Work};
+use curriculum::TaskPlan;
 
 /// Layouts of one ask that are kept, of those let through and of those refused; all are counted.
 const KEPT: usize = 64;

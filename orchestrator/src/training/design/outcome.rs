@@ -6,7 +6,6 @@ use serde_json::Value;
 
 use super::life::{Life, Standing};
 use super::serve::at_frontier;
-use crate::curriculum::{GroupOutcome, Move, Role, Signals, Source};
 use crate::store::episodes::Fared;
 use crate::store::groups::GroupRow;
 use crate::store::layouts::{self, Flown, LayoutRow, Turn};
@@ -15,6 +14,7 @@ use crate::store::{episodes, from_json, small, to_json};
 use crate::training::close::observe;
 use crate::training::work::Work;
 use crate::training::{RunSettings, StoreError, TrainingError};
+use curriculum::{GroupOutcome, Move, Role, Signals, Source};
 
 /// Takes a designed group that is closed. What too few episodes came back of, or too old a policy flew, says nothing of its
 /// layout; it is not offered again.

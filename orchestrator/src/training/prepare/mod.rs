@@ -15,9 +15,9 @@ use sqlx::SqliteConnection;
 use self::choice::Choice;
 pub use self::origin::Origin;
 use super::{Change, TrainingError, Work, refill};
-use crate::curriculum::{Proposal, Source};
 use crate::store::proposals::PreparedRow;
 use crate::store::{self, StoreError};
+use curriculum::{Proposal, Source};
 
 /// Draws at a contested scenario before one is planted.
 const CONTESTED_DRAWS: u64 = 200;

@@ -9,7 +9,7 @@ use env_core::space::Levels;
 use env_core::{Draws, Scenario};
 
 use super::{Place, PrepareError, Prepared, recipe_of};
-use crate::curriculum::Proposal;
+use curriculum::Proposal;
 
 /// Edits tried until one is fair and can be solved.
 const EDITS: u64 = 16;

@@ -7,7 +7,7 @@ use env_core::draws::Purpose;
 
 use super::learner::{Flown, Learner};
 use super::synthetic::Synthetic;
-use crate::curriculum::{
+use crate::{
     Curriculum, GroupOutcome, Move, Proposal, Role, Settings, SettingsError, Signals, Source, TaskStatus,
     difficulty,
 };

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::drive::Sample;
 use super::*;
-use crate::curriculum::{MoveKind, Role, Settings, StrategyKind, Target, TaskPlan};
+use crate::{MoveKind, Role, Settings, StrategyKind, Target, TaskPlan};
 
 const TASKS: [&str; 3] = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
 
@@ -33,7 +33,7 @@ fn who_holds_and_who_is_blind_never_rises() {
                 let track = run(kind, &plan(settings, (20_000, group_size), seed));
                 // Blind plans succeed on a quarter of contested scenarios: in one probe of forty on half of sixteen, so that some are placed
                 // too high. From there it goes down.
-                let rises = |made: &crate::curriculum::Move| match kind {
+                let rises = |made: &crate::Move| match kind {
                     LearnerKind::Hold => made.to > 0,
                     _ => made.kind == MoveKind::Up,
                 };
@@ -153,7 +153,7 @@ fn what_is_faced_again_is_nearer_one_half() {
         let mut settings = settings(strategy);
         let told = serde_json::from_value(serde_json::json!({"score": "learnability"})).unwrap();
         if strategy != StrategyKind::Learnability {
-            settings.tuning = crate::curriculum::Tuning::read(strategy, &told).unwrap();
+            settings.tuning = crate::Tuning::read(strategy, &told).unwrap();
         }
         let track = run(LearnerKind::Slow, &plan(settings, (80_000, 8), 2));
         let late = &track.samples[track.samples.len() / 3..];
@@ -190,7 +190,7 @@ fn robust_strategies_learn_from_what_they_chose_alone() {
 /// Restored from any snapshot and the events after it, a strategy proposes what it would have proposed; whoever computed the fits.
 #[test]
 fn every_strategy_is_a_fold() {
-    use crate::curriculum::{Curriculum, CurriculumEvent};
+    use crate::{Curriculum, CurriculumEvent};
     StrategyKind::ALL.into_par_iter().for_each(|strategy| {
         let settings = settings(strategy);
         let mut curriculum = Curriculum::new(7, settings.clone()).unwrap();
@@ -200,8 +200,7 @@ fn every_strategy_is_a_fold() {
         for n in 0..1500u64 {
             let (seq, proposal) = curriculum.propose();
             events.push((seq, CurriculumEvent::Proposed(proposal.clone())));
-            let params =
-                crate::curriculum::difficulty(settings.task(&proposal.task).unwrap(), &proposal.params);
+            let params = crate::difficulty(settings.task(&proposal.task).unwrap(), &proposal.params);
             let scenario = synthetic::Synthetic::drawn(7, seq, &proposal, params);
             let flown = who.fly(&proposal.task, &scenario, (4, true), &mut draws);
             let outcome = drive::outcome(seq, &proposal, &scenario, flown);

@@ -28,6 +28,7 @@ mod restore;
 mod scale;
 mod settings;
 mod shares;
+pub mod simulation;
 mod stored;
 mod strategy;
 #[cfg(test)]

@@ -107,7 +107,7 @@ impl Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curriculum::tests::outcome;
+    use crate::tests::outcome;
 
     fn place(top: u32, highest: Option<u32>) -> (u32, Vec<u32>) {
         let mut placement = Placement::new(top);

@@ -4,7 +4,7 @@ use env_core::Draws;
 use env_core::draws::Purpose;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::curriculum::Proposal;
+use crate::Proposal;
 
 /// The share of scenarios as they come that are contested: at level 0, and by how much it grows with each row. About what is
 /// measured in survival.

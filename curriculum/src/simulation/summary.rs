@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::drive::{Sample, Track};
-use crate::curriculum::MoveKind;
+use crate::MoveKind;
 
 /// What came of a simulation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
