@@ -177,8 +177,11 @@ fn now(climb: &Climb) -> String {
             placement.probes.len()
         ),
         Stage::Climbing(rung) => format!(
-            "at level {}, {} full blocks since the last move, {} of {BLOCK} scenarios in the next",
-            rung.level, rung.blocks, rung.filling.n
+            "at level {}, {} full {} since the last move, {} of {BLOCK} scenarios in the next",
+            rung.level,
+            rung.blocks,
+            if rung.blocks == 1 { "block" } else { "blocks" },
+            rung.filling.n
         ),
     }
 }

@@ -125,19 +125,21 @@ def test_docking_and_a_wrapper_of_theirs():
 @served
 def test_it_learns_through_the_curriculum(tmp_path):
     torch.set_num_threads(1)
-    settings = {"tasks": ["kessler/survival", "kessler/eco_station"], "design": {"designer": "off"}}
+    # Survival is what shows soonest that it learns; the other is flown beside it.
+    weights = {"kessler/survival": {"weight": 9.0}}
+    settings = {"tasks": ["kessler/survival", "kessler/eco_station"], "task_settings": weights, "design": {"designer": "off"}}
     with sparring.Curriculum.local(binary=BINARY, settings=settings, form="groups") as curriculum:
         envs = sparring.sb3.vec_env(64, curriculum=curriculum)
         model = PPO("MlpPolicy", envs, tensorboard_log=os.fspath(tmp_path), **PPO_SETTINGS, **sparring.sb3.flown_only(envs))
         start = sparring.evaluate(curriculum, sparring.sb3.act(model), policy="start", chance=False)
-        model.learn(250_000, callback=sparring.sb3.CurriculumCallback(curriculum))
+        model.learn(350_000, callback=sparring.sb3.CurriculumCallback(curriculum))
         envs.close()
         curriculum.flush()
         trained = sparring.evaluate(curriculum, sparring.sb3.act(model), policy="trained", chance=False)
         stats = curriculum.stats()
     assert stats["counted"] + stats["stored"] == stats["flown"] > 1000
-    # 0.13 to 0.35 above it in five trainings by hand; an agent that learns nothing stays within 0.05.
-    assert trained.of("kessler/survival") > start.of("kessler/survival") + 0.08
+    # By hand 0.21 to 0.28 above it, in three trainings; an agent that learns nothing stays within 0.05.
+    assert trained.of("kessler/survival", part="all") > start.of("kessler/survival", part="all") + 0.08
     events = EventAccumulator(os.fspath(next(tmp_path.iterdir())))
     events.Reload()
     tags = set(events.Tags()["scalars"])

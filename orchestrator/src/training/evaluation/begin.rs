@@ -87,17 +87,13 @@ impl BeginEvaluation {
         };
         let rollouts = wish.rollouts.unwrap_or(if chance { 8 } else { 1 });
         within("rollouts", rollouts, 1, MAX_GROUP_SIZE)?;
-        if run.is_none() && wish.version.is_some() {
-            return Err(TrainingError::invalid(
-                "version",
-                "only the policy of a run has versions; say which run",
-            ));
-        }
-        if run.is_none() && wish.chance.is_some() {
-            return Err(TrainingError::invalid("chance", "of a built-in policy it is known; leave it out"));
-        }
-        if run.is_none() && wish.tasks.is_some() {
-            return Err(TrainingError::invalid("tasks", "the server flies whole suites; leave it out"));
+        let of_a_run = [
+            ("version", wish.version.is_some(), "only the policy of a run has versions; say which run"),
+            ("chance", wish.chance.is_some(), "of a built-in policy it is known; leave it out"),
+            ("tasks", wish.tasks.is_some(), "the server flies whole suites; leave it out"),
+        ];
+        if let Some((field, _, why)) = of_a_run.into_iter().find(|(_, told, _)| run.is_none() && *told) {
+            return Err(TrainingError::invalid(field, why));
         }
         let entries = entries(suite, wish.tasks.as_deref())?;
         let row = EvaluationRow {
