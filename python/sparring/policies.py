@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from .scenario import Scenario, plain_seed
-from .scenario import _of as scenario_of
+from .scenario import Scenario, native_of, plain_seed
 
 
 class Policy:
@@ -19,7 +18,7 @@ class Policy:
 
     def __init__(self, name: str, scenario: Scenario, seed: int = 0) -> None:
         self.name = name
-        self._native = _native.NativePolicy(name, scenario_of(scenario), plain_seed(seed))
+        self._native = _native.NativePolicy(name, native_of(scenario), plain_seed(seed))
 
     def act(self, telemetry: Mapping[str, Any]) -> npt.NDArray[np.float64]:
         """What each agent does, agents × values, on what it sees: `Environment.telemetry()`, or what a server says."""

@@ -228,7 +228,12 @@ class Bracket:
         return max(-1.0, min(1.0, (score - self.floor) / gap)) if gap >= 0.05 else None
 
 
-def _of(scenario: Scenario) -> _native.NativeScenario:
+def native_of(scenario: Scenario) -> _native.NativeScenario:
+    """The compiled scenario behind it.
+
+    Raises:
+        ValueError: Something that is no scenario.
+    """
     if not isinstance(scenario, Scenario):
         raise ValueError(f"scenario: {type(scenario).__name__} is no sparring.Scenario")
     return scenario._native
@@ -240,7 +245,7 @@ def bracket(scenario: Scenario) -> Bracket:
     Raises:
         ValueError: A scenario that has no fair start.
     """
-    text, witness = _native.bracket(_of(scenario))
+    text, witness = _native.bracket(native_of(scenario))
     told = json.loads(text)
     return Bracket(
         panel=tuple(Flown(**flown) for flown in told.pop("panel")),
@@ -261,7 +266,7 @@ def replay(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = Non
     Raises:
         ValueError: Too many or too few steps, or what is not finite.
     """
-    return Flown(**json.loads(_native.replay(_of(scenario), actions, stopped)))
+    return Flown(**json.loads(_native.replay(native_of(scenario), actions, stopped)))
 
 
 def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = None) -> dict[str, Any]:
@@ -271,11 +276,11 @@ def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = N
     Raises:
         ValueError: As `replay`.
     """
-    found: dict[str, Any] = json.loads(_native.critique(_of(scenario), actions, stopped))
+    found: dict[str, Any] = json.loads(_native.critique(native_of(scenario), actions, stopped))
     return found
 
 
 def fly(scenario: Scenario, policy: str = "heuristic", seed: int = 0) -> tuple[Flown, npt.NDArray[np.float64]]:
     """Flies a scenario by a built-in policy (`sparring.task(…).policies`): how it went, and what was done."""
-    text, actions = _native.fly(_of(scenario), policy, plain_seed(seed))
+    text, actions = _native.fly(native_of(scenario), policy, plain_seed(seed))
     return Flown(**json.loads(text)), actions

@@ -259,7 +259,13 @@ def test_a_forked_process_is_told_and_its_parent_flies_on():
         child = os.fork()
         if child == 0:
             told = 0
-            for what in (lambda: fly(envs, 1), envs.reset, curriculum.flush, curriculum.stats, lambda: local_again(curriculum)):
+            for what in (
+                lambda: fly(envs, 1),
+                envs.reset,
+                curriculum.flush,
+                curriculum.stats,
+                lambda: sparring.make_vec(num_envs=4, curriculum=curriculum),
+            ):
                 try:
                     what()
                 except (sparring.CurriculumError, RuntimeError) as error:
@@ -270,10 +276,6 @@ def test_a_forked_process_is_told_and_its_parent_flies_on():
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 5
         assert fly(envs, 60) >= 4
         envs.close()
-
-
-def local_again(curriculum):
-    return sparring.make_vec(num_envs=4, curriculum=curriculum)
 
 
 def test_a_server_that_nobody_has_any_more_is_stopped():

@@ -40,7 +40,7 @@ def _options() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seeds", default=listed("seeds"), help="of trainings; four or more to trim any (%(default)s)")
     parser.add_argument("--tasks", default=listed("tasks"), help="trained together, and told of (%(default)s)")
-    parser.add_argument("--suite", help="held-out suite that the server knows (kessler-heldout-v2)")
+    parser.add_argument("--suite", help="held-out suite that the server knows (the newest of the tasks' world)")
     for name, text in (
         ("budget", "environment steps of each training"),
         ("group_size", "episodes of one scenario"),
