@@ -104,4 +104,6 @@ def main(base, episodes):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("python step.py http://127.0.0.1:8700 [episodes]")
     main(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 6)

@@ -128,4 +128,6 @@ def main(base, leases):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("python vector.py http://127.0.0.1:8700 [leases]")
     main(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 100)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ def evaluate(
     progress: Callable[[int, int], None] | None = None,
     **environment: Any,
 ) -> Evaluated:
-    """Flies a held-out suite with a policy, for the run of a curriculum; moves nothing of it.
+    """Flies a held-out suite with a policy, for the run of a curriculum; moves nothing of it. What is interrupted is cancelled.
 
     Args:
         curriculum: Whose run it is of; its `policy_version` is what is evaluated.
@@ -85,14 +86,20 @@ def evaluate(
         },
     )
     most = begun["scenarios"] * begun["rollouts"]
-    with curriculum.beside(purpose="eval", evaluation=begun["id"]) as exam:
-        envs = make_vec(num_envs=min(num_envs, most), curriculum=exam, **environment)
-        try:
-            for flown in _fly(envs, act):
-                if progress is not None:
-                    progress(flown, most)
-        finally:
-            envs.close()
+    try:
+        with curriculum.beside(purpose="eval", evaluation=begun["id"]) as exam:
+            envs = make_vec(num_envs=min(num_envs, most), curriculum=exam, **environment)
+            try:
+                for flown in _fly(envs, act):
+                    if progress is not None:
+                        progress(flown, most)
+            finally:
+                envs.close()
+    except BaseException:
+        # Nobody will fly the rest, and of evaluations under way a server has only so many.
+        with contextlib.suppress(CurriculumError):
+            curriculum.ask("POST", f"/v1/evaluations/{begun['id']}/cancel")
+        raise
     return _told(curriculum, begun["id"])
 
 

@@ -74,6 +74,12 @@ class AgentsVecEnv(VecEnv):
     def _rows(self, seen: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         return seen.reshape(self.num_envs, -1)
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """The seeds of the next reset, of all rows: environment k gets seed + k, as of `sparring.make_vec`."""
+        first = int(np.random.randint(0, 2**31)) if seed is None else seed
+        self._seeds = [first + row // self.agents for row in range(self.num_envs)]
+        return self._seeds
+
     def reset(self) -> npt.NDArray[np.float32]:
         """Begins an episode everywhere."""
         seeds = self._seeds[:: self.agents]

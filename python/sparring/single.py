@@ -75,7 +75,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self.screen = Screen(render_mode, render_size, self.metadata)
         self.render_mode = render_mode
         self._history: list[npt.NDArray[np.float32]] = []
-        self._flies = False
+        self._flies = self._warned = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode: of the scenario with this seed, or of the next in the row that the last seed began.
@@ -90,12 +90,22 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         if seed is not None:
             super().reset(seed=plain_seed(seed))
+        self._left_early()
         whole = choose(self._native, 0, self._settings, options)
         seen = self._native.reset([None if whole else seed])
         self._history, self._flies = [], True
         if self.render_mode == "human":
             self.render()
         return self._view.of(seen, single=True), {"scenario": self.scenario, **lesson(self._native, self._settings)}
+
+    def _left_early(self) -> None:
+        """A curriculum learns only from whole episodes: who cuts all of them off would never know."""
+        if self._settings.curriculum is not None and self._flies and self._history and not self._warned:
+            self._warned = True
+            gymnasium.logger.warn(
+                f"an episode was left after {len(self._history)} steps: the curriculum is not told, and its scenario is flown"
+                " again. Horizons are the scenarios' own; leave max_episode_steps out"
+            )
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the world.

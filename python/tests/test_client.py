@@ -118,7 +118,7 @@ def test_a_server_that_comes_back_is_waited_for(tmp_path):
 
 
 def test_every_operation_of_v1_has_a_method():
-    snapshot = pathlib.Path(__file__).parents[2] / "tests/tests/snapshots/documents__openapi.snap"
+    snapshot = pathlib.Path(__file__).parents[2] / "tests/tests/system/snapshots/system__documents__openapi.snap"
     document = json.loads(snapshot.read_text().split("\n---\n", 1)[1])
     elsewhere = {"connect", "listen"}  # a socket, and `events`
     count = sum(

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 
+import gymnasium
 import numpy as np
 import pytest
 from conftest import BINARY, served
@@ -319,6 +320,28 @@ def test_an_evaluation_is_of_the_world_of_the_run():
         found = sparring.evaluate(curriculum, hold, policy="hold", chance=False)
         assert {row["task"] for row in found.rows} <= {"all", "docking/single"}
         assert found.of("docking/single", "score", "all") is not None
+
+
+def test_an_evaluation_whose_policy_fails_is_cancelled():
+    def act(seen):
+        raise RuntimeError("no policy")
+
+    with local() as curriculum:
+        with pytest.raises(RuntimeError, match="no policy"):
+            sparring.evaluate(curriculum, act)
+        told = curriculum.ask("GET", "/v1/evaluations")["evaluations"]
+        assert [(one["state"], one["trouble"]) for one in told] == [("failed", "it was cancelled")]
+
+
+def test_who_cuts_episodes_off_is_told_that_they_do_not_count():
+    with local() as curriculum:
+        env = gymnasium.make("sparring/Survival-v0", curriculum=curriculum, max_episode_steps=3)
+        env.reset()
+        for _ in range(3):
+            env.step(np.zeros(env.action_space.shape, np.float32))
+        with pytest.warns(UserWarning, match="left after 3 steps"):
+            env.reset()
+        env.close()
 
 
 @pytest.mark.parametrize("version", [-1, 2.7, True, 2**70, "1"])

@@ -13,7 +13,7 @@ Left out, with why:
 - negative_data_rejection of results, each of which is refused by itself in an answer of 200, and of JSON-RPC, whose errors are in
   the body.
 - missing_required_header: the document has no required header.
-- ignored_auth: tests/tests/access.rs asks every operation as every role.
+- ignored_auth: tests/tests/system/access asks every operation as every role.
 - use_after_free, ensure_resource_availability: what one test releases another may ask for.
 """
 import argparse

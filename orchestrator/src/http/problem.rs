@@ -168,6 +168,7 @@ impl From<TrainingError> for Problem {
             E::Expired(_) => problem(StatusCode::GONE, "expired"),
             E::UnknownLayout(_) => problem(StatusCode::NOT_FOUND, "unknown_layout"),
             E::UnknownEvaluation(_) => problem(StatusCode::NOT_FOUND, "unknown_evaluation"),
+            E::EvaluationOver(_) => problem(StatusCode::CONFLICT, "evaluation_over"),
             E::UnknownAsk(_) => problem(StatusCode::NOT_FOUND, "unknown_ask"),
             E::Refused(_) => problem(StatusCode::CONFLICT, "refused"),
             E::TooManyAsks(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_asks").again_in(5),

@@ -227,7 +227,7 @@ pub async fn offer_again(conn: &mut SqliteConnection, id: i64, entry: i64) -> Re
     Ok(())
 }
 
-/// Writes the episodes of a scenario, as JSON, and completes the evaluation with the last of them.
+/// Writes the episodes of a scenario, as JSON, and completes the evaluation with the last of them, unless it was given up before.
 ///
 /// # Errors
 /// The database's.
@@ -248,8 +248,8 @@ pub async fn flown(
     if done.rows_affected() == 1 {
         query!(
             "UPDATE evaluations SET flown = flown + 1,
-                 state = CASE WHEN flown + 1 >= scenarios THEN 'complete' ELSE state END,
-                 completed_at = CASE WHEN flown + 1 >= scenarios THEN ?1 END
+                 state = CASE WHEN flown + 1 >= scenarios AND state <> 'failed' THEN 'complete' ELSE state END,
+                 completed_at = CASE WHEN flown + 1 >= scenarios AND state <> 'failed' THEN ?1 END
              WHERE id = ?2",
             now,
             id

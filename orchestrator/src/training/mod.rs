@@ -70,6 +70,9 @@ pub enum TrainingError {
     /// No such evaluation.
     #[error("there is no evaluation eval-{0}")]
     UnknownEvaluation(i64),
+    /// An evaluation that is complete.
+    #[error("eval-{0} is complete: there is nothing to cancel")]
+    EvaluationOver(i64),
     /// No such ask in this run.
     #[error("there is no ask {0} in this run")]
     UnknownAsk(String),

@@ -129,6 +129,7 @@ const OPERATIONS: &[Operation] = &[
     Operation { method: "POST", path: "/v1/flights", needs: Needs::Token(Viewer), audited: false },
     steer("POST", "/v1/runs", Trainer),
     steer("POST", "/v1/evaluations", Trainer),
+    steer("POST", "/v1/evaluations/{evaluation}/cancel", Trainer),
     steer("PUT", "/v1/runs/{run}/policy", Trainer),
     steer("PUT", "/v1/runs/{run}/policy_version", Trainer),
     steer("PUT", "/v1/runs/{run}/versions/{version}", Trainer),

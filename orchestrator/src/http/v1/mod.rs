@@ -90,6 +90,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(evaluations::list::list, evaluations::begin::begin))
         .routes(routes!(evaluations::compare::compare))
         .routes(routes!(evaluations::show::show))
+        .routes(routes!(evaluations::cancel::cancel))
         .routes(routes!(evaluations::scenarios::list))
         .routes(routes!(suites::list))
         .routes(routes!(audit::list))

@@ -67,12 +67,16 @@ impl Change for Reserve {
         let now = work.now;
         let (mind, conn) = work.mind(wish.run.as_str()).await?;
         let row = evaluations::get(conn, evaluation).await?.ok_or_else(|| unknown(evaluation))?;
-        let EvaluationRow { rollouts, version, run, suite, .. } = row;
+        let EvaluationRow { rollouts, version, run, suite, state, trouble, .. } = row;
         if run.as_deref() != Some(wish.run.as_str()) {
             let why = run.map_or_else(
                 || "the server flies it by itself".to_owned(),
                 |run| format!("it is one of the run {run}"),
             );
+            return Err(TrainingError::invalid("evaluation", why));
+        }
+        if state == "failed" {
+            let why = format!("it is over: {}", trouble.unwrap_or(state));
             return Err(TrainingError::invalid("evaluation", why));
         }
         let size = crate::store::small(rollouts);

@@ -1,0 +1,270 @@
+//! Bad input gets a clear error, and nothing is lost.
+
+use serde_json::{Value, json};
+use system_tests::{Answer, Server};
+
+fn told(answer: &Answer) -> String {
+    assert_eq!(answer.kind, "application/problem+json", "{answer:?}");
+    assert_eq!(answer.body["status"].as_u64(), Some(u64::from(answer.status)));
+    let field = answer.body["field"].as_str().map(|f| format!(" [{f}]")).unwrap_or_default();
+    let kind = answer.body["type"].as_str().unwrap().trim_start_matches("urn:sparring:problem:");
+    format!("{} {kind}{field}: {}", answer.status, answer.body["detail"].as_str().unwrap())
+}
+
+#[expect(clippy::too_many_lines, reason = "a table: one line a request")]
+#[tokio::test]
+async fn requests_that_are_none() {
+    let server = Server::start().await;
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run", "seed": 1})).await.expect(201);
+    let mut answers = Vec::new();
+    let json = "application/json";
+    for (method, path, kind, body) in [
+        ("POST", "/v1/runs", json, "{"),
+        ("POST", "/v1/runs", json, r#"{"seed": NaN}"#),
+        ("POST", "/v1/runs", json, r#"{"contested_share": 1e999}"#),
+        ("POST", "/v1/runs", json, r#"{"sed": 1}"#),
+        ("POST", "/v1/runs", json, r#"{"seed": -1}"#),
+        ("POST", "/v1/runs", json, r#"{"seed": 9007199254740992}"#),
+        ("POST", "/v1/runs", json, r#"{"id": "run"}"#),
+        ("POST", "/v1/runs", json, r#"{"id": "Über Run"}"#),
+        ("POST", "/v1/runs", json, r#"{"strategy": "magic"}"#),
+        ("POST", "/v1/runs", json, r#"{"contested_share": 1.5}"#),
+        ("POST", "/v1/runs", json, r#"{"group_size": 0}"#),
+        ("POST", "/v1/runs", json, r#"{"group_size": 4, "min_group": 5}"#),
+        ("POST", "/v1/runs", json, r#"{"tasks": []}"#),
+        ("POST", "/v1/runs", json, r#"{"tasks": ["kessler/golf"]}"#),
+        ("POST", "/v1/runs", json, r#"{"tasks": ["kessler/survival", "kessler/survival"]}"#),
+        (
+            "POST",
+            "/v1/runs",
+            json,
+            r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[100], []]}}}}"#,
+        ),
+        (
+            "POST",
+            "/v1/runs",
+            json,
+            r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[-1]]}}}}"#,
+        ),
+        ("POST", "/v1/runs", json, r#"[1, 2]"#),
+        ("POST", "/v1/runs", json, "null"),
+        ("POST", "/v1/runs", json, ""),
+        ("POST", "/v1/runs", json, r#"{"seed": 1, "seed": 2}"#),
+        ("POST", "/v1/runs", json, r#"{"seed": 2251799813685248}"#),
+        ("POST", "/v1/runs", json, r#"{"success_threshold": 1e300}"#),
+        ("POST", "/v1/runs", json, r#"{"task_settings": {"kessler/survival": [1]}}"#),
+        ("POST", "/v1/runs", json, "[]"),
+        ("POST", "/v1/runs", json, r#"{} {}"#),
+        ("POST", "/v1/runs", "text/plain", r#"{}"#),
+        ("GET", "/v1/runs/nobody", json, ""),
+        ("GET", "/v1/runs/NOBODY", json, ""),
+        ("GET", "/v1/runs/nobody/episodes", json, ""),
+        ("GET", "/v1/runs/nobody/leases", json, ""),
+        ("GET", "/v1/runs/nobody/mastery", json, ""),
+        ("GET", "/v1/runs/nobody/mastery/history", json, ""),
+        ("GET", "/v1/runs?limit=0", json, ""),
+        ("GET", "/v1/runs?limit=many", json, ""),
+        ("GET", "/v1/runs?limit=1&limit=2", json, ""),
+        ("GET", "/v1/runs?limt=1", json, ""),
+        ("GET", "/v1/runs?limit=%ff", json, ""),
+        ("GET", "/v1/runs?cursor=7", json, ""),
+        ("POST", "/v1/runs/nobody/leases", json, r#"{"groups": 1}"#),
+        ("POST", "/v1/runs/run/leases", json, r#"{}"#),
+        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 0}"#),
+        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 4294967296}"#),
+        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 1024, "group_size": 1024}"#),
+        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 1, "ttl_s": 0}"#),
+        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 1, "purpose": "fun"}"#),
+        ("GET", "/v1/runs/run/leases/42", json, ""),
+        ("GET", "/v1/runs/run/leases/42-abcdef", json, ""),
+        ("GET", "/v1/runs/run/episodes/ep_42-abcdef_0", json, ""),
+        ("GET", "/v1/runs/run/episodes/42", json, ""),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": 3, "actions": []}]}"#),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"score": 1.0}]}"#),
+        ("POST", "/v1/runs/run/results", json, r#"{"results": [["x", "failed"]]}"#),
+        (
+            "POST",
+            "/v1/runs/run/results",
+            json,
+            r#"{"results": [{"episode": "x", "actions": {"steps": [[{"a": 1, "a": 2}]]}}]}"#,
+        ),
+        ("POST", "/v1/runs/nobody/results", json, r#"{"results": []}"#),
+        ("GET", "/v1/nothing", json, ""),
+        ("DELETE", "/v1/runs", json, ""),
+    ] {
+        let answer = api.raw(method, path, kind, body.to_owned()).await;
+        answers.push(format!("{method} {path} {body}\n    {}", told(&answer)));
+    }
+    insta::assert_snapshot!(answers.join("\n"));
+    assert_eq!(
+        api.get("/v1/runs").await.expect(200)["runs"].as_array().unwrap().len(),
+        1,
+        "nothing came of it"
+    );
+}
+
+#[tokio::test]
+async fn scenarios_that_are_none() {
+    let server = Server::start().await;
+    let api = server.api();
+    let mut answers = Vec::new();
+    for scenario in [
+        json!({}),
+        json!({"task": "kessler/survival"}),
+        json!({"task": "kessler/survival", "seed": 1, "params": {"fuel": 0}}),
+        json!({"task": "kessler/survival", "seed": 1, "params": {"debris": 1e6}}),
+        json!({"task": "kessler/survival", "seed": 1, "gravity": "strong"}),
+        json!({"task": "kessler/survival", "seed": (2u64 << 51) + 5}),
+        json!({"task": "kessler/survival", "seed": 1u64 << 53}),
+        json!({"task": "kessler/survival", "seed": 1.5}),
+        json!({"task": "kessler/survival", "seed": 1, "params": {"fuel": 1e300}}),
+        json!({"task": "kessler/survival", "seed": 1, "layout": {"mode": "extend", "bodies": {"moons": []}}}),
+        json!({"task": "kessler/survival", "seed": 1, "layout": {"mode": "extend", "bodies": {"debris": vec![[60, 0, 0, 4]; 600]}}}),
+    ] {
+        answers.push(told(&api.post("/v1/scenarios", json!({ "scenario": scenario })).await));
+    }
+    let scenario = json!({"task": "kessler/survival", "seed": 1});
+    for steps in [
+        json!([[[5, 0, 0]]]),
+        json!([[], [[0, 0, 0], [0, 0, "x"]]]),
+        json!(7),
+        json!([]),
+        json!(vec![json!([]); 51]),
+    ] {
+        let wrong = json!({"scenario": scenario, "actions": {"steps": steps}});
+        answers.push(told(&api.post("/v1/scenarios", wrong).await));
+    }
+    for wrong in [
+        scenario.clone(),
+        json!({"scenario": [1]}),
+        json!({"scenario": scenario, "actions": []}),
+        json!(null),
+    ] {
+        answers.push(told(&api.post("/v1/scenarios", wrong).await));
+    }
+    insta::assert_snapshot!(answers.join("\n"));
+}
+
+#[tokio::test]
+async fn a_scenario_by_hand_is_bracketed_and_replayed() {
+    let server = Server::start().await;
+    let scenario = json!({"task": "kessler/survival", "params": {"debris": 100, "spread": 1.0}, "seed": 4});
+    let body = json!({"scenario": scenario, "actions": {"steps": [], "stopped": "too_late"}});
+    let checked = server.api().post("/v1/scenarios", body).await.expect(200);
+    assert_eq!(checked["fair"], true);
+    let (hold, reference) = (&checked["bracket"]["hold"], checked["bracket"]["reference"].as_f64().unwrap());
+    assert_eq!(&checked["flown"]["score"], hold, "an agent that says nothing holds");
+    assert!(reference >= hold.as_f64().unwrap());
+    // What comes back is complete: sent again, it is the same scenario.
+    let again = json!({"scenario": checked["scenario"]});
+    assert_eq!(
+        server.api().post("/v1/scenarios", again).await.expect(200)["scenario_id"],
+        checked["scenario_id"]
+    );
+}
+
+/// Requests whose clients have gone cost nothing any more: who comes after them is answered.
+#[tokio::test]
+async fn planning_that_nobody_waits_for_is_given_up() {
+    let server = Server::start().await;
+    let api = server.api();
+    // Seconds each, and few at a time.
+    let heavy = json!({"scenario": {
+        "task": "kessler/formation", "seed": 1, "physics": {"risk": "pc"},
+        "params": {"debris": 1000, "spread": 1.0, "sigma": 10.0},
+    }});
+    for _ in 0..24 {
+        let gone = tokio::time::timeout(
+            std::time::Duration::from_millis(50),
+            api.post("/v1/scenarios", heavy.clone()),
+        );
+        assert!(gone.await.is_err(), "that was quick: this proves nothing");
+    }
+    let light = json!({"scenario": {"task": "kessler/survival", "seed": 1}});
+    let _ = api.post("/v1/scenarios", light).await.expect(200);
+}
+
+#[tokio::test]
+async fn too_much_at_once() {
+    let server = Server::start().await;
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let item = json!({"episode": "ep_1-aaaaaa_0", "status": "failed"});
+    let many = json!({"results": vec![item; 100_000]});
+    let answer = api.post("/v1/runs/run/results", many).await;
+    insta::assert_snapshot!(told(&answer), @"422 invalid [results]: 100000 results; at most 5000 are taken at a time");
+    let huge = format!(r#"{{"results": [], "policy_version": {}1}}"#, " ".repeat(40 * 1024 * 1024));
+    let answer = api.raw("POST", "/v1/runs/run/results", "application/json", huge).await;
+    insta::assert_snapshot!(told(&answer), @"413 too_large: The body is larger than 16 MiB; send less at a time.");
+    let deep = format!(r#"{{"scenario": {}1{}}}"#, "[".repeat(100_000), "]".repeat(100_000));
+    let answer = api.raw("POST", "/v1/scenarios", "application/json", deep).await;
+    assert_eq!(answer.status, 400, "{:?}", answer.body);
+    assert_eq!(api.get("/readyz").await.status, 200, "it lives");
+}
+
+#[tokio::test]
+async fn the_document_is_current_and_the_reader_is_there() {
+    let server = Server::start().await;
+    let api = server.api();
+    let document = api.get("/openapi.json").await.expect(200);
+    assert_eq!(document["openapi"], "3.1.0");
+    assert!(document["paths"].as_object().unwrap().contains_key("/v1/runs/{run}/results"));
+    let docs = api.get("/docs/").await;
+    assert_eq!(docs.status, 200);
+    assert!(matches!(docs.body, Value::String(page) if page.contains("swagger")));
+}
+
+/// A parameter that nobody knows was meant to do something: refused by name wherever it stands.
+#[tokio::test]
+async fn no_query_is_ignored() {
+    let server = Server::start().await;
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run", "tasks": ["kessler/survival"]})).await.expect(201);
+    for path in [
+        "tasks",
+        "runs",
+        "runs/run",
+        "runs/run/mastery",
+        "runs/run/params",
+        "runs/run/failures",
+        "runs/run/leases",
+    ] {
+        let _ = api.get(&format!("/v1/{path}")).await.expect(200);
+        let refused = api.get(&format!("/v1/{path}?Telemetry=true")).await.expect(400);
+        assert_eq!(refused["field"], "Telemetry", "{path}: {refused}");
+    }
+    let refused = api.get("/v1/runs/run/episodes/ep_1-a_0/replay?Telemetry=true").await.expect(400);
+    assert_eq!(refused["field"], "Telemetry");
+}
+
+/// Whoever begins a body and does not end it is sent away, wherever one is taken; others are answered meanwhile.
+#[tokio::test]
+async fn a_body_that_does_not_come_is_not_waited_for() {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+
+    let server = Server::start().await;
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let half = async |path: &str| {
+        let address = api.base().strip_prefix("http://").unwrap();
+        let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{{"
+        );
+        stream.write_all(head.as_bytes()).await.unwrap();
+        let mut told = [0; 4096];
+        let length = stream.read(&mut told).await.unwrap();
+        String::from_utf8_lossy(&told[..length]).into_owned()
+    };
+    let all = futures_util::future::join_all(
+        ["/v1/runs", "/v1/scenarios", "/v1/runs/run/leases", "/v1/runs/run/results"].map(half),
+    );
+    let others = async {
+        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
+        assert_eq!(api.get("/v1/tasks").await.status, 200);
+    };
+    for told in tokio::join!(all, others).0 {
+        assert!(told.starts_with("HTTP/1.1 408") && told.contains("slow_body"), "{told}");
+    }
+}

@@ -1,0 +1,77 @@
+//! openenv-core's own clients, from the package index, against a real server.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use serde_json::json;
+use system_tests::{Api, Server, binary, http_client};
+
+#[tokio::test]
+async fn openenv_cores_clients_fly_unchanged() {
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+    let python = root.join("target/openenv-venv/bin/python");
+    if !python.exists() {
+        assert!(std::env::var_os("SPARRING_TRAINERS").is_none(), "scripts/openenv-venv has not been run");
+        eprintln!("skipped: `make test` installs openenv-core first");
+        return;
+    }
+    let mut server = Server::start().await;
+    let url = server.api().base().to_owned();
+    let script = root.join("tests/clients/openenv_clients.py");
+    let run = move || Command::new(python).arg(script).arg(url).output().unwrap();
+    let out = tokio::task::spawn_blocking(run).await.unwrap();
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success(), "{said}{}", String::from_utf8_lossy(&out.stderr));
+    assert_eq!(said.lines().count(), 6, "{said}");
+    server.stop().await;
+}
+
+/// The container's command, on a free port: OpenEnv for anybody, and nothing of a run.
+#[tokio::test]
+async fn a_space_shows_openenv_and_nothing_else() {
+    let dockerfile = include_str!("../../../Dockerfile");
+    let command = dockerfile.lines().find_map(|line| line.strip_prefix("CMD ")).expect("a command");
+    let command: Vec<String> = serde_json::from_str(command).expect("its words");
+    assert_eq!((command[0].as_str(), command.last().expect("words").as_str()), ("sparring", "0.0.0.0:8000"));
+    assert!(include_str!("../../../openenv.yaml").contains("port: 8000"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut server = Command::new(binary())
+        .args(&command[1..command.len() - 1])
+        .arg("0.0.0.0:0")
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("it starts");
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().expect("its output")).read_line(&mut line).expect("its first line");
+    let port = line.trim().rsplit(':').next().expect("a port").to_owned();
+    let api = Api::new(&format!("http://127.0.0.1:{port}"));
+    assert_eq!(api.get("/health").await.expect(200), json!({"status": "healthy"}));
+    for path in ["/v1/runs", "/v1/tasks", "/v1/layouts"] {
+        assert_eq!(api.get(path).await.status, 404, "{path}");
+    }
+    let document = api.get("/openapi.json").await.expect(200).to_string();
+    assert!(
+        document.contains("\"/reset\"") && !document.contains("/v1/"),
+        "what is not there is not told of"
+    );
+    let told = api.post("/reset", json!({"task": "survival", "seed": 1})).await.expect(200);
+    assert_eq!(told["done"], false);
+    assert_eq!(api.post("/step", json!({"burns": []})).await.expect(200)["done"], false);
+    // The page needs nothing that is not shown.
+    let page = http_client().get(format!("{}/web/", api.base())).send().await.expect("a page");
+    let page = page.text().await.expect("text");
+    assert!(page.contains(">docking/single</option>") && !page.contains("/v1/"), "{page}");
+    let refused = api.post("/reset", json!({"run": "any"})).await;
+    assert!((400..500).contains(&refused.status), "{refused:?}");
+    server.kill().expect("it runs");
+    let _ = server.wait();
+    // Everything is for this machine alone.
+    let told =
+        Command::new(binary()).args(["serve", "--bind", "0.0.0.0:0"]).current_dir(folder.path()).output();
+    let told = told.expect("it says no");
+    assert_eq!(told.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&told.stderr).contains("--openenv-public"));
+}
