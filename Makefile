@@ -3,9 +3,9 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
 NODE_IS_THERE := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
-# The binary with the tests: built by itself it would be all of it once more, with other features of its dependencies.
-BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --bin sparring
-.PHONY: help demo dashboard wheel test fetched test-python test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak fmt lint deny sqlx check-cargo check-python check-node
+# The binary and the Python module with the tests: by themselves they would be all of it once more, with other features of dependencies.
+BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib --bin sparring && scripts/python-native
+.PHONY: help demo dashboard wheel test fetched test-python test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak fmt lint deny sqlx check-cargo check-clippy check-python check-node
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -26,11 +26,15 @@ wheel: check-cargo check-python ## Two wheels into target/wheels: sparring (the 
 
 # From empty it takes less time and disk without what the next build would take from this one.
 test: export CARGO_INCREMENTAL ?= 0
-test: check-cargo check-python check-node ## Everything that is checked before a change lands
+# Clippy is the compiler, saying more. As a command of its own it would have all dependencies compiled for it, which is minutes; here
+# it is what compiles the tests. `make lint` looks at what is behind features, too.
+test: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
+test: export CLIPPY_ARGS := -Dwarnings
+test: check-cargo check-clippy check-python check-node ## Everything that is checked before a change lands
+	cargo fmt --all -- --check
 	@# What is fetched comes while the compiler works.
 	@$(MAKE) --no-print-directory fetched & fetching=$$!; \
-		$(MAKE) --no-print-directory lint && wait $$fetching || { kill $$fetching 2>/dev/null; exit 1; }
-	$(BUILD_TESTS)
+		$(BUILD_TESTS) && wait $$fetching || { kill $$fetching 2>/dev/null; exit 1; }
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
 	$(MAKE) --no-print-directory test-python
 	@# torch is hundreds of megabytes, so that not everybody who runs the tests should have to fetch it.
@@ -39,13 +43,12 @@ test: check-cargo check-python check-node ## Everything that is checked before a
 
 fetched: check-python dashboard
 	scripts/openenv-venv
-	scripts/python-venv --packages
+	scripts/python-venv
 	scripts/chromium
 	@if [[ -n "$$SPARRING_TRAINERS" ]]; then scripts/sb3-venv; fi
 
 test-python: check-cargo check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, typed, and its stubs current
 	scripts/python-venv
-	scripts/python-stubs --check
 	scripts/python-client --check
 	$(BUILD_TESTS)
 	cd python && ../target/python-venv/bin/ruff check . && ../target/python-venv/bin/ruff format --check . \
@@ -94,7 +97,7 @@ test-otlp: check-cargo check-python ## Spans reach an OpenTelemetry collector, w
 fmt: check-cargo ## Format the code
 	cargo fmt --all
 
-lint: check-cargo ## Formatting and clippy, warnings refused
+lint: check-cargo check-clippy ## Formatting and clippy, warnings refused
 	cargo fmt --all -- --check
 	SQLX_OFFLINE=true cargo clippy --workspace --all-targets --all-features --locked -- -D warnings
 
@@ -107,6 +110,9 @@ sqlx: check-cargo ## Write .sqlx anew, after a change of SQL or migrations
 
 check-cargo:
 	@command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs, version 1.95 or newer." >&2; exit 2; }
+
+check-clippy:
+	@command -v clippy-driver >/dev/null || { echo "Clippy is missing: rustup component add clippy rustfmt" >&2; exit 2; }
 
 check-node:
 	@node -e '$(NODE_IS_THERE)' 2>/dev/null || { echo "Node is missing or too old: the dashboard is built with it; install Node 20.19 or newer, with npm." >&2; exit 2; }

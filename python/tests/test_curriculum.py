@@ -47,6 +47,14 @@ def fly(envs, steps, size=0.0):
     return int(ended)
 
 
+@pytest.fixture
+def ctrl_c():
+    """Presses Ctrl-C in so many seconds, also where tests run in the background of a shell, which makes them deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield lambda seconds: threading.Timer(seconds, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("form", ["groups", "columns"])
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
 def test_episodes_are_flown_and_counted(form, mode):
@@ -352,14 +360,13 @@ def test_a_version_that_is_none(version):
         assert curriculum.policy_version == 0
 
 
-def test_waiting_is_interrupted_by_ctrl_c():
+def test_waiting_is_interrupted_by_ctrl_c(ctrl_c):
     with local(form="groups") as curriculum:
         envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
         envs.reset()
         until(lambda: curriculum.stats()["ready"] >= 16)
         curriculum.ask("POST", f"/v1/runs/{curriculum.run}/pause")
-        timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
-        timer.start()
+        ctrl_c(1.0)
         with pytest.raises(KeyboardInterrupt):
             fly(envs, 100_000)
         envs.close()
@@ -381,7 +388,7 @@ def test_two_batches_share_one_curriculum_and_what_is_given_back_is_flown_again(
         two.close()
 
 
-def test_closing_without_a_server_is_interrupted_and_says_what_is_lost():
+def test_closing_without_a_server_is_interrupted_and_says_what_is_lost(ctrl_c):
     curriculum = local(form="groups")
     envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
     envs.reset()
@@ -389,8 +396,7 @@ def test_closing_without_a_server_is_interrupted_and_says_what_is_lost():
     curriculum._server._process.kill()
     flown = fly(envs, 60)
     envs.close()
-    timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
-    timer.start()
+    ctrl_c(0.5)
     began = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         curriculum.close(30)

@@ -194,6 +194,7 @@ def make(url):
     evaluations = [ask(url, "POST", "/v1/evaluations", {"policy": policy})["id"] for policy in ("hold", "heuristic")]
     for evaluation in evaluations:
         until("evaluation", lambda: ask(url, "GET", f"/v1/evaluations/{evaluation}")["state"] == "complete")
+    given_up = ask(url, "POST", "/v1/evaluations", {"policy": "mine", "run": "real"})["id"]
     group, left = leases[0]["groups"][1], {"run": "real", "lease": columns[1]["lease"]}
     actions = {"steps": [[[0, 0.1, 0.0]]] + [[]] * 49}
     scenario = {"task": TASK, "seed": 7}
@@ -204,6 +205,7 @@ def make(url):
         "evaluation": evaluations, "version": [1, 2, 3],
         "examples": [
             ("GET /v1/evaluations/compare", {}, {"a": evaluations[0], "b": evaluations[1]}),
+            ("POST /v1/evaluations/{evaluation}/cancel", {"evaluation": given_up}, None),
             ("POST /step", {}, {"burns": []}),
             ("POST /v1/scenarios", {}, {"scenario": scenario}),
             ("POST /v1/scenarios", {}, {"scenario": scenario, "actions": actions, "telemetry": True}),

@@ -12,7 +12,7 @@ use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
 use serde_json::{Value, json};
 
-pub use self::process::{Process, binary};
+pub use self::process::{Process, binary, native};
 
 /// A server in this process, on a database of its own.
 pub struct Server {

@@ -18,23 +18,42 @@ pub fn binary() -> &'static Path {
         if let Some(built) = std::env::var_os("SPARRING_BINARY") {
             return built.into();
         }
-        // Tests live in target/<profile>/deps, programs and the binary one folder up.
-        let here = std::env::current_exe().expect("a path");
-        let folder = here.parent().expect("a folder");
-        let folder =
-            if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
-        let profile = match folder.file_name().and_then(|n| n.to_str()) {
-            Some("release") => "release",
-            _ => "dev",
-        };
-        let built = Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "-p", "orchestrator", "--bin", "sparring", "--profile", profile])
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .status()
-            .expect("cargo runs");
-        assert!(built.success(), "the binary does not build");
-        folder.join(format!("sparring{}", std::env::consts::EXE_SUFFIX))
+        built(&["-p", "orchestrator", "--bin", "sparring"])
+            .join(format!("sparring{}", std::env::consts::EXE_SUFFIX))
     })
+}
+
+/// What `import sparring` loads: beside the binary that is named, built otherwise.
+///
+/// # Panics
+/// Where it does not build.
+#[must_use]
+pub fn native() -> PathBuf {
+    let folder = match std::env::var_os("SPARRING_BINARY") {
+        Some(binary) => Path::new(&binary).parent().expect("a folder").to_owned(),
+        None => built(&["-p", "sparring-python", "--lib"]),
+    };
+    folder.join(format!("{}_native{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX))
+}
+
+/// Builds something; the folder in which it is then.
+fn built(what: &[&str]) -> PathBuf {
+    // Tests live in target/<profile>/deps, programs and the binary one folder up.
+    let here = std::env::current_exe().expect("a path");
+    let folder = here.parent().expect("a folder");
+    let folder = if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
+    let profile = match folder.file_name().and_then(|n| n.to_str()) {
+        Some("release") => "release",
+        _ => "dev",
+    };
+    let built = Command::new(env!("CARGO"))
+        .args(["build", "--quiet", "--profile", profile])
+        .args(what)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .status()
+        .expect("cargo runs");
+    assert!(built.success(), "{what:?} does not build");
+    folder.to_owned()
 }
 
 /// A server in a process of its own, that can be killed.

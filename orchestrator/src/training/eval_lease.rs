@@ -35,7 +35,7 @@ pub async fn take_eval(
         let hopeless = Hopeless::default(); // nothing contested is asked for
         let one = |(number, proposal): (u64, Proposal)| {
             let place = Place { space: SeedSpace::Evaluation, run_seed, seq: number };
-            prepare(place, &proposal, None, &hopeless).map(|prepared| (proposal, prepared))
+            prepare(place, &proposal, None, (&hopeless, &|| true)).map(|prepared| (proposal, prepared))
         };
         threads.install(|| numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>())
     });

@@ -13,7 +13,9 @@ use tokio::task::JoinSet;
 use crate::counts;
 use crate::store::proposals::{self, Waiting, unprepared};
 use crate::store::{from_json, runs, signed, unsigned};
-use crate::training::prepare::{Hopeless, Origin, Place, Prepared, StorePrepared, prepare};
+use crate::training::prepare::{
+    Hopeless, Origin, Place, PrepareError, Prepared, StorePrepared, Waits, prepare,
+};
 use crate::training::sets::Sets;
 use crate::training::{RunSettings, TrainingError, Writer};
 use curriculum::Proposal;
@@ -150,8 +152,10 @@ impl Preparer {
                 let (told, done) = oneshot::channel();
                 let hopeless = Arc::clone(&self.hopeless);
                 self.pool.spawn(move || {
-                    // Nobody listens any more where the service stops.
-                    let _ = told.send(one(&waiting, &proposal, origin.as_ref(), &hopeless));
+                    // Where the service stops nobody listens any more, and nothing more is looked for.
+                    let waits = || !told.is_closed();
+                    let done = one(&waiting, &proposal, origin.as_ref(), (&hopeless, &waits));
+                    let _ = told.send(done);
                 });
                 begun.jobs.spawn(async { done.await.ok() });
             }
@@ -195,15 +199,21 @@ async fn origin(
 }
 
 /// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
-fn one(waiting: &Waiting, proposal: &Proposal, origin: Option<&Origin>, hopeless: &Hopeless) -> Done {
+fn one(
+    waiting: &Waiting,
+    proposal: &Proposal,
+    origin: Option<&Origin>,
+    (hopeless, waits): (&Hopeless, Waits<'_>),
+) -> Done {
     let _busy = counts::Busy::with("prepare");
     let (run, seq) = (&waiting.run, waiting.seq);
     let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
         let (run_seed, seq) = (unsigned(waiting.run_seed), unsigned(seq));
-        prepare(Place { space: SeedSpace::Training, run_seed, seq }, proposal, origin, hopeless)
+        prepare(Place { space: SeedSpace::Training, run_seed, seq }, proposal, origin, (hopeless, waits))
     }));
     let prepared = match prepared {
         Ok(Ok(prepared)) => Some(prepared),
+        Ok(Err(PrepareError::NotWanted)) => None,
         Ok(Err(error)) => {
             tracing::warn!(run, seq, error = %error, "A proposal cannot be prepared and is dropped.");
             None

@@ -26,5 +26,6 @@ mod restart;
 mod retention;
 mod shown;
 mod stepping;
+mod stubs;
 mod survival;
 mod trajectories;

@@ -57,7 +57,7 @@ impl Feed for Local {
                 Place { space: SeedSpace::Training, run_seed: self.seed, seq },
                 &proposal,
                 None,
-                &Hopeless::default(),
+                (&Hopeless::default(), &|| true),
             )?;
             let episodes: Vec<String> = (0..MEMBERS).map(|i| format!("ep_{seq}_{i}")).collect();
             lease.recipes.push(prepared.scenario.recipe().to_json());
@@ -194,7 +194,7 @@ fn fitness(members: &[Member]) -> f64 {
             Place { space: SeedSpace::Evaluation, run_seed: 0, seq },
             &proposal,
             None,
-            &Hopeless::default(),
+            (&Hopeless::default(), &|| true),
         )
         .unwrap();
         for member in members {

@@ -37,19 +37,23 @@ pub struct Hopeless(Mutex<HashMap<RecipeId, bool>>);
 const MOST_REMEMBERED: usize = 10_000;
 
 impl Hopeless {
-    /// Whether 40 scenarios of the recipe, the same for everybody, are all unsolvable. The first that is not decides.
+    /// Whether 40 scenarios of the recipe, the same for everybody, are all unsolvable. The first that is not decides. Where nobody
+    /// waits any more it is left open.
     #[must_use]
-    pub fn are(&self, recipe: &Arc<Recipe>) -> bool {
+    pub fn are(&self, recipe: &Arc<Recipe>, waits: Waits<'_>) -> bool {
         let id = recipe.id();
         // A map behind a poisoned lock is still a map.
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(&told) = known().get(&id) {
             return told;
         }
-        let told = !(0..HOPELESS_DRAWS).any(|number| {
+        let told = !(0..HOPELESS_DRAWS).take_while(|_| waits()).any(|number| {
             let seed = seed_of(SeedSpace::Training, u64::MAX, u64::MAX, number);
             bracket::admit(&Scenario::new(Arc::clone(recipe), seed)).solvable
         });
+        if told && !waits() {
+            return told;
+        }
         let mut remembered = known();
         if remembered.len() >= MOST_REMEMBERED {
             remembered.clear();
@@ -58,6 +62,9 @@ impl Hopeless {
         told
     }
 }
+
+/// Whether somebody waits for what is looked for; asked before each draw.
+pub type Waits<'a> = &'a dyn Fn() -> bool;
 
 /// A scenario ready to be leased.
 #[derive(Debug, Clone)]
@@ -126,6 +133,9 @@ pub enum PrepareError {
     /// It goes on from a scenario that is not there.
     #[error("the scenario of proposal {0}, which it goes on from, is not kept any more")]
     Gone(u64),
+    /// Nobody waits for it any more.
+    #[error("nobody waits for it any more")]
+    NotWanted,
     /// None of the edits that were tried is fair and can be solved.
     #[error("none of {0} edits of the scenario of proposal {1} is fair and can be solved")]
     NoEdit(u64, u64),
@@ -134,17 +144,17 @@ pub enum PrepareError {
 /// Prepares a proposal. One that goes on from an earlier one needs what that left.
 ///
 /// # Errors
-/// Params for which no fair start exists, or nothing to go on from.
+/// Params for which no fair start exists, nothing to go on from, or nobody who waits.
 pub fn prepare(
     place: Place,
     proposal: &Proposal,
     origin: Option<&Origin>,
-    hopeless: &Hopeless,
+    (hopeless, waits): (&Hopeless, Waits<'_>),
 ) -> Result<Prepared, PrepareError> {
     match proposal.source {
-        Source::Fresh => Ok(draw(place, proposal, hopeless, None)?),
+        Source::Fresh => draw(place, proposal, (hopeless, waits), None),
         Source::Chosen { among, base, panel } => {
-            Ok(draw(place, proposal, hopeless, Some(Choice::new(among, base, panel)))?)
+            draw(place, proposal, (hopeless, waits), Some(Choice::new(among, base, panel)))
         }
         Source::Again { of } => origin.map(Origin::again).ok_or(PrepareError::Gone(of)),
         Source::Edited { of } => origin.ok_or(PrepareError::Gone(of))?.edited(place, proposal, of),
@@ -155,17 +165,20 @@ pub fn prepare(
 fn draw(
     place: Place,
     proposal: &Proposal,
-    hopeless: &Hopeless,
+    (hopeless, waits): (&Hopeless, Waits<'_>),
     mut choice: Option<Choice>,
-) -> Result<Prepared, ScenarioError> {
+) -> Result<Prepared, PrepareError> {
     let recipe = Arc::new(recipe_of(proposal)?);
     let task = recipe.task();
     let draw = |number| Scenario::new(Arc::clone(&recipe), place.seed(number));
-    let wants_contested = proposal.contested && !hopeless.are(&recipe);
+    let wants_contested = proposal.contested && !hopeless.are(&recipe, waits);
     let draws = if wants_contested { CONTESTED_DRAWS } else { FAIR_DRAWS };
     let mut last = None;
     let mut unfair = None;
     for number in 0..draws {
+        if !waits() {
+            return Err(PrepareError::NotWanted);
+        }
         let scenario = draw(number);
         let admission = bracket::admit(&scenario);
         match (admission.fair, admission.bracket) {
@@ -199,10 +212,11 @@ fn draw(
     }
     // Nothing contested is to be had (at params where nothing can go wrong, or nothing can be saved): as it comes.
     last.ok_or_else(|| {
-        unfair.unwrap_or_else(|| ScenarioError::Unfair {
+        let none = || ScenarioError::Unfair {
             field: "params".to_owned(),
             reason: "no fair start was drawn".to_owned(),
-        })
+        };
+        unfair.unwrap_or_else(none).into()
     })
 }
 

@@ -224,9 +224,9 @@ async fn what_nobody_will_fly_is_cancelled() {
     let theirs = begin(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
     let _ = complete(&api, &theirs).await;
     let refused = api.post(&format!("/v1/evaluations/{theirs}/cancel"), json!({})).await.expect(409);
-    assert_eq!(refused["code"], "evaluation_over");
+    assert_eq!(refused["type"], "urn:sparring:problem:evaluation_over");
     let unknown = api.post("/v1/evaluations/eval-99/cancel", json!({})).await.expect(404);
-    assert_eq!(unknown["code"], "unknown_evaluation");
+    assert_eq!(unknown["type"], "urn:sparring:problem:unknown_evaluation");
 }
 
 #[tokio::test(flavor = "multi_thread")]
