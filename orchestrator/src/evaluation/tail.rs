@@ -40,21 +40,19 @@ fn halves(episodes: &[Measures]) -> (f64, f64) {
 
 /// The mean of the second numbers of the tenth with the lowest first ones; ties share their places.
 fn worst(scenarios: impl Iterator<Item = (f64, f64)>) -> f64 {
-    let mut all: Vec<(f64, f64)> = scenarios.collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: Vec<(f64, f64)> = scenarios.collect();
+    let mut scores: Vec<f64> = all.iter().map(|(score, _)| *score).collect();
     // A part of a scenario counts in part.
-    let mut left = TAIL * all.len() as f64;
-    let (mut sum, mut weight) = (0.0, 0.0);
-    for tied in all.chunk_by(|a, b| a.0 == b.0) {
-        let share = (left / tied.len() as f64).clamp(0.0, 1.0);
-        sum += share * tied.iter().map(|(_, told)| told).sum::<f64>();
-        weight += share * tied.len() as f64;
-        left -= share * tied.len() as f64;
-        if left <= 0.0 {
-            break;
-        }
-    }
-    if weight > 0.0 { sum / weight } else { 0.0 }
+    let places = TAIL * all.len() as f64;
+    let Some(last) = (places.ceil() as usize).checked_sub(1) else { return 0.0 };
+    let (_, &mut edge, _) = scores.select_nth_unstable_by(last, f64::total_cmp);
+    let of = |which: &dyn Fn(f64) -> bool| {
+        let told = all.iter().filter(|(score, _)| which(*score)).map(|(_, told)| told);
+        told.fold((0.0, 0.0), |(sum, n), told| (sum + told, n + 1.0))
+    };
+    let ((below, n), (tied, ties)) = (of(&|score| score < edge), of(&|score| score == edge));
+    let share = (places - n) / ties;
+    (below + share * tied) / places
 }
 
 #[cfg(test)]
