@@ -36,9 +36,8 @@ test: check-cargo check-clippy check-python check-node ## Everything that is che
 	@$(MAKE) --no-print-directory fetched & fetching=$$!; \
 		$(BUILD_TESTS) && wait $$fetching || { kill $$fetching 2>/dev/null; exit 1; }
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
-	$(MAKE) --no-print-directory test-python
-	@# torch is hundreds of megabytes, so that not everybody who runs the tests should have to fetch it.
-	@if [[ -n "$$SPARRING_TRAINERS" ]]; then $(MAKE) --no-print-directory test-trainers; fi
+	@# torch is hundreds of megabytes, so that not everybody who runs the tests should have to fetch it. Either takes one core.
+	@$(MAKE) --no-print-directory -j2 test-python $(if $(SPARRING_TRAINERS),test-trainers)
 	cd dashboard && npm run check && npm test && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
 
 fetched: check-python dashboard
@@ -47,7 +46,7 @@ fetched: check-python dashboard
 	scripts/chromium
 	@if [[ -n "$$SPARRING_TRAINERS" ]]; then scripts/sb3-venv; fi
 
-test-python: check-cargo check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, typed, and its stubs current
+test-python: check-cargo check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, and typed
 	scripts/python-venv
 	scripts/python-client --check
 	$(BUILD_TESTS)
