@@ -288,6 +288,14 @@ class Evaluations:
         answer: types.EvaluationFound = self._ask("GET", f"/v1/evaluations/{_part(evaluation)}", {}, None, again=True)
         return answer
 
+    def cancel(self, evaluation: str) -> types.Evaluation:
+        """Cancel an evaluation: it is `failed`, leases of it are refused, and it is none of those under way any more. What was
+        flown of it can still be looked at. Of one that is complete there is nothing to cancel (409); of one that failed
+        nothing changes.
+        """
+        answer: types.Evaluation = self._ask("POST", f"/v1/evaluations/{_part(evaluation)}/cancel", {}, None, again=True)
+        return answer
+
     def list_evaluation_scenarios(
         self, evaluation: str, *, limit: int | None = None, cursor: str | None = None
     ) -> types.EvaluationScenarios:
@@ -978,6 +986,14 @@ class AsyncEvaluations:
     async def show(self, evaluation: str) -> types.EvaluationFound:
         """Show an evaluation, with what it found once it is complete."""
         answer: types.EvaluationFound = await self._ask("GET", f"/v1/evaluations/{_part(evaluation)}", {}, None, again=True)
+        return answer
+
+    async def cancel(self, evaluation: str) -> types.Evaluation:
+        """Cancel an evaluation: it is `failed`, leases of it are refused, and it is none of those under way any more. What was
+        flown of it can still be looked at. Of one that is complete there is nothing to cancel (409); of one that failed
+        nothing changes.
+        """
+        answer: types.Evaluation = await self._ask("POST", f"/v1/evaluations/{_part(evaluation)}/cancel", {}, None, again=True)
         return answer
 
     async def list_evaluation_scenarios(
