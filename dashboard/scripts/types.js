@@ -2,7 +2,10 @@
 import { readFile, writeFile } from "node:fs/promises";
 import openapiTS, { astToString } from "openapi-typescript";
 
-const SNAPSHOT = new URL("../../tests/tests/system/snapshots/system__documents__openapi.snap", import.meta.url);
+const SNAPSHOT = new URL(
+  "../../tests/tests/system/snapshots/system__documents__openapi.snap",
+  import.meta.url,
+);
 const OUT = new URL("../src/lib/schema.d.ts", import.meta.url);
 
 const snapshot = await readFile(SNAPSHOT, "utf8");
