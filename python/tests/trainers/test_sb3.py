@@ -1,6 +1,10 @@
 """Stable-Baselines3 on the curriculum of a real server: rows as it wants them, and it learns."""
 
+import json
 import os
+import pathlib
+import subprocess
+import sys
 import zipfile
 
 import gymnasium
@@ -147,3 +151,18 @@ def test_it_learns_through_the_curriculum(tmp_path):
         for name in ("level", "mastery", "success", "skill", "params/debris"):
             assert f"curriculum/{task}/{name}" in tags
     assert {"rollout/ep_rew_mean", "curriculum/episodes/flown"} <= tags
+
+
+@served
+def test_the_example_trains_looks_draws_and_keeps_its_model(tmp_path):
+    example = pathlib.Path(__file__).parents[3] / "examples" / "sb3_ppo.py"
+    names = {"--plot": "curve.svg", "--save": "model.zip", "--tensorboard": "runs"}
+    wish = ["--steps", "9600", "--looks", "1", "--envs", "16", *(word for pair in names.items() for word in pair)]
+    told = {"cwd": tmp_path, "env": {**os.environ, "SPARRING_BIN": BINARY}, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, example, *wish], **told)
+    assert done.returncode == 0, done.stderr
+    looks = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    assert [look["steps"] for look in looks] == [0, 9600]
+    assert all(-1 <= skill <= 1 for look in looks for skill in look["skill"].values())
+    assert "<svg" in (tmp_path / "curve.svg").read_text()
+    assert all((tmp_path / name).exists() for name in names.values())
