@@ -155,11 +155,12 @@ def test_it_learns_through_the_curriculum(tmp_path):
 
 @served
 def test_the_example_trains_looks_draws_and_keeps_its_model(tmp_path):
-    example = pathlib.Path(__file__).parents[3] / "examples" / "sb3_ppo.py"
+    python = pathlib.Path(sparring.__file__).resolve().parents[1]
     names = {"--plot": "curve.svg", "--save": "model.zip", "--tensorboard": "runs"}
     wish = ["--steps", "9600", "--looks", "1", "--envs", "16", *(word for pair in names.items() for word in pair)]
-    told = {"cwd": tmp_path, "env": {**os.environ, "SPARRING_BIN": BINARY}, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, example, *wish], **told)
+    where = {**os.environ, "SPARRING_BIN": BINARY, "PYTHONPATH": os.fspath(python)}
+    command = [sys.executable, python.parent / "examples" / "sb3_ppo.py", *wish]
+    done = subprocess.run(command, cwd=tmp_path, env=where, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     looks = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
     assert [look["steps"] for look in looks] == [0, 9600]
