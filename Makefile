@@ -25,11 +25,11 @@ wheel: check-cargo check-python ## Two wheels into target/wheels: sparring (the 
 	cd python/server && SQLX_OFFLINE=true ../../target/python-venv/bin/maturin build --release --strip --locked --out ../../target/wheels
 
 # From empty it takes less time and disk without what the next build would take from this one.
-test: export CARGO_INCREMENTAL ?= 0
+test test-python test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
 # Clippy is the compiler, saying more. As a command of its own it would have all dependencies compiled for it, which is minutes; here
 # it is what compiles the tests. `make lint` looks at what is behind features, too.
-test: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
-test: export CLIPPY_ARGS := -Dwarnings
+test test-python test-trainers test-heavy: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
+test test-python test-trainers test-heavy: export CLIPPY_ARGS := -Dwarnings
 test: check-cargo check-clippy check-python check-node ## Everything that is checked before a change lands
 	cargo fmt --all -- --check
 	@# What is fetched comes while the compiler works.
@@ -46,14 +46,14 @@ fetched: check-python dashboard
 	scripts/chromium
 	@if [[ -n "$$SPARRING_TRAINERS" ]]; then scripts/sb3-venv; fi
 
-test-python: check-cargo check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, and typed
+test-python: check-cargo check-clippy check-python ## The Python wheel: against Gymnasium's and PettingZoo's own tests, and typed
 	scripts/python-venv
 	scripts/python-client --check
 	$(BUILD_TESTS)
 	cd python && ../target/python-venv/bin/ruff check . && ../target/python-venv/bin/ruff format --check . \
 		&& ../target/python-venv/bin/mypy && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" ../target/python-venv/bin/pytest
 
-test-trainers: check-cargo check-python ## Stable-Baselines3 and the learner in one file learn through the curriculum (fetches torch)
+test-trainers: check-cargo check-clippy check-python ## Stable-Baselines3 and the learner in one file learn through the curriculum (fetches torch)
 	scripts/python-venv
 	scripts/sb3-venv
 	$(BUILD_TESTS)
@@ -61,7 +61,7 @@ test-trainers: check-cargo check-python ## Stable-Baselines3 and the learner in 
 	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
 		../target/sb3-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/trainers
 
-test-heavy: check-cargo check-python ## RLlib, TRL and the notebook, on small models (fetches about seven gigabytes; run by hand)
+test-heavy: check-cargo check-clippy check-python ## RLlib, TRL and the notebook, on small models (fetches about seven gigabytes; run by hand)
 	scripts/python-venv
 	scripts/heavy-venv
 	$(BUILD_TESTS)
