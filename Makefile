@@ -32,15 +32,16 @@ test test-python test-trainers test-heavy: export RUSTC_WORKSPACE_WRAPPER := cli
 test test-python test-trainers test-heavy: export CLIPPY_ARGS := -Dwarnings
 test: check-cargo check-clippy check-python check-node ## Everything that is checked before a change lands
 	cargo fmt --all -- --check
-	@# What is fetched comes while the compiler works.
+	@# What is fetched comes while the compiler works, and what needs no binary is tested meanwhile.
 	@$(MAKE) --no-print-directory fetched & fetching=$$!; \
 		$(BUILD_TESTS) && wait $$fetching || { kill $$fetching 2>/dev/null; exit 1; }
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
 	@# torch is hundreds of megabytes, so that not everybody who runs the tests should have to fetch it. Either takes one core.
 	@$(MAKE) --no-print-directory -j2 test-python $(if $(SPARRING_TRAINERS),test-trainers)
-	cd dashboard && npm run check && npm test && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
+	cd dashboard && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
 
 fetched: check-python dashboard
+	cd dashboard && npm run check && npm test
 	scripts/openenv-venv
 	scripts/python-venv
 	scripts/chromium
