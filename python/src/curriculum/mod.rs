@@ -122,7 +122,7 @@ impl Desk {
             if without == 0 || stock.exhausted {
                 return Ok(());
             }
-            stock = self.wait(stock, until, &|_| format!("{without} environments have nothing to fly"))?;
+            stock = self.wait(stock, until, &|_| format!("{without} environment(s) have nothing to fly"))?;
         }
     }
 
