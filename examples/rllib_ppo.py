@@ -144,7 +144,7 @@ def main():
             if board:
                 board.close()
         if args.task.startswith("kessler") and not args.no_evaluation:
-            curriculum.policy_version = args.iterations
+            curriculum.policy_version += args.iterations
             told = sparring.evaluate(curriculum, policy, policy="rllib-ppo", chance=False)
             for task in curriculum.tasks:
                 skill = told.of(task)

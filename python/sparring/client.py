@@ -26,8 +26,10 @@ PAUSE_S = 0.2
 LONGEST_S = 10.0
 #: A server with nothing to tell says that it lives every few seconds.
 STREAM = httpx.Timeout(30.0, read=60.0)
-#: Answers by which a server says that the same question may be answered later, and that nothing was done.
+#: Answers by which a server says that the same question may be answered later.
 LATER = (429, 503)
+#: What the server itself says so of has changed nothing, but for this: it was too slow, and whether it was done is not known.
+PROBLEM, TIMED_OUT = "urn:sparring:problem:", "urn:sparring:problem:timed_out"
 #: Answers of what is between here and the server, or of a server that fails.
 BROKEN = (408, 500, 502, 504)
 
@@ -100,6 +102,14 @@ def _read(answer: httpx.Response) -> Any:
     raise ApiError(answer.status_code, problem if isinstance(problem, dict) else {"detail": str(problem)})
 
 
+def _undone(answer: httpx.Response) -> bool:
+    try:
+        kind = answer.json()["type"]
+    except (ValueError, LookupError, TypeError):
+        return False
+    return isinstance(kind, str) and kind.startswith(PROBLEM) and kind != TIMED_OUT
+
+
 class _Patience:
     """Whether to ask again, and when."""
 
@@ -117,7 +127,7 @@ class _Patience:
     def after(self, answer: httpx.Response) -> float | None:
         """Seconds to wait after this answer; none: it is the last word."""
         told = answer.headers.get("Retry-After", "")
-        if answer.status_code in LATER:
+        if answer.status_code in LATER and (self._again or _undone(answer)):
             return self._wait(float(told) if told.isdigit() else None)
         return self._wait(None) if answer.status_code in BROKEN and self._again else None
 

@@ -99,9 +99,9 @@ class Curriculum:
             raise ValueError("settings: they are of a run that is created; this one exists")
         self.run = run
         self._name = quote(run, safe="")
-        told = self.ask("GET", f"/v1/runs/{self._name}")["settings"]["curriculum"]
+        told = self.ask("GET", f"/v1/runs/{self._name}")
         #: The tasks of the run.
-        self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["tasks"])
+        self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["settings"]["curriculum"]["tasks"])
         self._wish: dict[str, Any] = {
             "group_size": group_size,
             "purpose": purpose,
@@ -113,7 +113,7 @@ class Curriculum:
         }
         self._form, self._lease = ("groups" if purpose == "eval" else form), lease
         self._native: _native.NativeCurriculum | None = None
-        self._version = 0
+        self._version = int(told["policy_version"])  # a training that goes on counts on
         self._closed = False
         self._server: Server | None = None
         # A program that ends without closing has what it flew handed in. By a weak reference: who is forgotten is not kept.
@@ -127,6 +127,12 @@ class Curriculum:
                 self.close(AT_EXIT_S)
             except CurriculumError as error:
                 print(f"sparring: a curriculum was not closed, and at the end: {error}", file=sys.stderr)
+
+    def __del__(self) -> None:
+        # Whoever forgets a curriculum, as a notebook's cell that is run again does, has handed in what was flown, too.
+        if hasattr(self, "_leave"):
+            self._at_exit()
+            atexit.unregister(self._leave)
 
     @classmethod
     def local(
@@ -169,7 +175,10 @@ class Curriculum:
         if self._native is None:
             columns = self._form == "columns" or (self._form == "auto" and num_envs >= MANY and self._goes_with_columns())
             groups = self._lease or (min(max(num_envs, 64), 1024) if columns else 64)
-            self._native = _native.NativeCurriculum(self.url, self.run, self.token, columns=columns, groups=groups, **self._wish)
+            otherwise = self._lease or 64 if self._form == "auto" else None
+            self._native = _native.NativeCurriculum(
+                self.url, self.run, self.token, columns=columns, groups=groups, otherwise=otherwise, **self._wish
+            )
             self._native.policy_version = self._version
         return self._native
 
@@ -180,7 +189,7 @@ class Curriculum:
 
     @property
     def policy_version(self) -> int:
-        """Which policy flies from now on: set it whenever the policy has changed."""
+        """Which policy flies from now on: the newest the run knows at first; set it whenever the policy has changed."""
         return self._version
 
     @policy_version.setter
@@ -254,17 +263,20 @@ class Curriculum:
         """Hands in what was flown, gives back what was not, and stops a server of its own. In a process that was forked it does
         nothing: all of that is the parent's.
 
+        Args:
+            timeout_s: How long what waits may take; `math.inf`: as long as it takes.
+
         Raises:
             CurriculumError: What was flown could not be handed in, or was refused.
+            ValueError: No number of seconds. Nothing is closed then, nor where it is interrupted: what waits is handed in by
+                closing once more, or when the program ends.
         """
         if self._closed or os.getpid() != self._pid:
             return
         try:
             if self._native is not None:
                 self._native.close(timeout_s)
-        except KeyboardInterrupt:
-            raise  # what waits is handed in when the program ends, or by closing once more
-        except BaseException:
+        except CurriculumError:
             self._end()
             raise
         self._end()

@@ -25,14 +25,16 @@ class Evaluated:
     def of(self, task: str, number: str = "skill", part: str = "contested") -> float | None:
         """The mean of one number of the policy itself; none where it has none."""
         for row in self.rows:
-            if (row["task"], row["part"]) == (task, part) and row["policy"] not in BLIND and row.get(number):
+            if (row["task"], row["part"]) == (task, part) and row["policy"] != BLIND and row.get(number):
                 mean: float | None = row[number]["mean"]
                 return mean
         return None
 
 
-#: Policies of a suite's rows that are there to compare with.
-BLIND = ("blind_panel",)
+#: Episodes that a lease has at most.
+EPISODES = 16_384
+#: What policies of a suite's rows are compared with: plans that look at nothing.
+BLIND = "blind_panel"
 
 
 def evaluate(
@@ -55,7 +57,7 @@ def evaluate(
     Args:
         curriculum: Whose run it is of; its `policy_version` is what is evaluated.
         act: Actions of all environments from their observations.
-        suite: A suite that the server knows (the newest that has a task of the run; `GET /v1/suites` lists them).
+        suite: A suite that the server knows (the newest that has one of the tasks; `GET /v1/suites` lists them).
         tasks: Its tasks that are flown (those of the run); all that one policy flies have agents alike, as all of kessler's have.
         policy: What the policy is called; not `blind_panel`, which is what it is compared with.
         rollouts: Episodes of each scenario (1; 8 of a policy that `chance` is in).
@@ -67,9 +69,9 @@ def evaluate(
 
     Raises:
         CurriculumError: No such suite, or the server fails.
-        ValueError: A suite of another world than the run's, or what is unknown or out of range, with the field.
+        ValueError: A suite without any task of the run's, or what is unknown or out of range, with the field.
     """
-    if policy in BLIND:
+    if policy == BLIND:
         raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
     if "autoreset_mode" in environment:
         raise ValueError("autoreset_mode: an evaluation flies each scenario once, and resets by itself")
@@ -87,7 +89,8 @@ def evaluate(
     )
     most = begun["scenarios"] * begun["rollouts"]
     try:
-        with curriculum.beside(purpose="eval", evaluation=begun["id"]) as exam:
+        lease = max(1, min(64, EPISODES // begun["rollouts"]))
+        with curriculum.beside(purpose="eval", evaluation=begun["id"], lease=lease) as exam:
             envs = make_vec(num_envs=min(num_envs, most), curriculum=exam, **environment)
             try:
                 for flown in _fly(envs, act):
@@ -105,17 +108,17 @@ def evaluate(
 
 def _suite(curriculum: Curriculum, wanted: str | None, tasks: Sequence[str] | None) -> dict[str, Any]:
     """The suite, and which of its tasks are flown."""
-    mine = {task.split("/")[0] for task in curriculum.tasks}
+    mine = tasks or curriculum.tasks
     for known in curriculum.ask("GET", "/v1/suites")["suites"]:
-        worlds = {task.split("/")[0] for task in known["tasks"]}
-        if wanted not in (None, known["name"]) or (wanted is None and not worlds & mine):
+        of_it = [task for task in known["tasks"] if task in mine]
+        if wanted not in (None, known["name"]) or (wanted is None and not of_it):
             continue
-        if not worlds & mine:
+        if not of_it and not tasks:
             over = f"{known['name']} is of {', '.join(known['tasks'])}, and the run of {', '.join(curriculum.tasks)}"
             raise ValueError(f"suite: {over}")
-        mine_of_it = [task for task in known["tasks"] if task in curriculum.tasks]
-        return {"suite": known["name"], "tasks": list(tasks or mine_of_it)}
-    return {} if wanted is None else {"suite": wanted}  # one that there is not is the server's to refuse
+        return {"suite": known["name"], "tasks": list(tasks or of_it)}
+    # One that there is not is the server's to refuse.
+    return {name: value for name, value in (("suite", wanted), ("tasks", tasks)) if value}
 
 
 def _fly(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:

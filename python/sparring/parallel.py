@@ -12,7 +12,7 @@ from gymnasium.error import ResetNeeded
 from .curriculum import Curriculum
 from .scenario import Scenario, plain_seed
 from .settings import Actions, Axes, Observation, Settings, View, agent_action_space
-from .single import OPTIONS, choose, lesson
+from .single import OPTIONS, choose, left_early, lesson
 from .window import FPS, Screen
 
 try:
@@ -52,6 +52,7 @@ class ParallelEnvironment(ParallelEnv):
         self.action_spaces = {agent: agent_action_space(settings, self._view) for agent in self.possible_agents}
         self.render_mode = render_mode
         self._screen = Screen(render_mode, render_size, self.metadata)
+        self._steps, self._warned = 0, False
 
     def observation_space(self, agent: str) -> Any:
         """The space of an agent's observations."""
@@ -65,19 +66,27 @@ class ParallelEnvironment(ParallelEnv):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begins an episode, as `sparring.Environment.reset`; agents that the scenario does without do not take part. Options
-        that are unknown are not looked at."""
+        that are unknown are not looked at.
+
+        Raises:
+            ValueError: A seed, a scenario or an option that is none.
+            CurriculumError: A curriculum has nothing left to fly.
+        """
+        if self._settings.curriculum is not None and self.agents and self._steps and not self._warned:
+            self._warned = True
+            left_early(self._steps)
         # PettingZoo's wrappers and tests hand options through that are not ours.
         ours = {name: value for name, value in (options or {}).items() if name in OPTIONS}
         whole = choose(self._native, 0, self._settings, ours)
         seen = self._native.reset([None if whole or seed is None else plain_seed(seed)])
+        told = lesson(self._native, self._settings)
         _, left, _ = self._native.agents()
+        self._steps = 0
         self.agents = [agent for agent, absent in zip(self.possible_agents, left[0], strict=True) if not absent]
         if self.render_mode == "human":
             self.render()
         rows = self._rows(seen)
-        return {agent: rows[agent] for agent in self.agents}, {
-            agent: lesson(self._native, self._settings) for agent in self.agents
-        }
+        return {agent: rows[agent] for agent in self.agents}, {agent: dict(told) for agent in self.agents}
 
     def step(
         self, actions: Mapping[str, Any]
@@ -91,6 +100,7 @@ class ParallelEnvironment(ParallelEnv):
         if not self.agents:
             raise ResetNeeded("nobody is there: call reset first")
         seen, *_, ended = self._native.step(self._joint(actions))
+        self._steps += 1
         rewards, left, cut = self._native.agents()
         rows, here = self._rows(seen), self.agents
         numbers = [self.possible_agents.index(agent) for agent in here]

@@ -360,13 +360,14 @@ def act(rl_module: TorchRLModule) -> Callable[[npt.NDArray[np.float32]], npt.NDA
 
 class CurriculumCallback(RLlibCallback):
     """Tells the curricula of all env runners after each iteration which version of the policy flies from then on (the number of
-    iterations that it learned from), and writes the curriculum's numbers into the result as `curriculum/…`: mastery, level,
+    iterations that it learned from, after those that the run knew before), and writes the curriculum's numbers into the result as `curriculum/…`: mastery, level,
     params, skill, the share of groups without variance, and what became of the episodes of all env runners. Episodes that the
     curriculum only wants to know the outcome of are not learned from."""
 
     def __init__(self) -> None:
         super().__init__()
         self._curriculum: Curriculum | None = None
+        self._before = 0
         self._idle: set[str] = set()
 
     def on_algorithm_init(self, *, algorithm: Any, **_: Any) -> None:
@@ -375,13 +376,17 @@ class CurriculumCallback(RLlibCallback):
         if wish is not None:
             # It flies nothing: env runners have their own.
             self._curriculum = Curriculum(wish.get("url", "http://127.0.0.1:8700"), wish["run"], token=wish.get("token"))
-            _tell(algorithm, algorithm.iteration)
+            self._begin(algorithm, self._curriculum)
+
+    def _begin(self, algorithm: Any, curriculum: Curriculum) -> None:
+        self._before = max(0, curriculum.policy_version - algorithm.iteration)
+        _tell(algorithm, self._before + algorithm.iteration)
 
     def on_train_result(self, *, algorithm: Any, result: dict[str, Any], **_: Any) -> None:
         """Says the version, and brings the numbers."""
         if self._curriculum is None:
             return
-        flown = _tell(algorithm, result["training_iteration"])
+        flown = _tell(algorithm, self._before + result["training_iteration"])
         try:
             numbers = self._curriculum.numbers()
         except CurriculumError:
@@ -392,12 +397,12 @@ class CurriculumCallback(RLlibCallback):
     def on_checkpoint_loaded(self, *, algorithm: Any, **_: Any) -> None:
         """What flies next has learned from as many iterations as the checkpoint."""
         if self._curriculum is not None:
-            _tell(algorithm, algorithm.iteration)
+            self._begin(algorithm, self._curriculum)
 
     def on_env_runners_recreated(self, *, algorithm: Any, **_: Any) -> None:
         """Env runners that were lost come back without knowing which version flies."""
         if self._curriculum is not None:
-            _tell(algorithm, algorithm.iteration)
+            _tell(algorithm, self._before + algorithm.iteration)
 
     def on_episode_start(self, *, episode: Any, **_: Any) -> None:
         """Marks what is not to be learned from."""

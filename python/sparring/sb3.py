@@ -182,10 +182,21 @@ class FlownBuffer(RolloutBuffer):
         self.flown[self.pos] = self._flying.counts()
         super().add(*args, **row)
 
+    def get(self, batch_size: int | None = None) -> Any:
+        """Minibatches; of those in which nobody flew there is nothing to learn, and they are left out."""
+        if not self.flown.any():
+            self._learn_nothing()
+        return (rows for rows in super().get(batch_size) if rows is not None)
+
+    def _learn_nothing(self) -> None:
+        """Learners want a minibatch, and means over it: one that moves neither policy nor value."""
+        self.flown[:] = True
+        self.advantages[:] = 0.0
+        self.returns[:] = self.values
+
     def _get_samples(self, batch_inds: npt.NDArray[np.int64], env: Any = None) -> Any:
         flown = batch_inds[self.flown.swapaxes(0, 1).reshape(-1)[batch_inds]]
-        # Of a minibatch in which nobody flew there is nothing to learn, but it has to have a mean.
-        return super()._get_samples(flown if flown.size else batch_inds, env)
+        return super()._get_samples(flown, env) if flown.size else None
 
 
 def flown_only(envs: VecEnv) -> dict[str, Any]:
@@ -229,6 +240,8 @@ class CurriculumCallback(BaseCallback):
         self.curriculum = curriculum
         self.every = every
         self._rollouts = 0
+        # A run that goes on has policies already; what is flown at first is the newest of them.
+        self._before = curriculum.policy_version
 
     def _on_step(self) -> bool:
         return True
@@ -245,4 +258,4 @@ class CurriculumCallback(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         # What is flown from here on is by a policy that has learned from the last rollout.
-        self.curriculum.policy_version = self._rollouts
+        self.curriculum.policy_version = self._before + self._rollouts

@@ -99,13 +99,14 @@ class Environment(gymnasium.Env[Any, Any]):
         return self._view.of(seen, single=True), {"scenario": self.scenario, **lesson(self._native, self._settings)}
 
     def _left_early(self) -> None:
-        """A curriculum learns only from whole episodes: who cuts all of them off would never know."""
         if self._settings.curriculum is not None and self._flies and self._history and not self._warned:
             self._warned = True
-            gymnasium.logger.warn(
-                f"an episode was left after {len(self._history)} steps: the curriculum is not told, and its scenario is flown"
-                " again. Horizons are the scenarios' own; leave max_episode_steps out"
-            )
+            left_early(len(self._history))
+
+    def _abandon(self) -> None:
+        """Gives up for good what is flown: nobody flies it to its end."""
+        self._native.abandon()
+        self._flies = False
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the world.
@@ -163,6 +164,14 @@ class Environment(gymnasium.Env[Any, Any]):
         """Closes the window, if there is one, and gives back to the curriculum what is being flown."""
         self.screen.close()
         self._native.leave()
+
+
+def left_early(steps: int) -> None:
+    """A curriculum learns only from whole episodes: who cuts all of them off would never know."""
+    gymnasium.logger.warn(
+        f"an episode was left after {steps} steps: the curriculum is not told, and its scenario is flown again. Horizons are the"
+        " scenarios' own; leave max_episode_steps out"
+    )
 
 
 def lesson(native: Any, settings: Settings) -> dict[str, Any]:

@@ -108,7 +108,6 @@ class Environments:
         self._lock = threading.Lock()
         self._begun: dict[str, list[Seat]] = {}
         self._idle: list[Environment] = []
-        self._aside: list[Environment] = []
 
     def __call__(self) -> Pilot:
         """One environment, as TRL asks for them."""
@@ -195,14 +194,21 @@ class Environments:
         return group
 
     def _tear(self, group: list[Seat]) -> None:
-        # Begun again they would be flown amid another group; so they wait for the end of their lease.
-        self._aside += [flown for flown, _ in group]
+        for flown, _ in group:
+            self._give_up(flown)
         group.clear()
+
+    def _give_up(self, flown: Environment) -> None:
+        # An episode that was begun again would be flown amid another group.
+        flown._abandon()
+        self._idle.append(flown)
 
     def _leave(self, flown: Environment, over: bool) -> None:
         with self._lock:
-            # An episode that is reset before its end would be flown again amid another group.
-            (self._idle if over else self._aside).append(flown)
+            if over:
+                self._idle.append(flown)
+            else:
+                self._give_up(flown)
 
 
 class Pilot:
@@ -390,6 +396,7 @@ class CurriculumCallback(TrainerCallback):
 
     def __init__(self, followed: Environments | Curriculum) -> None:
         self.followed = followed
+        self._before = 0
         self._writer: Any = None
 
     def on_train_begin(self, args: Any, state: Any, control: Any, **_: Any) -> None:
@@ -399,7 +406,9 @@ class CurriculumCallback(TrainerCallback):
         """
         if isinstance(self.followed, Environments):
             _check(args, self.followed.siblings)
-        self.followed.policy_version = state.global_step
+        # A run that goes on has policies already: a new training counts on from the newest of them.
+        self._before = max(0, self.followed.policy_version - state.global_step)
+        self.followed.policy_version = self._before + state.global_step
         if state.is_world_process_zero and "tensorboard" in args.report_to:
             from torch.utils.tensorboard import SummaryWriter
 
@@ -408,7 +417,7 @@ class CurriculumCallback(TrainerCallback):
 
     def on_step_end(self, args: Any, state: Any, control: Any, **_: Any) -> None:
         """What is flown from here on is by a policy that has learnt."""
-        self.followed.policy_version = state.global_step
+        self.followed.policy_version = self._before + state.global_step
 
     def on_log(self, args: Any, state: Any, control: Any, logs: dict[str, Any] | None = None, **_: Any) -> None:
         """Adds the numbers to what is logged."""

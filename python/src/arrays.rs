@@ -94,7 +94,8 @@ pub(crate) fn read_f64(
 /// A mask of this length.
 pub(crate) fn read_mask(field: &str, given: &Bound<'_, PyAny>, len: usize) -> PyResult<Vec<bool>> {
     let wanted = || invalid(field, format!("not a numpy array of {len} bools"));
-    let mask = given.cast::<PyArray1<bool>>().map_err(|_| wanted())?.to_vec().map_err(|_| wanted())?;
+    let mask = given.cast::<PyArray1<bool>>().map_err(|_| wanted())?;
+    let mask: Vec<bool> = mask.try_readonly().map_err(|error| invalid(field, error))?.as_array().to_vec();
     if mask.len() == len { Ok(mask) } else { Err(wanted()) }
 }
 
@@ -142,9 +143,12 @@ impl<T: Element> Shelf<T> {
             deprecated,
             reason = "the count means nothing in an interpreter without its lock; abi3 modules do not load there"
         )]
-        let free = self.arrays.iter().find(|array| array.get_refcnt(py) == 1);
-        if let Some(free) = free {
-            return free.bind(py).clone();
+        while let Some(free) = self.arrays.iter().position(|array| array.get_refcnt(py) == 1) {
+            let array = self.arrays[free].bind(py).clone();
+            if self.is_whole(&array) {
+                return array;
+            }
+            self.arrays.remove(free);
         }
         let made = PyArrayDyn::zeros(py, IxDyn(&self.shape), false);
         if self.arrays.len() >= KEPT {
@@ -152,5 +156,13 @@ impl<T: Element> Shelf<T> {
         }
         self.arrays.push(made.clone().unbind());
         made
+    }
+
+    /// Who had an array may have changed its shape, its dtype or its flags in place.
+    fn is_whole(&self, array: &Bound<'_, PyArrayDyn<T>>) -> bool {
+        array.shape() == self.shape
+            && array.is_c_contiguous()
+            && array.dtype().is_equiv_to(&numpy::dtype::<T>(array.py()))
+            && array.try_readwrite().is_ok()
     }
 }

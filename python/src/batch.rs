@@ -376,6 +376,15 @@ impl NativeBatch {
         });
     }
 
+    /// Gives up for good what is being flown: the curriculum has nobody else fly it to its end.
+    fn abandon(&self, py: Python<'_>) {
+        py.detach(|| {
+            if let (Some(desk), Some(book)) = (&self.desk, &mut hold(&self.state).book) {
+                desk.abandon(book);
+            }
+        });
+    }
+
     /// Has an environment fly this scenario next and its recipe from then on, or again what all fly.
     fn set_scenario(&self, env: usize, scenario: Option<&NativeScenario>) -> PyResult<()> {
         self.known(env)?;

@@ -23,6 +23,8 @@ pub(crate) struct State {
     begun: Vec<Instant>,
     /// Its episode ended in the last step.
     pub(crate) ended: Vec<bool>,
+    /// A curriculum had nothing for it then.
+    rested: Vec<bool>,
     pub(crate) pictures: Vec<Option<Picture>>,
 }
 
@@ -54,6 +56,7 @@ impl State {
             lengths: vec![0; envs],
             begun: vec![Instant::now(); envs],
             ended: vec![false; envs],
+            rested: vec![false; envs],
             pictures: Vec::new(),
             batch,
             book,
@@ -89,6 +92,7 @@ impl State {
         for env in 0..shape.envs {
             if mask.is_none_or(|mask| mask[env]) {
                 (self.returns[env], self.lengths[env], self.ended[env]) = (0.0, 0, false);
+                self.rested[env] = self.batch.rests(env);
                 self.begun[env] = now;
                 let agents = env * shape.agents..(env + 1) * shape.agents;
                 self.batch.absent(env, &mut self.buffers.terminated[agents.clone()]);
@@ -126,11 +130,12 @@ impl State {
         let mut now = None;
         for env in 0..shape.envs {
             let (reward, done) = (f64::from(buffers.team_rewards[env]), buffers.done[env]);
-            if self.ended[env] {
-                // The last step ended its episode: what is counted now is another's.
+            if self.ended[env] || self.rested[env] {
+                // The last step ended its episode, or flew none: what is counted now is another's.
                 self.begun[env] = *now.get_or_insert_with(Instant::now);
-                (self.returns[env], self.lengths[env]) =
-                    (0.0, if autoreset == Autoreset::NextStep { -1 } else { 0 });
+                // A step that begins an episode is none of it.
+                let begins = autoreset == Autoreset::NextStep || self.rested[env];
+                (self.returns[env], self.lengths[env]) = (0.0, if begins { -1 } else { 0 });
                 if let Some(Some(picture)) = self.pictures.get_mut(env) {
                     picture.begin();
                 }
@@ -138,6 +143,7 @@ impl State {
             self.returns[env] += reward;
             self.lengths[env] += 1;
             self.ended[env] = done;
+            self.rested[env] = self.book.is_some() && self.batch.rests(env);
             any |= done;
             let agents = env * shape.agents..(env + 1) * shape.agents;
             out.rewards[env] = reward;

@@ -123,6 +123,8 @@ pub struct Flown<N> {
     pub tape: Tape,
     /// What the team has earned so far; the score is this, held within the task's range.
     pub earned: f64,
+    /// The policy's version when it began.
+    pub version: u32,
 }
 
 /// The book.
@@ -133,6 +135,8 @@ pub struct Book<N> {
     flying: Vec<Option<Flown<N>>>,
     next: Vec<Option<Flown<N>>>,
     finished: Vec<Flown<N>>,
+    /// The policy that flies what begins now.
+    pub version: u32,
 }
 
 impl<N: Clone> Book<N> {
@@ -140,20 +144,14 @@ impl<N: Clone> Book<N> {
     #[must_use]
     pub fn new(assigned: Assigned, shape: Shape, autoreset: Autoreset) -> Self {
         let none = || (0..shape.envs).map(|_| None).collect();
-        Self { shape, autoreset, assigned, flying: none(), next: none(), finished: Vec::new() }
+        Self { shape, autoreset, assigned, flying: none(), next: none(), finished: Vec::new(), version: 0 }
     }
 
     /// Decides, slot by slot in order, what is begun next, by those that will begin in what follows: a reset of all or some
     /// (`reset`), or a step, in which those begin that are over, or, where the same step resets, whoever's episode ends. How many
     /// of them there was no episode for.
     pub fn assign(&mut self, pool: &mut dyn Pool<Name = N>, reset: Option<Option<&[bool]>>) -> usize {
-        let autoreset = self.autoreset;
-        let begins = |slot: usize, flies: bool| match (reset, autoreset) {
-            (Some(mask), _) => mask.is_none_or(|mask| mask[slot]),
-            (None, Autoreset::NextStep) => !flies,
-            (None, Autoreset::SameStep) => true,
-            (None, Autoreset::Disabled) => false,
-        };
+        let begins = begins(self.autoreset, reset);
         let mut assigned = self.assigned.hold();
         let (mut left, mut without) = (true, 0); // a pool of which nothing is left is not asked for every slot
         for (slot, next) in self.next.iter_mut().enumerate() {
@@ -170,6 +168,28 @@ impl<N: Clone> Book<N> {
         without
     }
 
+    /// Whether anybody will begin for whom nothing is assigned yet.
+    #[must_use]
+    pub fn needs(&self, reset: Option<Option<&[bool]>>) -> bool {
+        let begins = begins(self.autoreset, reset);
+        let mut slots = self.next.iter().zip(&self.flying).enumerate();
+        slots.any(|(slot, (next, flying))| next.is_none() && begins(slot, flying.is_some()))
+    }
+
+    /// Those that are reset, and for whom nothing was left, begin what they fly once more.
+    pub fn again(&mut self, mask: Option<&[bool]>) {
+        let mut assigned = self.assigned.hold();
+        for (slot, next) in self.next.iter_mut().enumerate() {
+            if next.is_none()
+                && mask.is_none_or(|mask| mask[slot])
+                && let Some(flown) = self.flying[slot].take()
+            {
+                assigned[slot] = Some((Arc::clone(flown.scenario.recipe()), flown.scenario.seed()));
+                *next = Some(begin(self.shape, flown.name, flown.scenario));
+            }
+        }
+    }
+
     /// What is flown by those that are reset before their end is given back.
     pub fn give_up(&mut self, pool: &mut dyn Pool<Name = N>, mask: Option<&[bool]>) {
         for (slot, flying) in self.flying.iter_mut().enumerate() {
@@ -181,13 +201,22 @@ impl<N: Clone> Book<N> {
         }
     }
 
+    /// What is flown is left for good; what it was known by.
+    pub fn abandon(&mut self) -> Vec<N> {
+        self.flying.iter_mut().filter_map(Option::take).map(|flown| flown.name).collect()
+    }
+
     /// Those that were reset fly what was assigned to them.
     pub fn began(&mut self, mask: Option<&[bool]>) {
         for slot in 0..self.flying.len() {
             if mask.is_none_or(|mask| mask[slot]) {
-                self.flying[slot] = self.next[slot].take();
+                self.start(slot);
             }
         }
+    }
+
+    fn start(&mut self, slot: usize) {
+        self.flying[slot] = self.next[slot].take().map(|flown| Flown { version: self.version, ..flown });
     }
 
     /// A step was taken with these actions, earned so much, and ended these episodes.
@@ -195,8 +224,7 @@ impl<N: Clone> Book<N> {
         let Shape { agents, action, .. } = self.shape;
         for (slot, taken) in taken.chunks_exact((agents * action).max(1)).enumerate() {
             let Some(flown) = &mut self.flying[slot] else {
-                // This step was its reset.
-                self.flying[slot] = self.next[slot].take();
+                self.start(slot); // this step was its reset
                 continue;
             };
             let present = flown.tape.agents * action;
@@ -205,7 +233,7 @@ impl<N: Clone> Book<N> {
             if done[slot] {
                 self.finished.extend(self.flying[slot].take());
                 if self.autoreset == Autoreset::SameStep {
-                    self.flying[slot] = self.next[slot].take();
+                    self.start(slot);
                 }
             }
         }
@@ -229,11 +257,24 @@ impl<N: Clone> Book<N> {
     }
 }
 
+/// Who will begin in what follows: a slot, and whether it flies.
+fn begins<'a>(
+    autoreset: Autoreset,
+    reset: Option<Option<&'a [bool]>>,
+) -> impl Fn(usize, bool) -> bool + use<'a> {
+    move |slot, flies| match (reset, autoreset) {
+        (Some(mask), _) => mask.is_none_or(|mask| mask[slot]),
+        (None, Autoreset::NextStep) => !flies,
+        (None, Autoreset::SameStep) => true,
+        (None, Autoreset::Disabled) => false,
+    }
+}
+
 fn begin<N>(shape: Shape, name: N, scenario: Scenario) -> Flown<N> {
     let task = scenario.task();
     let agents = (task.agents(scenario.recipe()) as usize).min(shape.agents);
     let room = task.horizon(scenario.recipe()) as usize * agents * shape.action;
     // An episode of docking that flies to its end takes 70 kB, most take less: no more than a page or two to begin with.
     let values = Vec::with_capacity(room.min(2048));
-    Flown { name, tape: Tape { agents, action: shape.action, values }, scenario, earned: 0.0 }
+    Flown { name, tape: Tape { agents, action: shape.action, values }, scenario, earned: 0.0, version: 0 }
 }

@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .plan import DONE, FILE, Experiment, Training, Wrong
+from ..evaluation import BLIND
+from .plan import COMPARED, DONE, FILE, Experiment, Training, Wrong
 from .training import is_done
 
 #: Resamples of a bootstrap.
 RESAMPLES = 2000
-#: Plans that look at nothing, as evaluations call them.
-BLIND = "blind_panel"
 #: What is told of an arm, and of what part of the suite.
 NUMBERS = ("skill", "success", "score", "cvar10")
 PART = "contested"
@@ -47,8 +46,6 @@ class Findings:
     """What came out."""
 
     experiment: Experiment
-    #: Versions that were recorded.
-    versions: dict[str, str]
     #: What each training wrote down, done ones alone.
     done: dict[Training, dict[str, Any]]
     #: The looks at each.
@@ -63,6 +60,18 @@ class Findings:
     def of(self, arm: str) -> list[Training]:
         """An arm's trainings that are done."""
         return [one for one in self.done if one.arm == arm]
+
+    def evaluations(self) -> dict[str, str]:
+        """Of each arm, what its trainings' evaluations are called, with commas between."""
+        return {arm: ",".join(self.done[one]["evaluation"] for one in self.of(arm)) for arm in self.arms()}
+
+    def versions(self) -> dict[str, str]:
+        """What the trainings were flown with: of each package all of its versions."""
+        told: dict[str, set[str]] = {}
+        for done in self.done.values():
+            for name, version in done.get("versions", {}).items():
+                told.setdefault(name, set()).add(version)
+        return {name: " and ".join(sorted(versions)) for name, versions in told.items()}
 
     def values(self, arm: str, number: str) -> npt.NDArray[np.float64]:
         """Trainings by tasks; those that have no such number are NaN."""
@@ -124,7 +133,10 @@ def interquartile(values: npt.NDArray[np.float64]) -> Interval:
     from rliable import library, metrics
 
     means, intervals = library.get_interval_estimates(
-        {"arm": values}, lambda scores: np.array([metrics.aggregate_iqm(scores)]), reps=RESAMPLES
+        {"arm": values},
+        lambda scores: np.array([metrics.aggregate_iqm(scores)]),
+        reps=RESAMPLES,
+        random_state=np.random.RandomState(0),  # the same findings have the same intervals
     )
     return Interval(float(means["arm"][0]), *(float(edge[0]) for edge in intervals["arm"]))
 
@@ -145,11 +157,18 @@ def read(folder: Path) -> Findings:
         raise Wrong(f"out: no training in {folder} is done")
     return Findings(
         experiment,
-        recorded["versions"],
         {one: json.loads((folder / one.folder / DONE).read_text()) for one in done},
         {one: _read(folder / one.folder / "curve.csv") for one in done},
         {one: _read(folder / one.folder / "scenarios.csv") for one in done},
     )
+
+
+def compared(folder: Path, found: Findings) -> dict[str, list[dict[str, Any]]] | None:
+    """Each arm against the baseline on the same scenarios, as the server compares them; none where that was not asked, or of
+    other trainings than are done now."""
+    file = folder / COMPARED
+    told = json.loads(file.read_text()) if file.exists() else {}
+    return told["rows"] if told.get("of") == found.evaluations() else None
 
 
 def _tuple(value: Any) -> Any:

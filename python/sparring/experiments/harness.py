@@ -17,13 +17,11 @@ from .. import Curriculum, _native
 from ..curriculum import plain_token
 from ..server import Server
 from . import training
-from .findings import read
-from .plan import BASELINE, Experiment, Training, Wrong, write
+from .findings import compared, read
+from .plan import BASELINE, COMPARED, Experiment, Training, Wrong, write
 
 #: The server's database, in the experiment's folder: runs, evaluations, and what they rest on.
 DATABASE = "runs.sqlite3"
-#: Each arm against the baseline on the same scenarios, as the server compares them.
-COMPARED = "compared.json"
 
 #: Told what is flown: the training, and how many steps more.
 Told = Callable[[Training, int], None]
@@ -42,7 +40,7 @@ def fly(folder: Path, experiment: Experiment, *, url: str | None, binary: str | 
         Wrong: It does not know the suite.
     """
     waiting = missing(folder, experiment)
-    if not waiting and (folder / COMPARED).exists():
+    if not waiting and compared(folder, read(folder)) is not None:
         return
     with _server(folder, url, binary) as at:
         _known(at, experiment.suite)
@@ -63,15 +61,13 @@ def _known(url: str, suite: str | None) -> None:
 
 def _compare(folder: Path, url: str) -> None:
     found = read(folder)
-    named = {arm: ",".join(found.done[one]["evaluation"] for one in found.of(arm)) for arm in found.arms()}
-    compared = {}
-    if BASELINE in named:
+    of, rows = found.evaluations(), {}
+    if BASELINE in of:
         run = next(iter(found.done.values()))["run"]
         with Curriculum(url, run) as curriculum:
-            for arm in named.keys() - {BASELINE}:
-                at = f"/v1/evaluations/compare?a={named[arm]}&b={named[BASELINE]}"
-                compared[arm] = curriculum.ask("GET", at)["rows"]
-    write(folder / COMPARED, compared)
+            for arm in of.keys() - {BASELINE}:
+                rows[arm] = curriculum.ask("GET", f"/v1/evaluations/compare?a={of[arm]}&b={of[BASELINE]}")["rows"]
+    write(folder / COMPARED, {"of": of, "rows": rows})
 
 
 @contextmanager

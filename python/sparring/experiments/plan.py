@@ -22,6 +22,8 @@ BASELINE = "uniform"
 #: Packages whose versions decide what comes out.
 PACKAGES = ("numpy", "gymnasium", "torch", "rliable")
 FILE = "experiment.json"
+#: Each arm against the baseline, as the server compares them.
+COMPARED = "compared.json"
 #: Written last: a training whose folder has it is done.
 DONE = "done.json"
 
@@ -141,7 +143,7 @@ def record(folder: Path, experiment: Experiment) -> Experiment:
             }
         )
     folder.mkdir(parents=True, exist_ok=True)
-    write(file, {"experiment": asdict(experiment), "versions": versions()})
+    write(file, {"experiment": asdict(experiment)})
     return experiment
 
 

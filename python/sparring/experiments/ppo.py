@@ -247,16 +247,16 @@ def train(
         optimizer = torch.optim.Adam(policy.parameters(), config.learning_rate, eps=1e-5)
         envs.reset(seed=config.seed, out=rollout.written[0])
         absent = envs.absent()
-        taken, version = 0, 0
+        taken = 0
         while taken < config.steps:
             began = time.perf_counter()
             returns = rollout.fill(envs, policy, absent)
             flown = time.perf_counter()
             told = learn(policy, optimizer, rollout, config)
             rollout.seen[0] = rollout.seen[-1]
-            taken, version = taken + config.rollout * config.num_envs, version + 1
+            taken += config.rollout * config.num_envs
             if curriculum:
-                curriculum.policy_version = version
+                curriculum.policy_version += 1
             if report:
                 now = time.perf_counter()
                 steps = config.rollout * config.num_envs

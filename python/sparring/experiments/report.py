@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .findings import BLIND, NUMBERS, PART, Findings
-from .harness import COMPARED
+from ..evaluation import BLIND
+from .findings import NUMBERS, PART, Findings, compared
 from .plan import BASELINE, TARGET
 
 REPORT = "report.md"
@@ -80,7 +79,7 @@ def _what(found: Findings) -> str:
     asked = found.experiment
     seeds = ", ".join(map(str, asked.seeds))
     servers = ", ".join(sorted({told["server"] for told in found.done.values()}))
-    versions = ", ".join(f"{name} {version}" for name, version in found.versions.items())
+    versions = ", ".join(f"{name} {version}" for name, version in found.versions().items())
     return (
         f"{len(found.done)} of {len(asked.trainings())} trainings: {', '.join(asked.arms)}, seeds {seeds}; {asked.budget:,} "
         f"environment steps each on {', '.join(asked.tasks)}, groups of {asked.group_size}.\n"
@@ -117,8 +116,7 @@ def _shown(value: float) -> str:
 
 
 def _compared(found: Findings, folder: Path) -> str:
-    file = folder / COMPARED
-    compared = json.loads(file.read_text()) if file.exists() else {}
+    told = compared(folder, found) or {}
     rows = [
         [
             arm,
@@ -127,7 +125,7 @@ def _compared(found: Findings, folder: Path) -> str:
             _interval(row.get("improvement"), ""),
         ]
         for arm in found.arms()
-        for row in compared.get(arm, [])
+        for row in told.get(arm, [])
         if row["part"] == PART and row["task"] in found.experiment.tasks
     ]
     if not rows:
@@ -141,6 +139,7 @@ def _interval(of: dict[str, Any] | None, sign: str) -> str:
 
 
 def _drawn(file: Path, width: int, draw: Callable[[Any], None]) -> None:
+    from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
@@ -151,8 +150,9 @@ def _drawn(file: Path, width: int, draw: Callable[[Any], None]) -> None:
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
-    # Without a date: the same findings are the same file.
-    figure.savefig(file, metadata={"Date": None})
+    # Without a date, and by names that are not drawn: the same findings are the same file.
+    with rc_context({"svg.hashsalt": file.name}):
+        figure.savefig(file, metadata={"Date": None})
 
 
 def _skill(found: Findings, file: Path) -> None:

@@ -14,7 +14,7 @@ import torch
 import sparring
 
 from . import ppo
-from .plan import DONE, Experiment, Training, write
+from .plan import DONE, Experiment, Training, versions, write
 
 #: Environments that fly an evaluation.
 EXAMINED = 256
@@ -60,6 +60,7 @@ def fly(folder: Path, experiment: Experiment, training: Training, url: str, prog
             "steps": watch.steps,
             "flown_s": flown_s,
             "all_s": time.monotonic() - began,
+            "versions": versions(),
             "server": curriculum.ask("GET", "/openapi.json")["info"]["version"],
         }
     write(into / DONE, told)

@@ -19,6 +19,8 @@ pub(super) struct Wish {
     pub(super) run: String,
     pub(super) columns: bool,
     pub(super) groups: u32,
+    /// Groups of a lease that is not of columns, where the run's strategy comes not to go with them.
+    pub(super) otherwise: Option<u32>,
     pub(super) group_size: Option<u32>,
     pub(super) purpose: String,
     pub(super) evaluation: Option<String>,
@@ -46,6 +48,7 @@ impl Wish {
         Episodes::read(granted, self.ttl, self.purpose == "eval").map_err(|why| Failure::Refused {
             status: 201,
             field: None,
+            kind: None,
             why,
         })
     }
@@ -53,6 +56,7 @@ impl Wish {
 
 /// Keeps episodes ready until the curriculum is closed.
 pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
+    let mut wish = wish.clone();
     loop {
         let version = {
             let mut stock = shared.lock();
@@ -84,7 +88,16 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
             // A run that is paused is one that goes on some time.
             Err(Failure::Refused { status: 409, why, .. }) => {
                 (stock.away, stock.paused) = (None, Some(why));
-                drop(shared.wait(stock, PAUSE));
+                drop(stock);
+                pause(shared, PAUSE);
+            }
+            // A run's strategy may change while it goes on.
+            Err(Failure::Refused { field: Some(field), .. })
+                if field == "form"
+                    && wish.columns
+                    && let Some(groups) = wish.otherwise =>
+            {
+                (wish.columns, wish.groups) = (false, groups);
             }
             // An evaluation of which nothing is left is flown, once what is leased is; all of that is begun here, or elsewhere.
             Err(Failure::Refused { field: Some(field), .. })
@@ -95,7 +108,8 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
             Err(Failure::Refused { status, why, .. }) => {
                 stock.fault = Some(format!("the server refuses leases ({status}): {why}"));
             }
-            Err(Failure::Away { why, after }) => {
+            Err(Failure::Away { why, after, .. }) => {
+                stock.paused = None; // nobody knows whether it still is
                 stock.away.get_or_insert((Instant::now(), why));
                 drop(stock);
                 pause(shared, after.unwrap_or(PAUSE));

@@ -15,6 +15,10 @@ use crate::errors::invalid;
 const LOOK: Duration = Duration::from_millis(100);
 /// How long one request may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
+/// Longest that the server is waited for because it says so.
+const LONGEST: Duration = Duration::from_secs(600);
+/// The word of a server that was too slow: whether it did what was asked is not known.
+const TIMED_OUT: &str = "timed_out";
 /// Largest answer that is read, bytes: a lease of 1 024 groups with layouts has some.
 const MOST: u64 = 256 << 20;
 
@@ -30,6 +34,10 @@ pub(super) struct Link {
 pub(super) enum Failure {
     /// Nobody answers, or somebody who is busy or stopping: the same again may do.
     Away {
+        /// HTTP's number, where there was an answer.
+        status: Option<u16>,
+        /// The word for programs.
+        kind: Option<String>,
         /// In words.
         why: String,
         /// When to come again, where it says so.
@@ -41,6 +49,8 @@ pub(super) enum Failure {
         status: u16,
         /// The field at fault.
         field: Option<String>,
+        /// The word for programs.
+        kind: Option<String>,
         /// What the server says.
         why: String,
     },
@@ -74,6 +84,7 @@ impl Link {
         let refused = |error: &dyn std::fmt::Display| Failure::Refused {
             status: 0,
             field: None,
+            kind: None,
             why: error.to_string(),
         };
         match self.agent.run(request.map_err(|error| refused(&error))?) {
@@ -84,10 +95,10 @@ impl Link {
 }
 
 fn read(answer: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> Result<Value, Failure> {
-    let away = |why: String| Failure::Away { why, after: None };
+    let away = |why: String| Failure::Away { status: None, kind: None, why, after: None };
     let mut answer = answer.map_err(|error| away(error.to_string()))?;
     let status = answer.status().as_u16();
-    let after = answer.headers().get("retry-after").and_then(|value| value.to_str().ok()?.parse().ok());
+    let after = answer.headers().get("retry-after").and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     let text = answer.body_mut().with_config().limit(MOST).read_to_string();
     let text = text.map_err(|error| away(error.to_string()))?;
     let value = serde_json::from_str::<Value>(&text);
@@ -96,7 +107,8 @@ fn read(answer: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> Result
             Ok(value) => Ok(value),
             Err(_) if text.is_empty() => Ok(Value::Null),
             Err(error) => {
-                Err(Failure::Refused { status, field: None, why: format!("no JSON came back: {error}") })
+                let why = format!("no JSON came back: {error}");
+                Err(Failure::Refused { status, field: None, kind: None, why })
             }
         };
     }
@@ -108,9 +120,13 @@ fn read(answer: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> Result
         None => why.to_owned(),
     };
     let why = why.chars().take(500).collect();
+    let kind = problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()).map(str::to_owned);
     match status {
-        408 | 429 | 500..=599 => Err(Failure::Away { why, after: after.map(Duration::from_secs) }),
-        _ => Err(Failure::Refused { status, field, why }),
+        408 | 429 | 500..=599 => {
+            let after = after.map(|seconds| Duration::from_secs(seconds).min(LONGEST));
+            Err(Failure::Away { status: Some(status), kind, why, after })
+        }
+        _ => Err(Failure::Refused { status, field, kind, why }),
     }
 }
 
@@ -126,7 +142,8 @@ impl NativeLink {
         Self(Arc::new(Link::new(url, token)))
     }
 
-    /// Asks, again while the server is busy but not for longer than `patience_s`; JSON comes back.
+    /// Asks, again while the server is busy but not for longer than `patience_s`, nor where it may have done what is not to be
+    /// done twice; JSON comes back.
     #[pyo3(signature = (method, path, body=None, *, patience_s=30.0))]
     fn ask(
         &self,
@@ -145,13 +162,16 @@ impl NativeLink {
                 Err(Failure::Refused { status, why, .. }) => {
                     return Err(failed(format!("{method} {path}: {status}: {why}")));
                 }
-                Err(Failure::Away { why, after: None }) => {
+                Err(Failure::Away { status: None, why, .. }) => {
                     return Err(failed(format!("no server answers at {}: {why}", self.0.base)));
                 }
-                Err(Failure::Away { why, after: Some(after) }) => {
-                    if Instant::now() + after > until {
-                        return Err(failed(format!("{method} {path}: the server is busy: {why}")));
-                    }
+                Err(Failure::Away { status: Some(status), kind, why, after }) => {
+                    // What may have been done must not be done twice.
+                    let undone = verb == Method::GET || kind.is_some_and(|kind| kind != TIMED_OUT);
+                    let after = after.filter(|after| undone && Instant::now() + *after <= until);
+                    let Some(after) = after else {
+                        return Err(failed(format!("{method} {path}: {status}: {why}")));
+                    };
                     let again = Instant::now() + after;
                     while Instant::now() < again {
                         py.detach(|| std::thread::sleep(LOOK.min(after)));

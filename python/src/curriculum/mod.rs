@@ -32,6 +32,8 @@ create_exception!(
     "The curriculum gives no more episodes, or does not take what was flown: why is in the words."
 );
 
+/// A century, in seconds.
+const AGES_S: f64 = 3.2e9;
 /// How often a trainer that waits looks up, for one that interrupts it too.
 const LOOK: Duration = Duration::from_millis(200);
 
@@ -61,6 +63,8 @@ impl Stop {
 
 /// When so many seconds from now are over.
 fn until(field: &str, seconds: f64) -> PyResult<Instant> {
+    // Without end is longer than any program runs.
+    let seconds = if seconds == f64::INFINITY { AGES_S } else { seconds };
     let most = Duration::try_from_secs_f64(seconds).map_err(|error| invalid(field, error))?;
     Instant::now().checked_add(most).ok_or_else(|| invalid(field, "longer than a clock goes"))
 }
@@ -108,7 +112,8 @@ impl Desk {
         loop {
             // What was refused is told before anything else is begun.
             stock.usable()?;
-            if stock.waiting >= self.buffer {
+            book.version = stock.version;
+            if stock.waiting >= self.buffer && book.needs(reset) {
                 let full = |stock: &Stock| {
                     format!("{} episodes wait to be handed in, and no more are kept", stock.waiting)
                 };
@@ -119,7 +124,13 @@ impl Desk {
             if stock.ready() < stock.wanted {
                 self.shared.tell();
             }
-            if without == 0 || stock.exhausted {
+            if without == 0 {
+                return Ok(());
+            }
+            if stock.exhausted {
+                if let Some(mask) = reset {
+                    book.again(mask);
+                }
                 return Ok(());
             }
             stock = self.wait(stock, until, &|_| format!("{without} environment(s) have nothing to fly"))?;
@@ -129,6 +140,14 @@ impl Desk {
     /// What is flown by those that are reset goes back.
     pub(crate) fn give_up(&self, book: &mut Book<Episode>, mask: Option<&[bool]>) {
         book.give_up(&mut *self.shared.lock(), mask);
+    }
+
+    /// What is flown is given up for good: nobody flies it to its end.
+    pub(crate) fn abandon(&self, book: &mut Book<Episode>) {
+        let mut stock = self.shared.lock();
+        book.abandon().iter().for_each(|episode| stock.abandon(episode));
+        drop(stock);
+        self.shared.tell();
     }
 
     /// Takes what was flown to its end.
@@ -195,7 +214,7 @@ pub(crate) struct NativeCurriculum {
 impl NativeCurriculum {
     /// Begins to take leases of a run.
     #[new]
-    #[pyo3(signature = (url, run, token, *, columns, groups, group_size, purpose, evaluation, ttl_s, ahead, buffer, patience_s))]
+    #[pyo3(signature = (url, run, token, *, columns, groups, otherwise, group_size, purpose, evaluation, ttl_s, ahead, buffer, patience_s))]
     #[expect(clippy::too_many_arguments, reason = "one call, from one place, by keywords")]
     fn new(
         url: &str,
@@ -203,6 +222,7 @@ impl NativeCurriculum {
         token: Option<String>,
         columns: bool,
         groups: u32,
+        otherwise: Option<u32>,
         group_size: Option<u32>,
         purpose: String,
         evaluation: Option<String>,
@@ -214,7 +234,7 @@ impl NativeCurriculum {
         let patience =
             Duration::try_from_secs_f64(patience_s).map_err(|error| invalid("patience_s", error))?;
         let ttl = Duration::from_secs(u64::from(ttl_s));
-        let wish = Wish { run, columns, groups, group_size, purpose, evaluation, ttl };
+        let wish = Wish { run, columns, groups, otherwise, group_size, purpose, evaluation, ttl };
         let desk = Desk { shared: Shared::default(), link: Link::new(url, token), wish, patience, buffer };
         desk.shared.lock().wanted = ahead.max(1);
         let desk = Arc::new(desk);
@@ -261,8 +281,8 @@ impl NativeCurriculum {
         py.detach(|| {
             let mut stock = self.desk.shared.lock();
             while stock.outbox.iter().any(|parcel| parcel.episodes() > 0) || stock.sending {
-                if let Some(fault) = &stock.fault {
-                    return Err(failed(fault.clone()));
+                if stock.fault.is_some() {
+                    break;
                 }
                 if Instant::now() >= until {
                     return Err(failed(format!(
@@ -273,7 +293,7 @@ impl NativeCurriculum {
                 }
                 stock = self.desk.look(stock)?;
             }
-            Ok(())
+            stock.fault.clone().map_or(Ok(()), |fault| Err(failed(fault)))
         })
     }
 
@@ -292,13 +312,14 @@ impl NativeCurriculum {
             while !stock.ended && Instant::now() < until {
                 stock = self.desk.look(stock)?;
             }
-            let lost = if stock.ended { 0 } else { stock.waiting };
+            let ended = stock.ended;
+            let lost = if ended { 0 } else { stock.waiting };
             stock.abandoned = true;
             stock.tally.lost += lost as u64;
             let (fault, why) = (stock.fault.take(), away(&stock));
             drop(stock);
             let threads = std::mem::take(&mut *self.threads.lock().unwrap_or_else(PoisonError::into_inner));
-            if lost == 0 {
+            if ended {
                 for thread in threads {
                     let _ = thread.join();
                 }

@@ -16,6 +16,8 @@ use super::stock::{Ledger, Parcel, Shared};
 const PAUSE: Duration = Duration::from_secs(1);
 /// How often a thread that has nothing to do looks up.
 const LOOK: Duration = Duration::from_secs(1);
+/// The server's word for a lease that ran out before what was flown of it came.
+const LEASE_OVER: &str = "lease_over";
 /// Results that are sent together, at most, and numbers in them.
 const RESULTS: usize = 256;
 const NUMBERS: usize = 400_000;
@@ -59,18 +61,14 @@ pub(super) fn report(shared: &Shared, link: &Link, run: &str) {
         stock.waiting = stock.waiting.saturating_sub(count);
         for parcel in &parcels {
             if let Parcel::Result { episode, .. } = parcel {
-                let id = &episode.lease.id;
-                let left = stock.groups.get_mut(id).map(|(_, open)| {
-                    *open = open.saturating_sub(1);
-                    *open
-                });
-                if left == Some(0) {
-                    stock.groups.remove(id);
-                }
+                stock.told(&episode.lease);
             }
         }
-        if let Err(why) = told {
-            stock.fault = Some(why);
+        match told {
+            Ok(()) => {}
+            // Whole logs of a lease that is over are told one by one; of columns none is taken.
+            Err(Untold::Late) => stock.tally.late += count as u64,
+            Err(Untold::Why(why)) => stock.fault = Some(why),
         }
         shared.tell();
     }
@@ -101,8 +99,16 @@ fn next(outbox: &mut std::collections::VecDeque<Parcel>) -> Vec<Parcel> {
     parcels
 }
 
+/// Why something was not handed in.
+enum Untold {
+    /// Its lease was over.
+    Late,
+    /// In words.
+    Why(String),
+}
+
 /// Sends it until it is told, or until nobody waits for that any more. What stays refused is an error.
-fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<(), String> {
+fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<(), Untold> {
     match parcels {
         [Parcel::Columns(ledger)] => claim(shared, link, run, ledger),
         [Parcel::Release(lease)] => {
@@ -122,21 +128,22 @@ fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<(
 }
 
 /// The same again until it is answered, or refused for good.
-fn insist(shared: &Shared, ask: impl Fn() -> Result<Value, Failure>) -> Result<Value, String> {
+fn insist(shared: &Shared, ask: impl Fn() -> Result<Value, Failure>) -> Result<Value, Untold> {
     loop {
         match ask() {
             Ok(answer) => {
                 shared.lock().away = None;
                 return Ok(answer);
             }
+            Err(Failure::Refused { kind: Some(kind), .. }) if kind == LEASE_OVER => return Err(Untold::Late),
             Err(Failure::Refused { status, why, .. }) => {
-                return Err(format!("the server refuses what was flown ({status}): {why}"));
+                return Err(Untold::Why(format!("the server refuses what was flown ({status}): {why}")));
             }
-            Err(Failure::Away { why, after }) => {
+            Err(Failure::Away { why, after, .. }) => {
                 let closing = {
                     let mut stock = shared.lock();
                     if stock.abandoned {
-                        return Err(format!("what was flown could not be handed in: {why}"));
+                        return Err(Untold::Why(format!("what was flown could not be handed in: {why}")));
                     }
                     stock.away.get_or_insert((Instant::now(), why));
                     stock.closing
@@ -167,7 +174,7 @@ fn actions(tape: &Tape) -> Value {
     json!({"steps": tape.rows().map(step).collect::<Vec<_>>(), "precision": "f32"})
 }
 
-fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Result<(), String> {
+fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Result<(), Untold> {
     let path = format!("/v1/runs/{run}/results");
     let body = json!({ "results": results });
     let told = insist(shared, || link.post(&path, &body))?;
@@ -188,14 +195,17 @@ fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Res
             "stored" => tally.stored += count,
             "duplicate" => tally.duplicate += count,
             "late" => tally.late += count,
+            "refused" | "conflict" => tally.refused += count,
             _ => {}
         }
     }
-    refused.map_or(Ok(()), |why| Err(format!("the server refuses an episode that was flown: {why}")))
+    refused.map_or(Ok(()), |why| {
+        Err(Untold::Why(format!("the server refuses an episode that was flown: {why}")))
+    })
 }
 
 /// Claims a lease of columns and hands in what is audited of it.
-fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<(), String> {
+fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<(), Untold> {
     let path = format!("/v1/runs/{run}/leases/{}/columns", ledger.lease.id);
     let of = |number: &dyn Fn(&super::stock::Line) -> f64| -> Vec<f64> {
         ledger.flown.iter().map(|line| line.as_ref().map_or(0.0, number)).collect()

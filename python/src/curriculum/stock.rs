@@ -19,7 +19,7 @@ pub(super) struct Tally {
     pub(super) flown: u64,
     /// Claimed in columns that the server accepted, once what it audited earned what was claimed.
     pub(super) accepted: u64,
-    /// Claimed in columns that the server refused: a log did not earn what was claimed.
+    /// Claimed in columns that the server refused, since a log did not earn what was claimed; and whole logs that it refused.
     pub(super) refused: u64,
     /// Claimed in columns whose audit was not over in time.
     pub(super) unproven: u64,
@@ -29,7 +29,7 @@ pub(super) struct Tally {
     /// Handed in before, or after their lease was over.
     pub(super) duplicate: u64,
     pub(super) late: u64,
-    /// Not flown to their end, and told so.
+    /// Not flown to their end, and given back or given up.
     pub(super) unflown: u64,
     /// Flown, but not handed in when the curriculum was closed.
     pub(super) lost: u64,
@@ -81,6 +81,18 @@ impl Parcel {
     }
 }
 
+/// A lease of groups.
+#[derive(Debug)]
+pub(super) struct Groups {
+    pub(super) lease: Arc<Lease>,
+    /// Its episodes that are neither flown nor given up.
+    open: usize,
+    /// Those that were flown and are not handed in yet.
+    untold: usize,
+    /// Somebody gave some of it up.
+    torn: bool,
+}
+
 /// Everything that trainers and the two threads share.
 #[derive(Debug, Default)]
 pub(super) struct Stock {
@@ -88,8 +100,7 @@ pub(super) struct Stock {
     pub(super) fetched: VecDeque<Episodes>,
     returned: Vec<(Episode, Scenario)>,
     ledgers: BTreeMap<String, Ledger>,
-    /// Episodes of each lease of groups that are neither handed in nor given up.
-    pub(super) groups: BTreeMap<String, (Arc<Lease>, usize)>,
+    groups: BTreeMap<String, Groups>,
     pub(super) outbox: VecDeque<Parcel>,
     /// Episodes in the outbox, those that are being sent included.
     pub(super) waiting: usize,
@@ -147,33 +158,76 @@ impl Stock {
             let (open, version) = (lease.episodes, lease.version);
             self.ledgers.insert(lease.id.clone(), Ledger { lease, flown, open, version });
         } else {
-            self.groups.insert(lease.id.clone(), (lease.clone(), lease.episodes));
+            let open = lease.episodes;
+            self.groups.insert(lease.id.clone(), Groups { lease, open, untold: 0, torn: false });
         }
         self.fetched.push_back(episodes);
     }
 
     /// An episode was flown to its end.
     pub(super) fn flown(&mut self, flown: Flown<Episode>) {
-        let Flown { name: episode, scenario, tape, earned } = flown;
+        let Flown { name: episode, scenario, tape, earned, version } = flown;
         let range = scenario.task().score_range();
         let score = earned.clamp(range.min, range.max);
-        let (id, version) = (episode.lease.id.clone(), self.version);
         self.tally.flown += 1;
-        self.waiting += 1;
         if !episode.lease.columns {
-            self.outbox.push_back(Parcel::Result { episode, tape, version });
+            if let Some(groups) = self.groups.get_mut(&episode.lease.id) {
+                groups.open = groups.open.saturating_sub(1);
+                groups.untold += 1;
+            }
+            self.post(Parcel::Result { episode, tape, version });
             return;
         }
-        let Some(ledger) = self.ledgers.get_mut(&id) else { return };
+        let Some(ledger) = self.ledgers.get_mut(&episode.lease.id) else { return };
         ledger.version = ledger.version.min(version);
         if let Some(line) = ledger.flown.get_mut(episode.index).filter(|line| line.is_none()) {
             *line = Some(Line { score, tape });
             ledger.open -= 1;
         }
-        if ledger.open == 0
-            && let Some(ledger) = self.ledgers.remove(&id)
+        self.claim_if_whole(&episode.lease);
+    }
+
+    /// An episode will not be flown to its end by anybody.
+    pub(super) fn abandon(&mut self, episode: &Episode) {
+        if let Some(groups) = self.groups.get_mut(&episode.lease.id) {
+            (groups.open, groups.torn) = (groups.open.saturating_sub(1), true);
+            self.tally.unflown += 1;
+            self.release_if_done(&episode.lease);
+        } else if let Some(ledger) = self.ledgers.get_mut(&episode.lease.id) {
+            ledger.open = ledger.open.saturating_sub(1);
+            self.tally.unflown += 1;
+            self.claim_if_whole(&episode.lease);
+        }
+    }
+
+    /// An episode of a lease of groups is handed in.
+    pub(super) fn told(&mut self, lease: &Lease) {
+        if let Some(groups) = self.groups.get_mut(&lease.id) {
+            groups.untold = groups.untold.saturating_sub(1);
+            self.release_if_done(lease);
+        }
+    }
+
+    /// What waits to be handed in.
+    fn post(&mut self, parcel: Parcel) {
+        self.waiting += parcel.episodes();
+        self.outbox.push_back(parcel);
+    }
+
+    fn claim_if_whole(&mut self, lease: &Lease) {
+        if self.ledgers.get(&lease.id).is_some_and(|ledger| ledger.open == 0)
+            && let Some(ledger) = self.ledgers.remove(&lease.id)
         {
-            self.outbox.push_back(Parcel::Columns(ledger));
+            self.post(Parcel::Columns(ledger));
+        }
+    }
+
+    /// A lease all of which was handed in is over by itself; one of which some was given up is given back.
+    fn release_if_done(&mut self, lease: &Lease) {
+        if self.groups.get(&lease.id).is_some_and(|groups| groups.open + groups.untold == 0)
+            && let Some(Groups { lease, torn: true, .. }) = self.groups.remove(&lease.id)
+        {
+            self.post(Parcel::Release(lease));
         }
     }
 
@@ -186,18 +240,18 @@ impl Stock {
             let begun = ledger.flown.iter().any(Option::is_some);
             let parcel =
                 if begun { Parcel::Columns(ledger) } else { Parcel::Release(Arc::clone(&ledger.lease)) };
-            self.outbox.push_back(parcel);
+            self.post(parcel);
         }
-        for (_, (lease, open)) in std::mem::take(&mut self.groups) {
+        for (_, Groups { lease, open, .. }) in std::mem::take(&mut self.groups) {
             self.tally.unflown += open as u64;
-            self.outbox.push_back(Parcel::Release(lease));
+            self.post(Parcel::Release(lease));
         }
     }
 
     /// Leases of which something is still to be flown.
     pub(super) fn active(&self) -> Vec<Arc<Lease>> {
         let columns = self.ledgers.values().map(|ledger| &ledger.lease);
-        columns.chain(self.groups.values().map(|(lease, _)| lease)).map(Arc::clone).collect()
+        columns.chain(self.groups.values().map(|groups| &groups.lease)).map(Arc::clone).collect()
     }
 }
 
