@@ -22,6 +22,10 @@ class NativeBatch:
         `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks"; `axes` "world" or "agent". With
         `discrete` actions are numbers of the task's choices. `single` drops the first axis of all arrays but flags.
         """
+    def abandon(self, /) -> None:
+        """
+        Gives up for good what is being flown: the curriculum has nobody else fly it to its end.
+        """
     def absent(self, /) -> "numpy.typing.NDArray[numpy.bool_]":
         """
         Who takes no part in what is flown now.
@@ -112,7 +116,7 @@ class NativeCurriculum:
     """
     A run's curriculum, as a trainer takes part in it.
     """
-    def __new__(cls, /, url: str, run: str, token: str | None, *, columns: bool, groups: SupportsIndex, group_size: SupportsIndex | None, purpose: str, evaluation: str | None, ttl_s: SupportsIndex, ahead: SupportsIndex, buffer: SupportsIndex, patience_s: SupportsFloat | SupportsIndex) -> NativeCurriculum:
+    def __new__(cls, /, url: str, run: str, token: str | None, *, columns: bool, groups: SupportsIndex, otherwise: SupportsIndex | None, group_size: SupportsIndex | None, purpose: str, evaluation: str | None, ttl_s: SupportsIndex, ahead: SupportsIndex, buffer: SupportsIndex, patience_s: SupportsFloat | SupportsIndex) -> NativeCurriculum:
         """
         Begins to take leases of a run.
         """
@@ -145,7 +149,8 @@ class NativeLink:
     def __new__(cls, /, url: str, token: str | None = None) -> NativeLink: ...
     def ask(self, /, method: str, path: str, body: str | None = None, *, patience_s: SupportsFloat | SupportsIndex = 30.0) -> str:
         """
-        Asks, again while the server is busy but not for longer than `patience_s`; JSON comes back.
+        Asks, again while the server is busy but not for longer than `patience_s`, nor where it may have done what is not to be
+        done twice; JSON comes back.
         """
 
 @final

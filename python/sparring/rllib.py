@@ -360,9 +360,9 @@ def act(rl_module: TorchRLModule) -> Callable[[npt.NDArray[np.float32]], npt.NDA
 
 class CurriculumCallback(RLlibCallback):
     """Tells the curricula of all env runners after each iteration which version of the policy flies from then on (the number of
-    iterations that it learned from, after those that the run knew before), and writes the curriculum's numbers into the result as `curriculum/…`: mastery, level,
-    params, skill, the share of groups without variance, and what became of the episodes of all env runners. Episodes that the
-    curriculum only wants to know the outcome of are not learned from."""
+    iterations that it learned from, after those that the run knew before), and writes the curriculum's numbers into the result
+    as `curriculum/…`: mastery, level, params, skill, the share of groups without variance, and what became of the episodes of
+    all env runners. Episodes that the curriculum only wants to know the outcome of are not learned from."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -183,20 +184,20 @@ class FlownBuffer(RolloutBuffer):
         super().add(*args, **row)
 
     def get(self, batch_size: int | None = None) -> Any:
-        """Minibatches; of those in which nobody flew there is nothing to learn, and they are left out."""
-        if not self.flown.any():
-            self._learn_nothing()
-        return (rows for rows in super().get(batch_size) if rows is not None)
-
-    def _learn_nothing(self) -> None:
-        """Learners want a minibatch, and means over it: one that moves neither policy nor value."""
-        self.flown[:] = True
+        """Minibatches; those in which nobody flew are left out."""
+        minibatches = super().get(batch_size)
+        if self.flown.any():
+            return (rows for rows in minibatches if rows is not None)
+        # Learners want one, and means over it: by this neither policy nor value is to be moved.
         self.advantages[:] = 0.0
         self.returns[:] = self.values
+        return islice(minibatches, 1)
 
     def _get_samples(self, batch_inds: npt.NDArray[np.int64], env: Any = None) -> Any:
         flown = batch_inds[self.flown.swapaxes(0, 1).reshape(-1)[batch_inds]]
-        return super()._get_samples(flown, env) if flown.size else None
+        if flown.size or not self.flown.any():
+            return super()._get_samples(flown if flown.size else batch_inds, env)
+        return None
 
 
 def flown_only(envs: VecEnv) -> dict[str, Any]:

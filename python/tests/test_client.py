@@ -137,3 +137,69 @@ def test_every_operation_of_v1_has_a_method():
 def test_a_url_that_is_none(url):
     with pytest.raises(ValueError, match=r"^url: "):
         sparring.Client(url)
+
+
+@pytest.fixture
+def broken():
+    """A server that answers whatever it is asked by what a test says, and counts how often."""
+    from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+    class Answers(BaseHTTPRequestHandler):
+        def do_POST(self):
+            told = self.server
+            self.rfile.read(int(self.headers.get("Content-Length", 0)))
+            told.asked += 1
+            status, headers, body = told.answers[min(told.asked, len(told.answers)) - 1]
+            self.send_response(status)
+            for name, value in {"Content-Length": str(len(body)), **headers}.items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+        do_GET = do_POST
+
+        def log_message(self, *_):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Answers)
+    server.asked, server.url = 0, f"http://127.0.0.1:{server.server_address[1]}"
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield server
+    server.shutdown()
+    server.server_close()
+
+
+def problem(kind):
+    return json.dumps({"type": f"urn:sparring:problem:{kind}", "detail": f"it is {kind}"}).encode()
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked"), [("busy", 2), ("not_ready", 2), ("unavailable", 2), ("timed_out", 1), ("", 1)], ids=str
+)
+def test_what_may_have_been_done_is_not_done_twice(broken, kind, asked):
+    again = {"Retry-After": "0"}
+    broken.answers = [(503, again, problem(kind) if kind else b"<html>"), (200, {}, b'{"id": "made"}')]
+    with sparring.Client(broken.url) as client:
+        if asked == 2:
+            assert client.runs.create(tasks=["kessler/survival"])["id"] == "made"
+        else:
+            with pytest.raises(sparring.ApiError, match="503"):
+                client.runs.create(tasks=["kessler/survival"])
+        assert broken.asked == asked
+        broken.asked = 0
+        assert client.runs.list() == {"id": "made"}, "looking is done as often as it takes"
+    broken.asked = 0
+    link = sparring._native.NativeLink(broken.url)
+    if asked == 2:
+        assert json.loads(link.ask("POST", "/v1/runs", "{}")) == {"id": "made"}
+    else:
+        with pytest.raises(sparring.CurriculumError, match="POST /v1/runs: 503"):
+            link.ask("POST", "/v1/runs", "{}")
+    assert broken.asked == asked
+
+
+@pytest.mark.parametrize("after", ["", "18446744073709551615", "99999999999999999999999", "soon"])
+def test_an_answer_that_is_an_error_is_no_silence(broken, after):
+    broken.answers = [(500, {"Retry-After": after}, problem("internal"))]
+    with pytest.raises(sparring.CurriculumError, match="GET /v1/runs: 500: it is internal"):
+        sparring._native.NativeLink(broken.url).ask("GET", "/v1/runs")

@@ -1,58 +1,14 @@
-"""A curriculum of a real server, through its death and resurrection."""
-
-import gc
-import os
-import signal
-import subprocess
-import sys
-import threading
-import time
+"""A curriculum of a real server: what is flown by it, and what is refused."""
 
 import gymnasium
 import numpy as np
 import pytest
-from conftest import BINARY, served
+from conftest import served
+from flights import SETTINGS, fly, local, until
 
 import sparring
 
 pytestmark = served
-SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
-
-
-def local(**wish):
-    wish = {"settings": SETTINGS, **wish}
-    return sparring.Curriculum.local(binary=BINARY, **wish)
-
-
-def serve_again(db, url):
-    """A server where one was that died, on its database."""
-    line = [BINARY, "serve", "--bind", url.removeprefix("http://"), "--db", os.fspath(db)]
-    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-
-def until(what, most=30.0):
-    began = time.monotonic()
-    while not what():
-        assert time.monotonic() - began < most
-        time.sleep(0.02)
-
-
-def fly(envs, steps, size=0.0):
-    rng = np.random.default_rng(1)
-    ended = 0
-    for _ in range(steps):
-        actions = rng.uniform(-size, size, envs.action_space.shape).astype(np.float32)
-        *_, infos = envs.step(actions)
-        ended += infos["_episode"].sum() if "_episode" in infos else 0
-    return int(ended)
-
-
-@pytest.fixture
-def ctrl_c():
-    """Presses Ctrl-C in so many seconds, also where tests run in the background of a shell, which makes them deaf to it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield lambda seconds: threading.Timer(seconds, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize("form", ["groups", "columns"])
@@ -107,51 +63,6 @@ def test_docking():
         assert curriculum.stats()["flown"] == ended > 2
 
 
-def test_a_server_that_dies_loses_nothing(tmp_path):
-    db = tmp_path / "run.sqlite3"
-    curriculum = local(db=db, form="groups", lease=64, ahead=300, patience_s=60)
-    envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
-    envs.reset()
-    fly(envs, 60)
-    until(lambda: curriculum.stats()["ready"] >= 300)
-    server = curriculum._server
-    server._process.send_signal(signal.SIGKILL)
-    server._process.wait()
-    ended = fly(envs, 200)
-    assert ended > 40
-    away = curriculum.stats()
-    assert away["away_s"] is not None
-    assert away["waiting"] >= 40
-    again = serve_again(db, curriculum.url)
-    try:
-        fly(envs, 100)
-        envs.close()
-        curriculum.flush()
-        told = curriculum.stats()
-        assert told["counted"] + told["stored"] + told["duplicate"] == told["flown"]
-        assert told["late"] == 0
-        curriculum.close()
-    finally:
-        again.terminate()
-        again.wait()
-
-
-def test_a_server_that_stays_away_is_told_and_what_was_flown_is_kept():
-    curriculum = local(form="groups", lease=16, patience_s=0.5)
-    envs = sparring.make_vec(num_envs=8, curriculum=curriculum)
-    envs.reset()
-    curriculum._server._process.kill()
-    curriculum._server._process.wait()
-    began = time.monotonic()
-    with pytest.raises(sparring.CurriculumError, match="away"):
-        fly(envs, 2000)
-    assert time.monotonic() - began < 20
-    assert curriculum.stats()["waiting"] == curriculum.stats()["flown"] > 0
-    envs.close()
-    with pytest.raises(sparring.CurriculumError, match="could not be handed in"):
-        curriculum.close(timeout_s=1)
-
-
 def test_what_the_server_refuses_is_told():
     with pytest.raises(sparring.CurriculumError, match="no server answers"):
         sparring.Curriculum("http://127.0.0.1:1", run="run-none")
@@ -171,128 +82,11 @@ def test_what_the_server_refuses_is_told():
         envs.reset()
 
 
-def test_closing_gives_back_what_is_still_being_leased():
-    with local(form="groups", lease=64, ahead=500) as curriculum:
-        # Leases are asked for from here on; each part is closed while one is under way.
-        for _ in range(5):
-            part = curriculum.beside(form="groups", lease=64, ahead=500)
-            envs = sparring.make_vec(num_envs=2, curriculum=part)
-            envs.reset()
-            envs.close()
-            part.close()
-        leases = curriculum.ask("GET", f"/v1/runs/{curriculum.run}/leases")["leases"]
-        assert len(leases) >= 5
-        assert not [lease for lease in leases if lease["status"] == "active"], leases
-
-
 def test_a_program_that_is_none():
     with pytest.raises(sparring.CurriculumError, match="start"):
         sparring.Curriculum.local(binary="/nowhere/sparring")
     with pytest.raises(sparring.CurriculumError, match="serve"):
         sparring.Curriculum.local(binary="/bin/false")
-
-
-def test_a_server_ends_with_the_process_that_started_it(tmp_path):
-    program = f"""
-import os, sparring
-curriculum = sparring.Curriculum.local({os.fspath(tmp_path / "run.sqlite3")!r}, binary={BINARY!r}, settings={SETTINGS!r})
-print(curriculum._server._process.pid, flush=True)
-os.kill(os.getpid(), 9)
-"""
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    pid = int(ended.stdout)
-
-    def gone():
-        try:
-            with open(f"/proc/{pid}/stat") as stat:
-                return stat.read().rsplit(")", 1)[1].split()[0] == "Z"
-        except FileNotFoundError:
-            return True
-
-    until(gone)
-
-
-def test_a_reset_that_fails_moves_nothing(tmp_path):
-    db = tmp_path / "run.sqlite3"
-    curriculum = local(db=db, form="groups", lease=16, ahead=8, patience_s=0.5)
-    envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
-    envs.reset()
-    fly(envs, 20)
-    curriculum._server._process.kill()
-    curriculum._server._process.wait()
-    with pytest.raises(sparring.CurriculumError):
-        fly(envs, 2000)
-    for _ in range(3):
-        with pytest.raises(sparring.CurriculumError):
-            envs.reset()
-    again = serve_again(db, curriculum.url)
-    try:
-        until(lambda: curriculum.stats()["away_s"] is None)
-        until(lambda: curriculum.stats()["ready"] >= 16)
-        fly(envs, 130)
-        envs.close()
-        curriculum.flush()
-        told = curriculum.stats()
-        assert told["counted"] + told["stored"] + told["duplicate"] == told["flown"] > 16
-        curriculum.close()
-    finally:
-        again.terminate()
-        again.wait()
-
-
-@pytest.mark.parametrize("end", ["", "raise KeyboardInterrupt", "import os; os.fork() or os._exit(0)"])
-def test_who_ends_without_closing_has_what_was_flown_handed_in(tmp_path, end):
-    db = tmp_path / "run.sqlite3"
-    program = f"""
-import numpy as np, sparring
-curriculum = sparring.Curriculum.local({os.fspath(db)!r}, binary={BINARY!r}, settings={SETTINGS!r}, form="groups")
-envs = sparring.make_vec(num_envs=64, curriculum=curriculum)
-envs.reset()
-for _ in range(51):
-    envs.step(np.zeros(envs.action_space.shape, np.float32))
-print(curriculum.run, curriculum.stats()["flown"], flush=True)
-{end}
-"""
-    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, timeout=60)
-    run, flown = ended.stdout.split()
-    assert int(flown) >= 64
-    with local(db=db, settings=None, run=run) as curriculum:
-        told = curriculum.ask("GET", f"/v1/runs/{run}/overview")
-    assert told["episodes"] == int(flown), ended.stderr
-
-
-def test_a_forked_process_is_told_and_its_parent_flies_on():
-    with local(form="groups") as curriculum:
-        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
-        envs.reset()
-        child = os.fork()
-        if child == 0:
-            told = 0
-            for what in (
-                lambda: fly(envs, 1),
-                envs.reset,
-                curriculum.flush,
-                curriculum.stats,
-                lambda: sparring.make_vec(num_envs=4, curriculum=curriculum),
-            ):
-                try:
-                    what()
-                except (sparring.CurriculumError, RuntimeError) as error:
-                    told += "another process" in str(error)
-            envs.close()
-            curriculum.close()
-            os._exit(told)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 5
-        assert fly(envs, 60) >= 4
-        envs.close()
-
-
-def test_a_server_that_nobody_has_any_more_is_stopped():
-    curriculum = local(form="groups")
-    process = curriculum._server._process
-    del curriculum
-    gc.collect()
-    until(lambda: process.poll() is not None)
 
 
 @pytest.mark.parametrize(
@@ -360,18 +154,6 @@ def test_a_version_that_is_none(version):
         assert curriculum.policy_version == 0
 
 
-def test_waiting_is_interrupted_by_ctrl_c(ctrl_c):
-    with local(form="groups") as curriculum:
-        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
-        envs.reset()
-        until(lambda: curriculum.stats()["ready"] >= 16)
-        curriculum.ask("POST", f"/v1/runs/{curriculum.run}/pause")
-        ctrl_c(1.0)
-        with pytest.raises(KeyboardInterrupt):
-            fly(envs, 100_000)
-        envs.close()
-
-
 def test_two_batches_share_one_curriculum_and_what_is_given_back_is_flown_again():
     with local(form="groups", lease=8, ahead=8) as curriculum:
         one, two = (sparring.make_vec(num_envs=4, curriculum=curriculum) for _ in range(2))
@@ -386,37 +168,6 @@ def test_two_batches_share_one_curriculum_and_what_is_given_back_is_flown_again(
         assert {three.scenario(env).seed for env in range(4)} == given
         three.close()
         two.close()
-
-
-def test_closing_without_a_server_is_interrupted_and_says_what_is_lost(ctrl_c):
-    curriculum = local(form="groups")
-    envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
-    envs.reset()
-    until(lambda: curriculum.stats()["ready"] >= 8)
-    curriculum._server._process.kill()
-    flown = fly(envs, 60)
-    envs.close()
-    ctrl_c(0.5)
-    began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        curriculum.close(30)
-    assert time.monotonic() - began < 5
-    with pytest.raises(sparring.CurriculumError, match="could not be handed in"):
-        curriculum.close(1)
-    told = curriculum.stats()
-    assert told["lost"] == told["flown"] - told["counted"] - told["stored"] == flown > 0
-
-
-def test_a_run_that_is_paused_is_told_as_that():
-    with local(form="groups", patience_s=2, lease=1) as curriculum:
-        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
-        envs.reset()
-        curriculum.ask("POST", f"/v1/runs/{curriculum.run}/pause")
-        with pytest.raises(sparring.CurriculumError, match=r"nothing to fly; run .* is paused"):
-            fly(envs, 10_000)
-        assert curriculum.stats()["paused"]
-        assert curriculum.stats()["away_s"] is None
-        envs.close()
 
 
 def test_a_strategy_that_does_not_go_with_columns_is_flown_as_groups():
@@ -442,3 +193,125 @@ def test_a_token_that_is_none_is_not_repeated(token):
 def test_a_patience_that_is_none(patience_s):
     with pytest.raises(ValueError, match="patience_s: "):
         local(patience_s=patience_s)
+
+
+def test_episodes_are_by_the_policy_that_began_them():
+    with local(form="groups", lease=8) as curriculum:
+        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        envs.reset()
+        fly(envs, 5)
+        curriculum.policy_version = 7
+        assert fly(envs, 120) >= 8
+        envs.close()
+        curriculum.flush()
+        page = curriculum.ask("GET", f"/v1/runs/{curriculum.run}/episodes?limit=100")
+        versions = [episode["policy_version"] for episode in page["episodes"]]
+        assert versions.count(0) == 4
+        assert set(versions) == {0, 7}
+        # Who joins the run later counts on from there.
+        assert sparring.Curriculum(curriculum.url, curriculum.run).policy_version == 7
+
+
+def test_a_run_that_turns_to_single_scenarios_goes_on_as_groups():
+    with local() as curriculum:
+        envs = sparring.make_vec(num_envs=256, curriculum=curriculum)
+        envs.reset()
+        assert curriculum.ask("GET", f"/v1/runs/{curriculum.run}/leases")["leases"][0]["form"] == "columns"
+        curriculum.ask("PATCH", f"/v1/runs/{curriculum.run}", {"strategy": "plr"})
+        assert fly(envs, 320, 0.02) > 1000
+        envs.close()
+        curriculum.flush()
+        told = curriculum.stats()
+        assert told["counted"] + told["stored"] > 0
+        assert told["fault"] is None
+
+
+def test_a_buffer_that_is_smaller_than_a_lease_holds_nobody_up():
+    with local(form="columns", lease=64, buffer=16, patience_s=20) as curriculum:
+        envs = sparring.make_vec(num_envs=32, curriculum=curriculum)
+        envs.reset()
+        assert fly(envs, 320, 0.02) > 150
+        envs.close()
+        curriculum.flush()
+        assert curriculum.stats()["accepted"] >= 64
+
+
+def exam(curriculum):
+    begun = curriculum.ask("POST", "/v1/evaluations", {"run": curriculum.run, "policy": "hold", "tasks": ["kessler/survival"]})
+    return begun["scenarios"] * begun["rollouts"], curriculum.beside(purpose="eval", evaluation=begun["id"])
+
+
+def test_a_reset_amid_an_evaluation_leaves_no_scenario_out():
+    with local() as curriculum:
+        most, part = exam(curriculum)
+        with part:
+            envs = sparring.make_vec(num_envs=64, curriculum=part)
+            envs.reset()
+            ended = 0
+            while not envs.rests.all():
+                *_, infos = envs.step(np.zeros(envs.action_space.shape, np.float32))
+                if "_episode" in infos:
+                    ended += int(infos["_episode"].sum())
+                    # Nothing is left but what flies: all of that begins again, twice.
+                    if part.stats()["ready"] == 0 and most - 8 < ended < most - 4:
+                        envs.reset()
+                        assert not envs.rests.all()
+                        assert (envs.rests.sum()) == 64 - (most - ended)
+            envs.close()
+            assert ended == most
+            with pytest.raises(sparring.CurriculumError, match="nothing to fly: the evaluation is flown"):
+                sparring.make_vec(curriculum=part)
+
+
+def test_who_begins_the_last_scenario_again_flies_it():
+    with local() as curriculum:
+        most, part = exam(curriculum)
+        with part:
+            for env, agents in ((sparring.Environment(curriculum=part), False), (sparring.parallel_env(curriculum=part), True)):
+                flown = 0
+                while flown < (most // 2 if not agents else most - most // 2):
+                    env.reset()
+                    hold(env)
+                    flown += 1
+                if agents:
+                    with pytest.raises(sparring.CurriculumError, match="nothing left to fly"):
+                        env.reset()
+                env.close()
+            told = part.stats()
+            assert told["flown"] == most
+
+
+def hold(env):
+    """Flies an episode by doing nothing."""
+    if isinstance(env, gymnasium.Env):
+        over = False
+        while not over:
+            *_, terminated, truncated, _ = env.step(np.zeros(env.action_space.shape, np.float32))
+            over = terminated or truncated
+    else:
+        while env.agents:
+            env.step({})
+
+
+def test_who_leaves_agents_early_is_told_too():
+    with local(form="groups") as curriculum:
+        env = sparring.parallel_env(curriculum=curriculum)
+        env.reset()
+        env.step({})
+        with pytest.warns(UserWarning, match="left after 1 steps"):
+            env.reset()
+        env.close()
+
+
+def test_what_is_given_up_is_given_back_when_its_lease_is_done():
+    with local(form="groups", lease=1, settings={**SETTINGS, "group_size": 2}) as curriculum:
+        env = sparring.Environment(curriculum=curriculum)
+        env.reset()
+        first = env.scenario
+        env._abandon()
+        env.reset()
+        assert env.scenario == first, "its sibling"
+        hold(env)
+        until(lambda: curriculum.ask("GET", f"/v1/runs/{curriculum.run}/leases?limit=100")["leases"][0]["status"] == "released")
+        assert curriculum.stats()["unflown"] == 1
+        env.close()

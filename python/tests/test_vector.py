@@ -168,3 +168,33 @@ def test_what_cannot_be_made_leaves_nothing_to_close(recwarn):
             sparring.make_vec(**{"num_envs": 2, **wrong})
     gc.collect()
     assert not [one for one in recwarn if "_native" in str(one.message)]
+
+
+def test_arrays_that_somebody_changed_in_place_are_not_written_again():
+    envs = sparring.make_vec("survival", 4, threads=1)
+    seen, _ = envs.reset(seed=1)
+    shape, actions = seen.shape, np.zeros(envs.action_space.shape, np.float32)
+    for change in (
+        lambda seen: setattr(seen, "shape", (4, -1)),
+        lambda seen: seen.setflags(write=False),
+        lambda seen: setattr(seen, "dtype", np.int32),
+    ):
+        change(seen)
+        for _ in range(6):
+            del seen
+            seen, *_ = envs.step(actions)
+            assert seen.shape == shape
+            assert seen.dtype == np.float32
+            assert seen.flags.writeable
+            assert seen.flags.c_contiguous
+
+
+def test_a_mask_may_be_a_view():
+    envs = sparring.make_vec("survival", 4)
+    envs.reset(seed=1)
+    flags = np.zeros((4, 3), np.bool_)
+    flags[2, 1] = True
+    before = [envs.scenario(env) for env in range(4)]
+    envs.reset(options={"reset_mask": flags[:, 1]})
+    after = [envs.scenario(env) for env in range(4)]
+    assert [a == b for a, b in zip(before, after, strict=True)] == [True, True, False, True]

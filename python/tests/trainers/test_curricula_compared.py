@@ -115,4 +115,14 @@ def test_it_goes_on_where_it_was_stopped_and_says_what_was_flown(tmp_path):
     assert "| target | kessler/survival |" in report, "compared with the baseline"
     with (out / "trainings.csv").open() as file:
         assert [row["arm"] for row in csv.DictReader(file)] == ["uniform", "target"]
-    assert all((out / name).stat().st_size > 1000 for name in ("skill.svg", "curves.svg"))
+    drawn = {name: (out / name).read_text() for name in ("skill.svg", "curves.svg", "report.md", "trainings.csv")}
+    assert all(len(text) > 100 for text in drawn.values())
+    assert run("--out", os.fspath(out), "--report").returncode == 0
+    assert {name: (out / name).read_text() for name in drawn} == drawn, "the same findings are the same files"
+    assert found.versions()["numpy"] == np.__version__
+    # What was compared before somebody added a training is not told beside it.
+    compared = json.loads((out / "compared.json").read_text())
+    (out / "compared.json").write_text(json.dumps({**compared, "of": {**compared["of"], "uniform": "eval-0"}}))
+    assert findings.compared(out, found) is None
+    assert run(*asked).returncode == 0
+    assert json.loads((out / "compared.json").read_text()) == compared

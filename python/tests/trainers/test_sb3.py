@@ -51,6 +51,23 @@ def test_only_what_is_flown_is_learned_from():
     assert not any(row.numpy().tobytes() in absent for batch in buffer.get(64) for row in batch.observations)
 
 
+def test_where_nobody_flies_there_is_nothing_to_learn():
+    envs = sparring.sb3.vec_env(4, "kessler/survival")
+    optimizer = {"optimizer_class": torch.optim.SGD, "optimizer_kwargs": {}}
+    settings = {"n_steps": 50, "batch_size": 16, "n_epochs": 2, "device": "cpu", "policy_kwargs": optimizer}
+    model = PPO("MlpPolicy", envs, **settings, **sparring.sb3.flown_only(envs))
+    model.learn(1)
+    buffer = model.rollout_buffer
+    buffer.flown[:] = False
+    before = [weights.clone() for weights in model.policy.parameters()]
+    model.train()
+    after = list(model.policy.parameters())
+    assert all(torch.allclose(a, b, atol=1e-7) for a, b in zip(before, after, strict=True))
+    # One row alone that flew: what it is in is all there is.
+    buffer.flown[7, 3] = True
+    assert [len(batch.observations) for batch in buffer.get(16)] == [1]
+
+
 def test_a_model_is_kept_and_goes_on(tmp_path):
     envs = sparring.sb3.vec_env(4, "kessler/survival", level=9)
     model = PPO("MlpPolicy", envs, n_steps=50, batch_size=200, device="cpu", **sparring.sb3.flown_only(envs))

@@ -1,0 +1,40 @@
+"""What tests of a curriculum fly with: a real server of their own, and how it comes back."""
+
+import os
+import subprocess
+import time
+
+import numpy as np
+from conftest import BINARY
+
+import sparring
+
+SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
+
+
+def local(**wish):
+    wish = {"settings": SETTINGS, **wish}
+    return sparring.Curriculum.local(binary=BINARY, **wish)
+
+
+def serve_again(db, url):
+    """A server where one was that died, on its database."""
+    line = [BINARY, "serve", "--bind", url.removeprefix("http://"), "--db", os.fspath(db)]
+    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def until(what, most=30.0):
+    began = time.monotonic()
+    while not what():
+        assert time.monotonic() - began < most
+        time.sleep(0.02)
+
+
+def fly(envs, steps, size=0.0):
+    rng = np.random.default_rng(1)
+    ended = 0
+    for _ in range(steps):
+        actions = rng.uniform(-size, size, envs.action_space.shape).astype(np.float32)
+        *_, infos = envs.step(actions)
+        ended += infos["_episode"].sum() if "_episode" in infos else 0
+    return int(ended)
