@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -132,12 +133,15 @@ def interquartile(values: npt.NDArray[np.float64]) -> Interval:
     trimmed, and the interval says little."""
     from rliable import library, metrics
 
-    means, intervals = library.get_interval_estimates(
-        {"arm": values},
-        lambda scores: np.array([metrics.aggregate_iqm(scores)]),
-        reps=RESAMPLES,
-        random_state=np.random.RandomState(0),  # the same findings have the same intervals
-    )
+    with warnings.catch_warnings():
+        # What rliable calls is about to take its generator by another name.
+        warnings.simplefilter("ignore", FutureWarning)
+        means, intervals = library.get_interval_estimates(
+            {"arm": values},
+            lambda scores: np.array([metrics.aggregate_iqm(scores)]),
+            reps=RESAMPLES,
+            random_state=np.random.RandomState(0),  # the same findings have the same intervals
+        )
     return Interval(float(means["arm"][0]), *(float(edge[0]) for edge in intervals["arm"]))
 
 

@@ -98,7 +98,8 @@ fn read(answer: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> Result
     let away = |why: String| Failure::Away { status: None, kind: None, why, after: None };
     let mut answer = answer.map_err(|error| away(error.to_string()))?;
     let status = answer.status().as_u16();
-    let after = answer.headers().get("retry-after").and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    let after =
+        answer.headers().get("retry-after").and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     let text = answer.body_mut().with_config().limit(MOST).read_to_string();
     let text = text.map_err(|error| away(error.to_string()))?;
     let value = serde_json::from_str::<Value>(&text);
