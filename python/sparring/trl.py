@@ -20,7 +20,6 @@ import logging
 import math
 import os
 import threading
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -37,6 +36,7 @@ except ImportError as error:
 from .curriculum import Curriculum, CurriculumError
 from .scenario import Scenario, bracket
 from .single import Environment
+from .words import words as words
 
 logger = logging.getLogger(__name__)
 
@@ -48,8 +48,6 @@ PROMPT = (
     "nearer than 2 LU destroys a satellite. Call fire_thrusters where something will pass too near: a change of velocity of 0.1 "
     "some steps before is enough, and costs fuel. Call hold where nothing will. What you leave unflown is flown by holding."
 )
-#: Steps over which passes are foreseen.
-LOOK_AHEAD = 15
 #: Pieces of debris that are told of each satellite when a model asks.
 FAR = 8
 
@@ -350,36 +348,6 @@ def _number(name: str, value: Any) -> float:
 
 
 _bracket = lru_cache(maxsize=256)(bracket)
-
-
-def words(telemetry: Mapping[str, Any], most: int = 2) -> str:
-    """What is seen, in lines that a model reads: alerts, each satellite, and the pieces of debris that will pass it nearest.
-
-    Args:
-        telemetry: In the wire form of the public kessler-env: `Environment.telemetry()`, or the observation of a server.
-        most: Pieces of debris for each satellite.
-    """
-    lines = [str(alert) for alert in telemetry["critical_alerts"]]
-    for own in telemetry["satellites"]:
-        if own["status"] != "active":
-            continue
-        lines.append(
-            f"Satellite {own['id']} at ({own['x']:.1f}, {own['y']:.1f}) moving ({own['vx']:.2f}, {own['vy']:.2f}), "
-            f"fuel {own['fuel']:.0f}"
-        )
-        passes = sorted(_passes(own, other) for other in telemetry["radar_debris"])
-        lines += [
-            f"- debris at ({x:+.1f}, {y:+.1f}) from it, moving ({vx:+.2f}, {vy:+.2f}): {miss:.1f} near in {when:.0f} steps"
-            for miss, when, x, y, vx, vy in passes[:most]
-        ]
-    return "\n".join(lines)
-
-
-def _passes(own: Mapping[str, float], other: Mapping[str, float]) -> tuple[float, ...]:
-    """How near they come and when, as if both flew straight, and where the other is and moves, as seen from the one."""
-    x, y, vx, vy = (other[name] - own[name] for name in ("x", "y", "vx", "vy"))
-    when = min(max(-(x * vx + y * vy) / max(vx * vx + vy * vy, 1e-9), 0.0), LOOK_AHEAD)
-    return math.hypot(x + vx * when, y + vy * when), when, x, y, vx, vy
 
 
 class CurriculumCallback(TrainerCallback):

@@ -12,57 +12,14 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 pub(crate) use self::parts::Wrong;
-use self::parts::{hold, lock, read_seed};
-use crate::arrays::{Shelf, read_mask, writable};
+use self::parts::{Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, hold, lock, read_seed};
+use crate::arrays::{read_mask, writable};
 use crate::curriculum::{Desk, Episode, NativeCurriculum, Stop};
 use crate::errors::{self, invalid};
 use crate::feed::{Fed, Rows};
 use crate::pool::Pool;
 use crate::scenario::NativeScenario;
 use crate::state::{Ended, Slices, State};
-
-/// What a step gives: observations, rewards, terminations, truncations, and whether any episode ended.
-type Stepped<'py> = (
-    Bound<'py, PyArrayDyn<f32>>,
-    Bound<'py, PyArrayDyn<f64>>,
-    Bound<'py, PyArrayDyn<bool>>,
-    Bound<'py, PyArrayDyn<bool>>,
-    bool,
-);
-/// Of each environment: whether its episode ended, its return, its length, and the seconds it took.
-type Episodes<'py> = (
-    Bound<'py, PyArray1<bool>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<i64>>,
-    Bound<'py, PyArray1<f64>>,
-);
-/// Of each environment: its level, whether to learn from it, whether it rests.
-type Lessons<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
-/// Of each agent: its reward, whether it has left, whether the horizon cut it off.
-type Agents<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<bool>>, Bound<'py, PyArray2<bool>>);
-/// Arrays of a caller's own for these.
-type Given<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
-
-/// Arrays handed out.
-struct Shelves {
-    observations: Shelf<f32>,
-    rewards: Shelf<f64>,
-    flags: [Shelf<bool>; 2],
-}
-
-impl Shelves {
-    fn new(lead: &[usize], Shape { envs, agents, observation, .. }: Shape, observe: Observe) -> Self {
-        let seen = match observe {
-            Observe::Tracks { .. } => vec![agents, observation / agents],
-            Observe::All { .. } => vec![observation],
-        };
-        Self {
-            observations: Shelf::new(&[lead, &seen].concat()),
-            rewards: Shelf::new(&[envs]),
-            flags: [Shelf::new(&[envs]), Shelf::new(&[envs])],
-        }
-    }
-}
 
 /// A batch of environments of one task.
 #[pyclass(frozen, module = "sparring._native")]
@@ -81,15 +38,6 @@ pub(crate) struct NativeBatch {
     desk: Option<Arc<Desk>>,
     state: Mutex<State>,
     shelves: Mutex<Shelves>,
-}
-
-fn autoreset(word: &str) -> PyResult<Autoreset> {
-    match word {
-        "next_step" => Ok(Autoreset::NextStep),
-        "same_step" => Ok(Autoreset::SameStep),
-        "disabled" => Ok(Autoreset::Disabled),
-        _ => Err(invalid("autoreset_mode", format!("{word:?} is none of next_step, same_step, disabled"))),
-    }
 }
 
 #[pymethods]

@@ -3,18 +3,77 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use env_core::Seed;
-use env_core::batch::BatchError;
+use env_core::batch::{Autoreset, BatchError, Observe, Shape};
 use env_core::seed::FREE_MASK;
-use numpy::PyArrayDyn;
+use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 
-use super::{Given, NativeBatch};
-use crate::arrays::{copy_f32, read_i64};
+use super::NativeBatch;
+use crate::arrays::{Shelf, copy_f32, read_i64};
 use crate::curriculum::Stop;
 use crate::errors::{self, invalid};
 use crate::scenario::NativeScenario;
+
+/// What a step gives: observations, rewards, terminations, truncations, and whether any episode ended.
+pub(super) type Stepped<'py> = (
+    Bound<'py, PyArrayDyn<f32>>,
+    Bound<'py, PyArrayDyn<f64>>,
+    Bound<'py, PyArrayDyn<bool>>,
+    Bound<'py, PyArrayDyn<bool>>,
+    bool,
+);
+/// Of each environment: whether its episode ended, its return, its length, and the seconds it took.
+pub(super) type Episodes<'py> = (
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+);
+/// Of each environment: its level, whether to learn from it, whether it rests.
+pub(super) type Lessons<'py> =
+    (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
+/// Of each agent: its reward, whether it has left, whether the horizon cut it off.
+pub(super) type Agents<'py> =
+    (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<bool>>, Bound<'py, PyArray2<bool>>);
+/// Arrays of a caller's own for these.
+pub(super) type Given<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+/// Arrays handed out.
+pub(super) struct Shelves {
+    pub(super) observations: Shelf<f32>,
+    pub(super) rewards: Shelf<f64>,
+    pub(super) flags: [Shelf<bool>; 2],
+}
+
+impl Shelves {
+    pub(super) fn new(
+        lead: &[usize],
+        Shape { envs, agents, observation, .. }: Shape,
+        observe: Observe,
+    ) -> Self {
+        let seen = match observe {
+            Observe::Tracks { .. } => vec![agents, observation / agents],
+            Observe::All { .. } => vec![observation],
+        };
+        Self {
+            observations: Shelf::new(&[lead, &seen].concat()),
+            rewards: Shelf::new(&[envs]),
+            flags: [Shelf::new(&[envs]), Shelf::new(&[envs])],
+        }
+    }
+}
+
+/// What to do when an episode is over.
+pub(super) fn autoreset(word: &str) -> PyResult<Autoreset> {
+    match word {
+        "next_step" => Ok(Autoreset::NextStep),
+        "same_step" => Ok(Autoreset::SameStep),
+        "disabled" => Ok(Autoreset::Disabled),
+        _ => Err(invalid("autoreset_mode", format!("{word:?} is none of next_step, same_step, disabled"))),
+    }
+}
 
 /// Why nothing was begun or stepped.
 pub(crate) enum Wrong {
