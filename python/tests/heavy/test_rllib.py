@@ -216,27 +216,28 @@ def test_two_env_runners_fly_one_run(cluster):
     with local(["kessler/survival"]) as curriculum:
         algorithm = team(curriculum).build_algo()
         try:
-            results = [algorithm.train() for _ in range(2)]
+            results = [algorithm.train() for _ in range(3)]
             told = runners(algorithm)
         finally:
             algorithm.stop()
         assert len({pid for pid, *_ in told}) == 2 and os.getpid() not in {pid for pid, *_ in told}
         assert {run for _, run, *_ in told} == {curriculum.run}
-        assert [version for *_, version, _ in told] == [2, 2]
+        assert [version for *_, version, _ in told] == [3, 3]
         flown = [stats["flown"] for *_, stats in told]
-        # 8 environments of each, 120 steps, at most 50 of an episode and one between two.
-        assert min(flown) >= 16
+        # 8 environments of each, 180 steps, at most 50 of an episode and one between two.
+        assert min(flown) >= 24
         # Stopping handed in everything, and gave back the rest.
         counted = finished(curriculum)
         assert sum(counted.values()) == sum(flown)
-        assert counted.keys() == {0, 1} and min(counted.values()) > 8
+        # An episode is its version's that flew when it began: of the third iteration's, few are over.
+        assert counted.keys() >= {0, 1} and min(counted[0], counted[1]) > 8
         assert curriculum.ask("GET", f"/v1/runs/{curriculum.run}")["policy_version"] >= 1
         assert not open_leases(curriculum)
         numbers = [result["curriculum"] for result in results]
         for name in ("level", "mastery", "success", "skill", "params/debris", "zero_variance_share"):
             assert f"kessler/survival/{name}" in numbers[-1]
-        assert numbers[0]["episodes/flown"] < numbers[1]["episodes/flown"] == sum(flown)
-        assert results[-1]["env_runners"]["num_env_steps_sampled_lifetime"] >= 1900
+        assert numbers[0]["episodes/flown"] < numbers[-1]["episodes/flown"] == sum(flown)
+        assert results[-1]["env_runners"]["num_env_steps_sampled_lifetime"] >= 2850
         assert "default_policy" in results[-1]["learners"]
 
 
