@@ -155,15 +155,17 @@ impl<N: Clone> Book<N> {
         let mut assigned = self.assigned.hold();
         let (mut left, mut without) = (true, 0); // a pool of which nothing is left is not asked for every slot
         for (slot, next) in self.next.iter_mut().enumerate() {
-            if next.is_none() && begins(slot, self.flying[slot].is_some()) {
+            if next.is_some() {
+                continue; // assigned before
+            }
+            if begins(slot, self.flying[slot].is_some()) {
                 if left {
                     *next = pool.take().map(|(name, scenario)| begin(self.shape, name, scenario));
                     left = next.is_some();
                 }
                 without += usize::from(next.is_none());
             }
-            assigned[slot] =
-                next.as_ref().map(|flown| (Arc::clone(flown.scenario.recipe()), flown.scenario.seed()));
+            assigned[slot] = next.as_ref().map(start_of);
         }
         without
     }
@@ -184,8 +186,9 @@ impl<N: Clone> Book<N> {
                 && mask.is_none_or(|mask| mask[slot])
                 && let Some(flown) = self.flying[slot].take()
             {
-                assigned[slot] = Some((Arc::clone(flown.scenario.recipe()), flown.scenario.seed()));
-                *next = Some(begin(self.shape, flown.name, flown.scenario));
+                let flown = begin(self.shape, flown.name, flown.scenario);
+                assigned[slot] = Some(start_of(&flown));
+                *next = Some(flown);
             }
         }
     }
@@ -268,6 +271,10 @@ fn begins<'a>(
         (None, Autoreset::SameStep) => true,
         (None, Autoreset::Disabled) => false,
     }
+}
+
+fn start_of<N>(flown: &Flown<N>) -> Start {
+    (Arc::clone(flown.scenario.recipe()), flown.scenario.seed())
 }
 
 fn begin<N>(shape: Shape, name: N, scenario: Scenario) -> Flown<N> {
