@@ -7,6 +7,7 @@ Nothing but the standard library: Server-Sent Events are lines of text.
 import argparse
 import json
 import os
+import sys
 import time
 import urllib.error
 import urllib.request
@@ -17,14 +18,14 @@ TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.enviro
 
 def listen(url, run, after):
     """Yields (id, kind, data), for ever."""
-    last = after
+    last, away = after, False
     while True:
         query = "" if last is None else "?after=0"
         headers = dict(TOKEN) if last is None else {"Last-Event-ID": str(last), **TOKEN}
         try:
             request = urllib.request.Request(f"{url}/v1/runs/{run}/events{query}", headers=headers)
             with urllib.request.urlopen(request, timeout=60) as stream:
-                event = {}
+                event, away = {}, False
                 for line in stream:
                     name, _, value = line.decode().rstrip("\n").partition(": ")
                     if name in ("id", "event", "data"):
@@ -36,8 +37,10 @@ def listen(url, run, after):
         except urllib.error.HTTPError as error:
             if error.code not in (429, 503):
                 raise SystemExit(f"{run}: {error.code} {error.read().decode()}")
-        except OSError:
-            pass  # the server went away, or says nothing: it is asked again
+        except OSError as error:  # the server went away, or says nothing: it is asked again
+            if not away:
+                print(f"{url} does not answer, and is asked again: {error}", file=sys.stderr)
+            away = True
         time.sleep(1)
 
 

@@ -1,4 +1,5 @@
-"""kessler/survival in plain Python: the world in a trainer's own process, for as long as there is no wheel to import.
+"""kessler/survival in plain Python: the world in a trainer's own process, for those that port it. Who trains in Python imports the
+compiled one instead: pip install sparring, docs/python.md.
 
 Made of nothing but what docs/kessler.md says: the same scenario from the same recipe and seed, the same arithmetic, so that what
 is claimed of an episode replays. Slow (about 2 ms a step with 25 pieces of debris); options of physics other than the defaults are

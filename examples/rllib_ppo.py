@@ -57,7 +57,7 @@ def options():
     args = parser.parse_args()
     if args.run and not args.url:
         parser.error("--run: it is one of a server's, which --url has to say")
-    return args
+    return args, parser
 
 
 def config_of(args, curriculum):
@@ -116,13 +116,16 @@ def write(board, iteration, result):
 
 
 def main():
-    args = options()
+    args, parser = options()
     board = SummaryWriter(args.tensorboard) if args.tensorboard else None
     settings = None if args.run else {"tasks": [args.task]}
-    if args.url:
-        curriculum = sparring.Curriculum(args.url, args.run, settings=settings)
-    else:
-        curriculum = sparring.Curriculum.local(settings=settings)
+    try:
+        if args.url:
+            curriculum = sparring.Curriculum(args.url, args.run, settings=settings)
+        else:
+            curriculum = sparring.Curriculum.local(settings=settings)
+    except sparring.CurriculumError as error:
+        parser.error(str(error))
     with curriculum:
         print(f"run {curriculum.run} at {curriculum.url}", flush=True)
         here = {"num_cpus": args.env_runners, "object_store_memory": 2**28, "include_dashboard": False}

@@ -29,11 +29,12 @@ HOLDING = 3.0
 
 
 class Looks(BaseCallback):
-    """Flies the held-out suite every so many steps, before the first and behind the last, too."""
+    """Flies the held-out suite every so many steps, before the first and behind the last, too, and draws what there is by then."""
 
-    def __init__(self, curriculum: sparring.Curriculum, every: int) -> None:
+    def __init__(self, curriculum: sparring.Curriculum, every: int, picture: str | None) -> None:
         super().__init__()
-        self.curriculum, self.every, self.next, self.curve = curriculum, every, 0, []
+        self.curriculum, self.every, self.picture = curriculum, every, picture
+        self.next, self.curve = 0, []
 
     def look(self) -> None:
         found = sparring.evaluate(self.curriculum, sparring.sb3.act(self.model), policy="sb3-ppo", actions=ACTIONS, chance=False)
@@ -41,6 +42,8 @@ class Looks(BaseCallback):
         level = {task: self.curriculum.numbers().get(f"{task}/level") for task in TASKS}
         self.curve.append({"steps": self.num_timesteps, "skill": skill, "level": level})
         print(json.dumps(self.curve[-1]), flush=True)
+        if self.picture:
+            plot(self.curve, self.picture)
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self.next:
@@ -54,7 +57,7 @@ class Looks(BaseCallback):
         self.look()
 
 
-def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> list:
+def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
     """Trains, and says what it learned on the way."""
     torch.set_num_threads(1)
     envs = sparring.sb3.vec_env(args.envs, curriculum=curriculum, actions=ACTIONS)
@@ -63,14 +66,13 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> list:
     model = PPO("MlpPolicy", envs, **how, learning_rate=rate, device="cpu", tensorboard_log=args.tensorboard)
     with torch.no_grad():
         model.policy.action_net.bias[0] = HOLDING
-    looks = Looks(curriculum, max(1, args.steps // args.looks))
+    looks = Looks(curriculum, max(1, args.steps // args.looks), args.plot)
     # The rows of an environment are its satellites: three steps of the model's are one of the world's.
     model.learn(args.steps, callback=CallbackList([looks, sparring.sb3.CurriculumCallback(curriculum)]))
     envs.close()
     curriculum.flush()
     if args.save:
         model.save(args.save)
-    return looks.curve
 
 
 def plot(curve: list, file: str) -> None:
@@ -97,16 +99,20 @@ def main() -> None:
     parser.add_argument("--envs", type=int, default=64, help="environments of three satellites each (%(default)s)")
     parser.add_argument("--looks", type=int, default=10, help="at the held-out suite (%(default)s)")
     parser.add_argument("--strategy", default="uniform", help="of the curriculum (%(default)s): the suite asks for all levels")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="of the policy and its draws (%(default)s)")
     parser.add_argument("--tensorboard", help="a folder for TensorBoard")
-    parser.add_argument("--plot", help="a picture of what was learned")
+    parser.add_argument("--plot", help="a picture of what was learned, drawn at every look (needs matplotlib)")
     parser.add_argument("--save", help="where the model is kept")
     args = parser.parse_args()
+    if min(args.steps, args.envs, args.looks, args.seed) < 1:
+        parser.error("--steps, --envs, --looks and --seed are 1 at least")
     wish = {"settings": {"tasks": TASKS, "name": "sb3", "strategy": args.strategy}, "form": "groups"}
-    with sparring.Curriculum(args.url, **wish) if args.url else sparring.Curriculum.local(**wish) as curriculum:
-        curve = train(args, curriculum)
-    if args.plot:
-        plot(curve, args.plot)
+    try:
+        curriculum = sparring.Curriculum(args.url, **wish) if args.url else sparring.Curriculum.local(**wish)
+    except sparring.CurriculumError as error:
+        parser.error(str(error))
+    with curriculum:
+        train(args, curriculum)
 
 
 if __name__ == "__main__":

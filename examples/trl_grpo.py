@@ -99,11 +99,16 @@ def main():
     parser.add_argument("--output", default="grpo", help="folder of checkpoints and curves")
     args = parser.parse_args()
 
+    if args.run and not args.url:
+        parser.error("--run: it is one of a server's, which --url has to say")
     settings = None if args.run else {"tasks": args.tasks, "group_size": args.siblings}
-    if args.url:
-        curriculum = sparring.Curriculum(args.url, args.run, settings=settings)
-    else:
-        curriculum = sparring.Curriculum.local(run=args.run, settings=settings)
+    try:
+        if args.url:
+            curriculum = sparring.Curriculum(args.url, args.run, settings=settings)
+        else:
+            curriculum = sparring.Curriculum.local(settings=settings)
+    except sparring.CurriculumError as error:
+        parser.error(str(error))
     with curriculum:
         train(curriculum, args)
 

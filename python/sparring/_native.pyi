@@ -129,6 +129,10 @@ class NativeCurriculum:
         """
         Waits until what was flown of whole leases is handed in.
         """
+    def gone(self, /, how: str) -> None:
+        """
+        The server was this process's own and has ended, in words: nobody waits for it any more, unless it answers all the same.
+        """
     @property
     def policy_version(self, /) -> int:
         """

@@ -85,7 +85,7 @@ class _Setup:
 
 
 def _content(body: Any) -> dict[str, Any]:
-    return {} if body is None else {"content": to_json(body), "headers": {"Content-Type": "application/json"}}
+    return {} if body is None else {"content": to_json("body", body), "headers": {"Content-Type": "application/json"}}
 
 
 def _present(query: dict[str, Any]) -> dict[str, Any]:

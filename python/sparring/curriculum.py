@@ -16,7 +16,7 @@ import numpy as np
 
 from . import _native
 from ._native import CurriculumError as CurriculumError
-from .scenario import to_json
+from .scenario import plain_dict, to_json
 from .server import Server
 
 Form = Literal["auto", "groups", "columns"]
@@ -87,14 +87,17 @@ class Curriculum:
                                   ("buffer", buffer, 2**31), ("ttl_s", ttl_s, 24 * 3600)):  # fmt: skip
             if value is not None:
                 _whole(name, value, most)
-        if not 0.0 <= patience_s < 1e9:
+        if not isinstance(patience_s, (int, float, np.number)) or not 0.0 <= patience_s < 1e9:
             raise ValueError(f"patience_s: {patience_s!r} is no number of seconds")
+        if run is not None and not isinstance(run, str):
+            raise ValueError(f"run: {run!r} is no name of a run")
+        wanted = json.loads(to_json("settings", plain_dict("settings", settings)))
         self.url = url
         self.token = plain_token(token)
         self._pid = os.getpid()
         self._link = _native.NativeLink(url, self.token)
         if run is None:
-            run = str(self.ask("POST", "/v1/runs", dict(settings or {}))["id"])
+            run = str(self.ask("POST", "/v1/runs", wanted)["id"])
         elif settings is not None:
             raise ValueError("settings: they are of a run that is created; this one exists")
         self.run = run
@@ -148,7 +151,8 @@ class Curriculum:
         Args:
             db: Its database, which stays; one that is forgotten afterwards unless told.
             run: A run that is in it; one is created otherwise.
-            binary: The program: `SPARRING_BIN`, or `sparring` on the path, unless told. `pip install sparring-server` has it.
+            binary: The program. Unless told it is `SPARRING_BIN`, or `sparring` beside this Python, where
+                `pip install sparring-server` puts it, or on the path.
             settings: As `Curriculum` takes them.
 
         Raises:
@@ -161,7 +165,19 @@ class Curriculum:
             server.stop()
             raise
         made._server = server
+        made._watch(server)
         return made
+
+    def _watch(self, server: Server) -> None:
+        server.watch(functools.partial(_tell, weakref.WeakMethod(self._gone)))
+
+    def _gone(self, why: str) -> None:
+        # Others may come back; one that was this process's own does not, and whoever waited for it would wait for nothing.
+        if self._native is not None and not self._closed:
+            self._native.gone(why)
+
+    def __repr__(self) -> str:
+        return f"Curriculum({self.url!r}, run={self._name!r})"
 
     def _here(self) -> None:
         if os.getpid() != self._pid:
@@ -241,12 +257,14 @@ class Curriculum:
             CurriculumError: It refuses, or nobody answers.
         """
         self._here()
-        return json.loads(self._link.ask(method, path, None if body is None else to_json(body)))
+        return json.loads(self._link.ask(method, path, None if body is None else to_json("body", body)))
 
     def beside(self, **wish: Any) -> Curriculum:
         """Another part of the same run, for other environments: `purpose="eval"`, for one. It has to be closed by itself."""
         made = Curriculum(self.url, self.run, token=self.token, **wish)
         made.policy_version = self.policy_version
+        if self._server is not None:
+            made._watch(self._server)
         return made
 
     def flush(self, timeout_s: float = 60.0) -> None:
@@ -300,6 +318,8 @@ def plain_token(token: str | None) -> str | None:
     Raises:
         ValueError: One that is none; it is not repeated.
     """
+    if token is not None and not isinstance(token, str):
+        raise ValueError("token: no text")
     token = (token or os.environ.get("SPARRING_TOKEN") or "").strip()
     if not all("!" <= letter <= "~" for letter in token):
         raise ValueError("token: it has other characters than a token has")
@@ -309,6 +329,12 @@ def plain_token(token: str | None) -> str | None:
 def _whole(name: str, value: Any, most: int) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
         raise ValueError(f"{name}: {value!r} is not a whole number from 1 to {most}")
+
+
+def _tell(gone: weakref.WeakMethod[Any], why: str) -> None:
+    told = gone()
+    if told is not None:
+        told(why)
 
 
 def _call(leave: weakref.WeakMethod[Any]) -> None:

@@ -71,6 +71,8 @@ def evaluate(
         CurriculumError: No such suite, or the server fails.
         ValueError: A suite without any task of the run's, or what is unknown or out of range, with the field.
     """
+    if not isinstance(curriculum, Curriculum):
+        raise ValueError(f"curriculum: {curriculum!r} is no sparring.Curriculum")
     if policy == BLIND:
         raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
     if "autoreset_mode" in environment:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
 from .curriculum import Curriculum
-from .scenario import Scenario, plain_seed
+from .scenario import Scenario, plain_dict, plain_seed
 from .settings import Actions, Axes, Observation, Settings, View, agent_action_space
 from .single import OPTIONS, choose, left_early, lesson
 from .window import FPS, Screen
@@ -76,7 +76,7 @@ class ParallelEnvironment(ParallelEnv):
             self._warned = True
             left_early(self._steps)
         # PettingZoo's wrappers and tests hand options through that are not ours.
-        ours = {name: value for name, value in (options or {}).items() if name in OPTIONS}
+        ours = {name: value for name, value in plain_dict("options", options).items() if name in OPTIONS}
         whole = choose(self._native, 0, self._settings, ours)
         seen = self._native.reset([None if whole or seed is None else plain_seed(seed)])
         told = lesson(self._native, self._settings)
@@ -123,7 +123,7 @@ class ParallelEnvironment(ParallelEnv):
         discrete = self._settings.actions == "discrete"
         shape = () if discrete else (self._view.values,)
         joint = np.zeros((self._view.agents, *shape), np.int64 if discrete else np.float32)
-        for agent, action in actions.items():
+        for agent, action in plain_dict("actions", actions).items():
             if agent not in self.possible_agents:
                 raise ValueError(f"actions.{agent}: no such agent; there are {', '.join(self.possible_agents)}")
             given = np.asarray(action)

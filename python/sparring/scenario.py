@@ -30,13 +30,24 @@ def recipe_of(
         if isinstance(level, bool) or not isinstance(level, (int, np.integer)) or not 0 <= level < len(told.levels):
             raise ValueError(f"level: {level!r} is not from 0 to {len(told.levels) - 1}")
         at.update(told.levels[int(level)])
-    at.update(params or {})
+    at.update(plain_dict("params", params))
     recipe: dict[str, Any] = {"task": told.id, "params": {name: _number(name, value) for name, value in at.items()}}
     if physics:
-        recipe["physics"] = dict(physics)
+        recipe["physics"] = plain_dict("physics", physics)
     if layout is not None:
-        recipe["layout"] = dict(layout)
+        recipe["layout"] = plain_dict("layout", layout)
     return recipe
+
+
+def plain_dict(name: str, value: Any) -> dict[str, Any]:
+    """A mapping as a dict of its own; nothing is an empty one.
+
+    Raises:
+        ValueError: Something else, with the field.
+    """
+    if value is not None and not isinstance(value, Mapping):
+        raise ValueError(f"{name}: {value!r} is no dict")
+    return dict(value or {})
 
 
 def _number(name: str, value: Any) -> float:
@@ -45,16 +56,22 @@ def _number(name: str, value: Any) -> float:
     return float(value)
 
 
-def to_json(value: Any) -> str:
-    """JSON without what JSON does not have.
+def to_json(name: str, value: Any) -> str:
+    """JSON without what JSON does not have; numpy's numbers are numbers.
 
     Raises:
-        ValueError: NaN, an infinity, or something that is no plain data.
+        ValueError: NaN, an infinity, or something that is no plain data, with the field.
     """
     try:
-        return json.dumps(value, allow_nan=False)
-    except TypeError as error:
-        raise ValueError(f"scenario: {error}") from error
+        return json.dumps(value, allow_nan=False, default=_plain)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} is no number, text, list or dict")
 
 
 class Scenario:
@@ -90,13 +107,13 @@ class Scenario:
             ValueError: What is unknown or out of range, with the field.
         """
         fields = recipe_of(task, params=params, physics=physics, layout=layout, level=level)
-        self._native = _native.NativeScenario(to_json({**fields, "seed": plain_seed(seed)}))
+        self._native = _native.NativeScenario(to_json("scenario", {**fields, "seed": plain_seed(seed)}))
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Scenario:
         """Reads the wire form (`GET /v1/scenarios/{id}`). Seeds of training and evaluation are read too; no environment
         begins them by hand."""
-        return cls._of(_native.NativeScenario(to_json(dict(fields)), any_seed=True))
+        return cls._of(_native.NativeScenario(to_json("scenario", dict(fields)), any_seed=True))
 
     @classmethod
     def from_json(cls, text: str) -> Scenario:

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
 import subprocess
+import sysconfig
 import tempfile
 import threading
 import warnings
 import weakref
+from collections.abc import Callable
 
 from ._native import CurriculumError
+
+
+def _found() -> str | None:
+    # Beside this Python, where pip puts it: an environment that was not activated has nothing on the path.
+    return shutil.which("sparring", path=sysconfig.get_path("scripts")) or shutil.which("sparring")
 
 
 class Server:
     """A server of this process's own."""
 
     def __init__(self, db: str | os.PathLike[str] | None, binary: str | None) -> None:
-        program = binary or os.environ.get("SPARRING_BIN") or shutil.which("sparring")
+        program = binary or os.environ.get("SPARRING_BIN") or _found()
         if not program:
             raise CurriculumError("there is no program `sparring`: pip install sparring-server, or name one by SPARRING_BIN")
         # Not a TemporaryDirectory: a process that is forked would remove its parent's.
@@ -35,6 +43,7 @@ class Server:
             _forget(folder)
             raise CurriculumError(f"{program} does not start: {error}") from error
         self._pid = os.getpid()
+        self._watching: list[Callable[[str], None]] = []
         # When nobody has it any more, and when the program ends.
         self._finalizer = weakref.finalize(self, _stop, self._process, self._pid, folder)
         url = self._find()
@@ -48,7 +57,7 @@ class Server:
         urls: list[str] = []
 
         # The thread keeps what it needs, and not the server, so that one that is forgotten ends.
-        out, said = self._process.stdout, self._said
+        process, out, said, watching = self._process, self._process.stdout, self._said, self._watching
 
         def read() -> None:
             for text in out or ():
@@ -61,11 +70,21 @@ class Server:
             if out is not None:
                 out.close()
             found.set()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                code = process.wait(10)
+                how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+                words = [line.strip() for line in said if " INFO " not in line]
+                for tell in watching:
+                    tell(": ".join([f"the server that was started here {how}", *words[-1:]]))
 
         self._reader = threading.Thread(target=read, daemon=True, name="sparring-server")
         self._reader.start()
         found.wait(60)
         return urls[0] if urls else None
+
+    def watch(self, tell: Callable[[str], None]) -> None:
+        """Has it told, by another thread, when the server ends, by itself or by being stopped."""
+        self._watching.append(tell)
 
     def stop(self) -> None:
         """Stops it, and forgets its folder."""

@@ -100,15 +100,15 @@ class Settings:
         """The environments themselves."""
         if self.actions not in ("continuous", "discrete"):
             raise ValueError(f"actions: {self.actions!r} is neither 'continuous' nor 'discrete'")
-        for name, value in (("num_envs", envs), ("threads", threads), ("threats", self.threats),
-                            ("look_ahead", self.look_ahead), ("bodies", self.bodies)):  # fmt: skip
+        for name, value, least in (("num_envs", envs, 1), ("threads", threads, 1), ("threats", self.threats, 0),
+                                   ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
             if value is not None and (isinstance(value, bool) or not isinstance(value, (int, np.integer))
-                                      or not 0 <= value < 2**31):  # fmt: skip
-                raise ValueError(f"{name}: {value!r} is not a whole number from 0 on")
+                                      or not least <= value < 2**31):  # fmt: skip
+                raise ValueError(f"{name}: {value!r} is not a whole number from {least} on")
         seen = self.seen()
         recipe = recipe_of(self.told.id, params=self.params, physics=self.physics, layout=self.layout, level=self.level)
         return _native.NativeBatch(
-            to_json(recipe),
+            to_json("scenario", recipe),
             envs,
             observe="tracks" if seen == "tracks" else "all",
             bodies=self.bodies,

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
 from .curriculum import Curriculum, CurriculumError
-from .scenario import Scenario, plain_seed, recipe_of
+from .scenario import Scenario, plain_dict, plain_seed, recipe_of
 from .settings import Actions, Axes, Observation, Settings, View, action_space
 from .window import FPS, Screen
 
@@ -21,7 +21,52 @@ OPTIONS = ("scenario", "params", "level")
 
 
 class Environment(gymnasium.Env[Any, Any]):
-    """One environment of a task; `docs/python.md` has the tables of observations, actions, rewards and ends.
+    """One environment of a task, whose agents act by one action.
+
+    ## Action space
+
+    | `actions` | world | space | what |
+    |---|---|---|---|
+    | `continuous` | kessler | `Box(-1, 1, (agents, 2))` | a change of velocity of each satellite, LU/TU |
+    | `continuous` | docking | `Box(-1, 1, (agents, 3))` | a thrust of each deputy, N |
+    | `discrete` | kessler | `MultiDiscrete([17] * agents)` | of each a row of `sparring.task(…).choices` |
+    | `discrete` | docking | `MultiDiscrete([27] * agents)` | the same |
+
+    Zero holds, and so does choice 0. With *tracks*, continuous actions are along each satellite's own radial and in-track
+    directions, else along x and y, unless `axes` says.
+
+    ## Observation space, float32
+
+    | `observation` | world | space | what |
+    |---|---|---|---|
+    | `tracks` | kessler | `Box(-2, 2, (agents, 16 + 7·threats))` | own state, and the debris that comes nearest, scaled |
+    | `telemetry` | kessler | `Dict` | three of them: |
+    | | | `satellites (agents, 6)` | x, y, vx, vy, fuel, survival; LU, LU/TU |
+    | | | `debris (4, bodies)` | rows of x, y, vx, vy |
+    | | | `mask (bodies,)` | 1 where there is one and it is seen |
+    | `state` | docking | `Box(-inf, inf, (agents, 8))` | x, y, z, vx, vy, vz, speed, the limit there; m, m/s |
+    | `telemetry` | docking | `Dict(deputies (agents, 8))` | the same |
+
+    `columns()` names every value in the order of the flat array.
+
+    ## Rewards
+
+    The team's, of this step; the episode's score (`info["score"]`) is their sum, held within the task's range.
+
+    ## Starting state
+
+    What the generator draws from params and seed, or a `layout`; from a fair start in kessler, unless `physics` says.
+
+    ## Episode end
+
+    | | kessler | docking |
+    |---|---|---|
+    | terminated | no satellite is left | every deputy has docked, crashed, left, collided, been too fast or run out of time |
+    | truncated | at step 50, while some fly | as time runs out for some, which the task punishes: both flags are set |
+
+    ## Infos
+
+    `score`, and `alerts`: what happened, in words; of a reset `scenario`.
 
     Args:
         task: Its id, or its name alone: `kessler/survival`, which is flown unless told, or `survival`.
@@ -186,7 +231,7 @@ def lesson(native: Any, settings: Settings) -> dict[str, Any]:
 
 def choose(native: Any, env: int, settings: Settings, options: Mapping[str, Any] | None) -> bool:
     """Has an environment fly what the options of a reset say; whether that is a whole scenario, which has its own seed."""
-    options = options or {}
+    options = plain_dict("options", options)
     for name in options:
         if name not in OPTIONS:
             raise ValueError(f"options.{name}: unknown; there are {', '.join(OPTIONS)}")
@@ -198,7 +243,7 @@ def choose(native: Any, env: int, settings: Settings, options: Mapping[str, Any]
             raise ValueError("options.scenario: not a sparring.Scenario, nor the dict of one")
         native.set_scenario(env, scenario._native)
     elif "params" in options or "level" in options:
-        params = {**(settings.params or {}), **(options.get("params") or {})}
+        params = {**(settings.params or {}), **plain_dict("options.params", options.get("params"))}
         level = options.get("level", settings.level)
         recipe = recipe_of(settings.told.id, params=params, physics=settings.physics, layout=settings.layout, level=level)
         native.set_recipe(env, Scenario.from_dict({**recipe, "seed": 0})._native)

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from .curriculum import Curriculum
-from .scenario import Scenario, plain_seed
+from .scenario import Scenario, plain_dict, plain_seed
 from .settings import Actions, Axes, Observation, Settings, View, action_space, agent_action_space
 from .single import choose
 from .window import FPS, Screen
@@ -90,7 +90,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         Raises:
             ValueError: What is no seed, mask, scenario or array.
         """
-        options = dict(options or {})
+        options = plain_dict("options", options)
         mask = options.pop("reset_mask", None)
         if mask is not None and not (isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,)
                                      and mask.dtype == np.bool_ and mask.any()):  # fmt: skip
@@ -145,6 +145,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             ValueError: Actions or arrays that are none, with the field. Nothing has moved then.
             gymnasium.error.ResetNeeded: An episode is over, or none has begun, and nothing resets it by itself.
         """
+        if out is not None and not (isinstance(out, tuple) and len(out) == 4):
+            raise ValueError("out: not a tuple of four arrays: observations, rewards, terminations, truncations")
         seen, rewards, terminations, truncations, ended = self._native.step(actions, out)
         infos = self._infos() if ended else {}
         return self._view.of(seen), rewards, terminations, truncations, infos
@@ -184,12 +186,12 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def scenario(self, env: int) -> Scenario | None:
         """What an environment flies; none before the first reset."""
-        episode = self._native.episode(env)
+        episode = self._native.episode(self._one(env))
         return None if episode is None else Scenario._of(episode[0])
 
     def score(self, env: int) -> float | None:
         """The score so far of the episode that an environment flies."""
-        episode = self._native.episode(env)
+        episode = self._native.episode(self._one(env))
         return None if episode is None else episode[1]
 
     def columns(self) -> list[str]:
@@ -198,7 +200,12 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def state_hash(self, env: int) -> bytes | None:
         """A digest of every bit of an environment's state."""
-        return self._native.state_hash(env)
+        return self._native.state_hash(self._one(env))
+
+    def _one(self, env: int) -> int:
+        if isinstance(env, bool) or not isinstance(env, (int, np.integer)) or not 0 <= env < self.num_envs:
+            raise ValueError(f"env: {env!r} is not from 0 to {self.num_envs - 1}")
+        return int(env)
 
     @property
     def levels(self) -> npt.NDArray[np.int64]:

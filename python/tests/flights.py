@@ -17,6 +17,12 @@ def local(**wish):
     return sparring.Curriculum.local(binary=BINARY, **wish)
 
 
+def apart(db=None, **wish):
+    """A curriculum of a server that is another's, which may go and come back; and that other, who has the process."""
+    owner = local(db=db)
+    return owner, sparring.Curriculum(owner.url, owner.run, **wish)
+
+
 def serve_again(db, url):
     """A server where one was that died, on its database."""
     line = [BINARY, "serve", "--bind", url.removeprefix("http://"), "--db", os.fspath(db)]

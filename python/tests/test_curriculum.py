@@ -1,9 +1,12 @@
 """A curriculum of a real server: what is flown by it, and what is refused."""
 
+import os
+import sysconfig
+
 import gymnasium
 import numpy as np
 import pytest
-from conftest import served
+from conftest import BINARY, served
 from flights import SETTINGS, fly, local, until
 
 import sparring
@@ -76,10 +79,23 @@ def test_what_the_server_refuses_is_told():
         with pytest.raises(ValueError, match="task"):
             sparring.make_vec("kessler/formation", curriculum=curriculum)
         envs = sparring.make_vec(curriculum=curriculum)
-        with pytest.raises(ValueError, match="scenario"):
+        with pytest.raises(ValueError, match="options"):
             envs.reset(options={"scenario": sparring.Scenario("survival")})
     with pytest.raises(sparring.CurriculumError, match="closed"):
         envs.reset()
+
+
+def test_the_program_is_found_beside_the_python_that_runs(tmp_path, monkeypatch):
+    """In an environment that was not activated, too."""
+    monkeypatch.delenv("SPARRING_BIN", raising=False)
+    monkeypatch.setattr(sysconfig, "get_path", lambda scheme: os.fspath(tmp_path) if scheme == "scripts" else None)
+    monkeypatch.setenv("PATH", os.defpath)
+    with pytest.raises(sparring.CurriculumError, match="pip install sparring-server"):
+        sparring.Curriculum.local()
+    (tmp_path / "sparring").symlink_to(BINARY)
+    with sparring.Curriculum.local(settings=SETTINGS) as curriculum:
+        assert repr(curriculum) == f"Curriculum({curriculum.url!r}, run={curriculum.run!r})"
+        assert curriculum.numbers()
 
 
 def test_a_program_that_is_none():
@@ -90,11 +106,18 @@ def test_a_program_that_is_none():
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("lease", 0), ("lease", 2000), ("ahead", -1), ("buffer", 2.5), ("ttl_s", True), ("group_size", "4")]
-)
-def test_numbers_that_are_none(field, value):
+    ("field", "value"), [("lease", 0), ("lease", 2000), ("ahead", -1), ("buffer", 2.5), ("ttl_s", True), ("group_size", "4"),
+                       ("patience_s", "5"), ("patience_s", None), ("run", 3), ("token", 3), ("settings", [1]),
+                       ("settings", {"tasks": {1}}), ("settings", {"group_size": float("nan")})]
+)  # fmt: skip
+def test_what_is_none_is_named(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
-        local(**{field: value})
+        sparring.Curriculum("http://127.0.0.1:1", **{field: value})
+
+
+def test_settings_may_have_numbers_of_numpy():
+    with local(settings={**SETTINGS, "group_size": np.int64(4)}) as curriculum:
+        assert curriculum.ask("GET", f"/v1/runs/{curriculum.run}")["settings"]["group_size"] == 4
 
 
 def test_during_placement_no_level_is_told():

@@ -10,7 +10,7 @@ import time
 
 import pytest
 from conftest import BINARY, served
-from flights import SETTINGS, fly, local, serve_again, until
+from flights import SETTINGS, apart, fly, local, serve_again, until
 
 import sparring
 
@@ -27,12 +27,12 @@ def ctrl_c():
 
 def test_a_server_that_dies_loses_nothing(tmp_path):
     db = tmp_path / "run.sqlite3"
-    curriculum = local(db=db, form="groups", lease=64, ahead=300, patience_s=60)
+    owner, curriculum = apart(db=db, form="groups", lease=64, ahead=300, patience_s=60)
     envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
     envs.reset()
     fly(envs, 60)
     until(lambda: curriculum.stats()["ready"] >= 300)
-    server = curriculum._server
+    server = owner._server
     server._process.send_signal(signal.SIGKILL)
     server._process.wait()
     ended = fly(envs, 200)
@@ -55,11 +55,11 @@ def test_a_server_that_dies_loses_nothing(tmp_path):
 
 
 def test_a_server_that_stays_away_is_told_and_what_was_flown_is_kept():
-    curriculum = local(form="groups", lease=16, patience_s=0.5)
+    owner, curriculum = apart(form="groups", lease=16, patience_s=0.5)
     envs = sparring.make_vec(num_envs=8, curriculum=curriculum)
     envs.reset()
-    curriculum._server._process.kill()
-    curriculum._server._process.wait()
+    owner._server._process.kill()
+    owner._server._process.wait()
     began = time.monotonic()
     with pytest.raises(sparring.CurriculumError, match="away"):
         fly(envs, 2000)
@@ -68,6 +68,53 @@ def test_a_server_that_stays_away_is_told_and_what_was_flown_is_kept():
     envs.close()
     with pytest.raises(sparring.CurriculumError, match="could not be handed in"):
         curriculum.close(timeout_s=1)
+    told = curriculum.stats()
+    assert (told["waiting"], told["lost"]) == (0, told["flown"])
+    owner.close()
+
+
+def test_a_server_of_its_own_that_dies_is_not_waited_for():
+    curriculum = local(form="groups", lease=16)
+    part = curriculum.beside(form="groups", lease=16)
+    every = [sparring.make_vec(num_envs=8, curriculum=one) for one in (curriculum, part)]
+    for envs in every:
+        envs.reset()
+    began = time.monotonic()
+    curriculum._server._process.kill()
+    for envs, one in zip(every, (curriculum, part), strict=True):
+        with pytest.raises(sparring.CurriculumError, match="nothing to fly; the server that was started here was killed"):
+            fly(envs, 2000)
+        with pytest.raises(sparring.CurriculumError, match="wait to be handed in; the server that was started here"):
+            one.flush()
+    for one in (part, curriculum):
+        with pytest.raises(sparring.CurriculumError, match=r"^\d+ episodes .* handed in; the server that was started here"):
+            one.close()
+        told = one.stats()
+        assert (told["waiting"], told["lost"]) == (0, told["flown"]) != (0, 0)
+    assert time.monotonic() - began < 20, "patience and closing take a minute each"
+
+
+@pytest.mark.parametrize("form", ["groups", "columns"])
+def test_what_a_server_does_not_know_is_refused(tmp_path, form):
+    """One that comes back with another database, for example."""
+    owner, curriculum = apart(form=form, lease=16)
+    envs = sparring.make_vec(num_envs=8, curriculum=curriculum)
+    envs.reset()
+    until(lambda: curriculum.stats()["ready"] >= 8)
+    owner._server._process.kill()
+    owner._server._process.wait()
+    flown = fly(envs, 60)
+    assert curriculum.stats()["flown"] == flown >= 8
+    again = serve_again(tmp_path / "other.sqlite3", owner.url)
+    try:
+        with pytest.raises(sparring.CurriculumError, match=rf"404.*refused in all: {flown} episodes"):
+            curriculum.close()
+    finally:
+        again.terminate()
+        again.wait()
+    told = curriculum.stats()
+    assert (told["refused"], told["waiting"], told["lost"]) == (flown, 0, 0)
+    owner.close()
 
 
 def test_closing_gives_back_what_is_still_being_leased():
@@ -106,12 +153,12 @@ os.kill(os.getpid(), 9)
 
 def test_a_reset_that_fails_moves_nothing(tmp_path):
     db = tmp_path / "run.sqlite3"
-    curriculum = local(db=db, form="groups", lease=16, ahead=8, patience_s=0.5)
+    owner, curriculum = apart(db=db, form="groups", lease=16, ahead=8, patience_s=0.5)
     envs = sparring.make_vec(num_envs=16, curriculum=curriculum)
     envs.reset()
     fly(envs, 20)
-    curriculum._server._process.kill()
-    curriculum._server._process.wait()
+    owner._server._process.kill()
+    owner._server._process.wait()
     with pytest.raises(sparring.CurriculumError):
         fly(envs, 2000)
     for _ in range(3):
@@ -200,11 +247,11 @@ def test_waiting_is_interrupted_by_ctrl_c(ctrl_c):
 
 
 def test_closing_without_a_server_is_interrupted_and_says_what_is_lost(ctrl_c):
-    curriculum = local(form="groups")
+    owner, curriculum = apart(form="groups")
     envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
     envs.reset()
     until(lambda: curriculum.stats()["ready"] >= 8)
-    curriculum._server._process.kill()
+    owner._server._process.kill()
     flown = fly(envs, 60)
     envs.close()
     ctrl_c(0.5)
@@ -263,13 +310,13 @@ def test_who_forgets_a_curriculum_has_what_was_flown_handed_in(tmp_path):
 
 def test_a_lease_of_columns_that_ran_out_is_told_as_late_and_training_goes_on(tmp_path):
     db = tmp_path / "run.sqlite3"
-    curriculum = local(db=db, form="columns", lease=16, ahead=1, ttl_s=1)
+    owner, curriculum = apart(db=db, form="columns", lease=16, ahead=1, ttl_s=1)
     envs = sparring.make_vec(num_envs=8, curriculum=curriculum)
     envs.reset()
     fly(envs, 20)
     until(lambda: curriculum.stats()["ready"] >= 8)
-    curriculum._server._process.kill()
-    curriculum._server._process.wait()
+    owner._server._process.kill()
+    owner._server._process.wait()
     fly(envs, 60)
     time.sleep(1.5)
     again = serve_again(db, curriculum.url)
@@ -288,13 +335,13 @@ def test_a_lease_of_columns_that_ran_out_is_told_as_late_and_training_goes_on(tm
 
 
 def test_a_server_that_was_paused_and_died_is_told_as_dead():
-    curriculum = local(form="groups", lease=1, patience_s=1)
+    owner, curriculum = apart(form="groups", lease=1, patience_s=1)
     envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
     envs.reset()
     curriculum.ask("POST", f"/v1/runs/{curriculum.run}/pause")
     with pytest.raises(sparring.CurriculumError, match="is paused"):
         fly(envs, 10_000)
-    curriculum._server._process.kill()
+    owner._server._process.kill()
     with pytest.raises(sparring.CurriculumError, match="the server is away"):
         until(lambda: fly(envs, 1) < 0)
     assert not curriculum.stats()["paused"]

@@ -131,6 +131,9 @@ def test_seeds(seed):
         ({"params": {"debris": 1.5}}, "params.debris"),
         ({"params": {"debris": "many"}}, "params.debris"),
         ({"params": {"no": 1}}, "params.no"),
+        ({"params": 5}, "params"),
+        ({"physics": "point"}, "physics"),
+        ({"layout": [1]}, "layout"),
         ({"physics": {"no": "x"}}, "physics.no"),
         ({"physics": {"contact": "x"}}, "physics.contact"),
         ({"layout": {"no": 1}}, "layout"),
@@ -158,6 +161,24 @@ def test_seeds(seed):
 def test_settings(given, field):
     with pytest.raises(ValueError, match=field):
         sparring.make_vec(**given)
+
+
+def test_what_is_no_dict_is_named():
+    agents = sparring.parallel_env("survival")
+    agents.reset(seed=1)
+    with pytest.raises(ValueError, match="actions"):
+        agents.step([1])
+    for env in (envs, agents, sparring.Environment("survival")):
+        with pytest.raises(ValueError, match="options"):
+            env.reset(options=[1])
+    with pytest.raises(ValueError, match=r"options\.params"):
+        envs.reset(options={"params": 5})
+    with pytest.raises(ValueError, match="out"):
+        envs.step(np.zeros(SHAPE, np.float32), out=outs())
+    for env in (-1, ENVS, 0.5, True):
+        for ask in (envs.score, envs.scenario, envs.state_hash):
+            with pytest.raises(ValueError, match="env"):
+                ask(env)
 
 
 @settings(max_examples=100, deadline=None)

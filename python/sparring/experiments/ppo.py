@@ -1,6 +1,6 @@
 """Proximal policy optimisation in one file, in the manner of CleanRL: read it, copy it, change it.
 
-    python -m sparring.experiments.ppo --task kessler/survival --steps 300000
+    python -m sparring.experiments ppo --task kessler/survival --steps 300000
 
 One policy flies every satellite (or deputy) from its own row of observations. Environments write into the rollout's own arrays,
 so nothing is copied on the way to the learner; rows of agents that have left, and of episodes that the curriculum only wants to
@@ -15,7 +15,7 @@ import csv
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -31,35 +31,32 @@ except ImportError as error:
 import sparring
 
 
+def _said(default: Any, help: str) -> Any:
+    return field(default=default, metadata={"help": help})
+
+
 @dataclass(frozen=True)
 class Config:
     """What a training is made of."""
 
-    #: The task; with a curriculum what its run is over.
-    task: str | None = None
-    #: The level that is flown, without a curriculum.
-    level: int | None = None
-    #: Environment steps in all: those of one environment count as one, however many agents it has.
-    steps: int = 300_000
-    num_envs: int = 64
-    #: Steps of a rollout: an episode of kessler.
-    rollout: int = 50
-    #: Threads of environments, and of torch.
-    threads: int = 1
-    learning_rate: float = 5e-4
-    gamma: float = 0.97
-    gae_lambda: float = 0.9
-    epochs: int = 8
-    minibatches: int = 4
-    clip: float = 0.2
-    value_weight: float = 0.5
-    entropy_weight: float = 0.0
-    max_grad_norm: float = 0.5
-    #: Units of each of two hidden layers.
-    hidden: int = 128
-    #: Logarithm of the spread that actions are explored with at the beginning; their range is -1 to 1.
-    log_std: float = -1.5
-    seed: int = 1
+    task: str | None = _said(None, "the task: kessler/survival unless told, and with a curriculum what its run is over")
+    level: int | None = _said(None, "the level that is flown, without a curriculum: 0 to 9")
+    steps: int = _said(300_000, "environment steps in all; those of one environment count as one, however many agents it has")
+    num_envs: int = _said(64, "environments")
+    rollout: int = _said(50, "steps of each between two updates: an episode of kessler")
+    threads: int = _said(1, "threads of environments, and of torch")
+    learning_rate: float = _said(5e-4, "Adam's")
+    gamma: float = _said(0.97, "discount of what is earned a step later")
+    gae_lambda: float = _said(0.9, "of generalised advantage estimation")
+    epochs: int = _said(8, "passes over a rollout")
+    minibatches: int = _said(4, "parts of a rollout, each of which is one update")
+    clip: float = _said(0.2, "how far from 1 the ratio of new to old probability pays")
+    value_weight: float = _said(0.5, "of the critic's loss")
+    entropy_weight: float = _said(0.0, "of entropy, in favour of exploring")
+    max_grad_norm: float = _said(0.5, "gradients are cut to this norm")
+    hidden: int = _said(128, "units of each of two hidden layers")
+    log_std: float = _said(-1.5, "logarithm of the spread that actions, from -1 to 1, are explored with at the beginning")
+    seed: int = _said(1, "of weights, exploration and, without a curriculum, scenarios")
 
     def __post_init__(self) -> None:
         for name in ("steps", "num_envs", "rollout", "threads", "epochs", "minibatches", "hidden"):
@@ -288,11 +285,12 @@ def speed(config: Config, seconds: float = 2.0) -> float:
 
 def _options() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sparring.experiments.ppo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m sparring.experiments ppo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    for name, value in asdict(Config()).items():
-        kind = {"task": str, "level": int}.get(name, type(value))
-        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, default=value, help=f"default {value}")
+    for one in fields(Config):
+        kind = {"task": str, "level": int}.get(one.name, type(one.default))
+        said = one.metadata["help"] + ("" if one.default is None else " (%(default)s)")
+        parser.add_argument(f"--{one.name.replace('_', '-')}", type=kind, default=one.default, help=said)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--url", help="a server whose curriculum is flown (`sparring serve`)")
     where.add_argument("--local", action="store_true", help="start one for as long as this runs (pip install sparring-server)")

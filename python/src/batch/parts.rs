@@ -145,7 +145,7 @@ impl NativeBatch {
     /// A curriculum says what is flown, and nobody else.
     pub(super) fn of_task(&self, NativeScenario(scenario): &NativeScenario) -> PyResult<()> {
         if self.desk.is_some() {
-            return Err(invalid("scenario", "the curriculum says what is flown"));
+            return Err(invalid("options", "the curriculum says what is flown"));
         }
         let (task, mine) = (scenario.task().id(), self.task.id());
         if task == mine { Ok(()) } else { Err(invalid("scenario", format!("one of {task}, not of {mine}"))) }

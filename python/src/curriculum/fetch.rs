@@ -78,7 +78,8 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
         match taken {
             Ok(episodes) if episodes.left == 0 => stock.exhausted = true,
             Ok(episodes) => {
-                (stock.away, stock.paused) = (None, None);
+                stock.answered();
+                stock.paused = None;
                 stock.add(episodes);
                 if stock.closing {
                     // It came too late to be flown, and is given back with the others.
@@ -87,7 +88,8 @@ pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
             }
             // A run that is paused is one that goes on some time.
             Err(Failure::Refused { status: 409, why, .. }) => {
-                (stock.away, stock.paused) = (None, Some(why));
+                stock.answered();
+                stock.paused = Some(why);
                 drop(stock);
                 pause(shared, PAUSE);
             }

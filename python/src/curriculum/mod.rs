@@ -87,7 +87,7 @@ impl Desk {
         without: &dyn Fn(&Stock) -> String,
     ) -> Result<MutexGuard<'a, Stock>, Stop> {
         stock.usable()?;
-        if Instant::now() >= until {
+        if Instant::now() >= until || stock.gone.is_some() {
             return Err(format!("{}; {}", without(&stock), away(&stock)).into());
         }
         self.look(stock).map_err(Stop::Interrupted)
@@ -192,6 +192,9 @@ fn away(stock: &Stock) -> String {
     if let Some(why) = &stock.paused {
         return why.clone();
     }
+    if let Some(how) = &stock.gone {
+        return how.clone();
+    }
     match &stock.away {
         Some((since, why)) => format!("the server is away for {:.0} s: {why}", since.elapsed().as_secs_f64()),
         None => "the server is slow".to_owned(),
@@ -284,7 +287,7 @@ impl NativeCurriculum {
                 if stock.fault.is_some() {
                     break;
                 }
-                if Instant::now() >= until {
+                if Instant::now() >= until || stock.gone.is_some() {
                     return Err(failed(format!(
                         "{} episodes wait to be handed in; {}",
                         stock.waiting,
@@ -293,8 +296,16 @@ impl NativeCurriculum {
                 }
                 stock = self.desk.look(stock)?;
             }
-            stock.fault.clone().map_or(Ok(()), |fault| Err(failed(fault)))
+            stock.trouble().map_or(Ok(()), |fault| Err(failed(fault)))
         })
+    }
+
+    /// The server was this process's own and has ended, in words: nobody waits for it any more, unless it answers all the same.
+    fn gone(&self, py: Python<'_>, how: String) {
+        py.detach(|| {
+            self.desk.shared.lock().gone = Some(how);
+            self.desk.shared.tell();
+        });
     }
 
     /// Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error. Who is
@@ -309,14 +320,11 @@ impl NativeCurriculum {
                 stock.give_up();
             }
             shared.tell();
-            while !stock.ended && Instant::now() < until {
+            while !stock.ended && stock.gone.is_none() && Instant::now() < until {
                 stock = self.desk.look(stock)?;
             }
-            let ended = stock.ended;
-            let lost = if ended { 0 } else { stock.waiting };
-            stock.abandoned = true;
-            stock.tally.lost += lost as u64;
-            let (fault, why) = (stock.fault.take(), away(&stock));
+            let (ended, lost, fault, why) = (stock.ended, stock.forsake(), stock.trouble(), away(&stock));
+            stock.fault = None;
             drop(stock);
             let threads = std::mem::take(&mut *self.threads.lock().unwrap_or_else(PoisonError::into_inner));
             if ended {

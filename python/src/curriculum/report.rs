@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::fetch::pause;
 use super::lease::Lease;
 use super::link::{Failure, Link};
-use super::stock::{Ledger, Parcel, Shared};
+use super::stock::{Ledger, Parcel, Shared, Tally};
 
 /// How long to wait before sending the same again, where the server does not say.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -64,11 +64,19 @@ pub(super) fn report(shared: &Shared, link: &Link, run: &str) {
                 stock.told(&episode.lease);
             }
         }
+        if stock.abandoned && !matches!(told, Err(Untold::Abandoned(_))) {
+            // Whoever closed did not wait for it, and it was told after all.
+            stock.tally.lost = stock.tally.lost.saturating_sub(count as u64);
+        }
         match told {
-            Ok(()) => {}
+            Ok(None) => {}
             // Whole logs of a lease that is over are told one by one; of columns none is taken.
             Err(Untold::Late) => stock.tally.late += count as u64,
-            Err(Untold::Why(why)) => stock.fault = Some(why),
+            Err(Untold::Refused(why)) => {
+                stock.tally.refused += count as u64;
+                stock.fault = Some(why);
+            }
+            Ok(Some(why)) | Err(Untold::Abandoned(why)) => stock.fault = Some(why),
         }
         shared.tell();
     }
@@ -103,17 +111,19 @@ fn next(outbox: &mut std::collections::VecDeque<Parcel>) -> Vec<Parcel> {
 enum Untold {
     /// Its lease was over.
     Late,
-    /// In words.
-    Why(String),
+    /// The server does not take any of it: why.
+    Refused(String),
+    /// Nobody waits for it any more: why it took so long.
+    Abandoned(String),
 }
 
-/// Sends it until it is told, or until nobody waits for that any more. What stays refused is an error.
-fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<(), Untold> {
+/// Sends it until it is told, or until nobody waits for that any more. Why the server refuses some of it, if it does.
+fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<Option<String>, Untold> {
     match parcels {
         [Parcel::Columns(ledger)] => claim(shared, link, run, ledger),
         [Parcel::Release(lease)] => {
             let path = format!("/v1/runs/{run}/leases/{}/release", lease.id);
-            insist(shared, || link.post(&path, &json!({}))).map(|_| ())
+            insist(shared, || link.post(&path, &json!({}))).map(|_| None)
         }
         _ => {
             let results = parcels.iter().filter_map(|parcel| match parcel {
@@ -122,7 +132,9 @@ fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<(
                 ),
                 _ => None,
             });
-            results_of(shared, link, run, &results.collect::<Vec<_>>())
+            let told = results_of(shared, link, run, &results.collect::<Vec<_>>())?;
+            tally_up(&mut shared.lock().tally, &told.statuses);
+            Ok(told.refused)
         }
     }
 }
@@ -132,18 +144,20 @@ fn insist(shared: &Shared, ask: impl Fn() -> Result<Value, Failure>) -> Result<V
     loop {
         match ask() {
             Ok(answer) => {
-                shared.lock().away = None;
+                shared.lock().answered();
                 return Ok(answer);
             }
             Err(Failure::Refused { kind: Some(kind), .. }) if kind == LEASE_OVER => return Err(Untold::Late),
             Err(Failure::Refused { status, why, .. }) => {
-                return Err(Untold::Why(format!("the server refuses what was flown ({status}): {why}")));
+                return Err(Untold::Refused(format!("the server refuses what was flown ({status}): {why}")));
             }
             Err(Failure::Away { why, after, .. }) => {
                 let closing = {
                     let mut stock = shared.lock();
                     if stock.abandoned {
-                        return Err(Untold::Why(format!("what was flown could not be handed in: {why}")));
+                        return Err(Untold::Abandoned(format!(
+                            "what was flown could not be handed in: {why}"
+                        )));
                     }
                     stock.away.get_or_insert((Instant::now(), why));
                     stock.closing
@@ -174,23 +188,34 @@ fn actions(tape: &Tape) -> Value {
     json!({"steps": tape.rows().map(step).collect::<Vec<_>>(), "precision": "f32"})
 }
 
-fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Result<(), Untold> {
+/// What a server said to results.
+struct Told {
+    /// How many have which status.
+    statuses: BTreeMap<String, u64>,
+    /// Why the first of those was refused that were.
+    refused: Option<String>,
+}
+
+fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Result<Told, Untold> {
     let path = format!("/v1/runs/{run}/results");
     let body = json!({ "results": results });
-    let told = insist(shared, || link.post(&path, &body))?;
-    let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
-    let mut refused = None;
-    for result in told["results"].as_array().into_iter().flatten() {
+    let answer = insist(shared, || link.post(&path, &body))?;
+    let mut told = Told { statuses: BTreeMap::new(), refused: None };
+    for result in answer["results"].as_array().into_iter().flatten() {
         let status = result["status"].as_str().unwrap_or_default();
-        *counts.entry(status).or_default() += 1;
+        *told.statuses.entry(status.to_owned()).or_default() += 1;
         if matches!(status, "refused" | "conflict") {
-            refused.get_or_insert_with(|| result["detail"].as_str().unwrap_or(status).to_owned());
+            let why = result["detail"].as_str().unwrap_or(status);
+            told.refused
+                .get_or_insert_with(|| format!("the server refuses an episode that was flown: {why}"));
         }
     }
-    let mut stock = shared.lock();
-    let tally = &mut stock.tally;
-    for (status, count) in counts {
-        match status {
+    Ok(told)
+}
+
+fn tally_up(tally: &mut Tally, statuses: &BTreeMap<String, u64>) {
+    for (status, count) in statuses {
+        match status.as_str() {
             "counted" => tally.counted += count,
             "stored" => tally.stored += count,
             "duplicate" => tally.duplicate += count,
@@ -199,13 +224,10 @@ fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Res
             _ => {}
         }
     }
-    refused.map_or(Ok(()), |why| {
-        Err(Untold::Why(format!("the server refuses an episode that was flown: {why}")))
-    })
 }
 
 /// Claims a lease of columns and hands in what is audited of it.
-fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<(), Untold> {
+fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<Option<String>, Untold> {
     let path = format!("/v1/runs/{run}/leases/{}/columns", ledger.lease.id);
     let of = |number: &dyn Fn(&super::stock::Line) -> f64| -> Vec<f64> {
         ledger.flown.iter().map(|line| line.as_ref().map_or(0.0, number)).collect()
@@ -238,7 +260,9 @@ fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<(),
             numbers += tape.len();
             batch.push(json!({"episode": name, "actions": actions(tape)}));
         }
-        results_of(shared, link, run, &batch)?;
+        if let Some(why) = results_of(shared, link, run, &batch)?.refused {
+            return Err(Untold::Refused(why));
+        }
     }
     let state = insist(shared, || link.get(&path))?;
     let episodes = ledger.flown.iter().flatten().count() as u64;
@@ -249,5 +273,5 @@ fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<(),
         Some("refused") => tally.refused += episodes,
         _ => tally.unproven += episodes,
     }
-    Ok(())
+    Ok(None)
 }

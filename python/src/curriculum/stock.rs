@@ -112,6 +112,8 @@ pub(super) struct Stock {
     pub(super) away: Option<(Instant, String)>,
     /// Why nothing more will come.
     pub(super) fault: Option<String>,
+    /// How the server ended, where it is one that this process started.
+    pub(super) gone: Option<String>,
     /// There are no more episodes: an evaluation is flown.
     pub(super) exhausted: bool,
     pub(super) closing: bool,
@@ -141,6 +143,29 @@ impl Stock {
             return Err("the curriculum is closed".to_owned());
         }
         self.fault.clone().map_or(Ok(()), Err)
+    }
+
+    /// Why nothing more will come, and how much the server did not take.
+    pub(super) fn trouble(&self) -> Option<String> {
+        let fault = self.fault.as_ref()?;
+        Some(match self.tally.refused {
+            0 => fault.clone(),
+            refused => format!("{fault}; refused in all: {refused} episodes"),
+        })
+    }
+
+    /// The server answers.
+    pub(super) fn answered(&mut self) {
+        (self.away, self.gone) = (None, None);
+    }
+
+    /// Nobody waits for what is not handed in; how many episodes that are.
+    pub(super) fn forsake(&mut self) -> usize {
+        let lost = if self.ended { 0 } else { std::mem::take(&mut self.waiting) };
+        self.abandoned = true;
+        self.tally.lost += lost as u64;
+        self.outbox.retain(|parcel| parcel.episodes() == 0);
+        lost
     }
 
     /// What comes first, which stays; all of a run's kessler have one shape, and so have all of its docking.
