@@ -77,6 +77,11 @@ class _Setup:
             raise ValueError(f"url: {url!r} is none: {error}") from error
         if plain.scheme not in ("http", "https") or not plain.host:
             raise ValueError(f"url: {url!r} is no address like http://127.0.0.1:8700")
+        for name, value in (("timeout_s", timeout_s), ("patience_s", patience_s)):
+            # Nothing is no patience, but no time either.
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not number or not value >= 0.0 or (name == "timeout_s" and value == 0):
+                raise ValueError(f"{name}: {value!r} is no number of seconds")
         token = plain_token(token)
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
@@ -213,6 +218,7 @@ class Client(operations.Operations):
         """What happens in a run from now on, or from behind an event; goes on where it was when the connection drops."""
         last, patience = after, _Patience(self._setup.patience_s, True)
         while True:
+            connected = False
             try:
                 with httpx_sse.connect_sse(self._http, **_stream(run, last)) as stream:
                     wait = patience.after(stream.response)
@@ -220,13 +226,15 @@ class Client(operations.Operations):
                         if not stream.response.is_success:
                             stream.response.read()
                             _read(stream.response)
+                        connected = True
                         for told in stream.iter_sse():
-                            patience = _Patience(self._setup.patience_s, True)
                             event = _event(told)
                             last = event.id
                             yield event
-                        wait = PAUSE_S
+                        patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
             except httpx.TransportError as error:
+                # It counts from where the connection dropped, however long nothing had happened by then.
+                patience = _Patience(self._setup.patience_s, True) if connected else patience
                 wait = patience.without(error)
             time.sleep(wait)
 
@@ -279,6 +287,7 @@ class AsyncClient(operations.AsyncOperations):
         """What happens in a run from now on, or from behind an event; goes on where it was when the connection drops."""
         last, patience = after, _Patience(self._setup.patience_s, True)
         while True:
+            connected = False
             try:
                 async with httpx_sse.aconnect_sse(self._http, **_stream(run, last)) as stream:
                     wait = patience.after(stream.response)
@@ -286,13 +295,14 @@ class AsyncClient(operations.AsyncOperations):
                         if not stream.response.is_success:
                             await stream.response.aread()
                             _read(stream.response)
+                        connected = True
                         async for told in stream.aiter_sse():
-                            patience = _Patience(self._setup.patience_s, True)
                             event = _event(told)
                             last = event.id
                             yield event
-                        wait = PAUSE_S
+                        patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
             except httpx.TransportError as error:
+                patience = _Patience(self._setup.patience_s, True) if connected else patience
                 wait = patience.without(error)
             await asyncio.sleep(wait)
 

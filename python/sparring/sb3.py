@@ -239,6 +239,8 @@ class CurriculumCallback(BaseCallback):
     def __init__(self, curriculum: Curriculum, every: int = 5) -> None:
         super().__init__()
         self.curriculum = curriculum
+        if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+            raise ValueError(f"every: {every!r} is not a whole number from 1 on")
         self.every = every
         self._rollouts = 0
         # A run that goes on has policies already; what is flown at first is the newest of them.

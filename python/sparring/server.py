@@ -8,7 +8,6 @@ import re
 import shutil
 import subprocess
 import sysconfig
-import tempfile
 import threading
 import warnings
 import weakref
@@ -29,10 +28,9 @@ class Server:
         program = binary or os.environ.get("SPARRING_BIN") or _found()
         if not program:
             raise CurriculumError("there is no program `sparring`: pip install sparring-server, or name one by SPARRING_BIN")
-        # Not a TemporaryDirectory: a process that is forked would remove its parent's.
-        folder = tempfile.mkdtemp(prefix="sparring-") if db is None else None
-        file = os.path.join(folder, "run.sqlite3") if folder else os.fspath(db or "")
-        line = [program, "serve", "--bind", "127.0.0.1:0", "--db", file, "--while-stdin"]
+        # What is forgotten the server removes: it outlives a process that is killed.
+        where = ["--temporary"] if db is None else ["--db", os.fspath(db)]
+        line = [program, "serve", "--bind", "127.0.0.1:0", "--while-stdin", *where]
         self._said: list[str] = []
         pipe, same = subprocess.PIPE, subprocess.STDOUT
         try:
@@ -40,12 +38,11 @@ class Server:
             # what was flown is handed in before.
             self._process = subprocess.Popen(line, stdin=pipe, stdout=pipe, stderr=same, text=True, start_new_session=True)
         except OSError as error:
-            _forget(folder)
             raise CurriculumError(f"{program} does not start: {error}") from error
         self._pid = os.getpid()
         self._watching: list[Callable[[str], None]] = []
         # When nobody has it any more, and when the program ends.
-        self._finalizer = weakref.finalize(self, _stop, self._process, self._pid, folder)
+        self._finalizer = weakref.finalize(self, _stop, self._process, self._pid)
         url = self._find()
         if url is None:
             self.stop()
@@ -87,19 +84,14 @@ class Server:
         self._watching.append(tell)
 
     def stop(self) -> None:
-        """Stops it, and forgets its folder."""
+        """Stops it."""
         if os.getpid() != self._pid:
             return  # it is the parent's of a process that was forked
         self._finalizer()
         self._reader.join(10)
 
 
-def _forget(folder: str | None) -> None:
-    if folder is not None:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _stop(process: subprocess.Popen[str], pid: int, folder: str | None) -> None:
+def _stop(process: subprocess.Popen[str], pid: int) -> None:
     if os.getpid() != pid:
         return
     if process.stdin is not None:
@@ -112,4 +104,3 @@ def _stop(process: subprocess.Popen[str], pid: int, folder: str | None) -> None:
             process.kill()
             process.wait()
             warnings.warn("the server did not stop by itself and was killed", ResourceWarning, stacklevel=2)
-    _forget(folder)

@@ -12,7 +12,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 pub(crate) use self::parts::Wrong;
-use self::parts::{Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, hold, lock, read_seed};
+use self::parts::{
+    Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, fits, hold, lock, read_seed,
+};
 use crate::arrays::{read_mask, writable};
 use crate::curriculum::{Desk, Episode, NativeCurriculum, Stop};
 use crate::errors::{self, invalid};
@@ -90,6 +92,7 @@ impl NativeBatch {
         let pool = Pool::new(threads, envs)?;
         let mixed = curriculum.is_some() && task.agent_axes().is_some();
         let config = BatchConfig { envs, autoreset, observe, axes, mixed, alone: pool.alone() };
+        fits(task, &recipe, config)?;
         let feed: Box<dyn Feed> = match &assigned {
             Some(assigned) => Box::new(assigned.clone()),
             None => Box::new(Fed(Arc::clone(&rows))),

@@ -117,6 +117,41 @@ def test_a_server_that_comes_back_is_waited_for(tmp_path):
             hasty.runs.list()
 
 
+@pytest.mark.parametrize("awaited", [False, True])
+def test_a_run_in_which_nothing_happens_is_listened_to_through_a_restart(tmp_path, awaited):
+    db = tmp_path / "run.sqlite3"
+    server = Server(db, BINARY)
+    heard = []
+
+    def listen(run):
+        with sparring.Client(server.url, patience_s=2) as client:
+            heard.extend(event.data["state"] for _, event in zip(range(2), client.events(run, after=0), strict=False))
+
+    async def await_them(run):
+        async with sparring.AsyncClient(server.url, patience_s=2) as client:
+            async for event in client.events(run, after=0):
+                heard.append(event.data["state"])
+                if len(heard) == 2:
+                    return
+
+    with sparring.Client(server.url, patience_s=30) as client:
+        run = client.runs.create(**WISH)["id"]
+        listener = threading.Thread(target=(lambda: asyncio.run(await_them(run))) if awaited else lambda: listen(run))
+        listener.start()
+        time.sleep(3)  # longer than it has patience
+        server._process.terminate()
+        server._process.wait()
+        line = [BINARY, "serve", "--bind", server.url.removeprefix("http://"), "--db", os.fspath(db)]
+        again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            client.runs.pause(run)
+            listener.join(20)
+            assert heard == ["created", "paused"]
+        finally:
+            again.terminate()
+            again.wait()
+
+
 def test_every_operation_of_v1_has_a_method():
     snapshot = pathlib.Path(__file__).parents[2] / "tests/tests/system/snapshots/system__documents__openapi.snap"
     document = json.loads(snapshot.read_text().split("\n---\n", 1)[1])
@@ -137,6 +172,23 @@ def test_every_operation_of_v1_has_a_method():
 def test_a_url_that_is_none(url):
     with pytest.raises(ValueError, match=r"^url: "):
         sparring.Client(url)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("timeout_s", 0),
+        ("timeout_s", -1),
+        ("timeout_s", "5"),
+        ("patience_s", float("nan")),
+        ("patience_s", -1),
+        ("patience_s", True),
+    ],
+)
+def test_seconds_that_are_none(field, value):
+    for made in (sparring.Client, sparring.AsyncClient):
+        with pytest.raises(ValueError, match=f"^{field}: "):
+            made("http://127.0.0.1:1", **{field: value})
 
 
 @pytest.fixture

@@ -151,6 +151,19 @@ os.kill(os.getpid(), 9)
     until(gone)
 
 
+def test_what_is_to_be_forgotten_is_even_where_the_program_is_killed(tmp_path):
+    program = f"""
+import os, sparring
+curriculum = sparring.Curriculum.local(binary={BINARY!r}, settings={SETTINGS!r})
+print(os.listdir({os.fspath(tmp_path)!r}), flush=True)
+os.kill(os.getpid(), 9)
+"""
+    where = {**os.environ, "TMPDIR": os.fspath(tmp_path)}
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, env=where)
+    assert "sparring-" in ended.stdout
+    until(lambda: not os.listdir(tmp_path))
+
+
 def test_a_reset_that_fails_moves_nothing(tmp_path):
     db = tmp_path / "run.sqlite3"
     owner, curriculum = apart(db=db, form="groups", lease=16, ahead=8, patience_s=0.5)

@@ -1,5 +1,8 @@
 """Whatever is given: taken, or a ValueError that names the field. Never a crash, and nothing moves where it is refused."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -161,6 +164,20 @@ def test_seeds(seed):
 def test_settings(given, field):
     with pytest.raises(ValueError, match=field):
         sparring.make_vec(**given)
+
+
+def test_more_environments_than_memory_are_refused():
+    program = """
+import resource, sparring
+sparring.make_vec(num_envs=8192, observation="telemetry").reset(seed=1)
+resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
+try:
+    sparring.make_vec(num_envs=2**20, observation="telemetry", params={"debris": 1000}, threads=1)
+except MemoryError as error:
+    print(error)
+"""
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert told.stdout.startswith("num_envs: 1048576 environments take "), told
 
 
 def test_what_is_no_dict_is_named():

@@ -35,6 +35,9 @@ pub struct Args {
     /// The SQLite database; made where there is none.
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
+    /// Serve a database in a folder for temporary files, which is removed when the server stops, whatever --db says
+    #[arg(long)]
+    temporary: bool,
     /// Show OpenEnv's routes to anybody, whatever --bind is: nothing of a run is flown there. All else needs a token; where there
     /// are none when the server starts, it is not shown at all
     #[arg(long)]
@@ -119,12 +122,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             ..Limits::default()
         };
         let bind = args.bind;
-        let db = args.db.clone();
-        let config = Config { db, bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, each: args.each.each() };
+        let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
+        let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
+        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, each: args.each.each() };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;
-        tracing::info!(db = %args.db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
+        tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         tokio::select! {
             told = told_to_stop() => told?,
             () = stdin_ends(), if args.while_stdin => {}

@@ -1,12 +1,12 @@
 //! What the methods of a batch are made of.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use env_core::Seed;
-use env_core::batch::{Autoreset, BatchError, Observe, Shape};
+use env_core::batch::{Autoreset, BatchConfig, BatchError, Observe, Seeds, Shape};
 use env_core::seed::FREE_MASK;
+use env_core::{Recipe, Seed, TaskSpec};
 use numpy::{PyArray1, PyArray2, PyArrayDyn};
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 
@@ -204,6 +204,34 @@ impl NativeBatch {
             truncations.cast_into().map_err(|_| not_of("out[3]", "bool"))?,
         ))
     }
+}
+
+/// Many environments from here on: one that is refused is better than a program that is ended for want of memory.
+const MANY: usize = 4096;
+
+/// Whether there is memory for so many environments, by what one takes.
+pub(super) fn fits(task: &'static dyn TaskSpec, recipe: &Arc<Recipe>, config: BatchConfig) -> PyResult<()> {
+    if config.envs < MANY {
+        return Ok(());
+    }
+    let wrong = |error: BatchError| PyValueError::new_err(error.to_string());
+    let feed = Box::new(Seeds::new(Arc::clone(recipe), 0));
+    let mut one = task.batch(feed, BatchConfig { envs: 1, ..config }).map_err(wrong)?;
+    let cells = one.shape().observation;
+    one.reset(None, &mut vec![0.0; cells]).map_err(wrong)?;
+    // What is observed, and what was last of episodes that end.
+    let each = one.bytes_per_env() + 2 * cells * size_of::<f32>();
+    let all = config.envs.saturating_mul(each);
+    let mut room = Vec::<u8>::new();
+    let found = room.try_reserve_exact(all);
+    std::hint::black_box(&room); // what is never looked at need not be reserved
+    found.map_err(|_| {
+        let gib = all as f64 / f64::from(1 << 30);
+        PyMemoryError::new_err(format!(
+            "num_envs: {} environments take {gib:.1} GiB, and there is not as much",
+            config.envs
+        ))
+    })
 }
 
 fn not_of(field: &str, dtype: &str) -> PyErr {
