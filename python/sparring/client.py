@@ -156,8 +156,9 @@ def _items(page: dict[str, Any]) -> list[Any]:
     return lists[0]
 
 
-def _event(told: httpx_sse.ServerSentEvent) -> Event:
-    return Event(int(told.id), told.event, json.loads(told.data))
+def _event(told: httpx_sse.ServerSentEvent) -> Event | None:
+    # The comment that keeps a connection open comes as an event without data, which is none (WHATWG HTML, 9.2.6).
+    return Event(int(told.id), told.event, json.loads(told.data)) if told.data else None
 
 
 def _stream(run: str, after: int | None) -> dict[str, Any]:
@@ -229,8 +230,9 @@ class Client(operations.Operations):
                         connected = True
                         for told in stream.iter_sse():
                             event = _event(told)
-                            last = event.id
-                            yield event
+                            if event is not None:
+                                last = event.id
+                                yield event
                         patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
             except httpx.TransportError as error:
                 # It counts from where the connection dropped, however long nothing had happened by then.
@@ -298,8 +300,9 @@ class AsyncClient(operations.AsyncOperations):
                         connected = True
                         async for told in stream.aiter_sse():
                             event = _event(told)
-                            last = event.id
-                            yield event
+                            if event is not None:
+                                last = event.id
+                                yield event
                         patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
             except httpx.TransportError as error:
                 patience = _Patience(self._setup.patience_s, True) if connected else patience

@@ -250,6 +250,24 @@ def test_what_may_have_been_done_is_not_done_twice(broken, kind, asked):
     assert broken.asked == asked
 
 
+def test_what_keeps_a_stream_open_is_no_event(broken):
+    told = b'id: %d\nevent: run\ndata: {"state": "paused"}\n\n'
+    broken.answers = [(200, {"Content-Type": "text/event-stream"}, told % 1 + b":\n\n: here\n\n" + told % 2)]
+    with sparring.Client(broken.url) as client:
+        heard = [event.id for _, event in zip(range(2), client.events("mine"), strict=False)]
+    assert heard == [1, 2]
+
+    async def listen():
+        async with sparring.AsyncClient(broken.url) as client:
+            ids = []
+            async for event in client.events("mine"):
+                ids.append(event.id)
+                if len(ids) == 2:
+                    return ids
+
+    assert asyncio.run(listen()) == [1, 2]
+
+
 @pytest.mark.parametrize("after", ["", "18446744073709551615", "99999999999999999999999", "soon"])
 def test_an_answer_that_is_an_error_is_no_silence(broken, after):
     broken.answers = [(500, {"Retry-After": after}, problem("internal"))]
