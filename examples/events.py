@@ -30,9 +30,10 @@ def listen(url, run, after):
                     name, _, value = line.decode().rstrip("\n").partition(": ")
                     if name in ("id", "event", "data"):
                         event[name] = value
-                    elif not name and "data" in event:  # an empty line ends an event
-                        last = int(event["id"])
-                        yield last, event["event"], json.loads(event["data"])
+                    elif not name:  # an empty line ends an event; an id alone says where to go on
+                        last = int(event.get("id", last or 0))
+                        if "data" in event:
+                            yield last, event["event"], json.loads(event["data"])
                         event = {}
         except urllib.error.HTTPError as error:
             if error.code not in (429, 503):

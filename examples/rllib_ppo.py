@@ -65,7 +65,8 @@ def config_of(args, curriculum):
     envs = min(args.envs, 8) if several else args.envs
     steps = args.steps or (400 if args.task.startswith("docking") else 50)
     batch = args.env_runners * envs * steps
-    env_config = {"task": args.task, "curriculum": {"url": curriculum.url, "run": curriculum.run}}
+    token = {} if args.url else {"token": ""}  # a server that was started here knows none
+    env_config = {"task": args.task, "curriculum": {"url": curriculum.url, "run": curriculum.run, **token}}
     config = (
         PPOConfig()
         .environment(sparring.rllib.AGENTS if several else sparring.rllib.TEAM, env_config=env_config)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import ipaddress
 import json
 import random
 import time
@@ -86,7 +87,16 @@ class _Setup:
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
         self.patience_s = patience_s
-        self.options: dict[str, Any] = {"base_url": self.url, "headers": headers, "timeout": timeout_s}
+        # What is on this machine no proxy finds.
+        away = not _is_here(plain.host)
+        self.options: dict[str, Any] = {"base_url": self.url, "headers": headers, "timeout": timeout_s, "trust_env": away}
+
+
+def _is_here(host: str) -> bool:
+    try:
+        return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _content(body: Any) -> dict[str, Any]:
@@ -157,7 +167,7 @@ def _items(page: dict[str, Any]) -> list[Any]:
 
 
 def _event(told: httpx_sse.ServerSentEvent) -> Event | None:
-    # The comment that keeps a connection open comes as an event without data, which is none (WHATWG HTML, 9.2.6).
+    # An id alone, or the comment that keeps a stream open, comes as an event without data, which is none (WHATWG HTML, 9.2.6).
     return Event(int(told.id), told.event, json.loads(told.data)) if told.data else None
 
 
@@ -229,9 +239,9 @@ class Client(operations.Operations):
                             _read(stream.response)
                         connected = True
                         for told in stream.iter_sse():
+                            last = int(told.id) if told.id else last
                             event = _event(told)
                             if event is not None:
-                                last = event.id
                                 yield event
                         patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
             except httpx.TransportError as error:
@@ -299,9 +309,9 @@ class AsyncClient(operations.AsyncOperations):
                             _read(stream.response)
                         connected = True
                         async for told in stream.aiter_sse():
+                            last = int(told.id) if told.id else last
                             event = _event(told)
                             if event is not None:
-                                last = event.id
                                 yield event
                         patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
             except httpx.TransportError as error:

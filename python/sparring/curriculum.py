@@ -25,6 +25,8 @@ Form = Literal["auto", "groups", "columns"]
 AT_EXIT_S = 15.0
 #: Environments from which on `form="auto"` takes columns.
 MANY = 256
+#: Episodes of a lease of groups, and of one of columns, at most.
+EPISODES, COLUMNS = 16_384, 100_000
 
 
 class Curriculum:
@@ -38,7 +40,7 @@ class Curriculum:
     Args:
         url: Where the server is.
         run: The run's id. Without one a run is created, with `settings`.
-        token: A trainer's, where the server wants one; `SPARRING_TOKEN` unless told.
+        token: A trainer's, where the server wants one; `SPARRING_TOKEN` unless told, and none if it is empty.
         settings: Of a run that is created: `tasks`, `strategy`, `group_size` … as `POST /v1/runs` takes them.
         form: How episodes are reported. `groups`: every action log is replayed, contested scenarios and designed layouts are
             among them: for a few thousand episodes a second. `columns`: scores are claimed and some logs audited: for more.
@@ -103,6 +105,7 @@ class Curriculum:
         self.run = run
         self._name = quote(run, safe="")
         told = self.ask("GET", f"/v1/runs/{self._name}")
+        self._group_size = int(told["settings"]["group_size"])
         #: The tasks of the run.
         self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["settings"]["curriculum"]["tasks"])
         self._wish: dict[str, Any] = {
@@ -159,6 +162,8 @@ class Curriculum:
             CurriculumError: No such program, or it does not start.
         """
         server = Server(db, binary)
+        if db is None:
+            settings.setdefault("token", "")  # one that was just made knows none
         try:
             made = cls(server.url, run, **settings)
         except BaseException:
@@ -190,8 +195,11 @@ class Curriculum:
             raise CurriculumError("the curriculum is closed")
         if self._native is None:
             columns = self._form == "columns" or (self._form == "auto" and num_envs >= MANY and self._goes_with_columns())
-            groups = self._lease or (min(max(num_envs, 64), 1024) if columns else 64)
-            otherwise = self._lease or 64 if self._form == "auto" else None
+            size = self._wish["group_size"] or self._group_size
+            usual = max(1, min(64, EPISODES // size))
+            ahead = max(1, min(max(num_envs, 64), 1024, COLUMNS // size))
+            groups = self._lease or (ahead if columns else usual)
+            otherwise = self._lease or usual if self._form == "auto" else None
             self._native = _native.NativeCurriculum(
                 self.url, self.run, self.token, columns=columns, groups=groups, otherwise=otherwise, **self._wish
             )
@@ -260,8 +268,10 @@ class Curriculum:
         return json.loads(self._link.ask(method, path, None if body is None else to_json("body", body)))
 
     def beside(self, **wish: Any) -> Curriculum:
-        """Another part of the same run, for other environments: `purpose="eval"`, for one. It has to be closed by itself."""
-        made = Curriculum(self.url, self.run, token=self.token, **wish)
+        """Another part of the same run, as patient, for other environments: `purpose="eval"`, for one. It has to be closed by
+        itself."""
+        wish.setdefault("patience_s", self._wish["patience_s"])
+        made = Curriculum(self.url, self.run, token=self.token or "", **wish)
         made.policy_version = self.policy_version
         if self._server is not None:
             made._watch(self._server)
@@ -313,14 +323,14 @@ class Curriculum:
 
 
 def plain_token(token: str | None) -> str | None:
-    """A token that can be sent: the one that is given, or `SPARRING_TOKEN`.
+    """A token that can be sent: the one that is given, an empty one being none, or `SPARRING_TOKEN`.
 
     Raises:
         ValueError: One that is none; it is not repeated.
     """
     if token is not None and not isinstance(token, str):
         raise ValueError("token: no text")
-    token = (token or os.environ.get("SPARRING_TOKEN") or "").strip()
+    token = (os.environ.get("SPARRING_TOKEN", "") if token is None else token).strip()
     if not all("!" <= letter <= "~" for letter in token):
         raise ValueError("token: it has other characters than a token has")
     return token or None

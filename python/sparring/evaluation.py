@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .curriculum import Curriculum, CurriculumError
+from .curriculum import EPISODES, Curriculum, CurriculumError
 from .vector import VectorEnvironment, make_vec
 
 
@@ -31,8 +31,6 @@ class Evaluated:
         return None
 
 
-#: Episodes that a lease has at most.
-EPISODES = 16_384
 #: What policies of a suite's rows are compared with: plans that look at nothing.
 BLIND = "blind_panel"
 

@@ -117,6 +117,35 @@ def test_a_server_that_comes_back_is_waited_for(tmp_path):
             hasty.runs.list()
 
 
+def test_who_has_heard_nothing_yet_misses_nothing_through_a_restart(tmp_path):
+    db = tmp_path / "run.sqlite3"
+    server = Server(db, BINARY)
+    with sparring.Client(server.url) as client:
+        run = client.runs.create(**WISH)["id"]
+        heard = []
+
+        def listen():
+            with sparring.Client(server.url) as ears:
+                heard.extend(event.data["state"] for _, event in zip(range(2), ears.events(run), strict=False))
+
+        listener = threading.Thread(target=listen)
+        listener.start()
+        time.sleep(1)
+        server._process.terminate()
+        server._process.wait()
+        line = [BINARY, "serve", "--bind", server.url.removeprefix("http://"), "--db", os.fspath(db)]
+        again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            # At once, before who listens is back.
+            client.runs.pause(run)
+            client.runs.resume(run)
+            listener.join(20)
+            assert heard == ["paused", "resumed"]
+        finally:
+            again.terminate()
+            again.wait()
+
+
 @pytest.mark.parametrize("awaited", [False, True])
 def test_a_run_in_which_nothing_happens_is_listened_to_through_a_restart(tmp_path, awaited):
     db = tmp_path / "run.sqlite3"

@@ -115,6 +115,36 @@ def test_what_is_none_is_named(field, value):
         sparring.Curriculum("http://127.0.0.1:1", **{field: value})
 
 
+def test_a_server_on_this_machine_needs_no_proxy_and_no_token_of_another(monkeypatch):
+    for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    monkeypatch.setenv("SPARRING_TOKEN", "sparring_1_of_another")
+    with local(form="groups") as curriculum, sparring.Client(curriculum.url, token="") as client:
+        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        envs.reset()
+        assert fly(envs, 60) >= 4
+        envs.close()
+        curriculum.flush()
+        assert curriculum.beside().run == curriculum.run == client.runs.list()["runs"][0]["id"]
+        with pytest.raises(sparring.CurriculumError, match="401"):
+            sparring.Curriculum(curriculum.url, curriculum.run)
+
+
+@pytest.mark.parametrize("form", ["groups", "columns"])
+def test_groups_may_be_as_large_as_a_run_takes(form):
+    with local(settings={**SETTINGS, "group_size": 1024}, form=form) as curriculum:
+        envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        envs.reset()
+        assert curriculum.stats()["ready"] > 1024
+        envs.close()
+
+
+def test_parts_of_a_run_are_as_patient():
+    with local(patience_s=1.5) as curriculum:
+        assert curriculum.beside()._wish["patience_s"] == 1.5
+        assert curriculum.beside(patience_s=3)._wish["patience_s"] == 3.0
+
+
 def test_settings_may_have_numbers_of_numpy():
     with local(settings={**SETTINGS, "group_size": np.int64(4)}) as curriculum:
         assert curriculum.ask("GET", f"/v1/runs/{curriculum.run}")["settings"]["group_size"] == 4

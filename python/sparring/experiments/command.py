@@ -85,7 +85,7 @@ def main(arguments: list[str] | None = None) -> int:
     args = _options().parse_args(arguments)
     try:
         _run(args)
-    except (Wrong, CurriculumError) as error:
+    except (Wrong, CurriculumError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -75,11 +75,15 @@ def _server(folder: Path, url: str | None, binary: str | None) -> Iterator[str]:
     if url is not None:
         yield url
         return
+    # One of its own knows no token of another's.
+    token = os.environ.pop("SPARRING_TOKEN", None)
     server = Server(folder / DATABASE, binary)
     try:
         yield server.url
     finally:
         server.stop()
+        if token is not None:
+            os.environ["SPARRING_TOKEN"] = token
 
 
 def _at_once(folder: Path, experiment: Experiment, waiting: list[Training], url: str, jobs: int, told: Told) -> None:

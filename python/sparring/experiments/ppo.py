@@ -333,9 +333,9 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error(str(error))
     try:
         _run(args, config)
-    except sparring.CurriculumError as error:
+    except (sparring.CurriculumError, OSError) as error:
         print(error, file=sys.stderr)
-        sys.exit(1)
+        sys.exit(2)
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         sys.exit(130)

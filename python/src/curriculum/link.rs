@@ -1,12 +1,13 @@
 //! The way to the server: requests that are made again while it is away or busy.
 
+use std::net::IpAddr;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use serde_json::Value;
 use ureq::Agent;
-use ureq::http::{Method, Request};
+use ureq::http::{Method, Request, Uri};
 
 use super::{failed, until};
 use crate::errors::invalid;
@@ -58,9 +59,10 @@ pub(super) enum Failure {
 
 impl Link {
     pub(super) fn new(url: &str, token: Option<String>) -> Self {
-        let config =
-            Agent::config_builder().http_status_as_error(false).timeout_global(Some(TIMEOUT)).build();
-        Self { agent: config.into(), base: url.trim_end_matches('/').to_owned(), token }
+        let config = Agent::config_builder().http_status_as_error(false).timeout_global(Some(TIMEOUT));
+        // What is on this machine no proxy finds.
+        let config = if is_here(url) { config.proxy(None) } else { config };
+        Self { agent: config.build().into(), base: url.trim_end_matches('/').to_owned(), token }
     }
 
     pub(super) fn get(&self, path: &str) -> Result<Value, Failure> {
@@ -92,6 +94,14 @@ impl Link {
             answer => read(answer),
         }
     }
+}
+
+fn is_here(url: &str) -> bool {
+    let Some(host) = url.parse::<Uri>().ok().and_then(|uri| uri.host().map(str::to_ascii_lowercase)) else {
+        return false;
+    };
+    let address = host.trim_matches(['[', ']']).parse::<IpAddr>();
+    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
 fn read(answer: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> Result<Value, Failure> {

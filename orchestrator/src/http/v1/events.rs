@@ -50,7 +50,7 @@ const LAST: u32 = 1000;
 /// Listen to what happens in a run (Server-Sent Events): `run` (created, changed, paused, resumed, archived), `lease` (taken, renewed, done, released,
 /// expired), `group` (how it ended), `move` (a level, with its evidence), `claim` (of columns), `failures` (that were criticised),
 /// `design` (what a designer came to) and `health` (what whoever watches should know). Every event has an id; a listener that
-/// comes again with it as `Last-Event-ID` misses nothing, as long as at most 10 000 others came since: else the first event is `gap`.
+/// comes again with it as `Last-Event-ID` misses nothing (without one the stream begins by an id that has no data, from which to go on), as long as at most 10 000 others came since: else the first event is `gap`.
 #[utoipa::path(
     get, path = "/runs/{run}/events", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), From,
@@ -99,7 +99,8 @@ pub(super) async fn listen(
         closing: app.sessions.closing(&caller.who),
         run,
         after,
-        waiting: VecDeque::new(),
+        // Whoever has heard nothing yet knows from where to go on: an id alone is no event, but is remembered like one's.
+        waiting: last.is_none().then(|| Event::default().id(after.to_string())).into_iter().collect(),
         begun: false,
         _seat: seat,
     };

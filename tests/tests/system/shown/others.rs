@@ -126,8 +126,15 @@ async fn events_begin_with_as_many_of_the_last_as_are_asked_for() {
             while !(text.ends_with("\n\n") && text.contains(&until)) {
                 text.push_str(&String::from_utf8_lossy(&answer.chunk().await.unwrap().unwrap()));
             }
-            let ids = text.lines().filter_map(|line| line.strip_prefix("id: ")?.parse().ok());
-            ids.collect::<Vec<i64>>()
+            let (heads, events): (Vec<_>, Vec<_>) =
+                text.split_terminator("\n\n").partition(|told| !told.contains("data: "));
+            let id =
+                |told: &str| told.lines().find_map(|line| line.strip_prefix("id: ")?.parse::<i64>().ok());
+            let ids: Vec<_> = events.into_iter().filter_map(id).collect();
+            // Whoever does not say from where to go on is told before all else.
+            let from = heads.first().map(|head| id(head).unwrap());
+            assert_eq!(from, (!path.contains("after=")).then(|| ids[0] - 1), "{text}");
+            ids
         }
     };
     // The critique comes by itself, after the lease's end; what is told behind it is the last.
