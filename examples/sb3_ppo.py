@@ -9,6 +9,7 @@ scenarios now and then, which move nothing.
 
 import argparse
 import json
+import sys
 
 import torch
 from stable_baselines3 import PPO
@@ -68,7 +69,10 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
         model.policy.action_net.bias[0] = HOLDING
     looks = Looks(curriculum, max(1, args.steps // args.looks), args.plot)
     # The rows of an environment are its satellites: three steps of the model's are one of the world's.
-    model.learn(args.steps, callback=CallbackList([looks, sparring.sb3.CurriculumCallback(curriculum)]))
+    try:
+        model.learn(args.steps, callback=CallbackList([looks, sparring.sb3.CurriculumCallback(curriculum)]))
+    except KeyboardInterrupt:
+        print("stopped: what was learned so far is kept", file=sys.stderr)
     envs.close()
     curriculum.flush()
     if args.save:
