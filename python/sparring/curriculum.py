@@ -91,7 +91,9 @@ class Curriculum:
                 _whole(name, value, most)
         if not isinstance(patience_s, (int, float, np.number)) or not 0.0 <= patience_s < 1e9:
             raise ValueError(f"patience_s: {patience_s!r} is no number of seconds")
-        if run is not None and not isinstance(run, str):
+        if not isinstance(url, str) or not url.startswith(("http://", "https://")):
+            raise ValueError(f"url: {url!r} is no address like http://127.0.0.1:8700")
+        if run is not None and (not isinstance(run, str) or not run):
             raise ValueError(f"run: {run!r} is no name of a run")
         wanted = json.loads(to_json("settings", plain_dict("settings", settings)))
         self.url = url

@@ -107,12 +107,12 @@ def test_a_program_that_is_none():
 
 @pytest.mark.parametrize(
     ("field", "value"), [("lease", 0), ("lease", 2000), ("ahead", -1), ("buffer", 2.5), ("ttl_s", True), ("group_size", "4"),
-                       ("patience_s", "5"), ("patience_s", None), ("run", 3), ("token", 3), ("settings", [1]),
+                       ("patience_s", "5"), ("patience_s", None), ("run", 3), ("run", ""), ("url", "127.0.0.1:8700"), ("url", None), ("token", 3), ("settings", [1]),
                        ("settings", {"tasks": {1}}), ("settings", {"group_size": float("nan")})]
 )  # fmt: skip
 def test_what_is_none_is_named(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
-        sparring.Curriculum("http://127.0.0.1:1", **{field: value})
+        sparring.Curriculum(**{"url": "http://127.0.0.1:1", field: value})
 
 
 def test_a_server_on_this_machine_needs_no_proxy_and_no_token_of_another(monkeypatch):

@@ -73,6 +73,8 @@ def _asked(args: argparse.Namespace) -> Experiment:
         tasks = tuple(sparring.task(task).id for task in names(args.tasks))
     except ValueError as error:
         raise Wrong(f"tasks: {error}") from error
+    if len(tasks) > 1 and any(task.startswith("docking/") for task in tasks):
+        raise Wrong("tasks: one policy flies those of kessler, or one of docking")
     return Experiment(**{**told, "arms": arms, "seeds": seeds, "tasks": tasks})
 
 

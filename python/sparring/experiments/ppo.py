@@ -62,6 +62,8 @@ class Config:
         for name in ("steps", "num_envs", "rollout", "threads", "epochs", "minibatches", "hidden"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: at least one")
+        if not 0 <= self.seed < 2**32:
+            raise ValueError("seed: from 0 to 4294967295")
         for name in ("learning_rate", "clip", "max_grad_norm"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name}: more than nothing")
