@@ -105,11 +105,21 @@ def test_a_program_that_is_none():
         sparring.Curriculum.local(binary="/bin/false")
 
 
-@pytest.mark.parametrize(
-    ("field", "value"), [("lease", 0), ("lease", 2000), ("ahead", -1), ("buffer", 2.5), ("ttl_s", True), ("group_size", "4"),
-                       ("patience_s", "5"), ("patience_s", None), ("run", 3), ("run", ""), ("url", "127.0.0.1:8700"), ("url", None), ("token", 3), ("settings", [1]),
-                       ("settings", {"tasks": {1}}), ("settings", {"group_size": float("nan")})]
-)  # fmt: skip
+WRONG = {
+    "lease": [0, 2000],
+    "ahead": [-1],
+    "buffer": [2.5],
+    "ttl_s": [True],
+    "group_size": ["4"],
+    "patience_s": ["5", None],
+    "run": [3, ""],
+    "url": ["127.0.0.1:8700", None],
+    "token": [3],
+    "settings": [[1], {"tasks": {1}}, {"group_size": float("nan")}],
+}
+
+
+@pytest.mark.parametrize(("field", "value"), [(field, value) for field, values in WRONG.items() for value in values], ids=str)
 def test_what_is_none_is_named(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
         sparring.Curriculum(**{"url": "http://127.0.0.1:1", field: value})
