@@ -82,6 +82,7 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
 def plot(curve: list, file: str) -> None:
     """Held-out skill over steps, and level where the strategy knows levels."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import EngFormatter
 
     labels = {"skill": "skill on held-out contested scenarios", "level": "level"}
     names = [name for name in labels if any(value is not None for row in curve for value in row[name].values())]
@@ -90,6 +91,7 @@ def plot(curve: list, file: str) -> None:
         for task in TASKS:
             axis.plot([row["steps"] for row in curve], [row[name][task] for row in curve], "o-", label=task)
         axis.set_xlabel("steps of a satellite")
+        axis.xaxis.set_major_formatter(EngFormatter(sep=""))
         axis.set_ylabel(labels[name])
         axis.grid(alpha=0.3)
         axis.legend(frameon=False)

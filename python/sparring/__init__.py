@@ -25,14 +25,15 @@ from .tasks import Param, Task, levels, parameter_space, task, tasks
 from .vector import VectorEnvironment, make_vec
 
 if TYPE_CHECKING:
-    from .client import ApiError, AsyncClient, Client, Unreachable
+    # Not among `__all__`: `from sparring import *` works without what they need.
+    from .client import ApiError as ApiError
+    from .client import AsyncClient as AsyncClient
+    from .client import Client as Client
+    from .client import Unreachable as Unreachable
 
 __all__ = [
     "ENVIRONMENTS",
-    "ApiError",
-    "AsyncClient",
     "Bracket",
-    "Client",
     "Curriculum",
     "CurriculumError",
     "Environment",
@@ -43,7 +44,6 @@ __all__ = [
     "Policy",
     "Scenario",
     "Task",
-    "Unreachable",
     "VectorEnvironment",
     "__version__",
     "bracket",

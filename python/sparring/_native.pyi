@@ -72,17 +72,10 @@ class NativeBatch:
         """
         A picture of an environment, height × width × 3.
         """
-    def reset(self, /, seeds: SupportsGetItem[int, Any | None] | None = None, mask: Any | None = None, out: Any | None = None) -> "numpy.typing.NDArray[numpy.float32]":
+    def reset(self, /, seeds: SupportsGetItem[int, Any | None] | None = None, mask: Any | None = None, out: Any | None = None, recipes: SupportsGetItem[int, NativeScenario | None] | None = None, scenarios: SupportsGetItem[int, NativeScenario | None] | None = None) -> "numpy.typing.NDArray[numpy.float32]":
         """
-        Begins the next episode of every environment, or of those in `mask`; `seeds` has a seed or none for each. All observations.
-        """
-    def set_recipe(self, /, env: SupportsIndex, scenario: NativeScenario) -> None:
-        """
-        Has an environment fly this scenario's recipe from its next episode on, by seeds of its own.
-        """
-    def set_scenario(self, /, env: SupportsIndex, scenario: NativeScenario | None) -> None:
-        """
-        Has an environment fly this scenario next and its recipe from then on, or again what all fly.
+        Begins the next episode of every environment, or of those in `mask`; `seeds` has a seed or none for each, `recipes` what it
+        flies from here on, by seeds of its own, and `scenarios` what it flies first. All observations. What is refused moves nothing.
         """
     @property
     def sizes(self, /) -> tuple[int, int, int]:

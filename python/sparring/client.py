@@ -109,7 +109,10 @@ def _present(query: dict[str, Any]) -> dict[str, Any]:
 
 def _read(answer: httpx.Response) -> Any:
     if answer.is_success:
-        return answer.json() if answer.content else None
+        try:
+            return answer.json() if answer.content else None
+        except ValueError as error:
+            raise ApiError(answer.status_code, {"detail": f"no JSON came back: {answer.text[:200]}"}) from error
     try:
         problem = answer.json()
     except ValueError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from .curriculum import Curriculum
 from .scenario import Scenario, plain_dict, plain_seed
 from .settings import Actions, Axes, Observation, Settings, View, agent_action_space
-from .single import OPTIONS, choose, left_early, lesson
+from .single import OPTIONS, left_early, lesson, wished
 from .window import FPS, Screen
 
 try:
@@ -54,6 +55,10 @@ class ParallelEnvironment(ParallelEnv):
         self._screen = Screen(render_mode, render_size, self.metadata)
         self._steps, self._warned = 0, False
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        wish = {**self._settings.wish(), "render_mode": self.render_mode, "render_size": self._screen.size}
+        return functools.partial(parallel_env, **wish), ()
+
     def observation_space(self, agent: str) -> Any:
         """The space of an agent's observations."""
         return self.observation_spaces[agent]
@@ -77,9 +82,10 @@ class ParallelEnvironment(ParallelEnv):
             left_early(self._steps)
         # PettingZoo's wrappers and tests hand options through that are not ours.
         ours = {name: value for name, value in plain_dict("options", options).items() if name in OPTIONS}
-        whole = choose(self._native, 0, self._settings, ours)
-        seen = self._native.reset([None if whole or seed is None else plain_seed(seed)])
-        told = lesson(self._native, self._settings)
+        recipe, scenario = wished(self._settings, ours)
+        plain = None if seed is None else plain_seed(seed)
+        seen = self._native.reset([plain], recipes=[recipe], scenarios=[scenario])
+        told = {"scenario": self.scenario, **lesson(self._native, self._settings)}
         _, left, _ = self._native.agents()
         self._steps = 0
         self.agents = [agent for agent, absent in zip(self.possible_agents, left[0], strict=True) if not absent]
@@ -91,7 +97,8 @@ class ParallelEnvironment(ParallelEnv):
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """One step; agents that are not in `actions` hold. Infos of all agents have the episode's `score` so far.
+        """One step; agents that are not in `actions` hold. Infos of all agents have the episode's `score` so far, and
+        `alerts`: what happened, in words.
 
         Raises:
             ValueError: An action that is none, or of nobody. Nothing has moved then.
@@ -107,7 +114,7 @@ class ParallelEnvironment(ParallelEnv):
         terminations = {agent: bool(left[0, n]) for agent, n in zip(here, numbers, strict=True)}
         truncations = {agent: bool(cut[0, n]) for agent, n in zip(here, numbers, strict=True)}
         episode = self._native.episode(0)
-        score = 0.0 if episode is None else episode[1]
+        score, alerts = 0.0 if episode is None else episode[1], self._native.alerts(0)
         self.agents = [agent for agent in here if not (terminations[agent] or truncations[agent] or ended)]
         if self.render_mode == "human":
             self.render()
@@ -116,7 +123,7 @@ class ParallelEnvironment(ParallelEnv):
             {agent: float(rewards[0, n]) for agent, n in zip(here, numbers, strict=True)},
             terminations,
             truncations,
-            {agent: {"score": score} for agent in here},
+            {agent: {"score": score, "alerts": alerts} for agent in here},
         )
 
     def _joint(self, actions: Mapping[str, Any]) -> npt.NDArray[Any]:

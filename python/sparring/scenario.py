@@ -71,6 +71,8 @@ def to_json(name: str, value: Any) -> str:
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     raise TypeError(f"{value!r} is no number, text, list or dict")
 
 
@@ -185,7 +187,7 @@ def plain_seed(seed: Any) -> int:
     Raises:
         ValueError: Something else.
     """
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or seed < 0:
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**53:
         raise ValueError(f"seed: {seed!r} is not a whole number from 0 to {2**51 - 1}")
     return int(seed)
 
@@ -211,7 +213,7 @@ class Flown:
     success: bool | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bracket:
     """What a scenario is worth."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -65,6 +65,16 @@ class Settings:
         for name, value in fields.items():
             object.__setattr__(self, name, value)
 
+    def wish(self) -> dict[str, Any]:
+        """By which arguments the same is made once more: a copy of an environment is made anew, as Gymnasium's `EzPickle` does.
+
+        Raises:
+            TypeError: It flies a curriculum, which has its threads where it is.
+        """
+        if self.curriculum is not None:
+            raise TypeError("environments that fly a curriculum are not copied: make others, with the same run")
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.init}
+
     def seen(self) -> Observation:
         """How it is observed.
 
@@ -102,7 +112,8 @@ class Settings:
             raise ValueError(f"actions: {self.actions!r} is neither 'continuous' nor 'discrete'")
         for name, value, least in (("num_envs", envs, 1), ("threads", threads, 1), ("threats", self.threats, 0),
                                    ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
-            if value is not None and (isinstance(value, bool) or not isinstance(value, (int, np.integer))
+            given = value is not None or name == "num_envs"
+            if given and (isinstance(value, bool) or not isinstance(value, (int, np.integer))
                                       or not least <= value < 2**31):  # fmt: skip
                 raise ValueError(f"{name}: {value!r} is not a whole number from {least} on")
         seen = self.seen()

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
+from . import _native
 from .curriculum import Curriculum, CurriculumError
 from .scenario import Scenario, plain_dict, plain_seed, recipe_of
 from .settings import Actions, Axes, Observation, Settings, View, action_space
 from .window import FPS, Screen
 
+#: What is flown from a reset on, and what is flown first.
+Wished: TypeAlias = "tuple[_native.NativeScenario | None, _native.NativeScenario | None]"
 #: What `reset` takes as options.
 OPTIONS = ("scenario", "params", "level")
 
@@ -122,22 +126,27 @@ class Environment(gymnasium.Env[Any, Any]):
         self._history: list[npt.NDArray[np.float32]] = []
         self._flies = self._warned = False
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        wish = {**self._settings.wish(), "render_mode": self.render_mode, "render_size": self.screen.size}
+        return functools.partial(type(self), **wish), (), {"spec": self.spec}
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode: of the scenario with this seed, or of the next in the row that the last seed began.
 
         Args:
             seed: 0 to 2^51 - 1.
-            options: `scenario` (a `Scenario` or its dict) is flown as it is; `params` and `level` replace the environment's,
-                until the next reset that has either.
+            options: `scenario` (a `Scenario` or its dict) is flown now as it is, and the row goes on behind it; `params` and
+                `level` replace the environment's, until the next reset that has either.
 
         Raises:
-            ValueError: A seed, a scenario or an option that is none.
+            ValueError: A seed, a scenario or an option that is none. Nothing has moved then.
         """
-        if seed is not None:
-            super().reset(seed=plain_seed(seed))
+        plain = None if seed is None else plain_seed(seed)
         self._left_early()
-        whole = choose(self._native, 0, self._settings, options)
-        seen = self._native.reset([None if whole else seed])
+        recipe, scenario = wished(self._settings, options)
+        seen = self._native.reset([plain], recipes=[recipe], scenarios=[scenario])
+        if plain is not None:
+            super().reset(seed=plain)
         self._history, self._flies = [], True
         if self.render_mode == "human":
             self.render()
@@ -184,9 +193,12 @@ class Environment(gymnasium.Env[Any, Any]):
 
     @property
     def history(self) -> npt.NDArray[np.float32]:
-        """What was done in this episode, steps × agents × values, along the world's axes: what `sparring.critique` asks for."""
-        shape = (0, self._view.agents, self._view.values)
-        return np.stack(self._history) if self._history else np.zeros(shape, np.float32)
+        """What was asked for in this episode, steps × agents that take part × values, along the world's axes: what
+        `sparring.replay` and `sparring.critique` take, which cut it off and refuse it as the environment did."""
+        scenario = self.scenario
+        agents = self._view.agents if scenario is None else scenario.agents
+        shape = (0, agents, self._view.values)
+        return np.stack(self._history)[:, :agents] if self._history else np.zeros(shape, np.float32)
 
     def telemetry(self) -> dict[str, Any] | None:
         """What is seen now in the wire form of the public kessler-env, for built-in policies and language models."""
@@ -229,24 +241,25 @@ def lesson(native: Any, settings: Settings) -> dict[str, Any]:
     return {"level": int(levels[0]), "train": bool(train[0])}
 
 
-def choose(native: Any, env: int, settings: Settings, options: Mapping[str, Any] | None) -> bool:
-    """Has an environment fly what the options of a reset say; whether that is a whole scenario, which has its own seed."""
+def wished(settings: Settings, options: Mapping[str, Any] | None) -> Wished:
+    """What the options of a reset say: what is flown from then on, and what is flown first.
+
+    Raises:
+        ValueError: An option that is none, with the field.
+    """
     options = plain_dict("options", options)
     for name in options:
         if name not in OPTIONS:
             raise ValueError(f"options.{name}: unknown; there are {', '.join(OPTIONS)}")
-    scenario = options.get("scenario")
-    if scenario is not None:
-        if isinstance(scenario, Mapping):
-            scenario = Scenario.from_dict(scenario)
-        if not isinstance(scenario, Scenario):
-            raise ValueError("options.scenario: not a sparring.Scenario, nor the dict of one")
-        native.set_scenario(env, scenario._native)
-    elif "params" in options or "level" in options:
+    recipe = None
+    if "params" in options or "level" in options:
         params = {**(settings.params or {}), **plain_dict("options.params", options.get("params"))}
         level = options.get("level", settings.level)
-        recipe = recipe_of(settings.told.id, params=params, physics=settings.physics, layout=settings.layout, level=level)
-        native.set_recipe(env, Scenario.from_dict({**recipe, "seed": 0})._native)
-    elif options:
-        native.set_scenario(env, None)
-    return scenario is not None
+        fields = recipe_of(settings.told.id, params=params, physics=settings.physics, layout=settings.layout, level=level)
+        recipe = Scenario.from_dict({**fields, "seed": 0})._native
+    scenario = options.get("scenario")
+    if isinstance(scenario, Mapping):
+        scenario = Scenario.from_dict(scenario)
+    if scenario is not None and not isinstance(scenario, Scenario):
+        raise ValueError("options.scenario: not a sparring.Scenario, nor the dict of one")
+    return recipe, None if scenario is None else scenario._native

@@ -29,7 +29,7 @@ class Param:
     about: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
     """What a task is."""
 
@@ -81,6 +81,8 @@ def task(id: str) -> Task:
     Raises:
         ValueError: No such task; the message has those there are.
     """
+    if not isinstance(id, str):
+        raise ValueError(f"task: {id!r} is no name of one")
     card: dict[str, Any] = json.loads(_native.card(id))
     actions = card["actions"]
     return Task(
@@ -113,4 +115,4 @@ def parameter_space(id: str) -> dict[str, Param]:
 
 def levels(id: str) -> tuple[dict[str, float], ...]:
     """The params of each level of a task, from easy to hard."""
-    return task(id).levels
+    return tuple(dict(row) for row in task(id).levels)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 from .curriculum import Curriculum
 from .scenario import Scenario, plain_dict, plain_seed
 from .settings import Actions, Axes, Observation, Settings, View, action_space, agent_action_space
-from .single import choose
+from .single import Wished, wished
 from .window import FPS, Screen
 
 #: Arrays a step may write: observations (as one flat or shaped array, see `VectorEnvironment.empty`), rewards, terminations,
@@ -72,6 +73,18 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         self._screen = Screen(render_mode, render_size, self.metadata)
         self._statistics = episode_statistics
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        wish = {
+            **self._settings.wish(),
+            "num_envs": self.num_envs,
+            "autoreset_mode": self.autoreset_mode,
+            "threads": self.threads,
+            "episode_statistics": self._statistics,
+            "render_mode": self.render_mode,
+            "render_size": self._screen.size,
+        }
+        return functools.partial(make_vec, **wish), (), {"spec": self.spec}
+
     def reset(
         self,
         *,
@@ -96,34 +109,36 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
                                      and mask.dtype == np.bool_ and mask.any()):  # fmt: skip
             raise ValueError(f"options.reset_mask: not a numpy array of {self.num_envs} bools of which one is true at least")
         seeds = self._seeds(seed)
-        self._choose(options, seeds, mask)
-        seen = self._native.reset(seeds, mask, out)
+        wishes = self._wished(options, mask)
+        recipes, scenarios = ([wish[part] for wish in wishes] for part in (0, 1))
+        seen = self._native.reset(seeds, mask, out, recipes, scenarios)
+        if isinstance(seed, (int, np.integer)):
+            super().reset(seed=seeds[0])
         return self._view.of(seen), {}
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if not isinstance(seed, Sequence) or isinstance(seed, str):
+        if isinstance(seed, np.ndarray) and seed.ndim == 1:
+            seed = list(seed)
+        if not isinstance(seed, Sequence) or isinstance(seed, (str, bytes)):
             first = plain_seed(seed)
-            super().reset(seed=first)
             return [first + k for k in range(self.num_envs)]
         seeds = [None if one is None else plain_seed(one) for one in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed: {len(seeds)} seeds for {self.num_envs} environments")
         return list(seeds)
 
-    def _choose(self, options: dict[str, Any], seeds: list[int | None], mask: npt.NDArray[np.bool_] | None) -> None:
+    def _wished(self, options: dict[str, Any], mask: npt.NDArray[np.bool_] | None) -> list[Wished]:
         if not options:
-            return
+            return []
         given = options.get("scenario")
-        scenarios = given if isinstance(given, Sequence) else None
-        if scenarios is not None and len(scenarios) != self.num_envs:
-            raise ValueError(f"options.scenario: {len(scenarios)} of them for {self.num_envs} environments")
-        for env in range(self.num_envs):
-            if mask is None or mask[env]:
-                mine = options if scenarios is None else {**options, "scenario": scenarios[env]}
-                if choose(self._native, env, self._settings, mine):
-                    seeds[env] = None
+        if isinstance(given, str) or not isinstance(given, Sequence):
+            wish = wished(self._settings, options)
+            return [wish if mask is None or mask[env] else (None, None) for env in range(self.num_envs)]
+        if len(given) != self.num_envs:
+            raise ValueError(f"options.scenario: {len(given)} of them for {self.num_envs} environments")
+        return [wished(self._settings, {**options, "scenario": one}) for one in given]
 
     def step(
         self, actions: Any, out: Out | None = None
@@ -249,7 +264,7 @@ MODES = {
 
 def _mode(mode: AutoresetMode | str) -> AutoresetMode:
     for known, word in MODES.items():
-        if mode in (known, word, known.value):
+        if mode in (known, word, known.name, known.value):
             return known
     raise ValueError(f"autoreset_mode: {mode!r} is none of {', '.join(MODES.values())}")
 

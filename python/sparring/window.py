@@ -13,6 +13,9 @@ MOST = 4096
 class Screen:
     """How one environment is shown."""
 
+    #: How many are shown now.
+    _windows = 0
+
     def __init__(self, mode: str | None, size: tuple[int, int], metadata: dict[str, Any]) -> None:
         if mode is not None and mode not in metadata["render_modes"]:
             raise ValueError(f"render_mode: {mode!r} is none of {', '.join(metadata['render_modes'])}")
@@ -25,6 +28,11 @@ class Screen:
         self.mode, self.width, self.height = mode, width, height
         self._window: Any = None
         self._clock: Any = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a picture, pixels."""
+        return self.width, self.height
 
     def show(self, native: Any, env: int) -> Any:
         """The picture, where that is the mode; a window is filled with it otherwise."""
@@ -48,6 +56,7 @@ class Screen:
             raise DependencyNotInstalled("pygame is not installed: pip install 'sparring[human]'") from error
         if self._window is None:
             pygame.display.init()
+            Screen._windows += 1
             pygame.display.set_caption("Sparring")
             self._window = pygame.display.set_mode((self.width, self.height))
             self._clock = pygame.time.Clock()
@@ -62,5 +71,8 @@ class Screen:
         if self._window is not None:
             import pygame
 
-            pygame.display.quit()
+            # pygame has one window, which all share that are shown.
+            Screen._windows -= 1
+            if Screen._windows == 0:
+                pygame.display.quit()
             self._window = None

@@ -12,12 +12,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 pub(crate) use self::parts::Wrong;
-use self::parts::{
-    Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, fits, hold, lock, read_seed,
-};
+use self::parts::{Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, fits, hold, lock};
 use crate::arrays::{read_mask, writable};
 use crate::curriculum::{Desk, Episode, NativeCurriculum, Stop};
-use crate::errors::{self, invalid};
+use crate::errors::invalid;
 use crate::feed::{Fed, Rows};
 use crate::pool::Pool;
 use crate::scenario::NativeScenario;
@@ -29,6 +27,7 @@ pub(crate) struct NativeBatch {
     task: &'static dyn TaskSpec,
     recipe: Arc<Recipe>,
     rows: Arc<Rows>,
+    config: BatchConfig,
     pool: Pool,
     /// The process it was made in.
     process: u32,
@@ -110,6 +109,7 @@ impl NativeBatch {
             task,
             recipe,
             rows,
+            config,
             pool,
             process: std::process::id(),
             shape,
@@ -145,33 +145,28 @@ impl NativeBatch {
         lock(py, &self.state).batch.columns()
     }
 
-    /// Begins the next episode of every environment, or of those in `mask`; `seeds` has a seed or none for each. All observations.
-    #[pyo3(signature = (seeds=None, mask=None, out=None) -> "numpy.typing.NDArray[numpy.float32]")]
+    /// Begins the next episode of every environment, or of those in `mask`; `seeds` has a seed or none for each, `recipes` what it
+    /// flies from here on, by seeds of its own, and `scenarios` what it flies first. All observations. What is refused moves nothing.
+    #[pyo3(signature = (seeds=None, mask=None, out=None, recipes=None, scenarios=None) -> "numpy.typing.NDArray[numpy.float32]")]
     fn reset<'py>(
         &self,
         py: Python<'py>,
         seeds: Option<Vec<Option<Bound<'py, PyAny>>>>,
         mask: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
+        recipes: Option<Vec<Option<NativeScenario>>>,
+        scenarios: Option<Vec<Option<NativeScenario>>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         self.here()?;
         let envs = self.shape.envs;
         let mask = mask.map(|mask| read_mask("reset_mask", mask, envs)).transpose()?;
-        let seeds = seeds.unwrap_or_default();
-        if !seeds.is_empty() && seeds.len() != envs {
-            return Err(invalid("seed", format!("{} seeds for {envs} environments", seeds.len())));
-        }
-        let seeds = seeds.iter().map(|seed| seed.as_ref().map(read_seed).transpose());
-        let seeds = seeds.collect::<PyResult<Vec<_>>>()?;
+        let wishes = self.wishes(&seeds.unwrap_or_default(), recipes, scenarios)?;
+        let rows = self.wished(wishes, mask.as_deref())?;
         let observations = self.observations(py, out)?;
         let mut written =
             writable::<f32>("out", observations.as_any(), lock(py, &self.shelves).observations.shape())?;
         let slice = written.as_slice_mut().map_err(|error| invalid("out", error))?;
-        for (slot, seed) in seeds.into_iter().enumerate() {
-            if let Some(seed) = seed.filter(|_| mask.as_ref().is_none_or(|mask| mask[slot])) {
-                self.rows.seed(slot, seed);
-            }
-        }
+        rows.into_iter().for_each(|(slot, row)| self.rows.put(slot, row));
         let begun = py.detach(|| {
             let state = &mut *hold(&self.state);
             if let Some(desk) = &self.desk {
@@ -334,29 +329,6 @@ impl NativeBatch {
                 desk.abandon(book);
             }
         });
-    }
-
-    /// Has an environment fly this scenario next and its recipe from then on, or again what all fly.
-    fn set_scenario(&self, env: usize, scenario: Option<&NativeScenario>) -> PyResult<()> {
-        self.known(env)?;
-        let Some(scenario) = scenario else {
-            self.rows.set(env, None);
-            return Ok(());
-        };
-        self.of_task(scenario)?;
-        let NativeScenario(scenario) = scenario;
-        Seed::user(scenario.seed().get()).map_err(|error| errors::scenario(&error))?;
-        self.rows.set(env, Some(scenario.recipe()));
-        self.rows.seed(env, scenario.seed());
-        Ok(())
-    }
-
-    /// Has an environment fly this scenario's recipe from its next episode on, by seeds of its own.
-    fn set_recipe(&self, env: usize, scenario: &NativeScenario) -> PyResult<()> {
-        self.known(env)?;
-        self.of_task(scenario)?;
-        self.rows.set(env, Some(scenario.0.recipe()));
-        Ok(())
     }
 
     /// What happened in the last step of an environment, in words.

@@ -4,14 +4,38 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use env_core::batch::{Feed, nth_seed};
-use env_core::{Recipe, Seed};
+use env_core::{Recipe, Scenario, Seed};
 
 /// One environment's row.
-struct Row {
+#[derive(Clone)]
+pub(crate) struct Row {
     recipe: Arc<Recipe>,
     seed: Seed,
     /// Scenarios begun since the seed was set.
     begun: u64,
+    /// A scenario that is flown before the row goes on.
+    once: Option<(Arc<Recipe>, Seed)>,
+}
+
+/// What a reset asks of an environment.
+#[derive(Clone, Default)]
+pub(crate) struct Wish {
+    /// The row begins again: its next scenario is that of this seed itself.
+    pub(crate) seed: Option<Seed>,
+    /// What is flown from here on.
+    pub(crate) recipe: Option<Arc<Recipe>>,
+    /// What is flown before the row goes on.
+    pub(crate) once: Option<Scenario>,
+}
+
+impl Wish {
+    /// The row it makes of this one.
+    pub(crate) fn of(&self, row: &Row) -> Row {
+        let (seed, begun) = self.seed.map_or((row.seed, row.begun), |seed| (seed, 0));
+        let recipe = Arc::clone(self.recipe.as_ref().unwrap_or(&row.recipe));
+        let once = self.once.as_ref().map(|once| (Arc::clone(once.recipe()), once.seed()));
+        Row { recipe, seed, begun, once }
+    }
 }
 
 /// The rows of all environments.
@@ -27,19 +51,19 @@ fn held(row: &Mutex<Row>) -> MutexGuard<'_, Row> {
 
 impl Rows {
     pub(crate) fn new(envs: usize, recipe: Arc<Recipe>, seed: impl Fn(usize) -> Seed) -> Arc<Self> {
-        let row = |slot| Mutex::new(Row { recipe: Arc::clone(&recipe), seed: seed(slot), begun: 0 });
+        let row =
+            |slot| Mutex::new(Row { recipe: Arc::clone(&recipe), seed: seed(slot), begun: 0, once: None });
         Arc::new(Self { rows: (0..envs).map(row).collect(), recipe })
     }
 
-    /// The row of an environment begins again: its next scenario is that of this seed itself.
-    pub(crate) fn seed(&self, slot: usize, seed: Seed) {
-        let mut row = held(&self.rows[slot]);
-        (row.seed, row.begun) = (seed, 0);
+    /// An environment's row as it is.
+    pub(crate) fn row(&self, slot: usize) -> Row {
+        held(&self.rows[slot]).clone()
     }
 
-    /// What an environment flies from its next scenario on; without a recipe, what all were made with.
-    pub(crate) fn set(&self, slot: usize, recipe: Option<&Arc<Recipe>>) {
-        held(&self.rows[slot]).recipe = Arc::clone(recipe.unwrap_or(&self.recipe));
+    /// An environment goes on by this row.
+    pub(crate) fn put(&self, slot: usize, row: Row) {
+        *held(&self.rows[slot]) = row;
     }
 
     /// Forgets what was begun: a batch looks at the first scenario before it begins any.
@@ -54,6 +78,9 @@ pub(crate) struct Fed(pub(crate) Arc<Rows>);
 impl Feed for Fed {
     fn scenario(&self, slot: usize, _: u64) -> (Arc<Recipe>, Seed) {
         let mut row = held(&self.0.rows[slot]);
+        if let Some(once) = row.once.take() {
+            return once;
+        }
         let number = row.begun;
         row.begun += 1;
         let seed = if number == 0 { row.seed } else { nth_seed(row.seed.get(), 0, number) };

@@ -16,7 +16,7 @@ use crate::arrays::read_f64;
 use crate::errors::{self, invalid};
 
 /// A scenario: `(scenario, actions)` decides every bit of an episode.
-#[pyclass(frozen, eq, module = "sparring._native")]
+#[pyclass(frozen, eq, from_py_object, module = "sparring._native")]
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct NativeScenario(pub(crate) Scenario);
 

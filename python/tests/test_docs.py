@@ -25,8 +25,7 @@ def test_the_page_about_python_runs_from_top_to_bottom(tmp_path, monkeypatch):
     blocks = shown("docs/python.md")
     assert len(blocks) == 6
     with local() as curriculum:
-        n = 1024
-        names = {"np": np, "n": n, "actions": np.zeros((n, 3, 2), np.float32)}
+        names = {"actions": np.zeros((1024, 3, 2), np.float32)}
         for code in blocks:
             # Its server, its run and its first event are of this test.
             code = code.replace(URL, curriculum.url).replace('run="mine"', f'run="{curriculum.run}"')

@@ -1,5 +1,8 @@
 """Single environments against Gymnasium's own checker, and against what its API says."""
 
+import copy
+import pickle
+
 import gymnasium
 import numpy as np
 import pytest
@@ -145,6 +148,70 @@ def test_scenarios_and_params_by_options():
     ]:
         with pytest.raises(ValueError, match=field):
             env.reset(options=options)
+
+
+UNFAIR = {"mode": "replace", "bodies": {
+    "satellites": [[60, 0, 0, 4], [0, 60, -4, 0], [-60, 0, 0, -4]], "debris": [[60, 0.5, 0, 4]],
+}}  # fmt: skip
+
+
+def test_a_scenario_is_flown_once_and_the_row_goes_on():
+    plain, env = sparring.Environment("survival"), sparring.Environment("survival")
+    given = sparring.Scenario("survival", params={"debris": 1}, physics={"gravity": "j2"}, seed=99)
+    flown = []
+    for one, options in ((plain, None), (env, {"scenario": given})):
+        flown.append([one.reset(seed=7)[1]["scenario"], one.reset(options=options)[1]["scenario"]])
+        flown[-1] += [one.reset()[1]["scenario"] for _ in range(2)]
+    assert flown[1] == [flown[0][0], given, *flown[0][1:3]]
+    assert env.reset(seed=5, options={"scenario": given, "level": 2})[1]["scenario"] == given
+    assert env.reset()[1]["scenario"] == sparring.Scenario("survival", level=2, seed=5)
+
+
+def test_a_reset_that_is_refused_moves_nothing():
+    docking = sparring.Environment("docking/multiagent")
+    kessler = sparring.Environment("survival")
+    unfair = sparring.Scenario("survival", params={"debris": 1}, seed=1, layout=UNFAIR)
+    for env, wishes in (
+        (docking, [{"options": {"level": 9}}, {"options": {"params": {"deputies": 4}}, "seed": 3}]),
+        (kessler, [{"options": {"scenario": unfair}}, {"options": {"level": 9}, "seed": 2**51}, {"seed": -1}]),
+    ):
+        first = env.reset(seed=1)[1]["scenario"]
+        env.step(env.action_space.sample())
+        for wish in wishes:
+            before = env._native.state_hash(0)
+            with pytest.raises(ValueError, match=r"options|seed"):
+                env.reset(**wish)
+            assert env._native.state_hash(0) == before
+            assert env.scenario == first
+            env.step(env.action_space.sample())
+        assert env.reset(seed=1)[1]["scenario"] == first
+    with pytest.raises(ValueError, match=r"options: params\.deputies .*; environments have room for what they were made with"):
+        docking.reset(options={"level": 9})
+
+
+def test_what_was_asked_for_is_of_those_who_took_part():
+    env = sparring.Environment("docking/multiagent")
+    env.reset(seed=0, options={"params": {"deputies": 1}})
+    total, over = 0.0, False
+    while not over:
+        _, reward, terminated, truncated, _ = env.step(np.ones((3, 3), np.float32))
+        total, over = total + reward, terminated or truncated
+    assert env.history.shape[1:] == (1, 3)
+    # Rewards are float32 each.
+    assert sparring.replay(env.scenario, env.history).total_reward == pytest.approx(total, abs=1e-4)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copied", "pickled"])
+def test_a_copy_is_made_anew_with_the_same_settings(copied):
+    how = {"level": 3, "actions": "discrete", "render_mode": "rgb_array", "render_size": (96, 64)}
+    env = gymnasium.make("sparring/Survival-v0", **how).unwrapped
+    again = copied(env)
+    assert equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
+    assert again.action_space == env.action_space
+    assert again.render().shape == (64, 96, 3)
+    envs = copied(sparring.make_vec("docking/single", 3, autoreset_mode="same_step", threads=1))
+    assert (envs.num_envs, envs.threads, envs.autoreset_mode) == (3, 1, gymnasium.vector.AutoresetMode.SAME_STEP)
+    assert equal(envs.reset(seed=1)[0], sparring.make_vec("docking/single", 3).reset(seed=1)[0])
 
 
 def test_seeds_of_training_and_evaluation_are_not_begun_by_hand():

@@ -1,5 +1,7 @@
 """Against PettingZoo's own tests."""
 
+import copy
+
 import numpy as np
 import pytest
 from conftest import equal, short
@@ -77,3 +79,18 @@ def test_what_is_no_action_is_refused_with_the_agent():
     ]:
         with pytest.raises(ValueError, match=field):
             env.step(actions)
+
+
+def test_a_copy_is_made_anew_with_the_same_settings():
+    env = sparring.parallel_env("docking/multiagent", level=9)
+    again = copy.deepcopy(env)
+    assert again.possible_agents == env.possible_agents and len(again.possible_agents) == 5
+    assert equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
+
+
+def test_infos_say_what_is_flown_and_what_happened():
+    env = sparring.parallel_env("survival", params={"fuel": 0.1})
+    _, infos = env.reset(seed=3)
+    assert {info["scenario"] for info in infos.values()} == {env.scenario}
+    *_, infos = env.step({"satellite_1": np.array([1.0, 0.0])})
+    assert [info["alerts"] for info in infos.values()] == [["Sat 1 failed burn: Insufficient fuel."]] * 3

@@ -147,6 +147,40 @@ def test_scenarios_one_each():
         envs.reset(options={"scenario": scenarios[:1]})
 
 
+def test_rows_go_on_behind_a_scenario_that_all_fly():
+    envs, plain = (sparring.make_vec("survival", 4, autoreset_mode="disabled") for _ in range(2))
+    envs.reset(seed=0)
+    plain.reset(seed=0)
+    scenario = sparring.Scenario("survival", seed=5)
+    envs.reset(options={"scenario": scenario})
+    assert [envs.scenario(env) for env in range(4)] == [scenario] * 4
+    for _ in range(2):
+        envs.reset()
+        plain.reset()
+        assert [envs.scenario(env) for env in range(4)] == [plain.scenario(env) for env in range(4)]
+
+
+def test_one_wish_that_is_refused_moves_no_environment():
+    envs = sparring.make_vec("docking/multiagent", 3)
+    envs.reset(seed=0)
+    before = [envs.state_hash(env) for env in range(3)]
+    fine = sparring.Scenario("docking/multiagent", seed=1)
+    mask = np.array([False, True, False])
+    for options in (
+        {"params": {"deputies": 4}, "reset_mask": mask},
+        {"scenario": [fine, fine, "bad"]},
+        {"scenario": [fine, fine, sparring.Scenario("docking/multiagent", params={"deputies": 5})]},
+        {"scenario": "x"},
+    ):
+        with pytest.raises(ValueError, match="options"):
+            envs.reset(options=options)
+        assert [envs.state_hash(env) for env in range(3)] == before
+    envs.reset(options={"reset_mask": mask})
+    assert [envs.state_hash(env) == old for env, old in enumerate(before)] == [True, False, True]
+    assert envs.scenario(1) != fine
+    envs.step(np.zeros(envs.action_space.shape, np.float32))
+
+
 def test_a_forked_process_is_told_that_it_has_no_threads():
     envs = sparring.make_vec("kessler/survival", 128, threads=2)
     envs.reset(seed=1)

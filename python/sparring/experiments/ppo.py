@@ -312,7 +312,7 @@ def _curriculum(args: argparse.Namespace) -> sparring.Curriculum | None:
 
 def _numbers(curriculum: sparring.Curriculum | None) -> dict[str, float]:
     try:
-        return curriculum.numbers() if curriculum else {}
+        return {f"curriculum/{name}": value for name, value in curriculum.numbers().items()} if curriculum else {}
     except sparring.CurriculumError:
         return {}  # a server that is away costs a point of the curves, not the training
 

@@ -270,6 +270,7 @@ impl NativeCurriculum {
             let stock = self.desk.shared.lock();
             let mut told = serde_json::to_value(&stock.tally).unwrap_or_default();
             told["ready"] = json!(stock.ready());
+            told["unclaimed"] = json!(stock.unclaimed());
             told["waiting"] = json!(stock.waiting);
             told["away_s"] = json!(stock.away.as_ref().map(|(since, _)| since.elapsed().as_secs_f64()));
             told["paused"] = json!(stock.paused.is_some());

@@ -134,6 +134,11 @@ impl Stock {
         self.returned.len() + self.fetched.iter().map(|episodes| episodes.left).sum::<usize>()
     }
 
+    /// Episodes that are flown, of leases of columns that are not yet whole.
+    pub(super) fn unclaimed(&self) -> usize {
+        self.ledgers.values().map(|ledger| ledger.flown.iter().flatten().count()).sum()
+    }
+
     /// Whether anything can come of it still.
     ///
     /// # Errors
