@@ -164,9 +164,9 @@ class Curriculum:
             CurriculumError: No such program, or it does not start.
         """
         server = Server(db, binary)
-        if db is None:
-            settings.setdefault("token", "")  # one that was just made knows none
         try:
+            if settings.get("token") is None and _open(server.url):
+                settings["token"] = ""  # what `SPARRING_TOKEN` has is another's
             made = cls(server.url, run, **settings)
         except BaseException:
             server.stop()
@@ -347,6 +347,15 @@ def _tell(gone: weakref.WeakMethod[Any], why: str) -> None:
     told = gone()
     if told is not None:
         told(why)
+
+
+def _open(url: str) -> bool:
+    """Whether a server answers those without a token: none were made for its database."""
+    try:
+        _native.NativeLink(url).ask("GET", "/v1/runs?limit=1")
+    except CurriculumError:
+        return False
+    return True
 
 
 def _call(leave: weakref.WeakMethod[Any]) -> None:

@@ -1,6 +1,7 @@
 """A curriculum of a real server: what is flown by it, and what is refused."""
 
 import os
+import subprocess
 import sysconfig
 
 import gymnasium
@@ -123,6 +124,21 @@ WRONG = {
 def test_what_is_none_is_named(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
         sparring.Curriculum(**{"url": "http://127.0.0.1:1", field: value})
+
+
+def test_a_database_that_has_tokens_is_asked_with_one(tmp_path, monkeypatch):
+    db = tmp_path / "run.sqlite3"
+    monkeypatch.setenv("SPARRING_TOKEN", "sparring_1_of_another")
+    with local(db=db) as curriculum:
+        assert curriculum.token is None
+    line = [BINARY, "token", "create", "mine", "--role", "admin", "--db", os.fspath(db)]
+    told = subprocess.run(line, capture_output=True, text=True, check=True).stdout.split()
+    monkeypatch.setenv("SPARRING_TOKEN", next(word for word in told if word.startswith("sparring_")))
+    with local(db=db) as curriculum:
+        assert curriculum.beside().run == curriculum.run
+    monkeypatch.delenv("SPARRING_TOKEN")
+    with pytest.raises(sparring.CurriculumError, match="401"):
+        local(db=db)
 
 
 def test_a_server_on_this_machine_needs_no_proxy_and_no_token_of_another(monkeypatch):
