@@ -57,6 +57,8 @@ def options():
     args = parser.parse_args()
     if args.run and not args.url:
         parser.error("--run: it is one of a server's, which --url has to say")
+    if min(args.iterations, args.env_runners, args.envs, args.steps or 1) < 1:
+        parser.error("--iterations, --env-runners, --envs and --steps are 1 at least")
     return args, parser
 
 

@@ -99,6 +99,8 @@ def main():
     parser.add_argument("--output", default="grpo", help="folder of checkpoints and curves")
     args = parser.parse_args()
 
+    if args.siblings < 2 or min(args.steps, args.groups, args.tokens) < 1:
+        parser.error("--siblings is 2 at least, --steps, --groups and --tokens are 1")
     if args.run and not args.url:
         parser.error("--run: it is one of a server's, which --url has to say")
     settings = None if args.run else {"tasks": args.tasks, "group_size": args.siblings}

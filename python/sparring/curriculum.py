@@ -7,6 +7,7 @@ import functools
 import json
 import os
 import sys
+import time
 import weakref
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -268,6 +269,24 @@ class Curriculum:
         """
         self._here()
         return json.loads(self._link.ask(method, path, None if body is None else to_json("body", body)))
+
+    def reach(self) -> None:
+        """Waits until the server answers, for as long as this has patience: one that is being restarted ends no training.
+
+        Raises:
+            CurriculumError: It does not, or refuses.
+        """
+        until = time.monotonic() + self._wish["patience_s"]
+        while True:
+            try:
+                self.ask("GET", f"/v1/runs/{self._name}")
+                return
+            except CurriculumError as error:
+                # One of its own that ended does not come back.
+                away = str(error).startswith("no server answers") and self._server is None
+                if not away or time.monotonic() > until:
+                    raise
+            time.sleep(0.2)
 
     def beside(self, **wish: Any) -> Curriculum:
         """Another part of the same run, as patient, for other environments: `purpose="eval"`, for one. It has to be closed by

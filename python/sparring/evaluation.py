@@ -75,6 +75,7 @@ def evaluate(
         raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
     if "autoreset_mode" in environment:
         raise ValueError("autoreset_mode: an evaluation flies each scenario once, and resets by itself")
+    curriculum.reach()
     known = _suite(curriculum, suite, tasks)
     wish = {**known, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
     begun = curriculum.ask(

@@ -29,6 +29,11 @@ pub(crate) struct Wish {
 }
 
 impl Wish {
+    /// The row goes on as it was.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.seed.is_none() && self.recipe.is_none() && self.once.is_none()
+    }
+
     /// The row it makes of this one.
     pub(crate) fn of(&self, row: &Row) -> Row {
         let (seed, begun) = self.seed.map_or((row.seed, row.begun), |seed| (seed, 0));

@@ -321,6 +321,27 @@ def test_who_forgets_a_curriculum_has_what_was_flown_handed_in(tmp_path):
         assert flown > 0
 
 
+def test_an_evaluation_begins_once_a_server_is_back(tmp_path):
+    db = tmp_path / "run.sqlite3"
+    owner, curriculum = apart(db=db, patience_s=30)
+    owner._server._process.kill()
+    owner._server._process.wait()
+    again = []
+    timer = threading.Timer(1.0, lambda: again.append(serve_again(db, curriculum.url)))
+    timer.start()
+    try:
+        with pytest.raises(sparring.CurriculumError, match="there is no suite"):
+            sparring.evaluate(curriculum, None, suite="nope")
+    finally:
+        timer.join()
+        again[0].terminate()
+        again[0].wait()
+    hasty = apart(db=None, patience_s=0.2)
+    hasty[0].close()
+    with pytest.raises(sparring.CurriculumError, match="no server answers"):
+        sparring.evaluate(hasty[1], None)
+
+
 def test_a_lease_of_columns_that_ran_out_is_told_as_late_and_training_goes_on(tmp_path):
     db = tmp_path / "run.sqlite3"
     owner, curriculum = apart(db=db, form="columns", lease=16, ahead=1, ttl_s=1)

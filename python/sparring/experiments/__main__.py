@@ -12,7 +12,10 @@ Each has a --help."""
 
 def main() -> int:
     """Hands over to one of them."""
-    name, *rest = sys.argv[1:] or ["--help"]
+    if not sys.argv[1:]:
+        print(USAGE, file=sys.stderr)
+        return 2
+    name, *rest = sys.argv[1:]
     if name in ("-h", "--help"):
         print(USAGE)
         return 0

@@ -90,8 +90,8 @@ def _at_once(folder: Path, experiment: Experiment, waiting: list[Training], url:
     # Threads of a learner do not survive a fork.
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager, ProcessPoolExecutor(jobs, mp_context=context, initializer=_alone) as pool:
-        queue = manager.Queue()
-        running = [pool.submit(_one, folder, experiment, one, url, queue) for one in waiting]
+        queue, stop = manager.Queue(), manager.Event()
+        running = [pool.submit(_one, folder, experiment, one, url, queue, stop) for one in waiting]
         try:
             while any(not future.done() for future in running) and not _failed(running):
                 _hear(queue, told)
@@ -101,6 +101,8 @@ def _at_once(folder: Path, experiment: Experiment, waiting: list[Training], url:
                 if future.done():
                     future.result()
         finally:
+            # A pool hands out one more than its processes work on, which is not cancelled any more.
+            stop.set()
             pool.shutdown(cancel_futures=True)
 
 
@@ -108,8 +110,14 @@ def _alone() -> None:
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 
-def _one(folder: Path, experiment: Experiment, one: Training, url: str, queue: Any) -> None:
-    training.fly(folder, experiment, one, url, lambda steps: queue.put((one, steps)))
+def _one(folder: Path, experiment: Experiment, one: Training, url: str, queue: Any, stop: Any) -> None:
+    def told(steps: int) -> None:
+        if stop.is_set():
+            raise RuntimeError("the others were stopped")
+        queue.put((one, steps))
+
+    told(0)
+    training.fly(folder, experiment, one, url, told)
 
 
 def _failed(running: list[Future[None]]) -> bool:

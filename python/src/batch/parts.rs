@@ -189,7 +189,7 @@ impl NativeBatch {
         let mut trial = None;
         let mut rows = Vec::new();
         for (slot, wish) in wishes.into_iter().enumerate() {
-            if mask.is_some_and(|mask| !mask[slot]) {
+            if wish.is_empty() || mask.is_some_and(|mask| !mask[slot]) {
                 continue;
             }
             let row = wish.of(&self.rows.row(slot));
