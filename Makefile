@@ -30,8 +30,6 @@ test test-python test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
 # it is what compiles the tests. `make lint` looks at what is behind features, too.
 test test-python test-trainers test-heavy: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
 test test-python test-trainers test-heavy: export CLIPPY_ARGS := -Dwarnings
-# Half of what whole-system tests do is wait, for clocks, disks and each other: with as many threads as cores, half of these do nothing.
-test: export RUST_TEST_THREADS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN) + 1)))
 test: check-cargo check-clippy check-python check-node ## Everything that is checked before a change lands
 	cargo fmt --all -- --check
 	@# What is fetched comes while the compiler works, and what needs no binary is tested meanwhile.

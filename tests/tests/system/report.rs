@@ -5,6 +5,8 @@ use std::process::{Command, Output};
 use serde_json::json;
 use system_tests::{Server, binary, result};
 
+use crate::design::caught_up;
+
 const HOSTILE: &str = "<script>alert(1)</script> \"'&";
 
 fn report(args: &[&str]) -> Output {
@@ -22,6 +24,7 @@ async fn a_run_is_told_on_one_page_that_needs_nothing_else() {
         let results = lease.episodes().iter().map(|(id, scenario)| result(id, scenario, "hold")).collect();
         let _ = api.report("run", results).await;
     }
+    let failures = caught_up(&api).await;
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("report.html");
     let (db, out_arg) = (server.db().display().to_string(), out.display().to_string());
@@ -44,7 +47,6 @@ async fn a_run_is_told_on_one_page_that_needs_nothing_else() {
         assert!(!page.contains(outside), "{outside}: it needs something else");
     }
     // A rose says what the service says.
-    let failures = api.get("/v1/runs/run/failures").await.expect(200);
     let modes = failures["tasks"][0]["modes"].as_array().unwrap();
     let collisions = modes.iter().find(|mode| mode["mode"] == "collision").unwrap();
     assert!(collisions["count"].as_i64().unwrap() > 0);
