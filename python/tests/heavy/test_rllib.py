@@ -269,7 +269,8 @@ def test_an_agent_for_each_deputy(cluster):
         finally:
             algorithm.stop()
         flown = [stats["flown"] for *_, stats in told]
-        assert len(told) == 2 and min(flown) > 0
+        # An episode takes 2000 steps where nothing ends it before: one of the two may have seen none to its end.
+        assert len(told) == 2 and sum(flown) > 0
         assert sum(finished(curriculum).values()) == sum(flown)
         assert not open_leases(curriculum)
         assert "shared" in results[-1]["learners"]
@@ -287,7 +288,7 @@ def test_an_agent_for_each_satellite_and_a_shared_curriculum():
         other.close()
         for env in (one, two):
             seen, infos = env.reset()
-            assert infos["satellite_0"] == {"level": 0, "train": True}
+            assert infos["satellite_0"] == {"scenario": env.env.scenario, "level": 0, "train": True}
             while seen and env.env.agents:
                 seen, *_ = env.step({})
             env.reset()
