@@ -144,10 +144,10 @@ class NativeLink:
     The way to a server, for what is asked now and then.
     """
     def __new__(cls, /, url: str, token: str | None = None) -> NativeLink: ...
-    def ask(self, /, method: str, path: str, body: str | None = None, *, patience_s: SupportsFloat | SupportsIndex = 30.0) -> str:
+    def ask(self, /, method: str, path: str, body: str | None = None, *, patience_s: SupportsFloat | SupportsIndex = 30.0, wait: bool = False) -> str:
         """
         Asks, again while the server is busy but not for longer than `patience_s`, nor where it may have done what is not to be
-        done twice; JSON comes back.
+        done twice; JSON comes back. With `wait` one that does not answer may come back, too, and is only looked at by then.
         """
 
 @final

@@ -1,6 +1,7 @@
 //! Many environments, or one, as arrays.
 
 mod parts;
+mod wishes;
 
 use std::sync::{Arc, Mutex};
 
@@ -12,7 +13,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 pub(crate) use self::parts::Wrong;
-use self::parts::{Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, fits, hold, lock};
+use self::parts::{Agents, Episodes, Given, Lessons, Shelves, Stepped, autoreset, hold, lock};
+use self::wishes::fits;
 use crate::arrays::{read_mask, writable};
 use crate::curriculum::{Desk, Episode, NativeCurriculum, Stop};
 use crate::errors::invalid;

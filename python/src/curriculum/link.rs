@@ -154,8 +154,8 @@ impl NativeLink {
     }
 
     /// Asks, again while the server is busy but not for longer than `patience_s`, nor where it may have done what is not to be
-    /// done twice; JSON comes back.
-    #[pyo3(signature = (method, path, body=None, *, patience_s=30.0))]
+    /// done twice; JSON comes back. With `wait` one that does not answer may come back, too, and is only looked at by then.
+    #[pyo3(signature = (method, path, body=None, *, patience_s=30.0, wait=false))]
     fn ask(
         &self,
         py: Python<'_>,
@@ -163,6 +163,7 @@ impl NativeLink {
         path: &str,
         body: Option<&str>,
         patience_s: f64,
+        wait: bool,
     ) -> PyResult<String> {
         let verb = Method::from_bytes(method.as_bytes()).map_err(|error| invalid("method", error))?;
         let until = until("patience_s", patience_s)?;
@@ -172,6 +173,12 @@ impl NativeLink {
                 Err(Failure::Refused { status: 0, why, .. }) => return Err(invalid("url", why)),
                 Err(Failure::Refused { status, why, .. }) => {
                     return Err(failed(format!("{method} {path}: {status}: {why}")));
+                }
+                Err(Failure::Away { status: None, .. })
+                    if wait && verb == Method::GET && Instant::now() < until =>
+                {
+                    py.detach(|| std::thread::sleep(LOOK));
+                    py.check_signals()?;
                 }
                 Err(Failure::Away { status: None, why, .. }) => {
                     return Err(failed(format!("no server answers at {}: {why}", self.0.base)));
