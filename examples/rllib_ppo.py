@@ -55,8 +55,6 @@ def options():
     parser.add_argument("--tensorboard", help="a folder for TensorBoard")
     parser.add_argument("--no-evaluation", action="store_true", help="do without the held-out suite of kessler at the end")
     args = parser.parse_args()
-    if args.run and not args.url:
-        parser.error("--run: it is one of a server's, which --url has to say")
     if min(args.iterations, args.env_runners, args.envs, args.steps or 1) < 1:
         parser.error("--iterations, --env-runners, --envs and --steps are 1 at least")
     return args, parser
@@ -121,13 +119,9 @@ def write(board, iteration, result):
 def main():
     args, parser = options()
     board = SummaryWriter(args.tensorboard) if args.tensorboard else None
-    settings = None if args.run else {"tasks": [args.task]}
     try:
-        if args.url:
-            curriculum = sparring.Curriculum(args.url, args.run, settings=settings)
-        else:
-            curriculum = sparring.Curriculum.local(settings=settings)
-    except sparring.CurriculumError as error:
+        curriculum = sparring.Curriculum.find(args.url, args.run, settings={"tasks": [args.task]})
+    except (sparring.CurriculumError, ValueError) as error:
         parser.error(str(error))
     with curriculum:
         print(f"run {curriculum.run} at {curriculum.url}", flush=True)

@@ -112,10 +112,10 @@ def main() -> None:
     args = parser.parse_args()
     if min(args.steps, args.envs, args.looks, args.seed) < 1:
         parser.error("--steps, --envs, --looks and --seed are 1 at least")
-    wish = {"settings": {"tasks": TASKS, "name": "sb3", "strategy": args.strategy}, "form": "groups"}
+    settings = {"tasks": TASKS, "name": "sb3", "strategy": args.strategy}
     try:
-        curriculum = sparring.Curriculum(args.url, **wish) if args.url else sparring.Curriculum.local(**wish)
-    except sparring.CurriculumError as error:
+        curriculum = sparring.Curriculum.find(args.url, settings=settings, form="groups")
+    except (sparring.CurriculumError, ValueError) as error:
         parser.error(str(error))
     with curriculum:
         train(args, curriculum)

@@ -101,15 +101,10 @@ def main():
 
     if args.siblings < 2 or min(args.steps, args.groups, args.tokens) < 1:
         parser.error("--siblings is 2 at least, --steps, --groups and --tokens are 1")
-    if args.run and not args.url:
-        parser.error("--run: it is one of a server's, which --url has to say")
-    settings = None if args.run else {"tasks": args.tasks, "group_size": args.siblings}
+    settings = {"tasks": args.tasks, "group_size": args.siblings}
     try:
-        if args.url:
-            curriculum = sparring.Curriculum(args.url, args.run, settings=settings)
-        else:
-            curriculum = sparring.Curriculum.local(settings=settings)
-    except sparring.CurriculumError as error:
+        curriculum = sparring.Curriculum.find(args.url, args.run, settings=settings)
+    except (sparring.CurriculumError, ValueError) as error:
         parser.error(str(error))
     with curriculum:
         train(curriculum, args)

@@ -7,7 +7,6 @@ import functools
 import json
 import os
 import sys
-import time
 import weakref
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -176,8 +175,28 @@ class Curriculum:
         made._watch(server)
         return made
 
+    @classmethod
+    def find(
+        cls, url: str | None = None, run: str | None = None, *, settings: Mapping[str, Any] | None = None, **wish: Any
+    ) -> Curriculum:
+        """The curriculum of a server that is there or, without an address, of one that is started for as long as it is used.
+
+        Args:
+            url: Where the server is, if there is one.
+            run: A run of that server; one is created otherwise, with `settings`.
+            settings, wish: As `Curriculum` takes them.
+
+        Raises:
+            ValueError: A run without the address of its server, or what `Curriculum` refuses.
+            CurriculumError: No server, no program to start, or it refuses.
+        """
+        if url is None and run is not None:
+            raise ValueError("run: it is one of a server's, which url has to say")
+        settings = settings if run is None else None
+        return cls.local(settings=settings, **wish) if url is None else cls(url, run, settings=settings, **wish)
+
     def _watch(self, server: Server) -> None:
-        server.watch(functools.partial(_tell, weakref.WeakMethod(self._gone)))
+        server.watch(functools.partial(_call, weakref.WeakMethod(self._gone)))
 
     def _gone(self, why: str) -> None:
         # Others may come back; one that was this process's own does not, and whoever waited for it would wait for nothing.
@@ -276,17 +295,9 @@ class Curriculum:
         Raises:
             CurriculumError: It does not, or refuses.
         """
-        until = time.monotonic() + self._wish["patience_s"]
-        while True:
-            try:
-                self.ask("GET", f"/v1/runs/{self._name}")
-                return
-            except CurriculumError as error:
-                # One of its own that ended does not come back.
-                away = str(error).startswith("no server answers") and self._server is None
-                if not away or time.monotonic() > until:
-                    raise
-            time.sleep(0.2)
+        self._here()
+        # One of its own that ended does not come back.
+        self._link.ask("GET", f"/v1/runs/{self._name}", patience_s=self._wish["patience_s"], wait=self._server is None)
 
     def beside(self, **wish: Any) -> Curriculum:
         """Another part of the same run, as patient, for other environments: `purpose="eval"`, for one. It has to be closed by
@@ -362,12 +373,6 @@ def _whole(name: str, value: Any, most: int) -> None:
         raise ValueError(f"{name}: {value!r} is not a whole number from 1 to {most}")
 
 
-def _tell(gone: weakref.WeakMethod[Any], why: str) -> None:
-    told = gone()
-    if told is not None:
-        told(why)
-
-
 def _open(url: str) -> bool:
     """Whether a server answers those without a token: none were made for its database."""
     try:
@@ -377,7 +382,7 @@ def _open(url: str) -> bool:
     return True
 
 
-def _call(leave: weakref.WeakMethod[Any]) -> None:
-    at_exit = leave()
-    if at_exit is not None:
-        at_exit()
+def _call(method: weakref.WeakMethod[Any], *words: str) -> None:
+    there = method()
+    if there is not None:
+        there(*words)

@@ -304,10 +304,9 @@ def _options() -> argparse.ArgumentParser:
 
 
 def _curriculum(args: argparse.Namespace) -> sparring.Curriculum | None:
-    settings = None if args.run else {"tasks": [args.task or "kessler/survival"]}
-    if args.url:
-        return sparring.Curriculum(args.url, args.run, settings=settings)
-    return sparring.Curriculum.local(settings=settings) if args.local else None
+    if not (args.url or args.local):
+        return None
+    return sparring.Curriculum.find(args.url, args.run, settings={"tasks": [args.task or "kessler/survival"]})
 
 
 def _numbers(curriculum: sparring.Curriculum | None) -> dict[str, float]:
