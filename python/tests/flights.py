@@ -1,7 +1,9 @@
 """What tests of a curriculum fly with: a real server of their own, and how it comes back."""
 
+import contextlib
 import os
 import subprocess
+import threading
 import time
 
 import numpy as np
@@ -23,10 +25,22 @@ def apart(db=None, **wish):
     return owner, sparring.Curriculum(owner.url, owner.run, **wish)
 
 
-def serve_again(db, url):
-    """A server where one was that died, on its database."""
+@contextlib.contextmanager
+def serve_again(db, url, after_s=0.0):
+    """A server where one was that ended, on its database, after so long, until the block is left."""
     line = [BINARY, "serve", "--bind", url.removeprefix("http://"), "--db", os.fspath(db)]
-    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    begun = []
+    timer = threading.Timer(
+        after_s, lambda: begun.append(subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+    )
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.join()
+        for process in begun:
+            process.terminate()
+            process.wait()
 
 
 def until(what, most=30.0):

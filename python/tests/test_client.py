@@ -2,15 +2,14 @@
 
 import asyncio
 import json
-import os
 import pathlib
 import signal
-import subprocess
 import threading
 import time
 
 import pytest
 from conftest import BINARY, served
+from flights import serve_again
 
 import sparring
 from sparring.server import Server
@@ -89,30 +88,16 @@ def test_the_same_to_be_awaited(url):
 def test_a_server_that_comes_back_is_waited_for(tmp_path):
     db = tmp_path / "run.sqlite3"
     server = Server(db, BINARY)
-    port = server.url.rsplit(":", 1)[1]
-    again = []
-
-    def restart():
-        line = [BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", os.fspath(db)]
-        time.sleep(1)
-        again.append(subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
-
     with sparring.Client(server.url, patience_s=30) as client:
         run = client.runs.create(**WISH)["id"]
         heard = client.events(run, after=0)
         assert next(heard).data["state"] == "created"
         server._process.send_signal(signal.SIGKILL)
         server._process.wait()
-        thread = threading.Thread(target=restart)
-        thread.start()
-        try:
+        with serve_again(db, server.url, 1.0):
             assert client.runs.show(run)["id"] == run
             client.runs.archive(run)
             assert any(event.data.get("state") == "archived" for event in heard)
-        finally:
-            thread.join()
-            again[0].terminate()
-            again[0].wait()
         with sparring.Client(server.url, patience_s=0.5) as hasty, pytest.raises(sparring.Unreachable):
             hasty.runs.list()
 
@@ -133,17 +118,12 @@ def test_who_has_heard_nothing_yet_misses_nothing_through_a_restart(tmp_path):
         time.sleep(1)
         server._process.terminate()
         server._process.wait()
-        line = [BINARY, "serve", "--bind", server.url.removeprefix("http://"), "--db", os.fspath(db)]
-        again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
+        with serve_again(db, server.url):
             # At once, before who listens is back.
             client.runs.pause(run)
             client.runs.resume(run)
             listener.join(20)
             assert heard == ["paused", "resumed"]
-        finally:
-            again.terminate()
-            again.wait()
 
 
 @pytest.mark.parametrize("awaited", [False, True])
@@ -170,15 +150,10 @@ def test_a_run_in_which_nothing_happens_is_listened_to_through_a_restart(tmp_pat
         time.sleep(3)  # longer than it has patience
         server._process.terminate()
         server._process.wait()
-        line = [BINARY, "serve", "--bind", server.url.removeprefix("http://"), "--db", os.fspath(db)]
-        again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
+        with serve_again(db, server.url):
             client.runs.pause(run)
             listener.join(20)
             assert heard == ["created", "paused"]
-        finally:
-            again.terminate()
-            again.wait()
 
 
 def test_every_operation_of_v1_has_a_method():

@@ -156,6 +156,16 @@ def test_a_server_on_this_machine_needs_no_proxy_and_no_token_of_another(monkeyp
             sparring.Curriculum(curriculum.url, curriculum.run)
 
 
+def test_a_server_is_found_or_started(monkeypatch):
+    monkeypatch.setenv("SPARRING_BIN", BINARY)
+    with sparring.Curriculum.find(settings=SETTINGS) as started:
+        found = sparring.Curriculum.find(started.url, started.run, settings=SETTINGS, form="groups")
+        assert (found.url, found.run) == (started.url, started.run)
+        assert sparring.Curriculum.find(started.url, settings=SETTINGS).run != started.run
+    with pytest.raises(ValueError, match=r"^run: "):
+        sparring.Curriculum.find(run="mine")
+
+
 @pytest.mark.parametrize("form", ["groups", "columns"])
 def test_groups_may_be_as_large_as_a_run_takes(form):
     with local(settings={**SETTINGS, "group_size": 1024}, form=form) as curriculum:

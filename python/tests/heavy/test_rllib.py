@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import BINARY, served
+from flights import serve_again
 
 pytest.importorskip("ray")
 import ray
@@ -350,7 +351,6 @@ def test_episodes_are_left_out_whole():
 def test_a_server_that_is_away_for_a_while_costs_no_training(cluster, tmp_path):
     db = tmp_path / "run.sqlite3"
     curriculum = local(["kessler/survival"], db)
-    port = curriculum.url.rsplit(":", 1)[1]
     algorithm = team(curriculum, envs=2, lease=64).build_algo()
     try:
         algorithm.train()
@@ -360,15 +360,10 @@ def test_a_server_that_is_away_for_a_while_costs_no_training(cluster, tmp_path):
         assert "default_policy" in result["learners"]
         assert result["curriculum"]["episodes/waiting"] > 0
         assert "kessler/survival/mastery" not in result["curriculum"]
-        line = [BINARY, "serve", "--bind", f"127.0.0.1:{port}", "--db", os.fspath(db)]
-        again = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
+        with serve_again(db, curriculum.url):
             flown = sum(stats["flown"] for *_, stats in runners(algorithm))
             algorithm.stop()
             assert sum(finished(curriculum).values()) == flown
-        finally:
-            again.terminate()
-            again.wait()
     finally:
         algorithm.stop()
         curriculum.close()
