@@ -50,7 +50,8 @@ const LAST: u32 = 1000;
 /// Listen to what happens in a run (Server-Sent Events): `run` (created, changed, paused, resumed, archived), `lease` (taken, renewed, done, released,
 /// expired), `group` (how it ended), `move` (a level, with its evidence), `claim` (of columns), `failures` (that were criticised),
 /// `design` (what a designer came to) and `health` (what whoever watches should know). Every event has an id; a listener that
-/// comes again with it as `Last-Event-ID` misses nothing (without one the stream begins by an id that has no data, from which to go on), as long as at most 10 000 others came since: else the first event is `gap`.
+/// comes again with it as `Last-Event-ID` misses nothing, as long as at most 10 000 others came since: else the first event is `gap`.
+/// Where it has none the stream begins by an id without data, from which to go on.
 #[utoipa::path(
     get, path = "/runs/{run}/events", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), From,
