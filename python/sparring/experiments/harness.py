@@ -18,7 +18,7 @@ from ..curriculum import plain_token
 from ..server import Server
 from . import training
 from .findings import compared, read
-from .plan import BASELINE, COMPARED, Experiment, Training, Wrong, write
+from .plan import BASELINE, COMPARED, Experiment, Training, Where, Wrong, write
 
 #: The server's database, in the experiment's folder: runs, evaluations, and what they rest on.
 DATABASE = "runs.sqlite3"
@@ -52,46 +52,42 @@ def fly(folder: Path, experiment: Experiment, *, url: str | None, binary: str | 
         _compare(folder, at)
 
 
-def _known(url: str, suite: str | None) -> None:
-    told = json.loads(_native.NativeLink(url, plain_token(None)).ask("GET", "/v1/suites"))["suites"]
+def _known(at: Where, suite: str | None) -> None:
+    told = json.loads(_native.NativeLink(at.url, plain_token(at.token)).ask("GET", "/v1/suites"))["suites"]
     known = [one["name"] for one in told]
     if suite is not None and suite not in known:
         raise Wrong(f"suite: there is no {suite}; the server knows {', '.join(known)}")
 
 
-def _compare(folder: Path, url: str) -> None:
+def _compare(folder: Path, at: Where) -> None:
     found = read(folder)
     of, rows = found.evaluations(), {}
     if BASELINE in of:
         run = next(iter(found.done.values()))["run"]
-        with Curriculum(url, run) as curriculum:
+        with Curriculum(at.url, run, token=at.token) as curriculum:
             for arm in of.keys() - {BASELINE}:
                 rows[arm] = curriculum.ask("GET", f"/v1/evaluations/compare?a={of[arm]}&b={of[BASELINE]}")["rows"]
     write(folder / COMPARED, {"of": of, "rows": rows})
 
 
 @contextmanager
-def _server(folder: Path, url: str | None, binary: str | None) -> Iterator[str]:
+def _server(folder: Path, url: str | None, binary: str | None) -> Iterator[Where]:
     if url is not None:
-        yield url
+        yield Where(url)
         return
-    # One of its own knows no token of another's.
-    token = os.environ.pop("SPARRING_TOKEN", None)
     server = Server(folder / DATABASE, binary)
     try:
-        yield server.url
+        yield Where(server.url, "")
     finally:
         server.stop()
-        if token is not None:
-            os.environ["SPARRING_TOKEN"] = token
 
 
-def _at_once(folder: Path, experiment: Experiment, waiting: list[Training], url: str, jobs: int, told: Told) -> None:
+def _at_once(folder: Path, experiment: Experiment, waiting: list[Training], at: Where, jobs: int, told: Told) -> None:
     # Threads of a learner do not survive a fork.
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager, ProcessPoolExecutor(jobs, mp_context=context, initializer=_alone) as pool:
         queue, stop = manager.Queue(), manager.Event()
-        running = [pool.submit(_one, folder, experiment, one, url, queue, stop) for one in waiting]
+        running = [pool.submit(_one, folder, experiment, one, at, queue, stop) for one in waiting]
         try:
             while any(not future.done() for future in running) and not _failed(running):
                 _hear(queue, told)
@@ -110,14 +106,14 @@ def _alone() -> None:
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 
-def _one(folder: Path, experiment: Experiment, one: Training, url: str, queue: Any, stop: Any) -> None:
+def _one(folder: Path, experiment: Experiment, one: Training, at: Where, queue: Any, stop: Any) -> None:
     def told(steps: int) -> None:
         if stop.is_set():
             raise RuntimeError("the others were stopped")
         queue.put((one, steps))
 
     told(0)
-    training.fly(folder, experiment, one, url, told)
+    training.fly(folder, experiment, one, at, told)
 
 
 def _failed(running: list[Future[None]]) -> bool:

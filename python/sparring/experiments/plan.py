@@ -97,6 +97,15 @@ class Experiment:
 
 
 @dataclass(frozen=True)
+class Where:
+    """The server that an experiment is flown at."""
+
+    url: str
+    #: As `sparring.Curriculum` takes it: empty for a server of the experiment's own, which knows none.
+    token: str | None = None
+
+
+@dataclass(frozen=True)
 class Training:
     """One training: an arm with a seed."""
 

@@ -14,7 +14,7 @@ import torch
 import sparring
 
 from . import ppo
-from .plan import DONE, Experiment, Training, versions, write
+from .plan import DONE, Experiment, Training, Where, versions, write
 
 #: Environments that fly an evaluation.
 EXAMINED = 256
@@ -28,7 +28,7 @@ def is_done(folder: Path, training: Training) -> bool:
     return (folder / training.folder / DONE).exists()
 
 
-def fly(folder: Path, experiment: Experiment, training: Training, url: str, progress: Progress) -> None:
+def fly(folder: Path, experiment: Experiment, training: Training, at: Where, progress: Progress) -> None:
     """Flies a training from its beginning: what an earlier try left is removed.
 
     Raises:
@@ -40,7 +40,7 @@ def fly(folder: Path, experiment: Experiment, training: Training, url: str, prog
     settings = experiment.run_settings(training.arm, training.seed)
     config = ppo.Config(steps=experiment.budget, num_envs=experiment.num_envs, seed=training.seed)
     began = time.monotonic()
-    with sparring.Curriculum(url, settings=settings, form="groups") as curriculum:
+    with sparring.Curriculum(at.url, token=at.token, settings=settings, form="groups") as curriculum:
         watch = _Watch(experiment, curriculum, progress)
         policy = ppo.train(config, curriculum, watch.after)
         flown_s = time.monotonic() - began - watch.looked_s
