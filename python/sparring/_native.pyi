@@ -223,6 +223,11 @@ def fly(scenario: NativeScenario, policy: str, seed: SupportsIndex) -> "tuple[st
     Flies a scenario by a built-in policy to its end: how it went, as JSON, and what was done.
     """
 
+def is_local(url: str) -> bool:
+    """
+    Whether an address is of this machine itself.
+    """
+
 def replay(scenario: NativeScenario, actions: Any, stopped: str | None = None) -> str:
     """
     What these actions earn on a scenario, as JSON.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import json
 import random
 import time
@@ -17,6 +16,7 @@ try:
 except ImportError as error:
     raise ImportError("sparring.Client needs httpx and httpx-sse: pip install 'sparring[client]'") from error
 
+from . import _native
 from .api import operations
 from .curriculum import plain_token
 from .scenario import to_json
@@ -88,15 +88,8 @@ class _Setup:
         self.url = url.rstrip("/")
         self.patience_s = patience_s
         # What is on this machine no proxy finds.
-        away = not _is_here(plain.host)
+        away = not _native.is_local(url)
         self.options: dict[str, Any] = {"base_url": self.url, "headers": headers, "timeout": timeout_s, "trust_env": away}
-
-
-def _is_here(host: str) -> bool:
-    try:
-        return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _content(body: Any) -> dict[str, Any]:

@@ -19,7 +19,7 @@ mod _native {
     #[pymodule_export]
     use super::batch::NativeBatch;
     #[pymodule_export]
-    use super::curriculum::{CurriculumError, NativeCurriculum, NativeLink};
+    use super::curriculum::{CurriculumError, NativeCurriculum, NativeLink, is_local};
     #[pymodule_export]
     use super::scenario::{NativeScenario, bracket, critique, fly, replay};
     #[pymodule_export]

@@ -61,7 +61,7 @@ impl Link {
     pub(super) fn new(url: &str, token: Option<String>) -> Self {
         let config = Agent::config_builder().http_status_as_error(false).timeout_global(Some(TIMEOUT));
         // What is on this machine no proxy finds.
-        let config = if is_here(url) { config.proxy(None) } else { config };
+        let config = if is_local(url) { config.proxy(None) } else { config };
         Self { agent: config.build().into(), base: url.trim_end_matches('/').to_owned(), token }
     }
 
@@ -96,7 +96,9 @@ impl Link {
     }
 }
 
-fn is_here(url: &str) -> bool {
+/// Whether an address is of this machine itself.
+#[pyfunction]
+pub(crate) fn is_local(url: &str) -> bool {
     let Some(host) = url.parse::<Uri>().ok().and_then(|uri| uri.host().map(str::to_ascii_lowercase)) else {
         return false;
     };

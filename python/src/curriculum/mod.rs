@@ -21,7 +21,7 @@ use serde_json::json;
 use self::fetch::Wish;
 pub(crate) use self::lease::Episode;
 use self::link::Link;
-pub(crate) use self::link::NativeLink;
+pub(crate) use self::link::{NativeLink, is_local};
 use self::stock::{Shared, Stock};
 use crate::errors::invalid;
 
@@ -189,11 +189,8 @@ impl Desk {
 }
 
 fn away(stock: &Stock) -> String {
-    if let Some(why) = &stock.paused {
+    if let Some(why) = stock.gone.as_ref().or(stock.paused.as_ref()) {
         return why.clone();
-    }
-    if let Some(how) = &stock.gone {
-        return how.clone();
     }
     match &stock.away {
         Some((since, why)) => format!("the server is away for {:.0} s: {why}", since.elapsed().as_secs_f64()),
