@@ -55,10 +55,9 @@ export async function shoot({ page, wrong }: Watched, url: string, name: string,
   expect(wrong, name).toEqual([]);
 }
 
-/** Whether everybody can use a page, as far as axe can tell: in the dark only its colours are others. */
-async function usable({ page }: Watched, name: string, dark: boolean) {
-  const axe = new AxeBuilder({ page });
-  const found = await (dark ? axe.withRules(["color-contrast"]) : axe).analyze();
+/** Whether everybody can use a page, as far as axe can tell. */
+async function usable({ page }: Watched, name: string) {
+  const found = await new AxeBuilder({ page }).analyze();
   const bad = found.violations.filter((one) => one.impact === "serious" || one.impact === "critical");
   const told = bad.map(({ id, nodes }) => {
     const where = nodes.slice(0, 3).map((node) => node.html.slice(0, 120));
@@ -78,7 +77,7 @@ export async function look(
   for (const [name, page] of Object.entries(pages)) {
     const watched = await open(browser, url, { dark });
     await shoot(watched, url, `${kind}${name}-${dark ? "dark" : "light"}`, page);
-    await usable(watched, name, dark);
+    await usable(watched, name);
     await watched.page.context().close();
   }
 }
