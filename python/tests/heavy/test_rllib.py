@@ -231,7 +231,7 @@ def test_two_env_runners_fly_one_run(cluster):
         counted = finished(curriculum)
         assert sum(counted.values()) == sum(flown)
         # An episode is its version's that flew when it began: of the third iteration's, few are over.
-        assert counted.keys() >= {0, 1} and min(counted[0], counted[1]) > 8
+        assert {0, 1} <= counted.keys() <= {0, 1, 2} and min(counted[0], counted[1]) > 8
         assert curriculum.ask("GET", f"/v1/runs/{curriculum.run}")["policy_version"] >= 1
         assert not open_leases(curriculum)
         numbers = [result["curriculum"] for result in results]
@@ -266,12 +266,14 @@ def test_an_agent_for_each_deputy(cluster):
         algorithm = agents(curriculum, 2, 500, "docking/multiagent", lease=2).build_algo()
         try:
             results = [algorithm.train() for _ in range(2)]
+            # An episode takes 2000 steps where nothing ends it before.
+            while min(stats["flown"] for *_, stats in runners(algorithm)) == 0 and len(results) < 10:
+                results.append(algorithm.train())
             told = runners(algorithm)
         finally:
             algorithm.stop()
         flown = [stats["flown"] for *_, stats in told]
-        # An episode takes 2000 steps where nothing ends it before: one of the two may have seen none to its end.
-        assert len(told) == 2 and sum(flown) > 0
+        assert len(told) == 2 and min(flown) > 0
         assert sum(finished(curriculum).values()) == sum(flown)
         assert not open_leases(curriculum)
         assert "shared" in results[-1]["learners"]
