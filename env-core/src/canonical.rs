@@ -1,6 +1,6 @@
-//! The canonical binary form behind ids: one value, one sequence of bytes.
+//! The canonical binary form that ids are hashes of, and digests of states.
 
-/// Appends values in the canonical form: little-endian, lengths before contents, `−0.0` as `0.0`.
+/// Writer of the canonical form: little-endian, lengths before contents, `−0.0` as `0.0`. Equal values have equal bytes.
 #[derive(Default)]
 pub(crate) struct Canonical(Vec<u8>);
 
@@ -33,7 +33,7 @@ impl Canonical {
     }
 }
 
-/// A digest of every bit of a state: unlike the canonical form, −0 is not 0 here.
+/// Hasher of every bit of a state. Unlike in the canonical form, −0 differs from 0.
 pub(crate) struct StateHasher(blake3::Hasher);
 
 impl StateHasher {

@@ -1,79 +1,79 @@
-//! Typed errors of the worlds. Each names the field at fault, what was found and what would be right. A field is a dotted
-//! path, and places in lists count from 0, in the path and in the words alike.
+//! Typed errors of the worlds. Each names the field at fault, the value found and the valid values. A field is a dotted
+//! path; indices of lists count from 0, in paths and in messages.
 
-use crate::told;
+use crate::number_format::format_shortest;
 
-/// A scenario (or recipe) that cannot be.
+/// An invalid scenario or recipe.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ScenarioError {
-    /// A field nobody knows.
+    /// A field is unknown.
     #[error("{field} is not a known field; {}", if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") })]
     UnknownField {
-        /// Where it stands, as a dotted path.
+        /// Dotted path of the field.
         field: String,
-        /// What could have stood there.
+        /// Known fields, separated by commas.
         known: String,
     },
-    /// A field that must be there and is not.
+    /// A required field is missing.
     #[error("{field} is missing: {wanted}")]
     Missing {
-        /// Where it should stand.
+        /// Dotted path of the field.
         field: String,
-        /// What is wanted.
+        /// Description of a valid value.
         wanted: String,
     },
-    /// A value of the wrong kind.
+    /// A value has the wrong type.
     #[error("{field} is {found}, but must be {wanted}")]
     WrongType {
-        /// Where it stands.
+        /// Dotted path of the field.
         field: String,
-        /// What was found.
+        /// Value that was found.
         found: String,
-        /// What is wanted.
+        /// Description of a valid value.
         wanted: String,
     },
-    /// A number outside its bounds.
-    #[error("{field} is {}, outside {} to {}", told(*value), told(*min), told(*max))]
+    /// A number is outside its bounds.
+    #[error("{field} is {}, outside {} to {}", format_shortest(*value), format_shortest(*min), format_shortest(*max))]
     OutOfRange {
-        /// Where it stands.
+        /// Dotted path of the field.
         field: String,
-        /// The value found.
+        /// Value that was found.
         value: f64,
-        /// Smallest allowed.
+        /// Smallest value that is valid.
         min: f64,
-        /// Largest allowed.
+        /// Largest value that is valid.
         max: f64,
     },
-    /// A word that is none of the choices.
+    /// A word is not one of the choices.
     #[error("{field} is {value:?}; choose one of {choices}")]
     UnknownChoice {
-        /// Where it stands.
+        /// Dotted path of the field.
         field: String,
-        /// The word found.
+        /// Word that was found.
         value: String,
-        /// The words that are known.
+        /// Valid choices, separated by commas.
         choices: String,
     },
-    /// A layout that contradicts the params or itself.
+    /// A layout contradicts the params or itself.
     #[error("{field}: {reason}")]
     Layout {
-        /// Where it stands.
+        /// Dotted path of the field.
         field: String,
-        /// What is wrong with it.
+        /// Description of the contradiction.
         reason: String,
     },
-    /// A start in which something is lost before anybody could act.
+    /// The start is unfair: an agent is lost before it could act.
     #[error("{field}: the start is not fair: {reason}")]
     Unfair {
-        /// Which body is at fault.
+        /// Dotted path of the body or param at fault.
         field: String,
-        /// What happens.
+        /// Description of the loss.
         reason: String,
     },
 }
 
 impl ScenarioError {
-    /// The dotted path of the field at fault.
+    /// Dotted path of the field at fault.
     #[must_use]
     pub fn field(&self) -> &str {
         match self {
@@ -87,9 +87,9 @@ impl ScenarioError {
         }
     }
 
-    /// The same, where what is called `from` in a scenario stands at `to` in what was sent.
+    /// Replaces the prefix `from` of the field's path by `to`, for a scenario that is part of a larger message.
     #[must_use]
-    pub fn moved(mut self, from: &str, to: &str) -> Self {
+    pub fn relocate(mut self, from: &str, to: &str) -> Self {
         let (Self::UnknownField { field, .. }
         | Self::Missing { field, .. }
         | Self::WrongType { field, .. }
@@ -104,89 +104,89 @@ impl ScenarioError {
     }
 }
 
-/// An action the environment does not take. The environment is unchanged.
+/// An action that the environment rejects. The environment is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// The episode is over.
+    /// The episode has ended.
     #[error("the episode ended at step {step}; reset to fly another")]
     Ended {
-        /// The step at which it ended.
+        /// Step at which it ended.
         step: u32,
     },
-    /// An action for an agent that does not exist.
+    /// An entry is for an agent that does not exist.
     #[error("agent {agent} does not exist; agents are 0 to {last}")]
     UnknownAgent {
-        /// The id found.
+        /// Number of the agent.
         agent: u32,
-        /// The last id that exists.
+        /// Largest number that is valid.
         last: u32,
     },
-    /// NaN or an infinity.
+    /// A value is NaN or infinite.
     #[error("the action of agent {agent} is not a finite number")]
     NotFinite {
-        /// Whose action.
+        /// Number of the agent.
         agent: u32,
     },
-    /// More entries in one step than any agent needs.
+    /// The step has too many entries.
     #[error("{count} actions in one step; at most {max} are taken")]
     TooMany {
-        /// How many were given.
+        /// Number of entries in the step.
         count: usize,
-        /// How many are taken.
+        /// Largest number of entries.
         max: usize,
     },
-    /// Values do not match the action space.
+    /// The number of values does not match the action space.
     #[error("{values} values for {entries} actions; each takes {dim}")]
     Shape {
-        /// How many values were given.
+        /// Number of values in the step.
         values: usize,
-        /// For how many actions.
+        /// Number of entries in the step.
         entries: usize,
-        /// How many each takes.
+        /// Number of values of each entry.
         dim: usize,
     },
 }
 
-/// An action log that is not the log of an episode of its scenario.
+/// An action log that is not valid for its scenario.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LogError {
-    /// More steps than the episode has.
+    /// The log has more steps than the episode.
     #[error("the log has {steps} steps, but the episode was over after {ended}")]
     TooLong {
-        /// Steps in the log.
+        /// Number of steps in the log.
         steps: usize,
-        /// Steps the episode had.
+        /// Number of steps of the episode.
         ended: u32,
     },
-    /// Fewer steps than the episode has, and no word why.
+    /// The log has fewer steps than the episode, and no stop reason.
     #[error(
         "the log has {steps} steps and the episode is not over; send every step, or say why it \
          stopped: unparsable, too_long or too_late"
     )]
     TooShort {
-        /// Steps in the log.
+        /// Number of steps in the log.
         steps: usize,
     },
-    /// A step the environment refuses.
+    /// The environment rejects a step.
     #[error("{field}: {source}")]
     Step {
-        /// Where it stands in the log: `steps.3`, or `steps.3.0` where one entry is at fault.
+        /// Path in the log: `steps.3`, or `steps.3.0` if one entry is at fault.
         field: String,
-        /// Why.
+        /// Reason for the rejection.
         source: StepError,
     },
-    /// Something that is not a log.
+    /// The input is not a log.
     #[error("{field}: {reason}")]
     Malformed {
-        /// Where.
+        /// Dotted path of the fault.
         field: String,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
 }
 
 impl LogError {
-    /// The dotted path of what is at fault, from the log on.
+    /// Dotted path of the fault, relative to the log.
     #[must_use]
     pub fn field(&self) -> &str {
         match self {
@@ -195,17 +195,28 @@ impl LogError {
         }
     }
 
-    /// The same of a log that stands under `parent`, so that the words name the whole path.
+    /// Prepends the path of the log itself, so that messages name the whole path.
     #[must_use]
-    pub fn under(mut self, parent: &str) -> Self {
+    pub fn with_parent(mut self, parent: &str) -> Self {
         if let Self::Step { field, .. } | Self::Malformed { field, .. } = &mut self {
             *field = format!("{parent}.{field}");
         }
         self
     }
 
-    /// A malformed log, by place and reason.
+    /// Creates a [`LogError::Malformed`] error.
     pub(crate) fn malformed(field: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Malformed { field: field.into(), reason: reason.into() }
     }
+}
+
+/// A log that cannot be replayed on a scenario.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ReplayError {
+    /// The scenario cannot start.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The log is not one of this scenario.
+    #[error(transparent)]
+    Log(#[from] LogError),
 }

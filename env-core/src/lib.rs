@@ -1,46 +1,53 @@
-//! The worlds Sparring trains in.
+//! The worlds that Sparring trains agents in.
 //!
-//! Pure: no I/O, no async, no clock, no ambient randomness. `(scenario, actions)` decides every bit of an episode, on
-//! any IEEE-754 platform. Therefore the dynamics use only `+ − × ÷ √`, transcendental functions come from the `libm`
-//! crate, and every random draw goes through [`chance::Chance`].
+//! The crate is pure: no I/O, no async, no clock, no ambient randomness. `(scenario, actions)` determines every bit of an
+//! episode on any IEEE-754 platform. Therefore dynamics use only `+ − × ÷ √`, transcendental functions come from the `libm`
+//! crate, and every random draw goes through [`episode_rng::EpisodeRng`].
 //!
-//! A *task* is one [`task::TaskSpec`]; a *world* is a module of them ([`kessler`], [`docking`]). Nothing outside a
-//! world's own module knows its columns: the service reads parameter spaces, levels and outcomes as data.
+//! - A *world* ([`world::World`]) is a module of tasks: [`kessler`] and [`docking`].
+//! - A *task* ([`task::TaskSpec`]) defines scenarios, episodes, policies and critiques. Nothing outside a world's module knows
+//!   the columns of its bodies: callers use parameter spaces, levels and outcomes as data.
+//! - [`registry`] lists all worlds and is above them.
+//! - [`rollout`] runs single episodes, [`batch`] steps many environments, [`admission`] judges scenarios by their bracket.
+//!
+//! The OpenEnv protocol of tasks is in the crate `openenv-wire`. Start reading at [`task`].
 
+pub mod admission;
 pub mod batch;
 pub mod bracket;
 mod canonical;
-pub mod chance;
 pub mod critique;
 pub mod docking;
-pub mod draws;
+pub mod episode_rng;
 pub mod error;
+mod json_fields;
+mod json_writer;
 pub mod kessler;
+pub mod keyed_rng;
 pub mod log;
+mod number_format;
 pub mod policy;
 pub mod reflex;
 pub mod registry;
 pub mod rollout;
-pub mod scenario;
+mod scenario_parser;
 pub mod scene;
 pub mod seed;
 pub mod space;
 pub mod task;
 #[cfg(test)]
 mod testing;
-mod told;
-pub mod wire;
 pub mod world;
 
-pub use bracket::{Admission, Bracket, Flown, SuccessRule};
+pub use admission::{Admission, SuccessRule};
+pub use bracket::{Bracket, EpisodeOutcome};
 pub use critique::Critique;
-pub use draws::Draws;
-pub use error::{LogError, ScenarioError, StepError};
-pub use log::{ActionLog, JointAction, Stopped};
-pub use registry::{task, tasks, usual_tasks, world, worlds};
-pub use scenario::{Layout, Recipe, RecipeId, Scenario, ScenarioId};
-pub use seed::{FREE_MASK, SEED_WANTED, Seed, SeedSpace};
-pub use task::{Episode, TaskSpec};
-pub use told::{significant, told};
-pub use wire::{Place, Wire, WireFault};
+pub use error::{LogError, ReplayError, ScenarioError, StepError};
+pub use keyed_rng::KeyedRng;
+pub use log::{ActionLog, JointAction, StopReason};
+pub use number_format::{format_significant, format_shortest};
+pub use registry::{default_tasks, task, tasks, world, worlds};
+pub use rollout::Rollout;
+pub use seed::{MAX_USER_SEED, SEED_REQUIREMENT, Seed, SeedSpace};
+pub use task::{Episode, Layout, Recipe, RecipeId, Scenario, ScenarioId, TaskSpec};
 pub use world::World;

@@ -1,22 +1,22 @@
-//! Action logs: what every agent did, step by step; with the scenario, the whole truth about an episode.
+//! Action logs: the actions of all agents, step by step. A scenario and a log determine an episode completely.
 
 use crate::error::{LogError, StepError};
 
-/// The actions of one step: any number of entries, each for one agent. An agent without an entry goes on as it is.
+/// Actions of one step: any number of entries, each for one agent. An agent without an entry holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointAction<'a> {
-    /// Whose action each entry is.
+    /// Number of each entry's agent.
     pub agents: &'a [u32],
-    /// The values of the entries, one after the other; the action space says how many each has.
+    /// Values of all entries, one after the other; the action space defines how many each has.
     pub values: &'a [f64],
 }
 
 impl JointAction<'_> {
-    /// Nobody does anything new.
+    /// The action without entries: all agents hold.
     pub const HOLD: JointAction<'static> = JointAction { agents: &[], values: &[] };
 
-    /// What any world asks of an action with `dim` values an entry: not too many entries, each of an agent below
-    /// `agents` (where there is such a bound), all finite.
+    /// Checks an action with `dim` values per entry by the rules of all worlds: not too many entries, each of an agent below
+    /// `agents` (if given), all values finite.
     pub(crate) fn check(&self, dim: usize, agents: Option<usize>) -> Result<(), StepError> {
         let entries = self.agents.len();
         if entries > MAX_ENTRIES {
@@ -37,21 +37,21 @@ impl JointAction<'_> {
     }
 }
 
-/// Why a log is shorter than its episode, where that was the agent's doing. The rest is flown as hold.
+/// Reason why a log is shorter than its episode, if the agent caused it. The remaining steps are hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stopped {
-    /// The agent's answer could not be parsed.
+pub enum StopReason {
+    /// A response of the agent could not be parsed.
     Unparsable,
-    /// The agent's answer, or the conversation, was too long.
+    /// A response of the agent, or the conversation, was too long.
     TooLong,
-    /// The agent's answer came too late.
+    /// A response of the agent exceeded its time limit.
     TooLate,
 }
 
-impl Stopped {
-    /// The word on the wire.
+impl StopReason {
+    /// Name of the reason in JSON.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Unparsable => "unparsable",
             Self::TooLong => "too_long",
@@ -59,76 +59,78 @@ impl Stopped {
         }
     }
 
-    /// Reads the word on the wire.
+    /// The reason with this name, or `None` if there is none.
     #[must_use]
-    pub fn from_word(word: &str) -> Option<Self> {
-        [Self::Unparsable, Self::TooLong, Self::TooLate].into_iter().find(|s| s.word() == word)
+    pub fn from_name(word: &str) -> Option<Self> {
+        [Self::Unparsable, Self::TooLong, Self::TooLate].into_iter().find(|s| s.name() == word)
     }
 }
 
-/// The precision the actions were taken in. A log that says `F32` holds values that are exact in f32.
+/// Precision of a log's actions. The values of an `F32` log are exact in single precision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
-    /// Single.
+    /// Single precision, 32 bits.
     F32,
-    /// Double.
+    /// Double precision, 64 bits.
     F64,
 }
 
-/// What every agent did, step by step.
+/// Actions of all agents, step by step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActionLog {
     dim: usize,
     precision: Precision,
-    /// Where each step's entries end in `agents`.
+    /// End of each step's entries in `agents`.
     ends: Vec<u32>,
     agents: Vec<u32>,
     values: Vec<f64>,
-    /// Why the log stops early, if it does.
-    pub stopped: Option<Stopped>,
+    /// Reason why the log stops early, if it does.
+    pub stopped: Option<StopReason>,
 }
 
-/// Most steps any log may have.
-pub const MAX_STEPS: usize = 100_000;
-/// Most entries one step may have: far more than any task has agents, enough for clients that split their burns.
+/// Largest number of steps of a log.
+pub const MAX_LOG_STEPS: usize = 100_000;
+/// Largest number of entries of a step: far more than any task has agents, enough for clients that split their burns.
 pub const MAX_ENTRIES: usize = 64;
+/// Largest number of values of an action.
 const MAX_DIM: usize = 16;
+/// Version of the binary form.
 const CODEC: u8 = 1;
 
 impl ActionLog {
-    /// An empty log of actions with `dim` values each.
+    /// Creates an empty log of actions with `dim` values each.
     #[must_use]
     pub const fn new(dim: usize, precision: Precision) -> Self {
         Self { dim, precision, ends: Vec::new(), agents: Vec::new(), values: Vec::new(), stopped: None }
     }
 
-    /// How many values an action has.
+    /// Number of values of an action.
     #[must_use]
     pub const fn dim(&self) -> usize {
         self.dim
     }
 
-    /// The precision the actions were taken in.
+    /// Precision of the actions.
     #[must_use]
     pub const fn precision(&self) -> Precision {
         self.precision
     }
 
-    /// How many steps the log has.
+    /// Number of steps of the log.
     #[must_use]
     pub fn len(&self) -> usize {
         self.ends.len()
     }
 
-    /// Whether it has no steps.
+    /// True if the log has no steps.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ends.is_empty()
     }
 
-    /// Appends one entry to the step being written; [`ActionLog::end_step`] closes it. Values past `dim` are dropped,
-    /// missing ones are zero.
-    pub fn act(&mut self, agent: u32, values: &[f64]) {
+    /// Appends an entry to the open step, which [`ActionLog::end_step`] closes. Values past `dim` are dropped; missing ones
+    /// are zero.
+    pub fn push_entry(&mut self, agent: u32, values: &[f64]) {
         self.agents.push(agent);
         for i in 0..self.dim {
             let value = values.get(i).copied().unwrap_or(0.0);
@@ -139,13 +141,12 @@ impl ActionLog {
         }
     }
 
-    /// Closes the step being written.
+    /// Closes the open step.
     pub fn end_step(&mut self) {
         self.ends.push(u32::try_from(self.agents.len()).unwrap_or(u32::MAX));
     }
 
-    /// Drops from the last step, which is closed, what agents from this number on did: where they are to be ignored and
-    /// are no error.
+    /// Drops the entries of agents from this number on from the last closed step, to ignore them instead of rejecting them.
     pub fn keep_agents(&mut self, agents: u32) {
         let Some((&end, before)) = self.ends.split_last() else { return };
         let start = before.last().map_or(0, |&end| end as usize);
@@ -164,16 +165,16 @@ impl ActionLog {
         }
     }
 
-    /// Appends a whole step.
-    pub fn push(&mut self, action: JointAction<'_>) {
+    /// Appends a complete step.
+    pub fn push_step(&mut self, action: JointAction<'_>) {
         for (i, &agent) in action.agents.iter().enumerate() {
             let values = action.values.get(i * self.dim..(i + 1) * self.dim).unwrap_or(&[]);
-            self.act(agent, values);
+            self.push_entry(agent, values);
         }
         self.end_step();
     }
 
-    /// Forgets all but the first `steps` steps.
+    /// Removes all but the first `steps` steps.
     pub fn truncate(&mut self, steps: usize) {
         self.ends.truncate(steps);
         let entries = self.ends.last().map_or(0, |end| *end as usize);
@@ -181,7 +182,7 @@ impl ActionLog {
         self.values.truncate(entries * self.dim);
     }
 
-    /// The actions of step `index`, counted from 0; nobody acts in a step the log does not have.
+    /// Actions of the step `index`, counted from 0; hold if the log does not have that step.
     #[must_use]
     pub fn step(&self, index: usize) -> JointAction<'_> {
         let Some(&end) = self.ends.get(index) else { return JointAction::HOLD };
@@ -197,7 +198,7 @@ impl ActionLog {
         (0..self.len()).map(|i| self.step(i))
     }
 
-    /// The binary form in which logs are stored: codec 1.
+    /// Encodes the log in the binary form in which logs are stored (codec 1).
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.ends.len() + self.values.len() * 8);
@@ -219,10 +220,10 @@ impl ActionLog {
         out
     }
 
-    /// Reads the binary form.
+    /// Decodes the binary form.
     ///
     /// # Errors
-    /// Bytes that are not a log of codec 1.
+    /// Returns [`LogError::Malformed`] if the bytes are not a log of codec 1.
     pub fn decode(bytes: &[u8]) -> Result<Self, LogError> {
         let mut reader = Reader(bytes);
         let [codec, dim, precision, stopped] = reader.take::<4>()?;
@@ -242,14 +243,14 @@ impl ActionLog {
         let mut log = Self::new(dim as usize, precision);
         log.stopped = match stopped {
             0 => None,
-            1 => Some(Stopped::Unparsable),
-            2 => Some(Stopped::TooLong),
-            3 => Some(Stopped::TooLate),
+            1 => Some(StopReason::Unparsable),
+            2 => Some(StopReason::TooLong),
+            3 => Some(StopReason::TooLate),
             other => return Err(LogError::malformed("stopped", format!("{other} is unknown"))),
         };
         let steps = u32::from_le_bytes(reader.take()?) as usize;
-        if steps > MAX_STEPS {
-            return Err(LogError::malformed("steps", format!("{steps}; at most {MAX_STEPS}")));
+        if steps > MAX_LOG_STEPS {
+            return Err(LogError::malformed("steps", format!("{steps}; at most {MAX_LOG_STEPS}")));
         }
         let mut values = [0.0; MAX_DIM];
         for _ in 0..steps {
@@ -262,7 +263,7 @@ impl ActionLog {
                         Precision::F32 => f64::from(f32::from_le_bytes(reader.take()?)),
                     };
                 }
-                log.act(agent, &values[..log.dim]);
+                log.push_entry(agent, &values[..log.dim]);
             }
             log.end_step();
         }
@@ -275,6 +276,7 @@ const fn to_f32(value: f64) -> f32 {
     value as f32
 }
 
+/// Reader of the binary form.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
@@ -297,22 +299,22 @@ mod tests {
 
     proptest! {
         #[test]
-        fn encoded_logs_read_back(
+        fn encoded_logs_decode_to_themselves(
             steps in proptest::collection::vec(proptest::collection::vec((0u32..9, -2.0..2.0f64, -2.0..2.0f64), 0..5), 0..60),
             single: bool,
             stopped in 0u8..4,
         ) {
             let mut log = ActionLog::new(2, if single { Precision::F32 } else { Precision::F64 });
             for step in &steps {
-                step.iter().for_each(|&(agent, x, y)| log.act(agent, &[x, y]));
+                step.iter().for_each(|&(agent, x, y)| log.push_entry(agent, &[x, y]));
                 log.end_step();
             }
-            log.stopped = [None, Some(Stopped::Unparsable), Some(Stopped::TooLong), Some(Stopped::TooLate)][stopped as usize];
+            log.stopped = [None, Some(StopReason::Unparsable), Some(StopReason::TooLong), Some(StopReason::TooLate)][stopped as usize];
             prop_assert_eq!(ActionLog::decode(&log.encode()).unwrap(), log);
         }
 
         #[test]
-        fn strange_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
             let _ = ActionLog::decode(&bytes);
             let mut near = vec![1, 2, 1, 0, 3, 0, 0, 0];
             near.extend(bytes);

@@ -1,39 +1,39 @@
-//! A world's trainable reflex: a policy with a few numbers and nothing that searches. It is what the demo's built-in
-//! learner learns, and what `frozen` flies untrained.
+//! A world's trainable reflex: a policy with a few parameters and no search. The built-in learner of the demo trains it, and
+//! the policy `frozen` is an untrained one.
 
-use crate::chance::{Chance, Seeded, Stream};
+use crate::episode_rng::{EpisodeRng, SeededRng, RngStream};
 use crate::policy::Policy;
 use crate::seed::Seed;
 
-/// A reflex as data: what its numbers are, and how they become a policy.
+/// A reflex as data: its parameters, and how to create the policy.
 #[derive(Debug, Clone, Copy)]
 pub struct Reflex {
-    /// What the numbers are called, in order; each is in [0, 1].
+    /// Names of the parameters, in order; each parameter is in [0, 1].
     pub names: &'static [&'static str],
-    /// The policy at these numbers; those out of range count as the nearest in range, missing ones as ½.
+    /// Creates the policy with these parameters; values out of range are clamped, missing ones are ½.
     pub policy: fn(&[f64]) -> Box<dyn Policy>,
-    /// What the numbers stand for, in order.
-    pub meaning: fn(&[f64]) -> Vec<Meaning>,
+    /// Computes the physical meanings of the parameters, in order.
+    pub meaning: fn(&[f64]) -> Vec<ParameterMeaning>,
 }
 
-/// What one number of a reflex stands for.
+/// Physical meaning of one parameter of a reflex.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Meaning {
-    /// Its name.
+pub struct ParameterMeaning {
+    /// Name of the parameter.
     pub name: &'static str,
-    /// Its value.
+    /// Value in the physical unit.
     pub value: f64,
-    /// Its unit, empty for a pure number.
+    /// Unit of the value, empty for a pure number.
     pub unit: &'static str,
 }
 
-/// So many of these numbers; missing ones, and what is no number, are ½.
-pub(crate) fn numbers<const N: usize>(given: &[f64]) -> [f64; N] {
+/// The first `N` parameters; missing ones and NaN become ½.
+pub(crate) fn parameter_array<const N: usize>(given: &[f64]) -> [f64; N] {
     std::array::from_fn(|i| given.get(i).copied().filter(|v| !v.is_nan()).unwrap_or(0.5))
 }
 
-/// Uniform random numbers: what a learner starts from, and what `frozen` stays at.
-pub(crate) fn random<const N: usize>(seed: Seed) -> [f64; N] {
-    let mut chance = Seeded::new(seed);
-    [(); N].map(|()| chance.uniform(Stream::Policy))
+/// Samples uniform random parameters: a learner starts from them, and `frozen` keeps them.
+pub(crate) fn random_parameters<const N: usize>(seed: Seed) -> [f64; N] {
+    let mut rng = SeededRng::new(seed);
+    [(); N].map(|()| rng.uniform(RngStream::Policy))
 }

@@ -1,30 +1,28 @@
-//! Flying whole episodes: by a policy, or by a log.
+//! Runs whole episodes: by a policy or by a log.
 
 use serde_json::Value;
 
-use crate::bracket::Flown;
-use crate::error::{LogError, ScenarioError, StepError};
-use crate::log::{ActionLog, JointAction, MAX_STEPS, Precision, Stopped};
+use crate::bracket::EpisodeOutcome;
+use crate::error::{LogError, ReplayError, StepError};
+use crate::log::{ActionLog, JointAction, MAX_LOG_STEPS, Precision, StopReason};
 use crate::policy::Policy;
-use crate::scenario::Scenario;
-use crate::task::StepReport;
+use crate::task::{Scenario, StepReport};
 
-/// A log that was flown on a scenario where it cannot be.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ReplayError {
-    /// The scenario cannot start.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-    /// The log is not one of this scenario.
-    #[error(transparent)]
-    Log(#[from] LogError),
+/// Outcome and actions of a finished episode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rollout {
+    /// Outcome of the episode.
+    pub outcome: EpisodeOutcome,
+    /// Actions of the policy.
+    pub log: ActionLog,
 }
 
-/// Flies a scenario by a policy to its end: how it went, and the log.
+/// Rolls out a policy on a scenario to the end of the episode.
 ///
 /// # Errors
-/// A scenario whose start is not fair, or a policy whose action the environment refuses.
-pub fn fly(scenario: &Scenario, policy: &mut dyn Policy) -> Result<(Flown, ActionLog), ReplayError> {
+/// Returns [`ReplayError::Scenario`] if the start is not fair, and [`ReplayError::Log`] if the environment rejects an action
+/// of the policy.
+pub fn roll_out(scenario: &Scenario, policy: &mut dyn Policy) -> Result<Rollout, ReplayError> {
     let task = scenario.task();
     let mut episode = task.start(scenario)?;
     let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
@@ -35,34 +33,36 @@ pub fn fly(scenario: &Scenario, policy: &mut dyn Policy) -> Result<(Flown, Actio
         let action = log.step(step.saturating_sub(1));
         episode
             .step(action, &mut report)
-            .map_err(|source| refused(step.saturating_sub(1), action, source))?;
+            .map_err(|source| step_error(step.saturating_sub(1), action, source))?;
     }
-    Ok((episode.flown(), log))
+    Ok(Rollout { outcome: episode.outcome(), log })
 }
 
-/// Flies a scenario by a log: what was earned by these actions, whoever claims them.
+/// Replays a log on a scenario. The outcome depends on the actions alone, so it verifies a reported score.
 ///
 /// # Errors
-/// A log that is too long, too short without a word why, or refused by the environment.
-pub fn replay(scenario: &Scenario, log: &ActionLog) -> Result<Flown, ReplayError> {
+/// Returns [`ReplayError::Scenario`] if the start is not fair, and [`ReplayError::Log`] if the log is too long, too short
+/// without a stop reason, or contains an action that the environment rejects.
+pub fn replay(scenario: &Scenario, log: &ActionLog) -> Result<EpisodeOutcome, ReplayError> {
     let mut episode = scenario.task().start(scenario)?;
     let mut report = StepReport::default();
-    follow(log, |action| episode.step(action, &mut report).map(|()| report.done))?;
-    Ok(episode.flown())
+    step_through(log, |action| episode.step(action, &mut report).map(|()| report.done))?;
+    Ok(episode.outcome())
 }
 
-/// Steps by a log, and by hold where it stopped early, until `step` says that the episode is over.
+/// Calls `step` with each action of a log, then with hold if the log stopped early, until it returns that the episode is
+/// over.
 ///
 /// # Errors
-/// A log that is too long, too short without a word why, or refused by the environment.
-pub(crate) fn follow(
+/// Returns an error if the log is too long, too short without a stop reason, or contains an action that `step` rejects.
+pub(crate) fn step_through(
     log: &ActionLog,
     mut step: impl FnMut(JointAction<'_>) -> Result<bool, StepError>,
 ) -> Result<(), LogError> {
     let (mut steps, mut done) = (0, false);
     let mut advance = |action: JointAction<'_>, steps: &mut u32| {
         *steps += 1;
-        step(action).map_err(|source| refused(*steps as usize - 1, action, source))
+        step(action).map_err(|source| step_error(*steps as usize - 1, action, source))
     };
     for action in log.steps() {
         if done {
@@ -79,8 +79,8 @@ pub(crate) fn follow(
     Ok(())
 }
 
-/// A refused step by its place in the log, and the entry at fault where one is.
-fn refused(step: usize, action: JointAction<'_>, source: StepError) -> LogError {
+/// The error of a rejected step, located by its index and, if one is at fault, its entry.
+fn step_error(step: usize, action: JointAction<'_>, source: StepError) -> LogError {
     let entry = match source {
         StepError::UnknownAgent { agent, .. } | StepError::NotFinite { agent } => {
             action.agents.iter().position(|&a| a == agent)
@@ -91,19 +91,20 @@ fn refused(step: usize, action: JointAction<'_>, source: StepError) -> LogError 
     LogError::Step { field, source }
 }
 
-/// Reads a log in the wire form: a list of steps in the task's own form, `"f32"` or `"f64"`, and why it stopped.
+/// Reads a log from JSON: a list of steps in the task's own form.
 ///
 /// # Errors
-/// What is malformed, by field.
+/// Returns [`LogError::TooLong`] if there are more steps than the horizon, and [`LogError::Malformed`] with the field if a
+/// step is invalid.
 pub fn read_log(
     scenario: &Scenario,
     steps: &[Value],
     precision: Precision,
-    stopped: Option<Stopped>,
+    stopped: Option<StopReason>,
 ) -> Result<ActionLog, LogError> {
     let task = scenario.task();
     let horizon = task.horizon(scenario.recipe()) as usize;
-    if steps.len() > horizon.min(MAX_STEPS) {
+    if steps.len() > horizon.min(MAX_LOG_STEPS) {
         return Err(LogError::TooLong {
             steps: steps.len(),
             ended: u32::try_from(horizon).unwrap_or(u32::MAX),

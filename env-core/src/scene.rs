@@ -1,98 +1,99 @@
-//! What an environment looks like, as marks in the world's own units. Whoever draws knows no world; no world knows a pixel.
+//! Scenes: what an environment looks like, as primitives in the world's own units. Renderers know no world, and worlds know
+//! no pixels or colours.
 
 /// One moment of an environment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scene {
-    /// Planes seen side by side.
+    /// Planes shown side by side.
     pub views: Vec<View>,
-    /// Lines of text: the task, the time, what is left, what has been earned.
-    pub told: Vec<String>,
-    /// What happened in the last step, in words.
+    /// Lines of text: task, time, remaining resources, score.
+    pub status_lines: Vec<String>,
+    /// Texts of the events in the last step.
     pub alerts: Vec<String>,
 }
 
-/// One plane.
+/// One plane of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// What is across and what is up; empty where that needs no word.
+    /// Names of the horizontal and vertical axes; empty if they are obvious.
     pub title: &'static str,
-    /// What is in the middle.
-    pub middle: Point,
-    /// From the middle to every edge at least.
-    pub reach: f64,
-    /// What is drawn, the last on top.
-    pub marks: Vec<Mark>,
+    /// Point at the centre of the view.
+    pub center: Point,
+    /// Smallest distance from the centre to an edge.
+    pub half_extent: f64,
+    /// Primitives in drawing order, the last on top.
+    pub primitives: Vec<Primitive>,
 }
 
-/// A place in a view: across to the right, and up.
+/// A point in a view: horizontal to the right, and vertical upwards.
 pub type Point = (f64, f64);
 
-/// What a mark is drawn as. Colours are the drawer's.
+/// Role of a primitive in the scene; the renderer chooses its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Ink {
-    /// The body in the middle: the Earth, the chief.
-    Centre,
-    /// An agent, by its number.
+pub enum Style {
+    /// The central body: the Earth, the chief.
+    Center,
+    /// An agent with this number.
     Agent(u32),
-    /// An agent that is lost.
+    /// An agent that was lost.
     Lost,
-    /// Debris that some agent sees.
+    /// Debris that an agent sees.
     Debris,
-    /// Debris that nobody sees.
-    Hidden,
-    /// Where agents should be.
+    /// Debris that no agent sees.
+    HiddenDebris,
+    /// The goal of the agents.
     Target,
-    /// What an agent did.
+    /// The action of an agent.
     Burn,
-    /// Limits, ranges, paths.
-    Faint,
+    /// Limits, ranges and predicted paths.
+    Guide,
 }
 
-/// Something to draw.
+/// A primitive to be drawn.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Mark {
-    /// A body of this size.
+pub enum Primitive {
+    /// A filled circle to scale.
     Disc {
-        /// Where.
+        /// Centre of the primitive.
         at: Point,
-        /// Its radius.
+        /// Radius in the world's unit.
         radius: f64,
-        /// As what.
-        ink: Ink,
+        /// Role in the scene.
+        style: Style,
     },
-    /// A circle's edge.
+    /// The outline of a circle.
     Ring {
-        /// Its middle.
+        /// Centre of the circle.
         at: Point,
-        /// Its radius.
+        /// Radius in the world's unit.
         radius: f64,
-        /// As what.
-        ink: Ink,
+        /// Role in the scene.
+        style: Style,
     },
     /// A line through these points.
     Path {
-        /// In order.
+        /// Points of the line in order.
         points: Vec<Point>,
-        /// As what.
-        ink: Ink,
+        /// Role in the scene.
+        style: Style,
     },
-    /// What somebody flies along, of a size that does not depend on the scale; who draws frame after frame may leave a trail
-    /// behind it.
-    Craft {
-        /// The same from frame to frame.
+    /// A moving body with a size that does not depend on the scale. A renderer of successive frames may draw a trail behind
+    /// it.
+    Marker {
+        /// Identity of the body across frames.
         id: u64,
-        /// Where.
+        /// Centre of the primitive.
         at: Point,
-        /// As what.
-        ink: Ink,
+        /// Role in the scene.
+        style: Style,
     },
-    /// An arrow.
+    /// An arrow between two points.
     Arrow {
-        /// Its tail.
+        /// Tail of the arrow.
         from: Point,
-        /// Its head.
+        /// Head of the arrow.
         to: Point,
-        /// As what.
-        ink: Ink,
+        /// Role in the scene.
+        style: Style,
     },
 }

@@ -1,15 +1,15 @@
-//! Seeds: integers below 2⁵³, so that every JSON reader keeps them whole, split into disjoint spaces.
+//! Seeds: integers below 2⁵³, which every JSON parser represents exactly, divided into disjoint spaces.
 
 use crate::error::ScenarioError;
 
-/// Bits 52–51 of a seed.
+/// Space of a seed, encoded in its bits 52–51.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SeedSpace {
-    /// `00`: chosen by people and their programs.
+    /// `00`: seeds that users choose.
     User,
-    /// `01`: drawn by a curriculum.
+    /// `01`: seeds that a curriculum draws.
     Training,
-    /// `10`: held out; no run can be given one.
+    /// `10`: held-out seeds, which no run accepts.
     Evaluation,
 }
 
@@ -17,31 +17,31 @@ pub enum SeedSpace {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Seed(u64);
 
-/// Bits of a seed that are free within its space.
+/// Number of free bits of a seed within its space.
 const FREE_BITS: u32 = 51;
-/// The largest seed of each space, its tag left out: 2^51 − 1.
-pub const FREE_MASK: u64 = (1 << FREE_BITS) - 1;
+/// Largest user seed, 2⁵¹ − 1; also the mask of the free bits of a seed.
+pub const MAX_USER_SEED: u64 = (1 << FREE_BITS) - 1;
 /// Largest valid seed: the last evaluation seed.
-const MAX: u64 = (0b11 << FREE_BITS) - 1;
+const MAX_SEED: u64 = (0b11 << FREE_BITS) - 1;
 
 impl Seed {
-    /// Any valid seed.
+    /// Creates a seed of any space.
     ///
     /// # Errors
-    /// At 2⁵³ and above, and where bits 52–51 are `11`.
+    /// Returns [`ScenarioError::WrongType`] if the value is 2⁵³ or more, or if its bits 52–51 are `11`.
     pub fn new(value: u64) -> Result<Self, ScenarioError> {
-        if value <= MAX { Ok(Self(value)) } else { Err(no_seed(value.to_string())) }
+        if value <= MAX_SEED { Ok(Self(value)) } else { Err(invalid_seed(value.to_string())) }
     }
 
-    /// A seed that a caller may choose.
+    /// Creates a user seed.
     ///
     /// # Errors
-    /// A training or evaluation seed.
+    /// Returns [`ScenarioError::WrongType`] if the value is above [`MAX_USER_SEED`].
     pub fn user(value: u64) -> Result<Self, ScenarioError> {
-        if value <= FREE_MASK { Ok(Self(value)) } else { Err(no_seed(value.to_string())) }
+        if value <= MAX_USER_SEED { Ok(Self(value)) } else { Err(invalid_seed(value.to_string())) }
     }
 
-    /// The seed of `space` with these free bits; higher bits of `bits` are dropped.
+    /// Creates the seed of `space` with these free bits; higher bits are dropped.
     #[must_use]
     pub const fn in_space(space: SeedSpace, bits: u64) -> Self {
         let tag = match space {
@@ -49,10 +49,10 @@ impl Seed {
             SeedSpace::Training => 0b01,
             SeedSpace::Evaluation => 0b10,
         };
-        Self((tag << FREE_BITS) | (bits & FREE_MASK))
+        Self((tag << FREE_BITS) | (bits & MAX_USER_SEED))
     }
 
-    /// Which space this seed is of.
+    /// Space of the seed.
     #[must_use]
     pub const fn space(self) -> SeedSpace {
         match self.0 >> FREE_BITS {
@@ -62,19 +62,19 @@ impl Seed {
         }
     }
 
-    /// The integer.
+    /// The seed as an integer.
     #[must_use]
     pub const fn get(self) -> u64 {
         self.0
     }
 }
 
-/// What a seed must be, in every message: the one bound there is for people and their programs, 2⁵¹ − 1.
-pub const SEED_WANTED: &str =
+/// Description of a valid user seed in messages.
+pub const SEED_REQUIREMENT: &str =
     "a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)";
 
-fn no_seed(found: String) -> ScenarioError {
-    ScenarioError::WrongType { field: "seed".to_owned(), found, wanted: SEED_WANTED.to_owned() }
+fn invalid_seed(found: String) -> ScenarioError {
+    ScenarioError::WrongType { field: "seed".to_owned(), found, wanted: SEED_REQUIREMENT.to_owned() }
 }
 
 #[cfg(test)]
@@ -82,14 +82,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spaces_are_disjoint_and_the_fourth_is_refused() {
+    fn spaces_are_disjoint_and_the_fourth_is_invalid() {
         for (space, tag) in [(SeedSpace::User, 0u64), (SeedSpace::Training, 1), (SeedSpace::Evaluation, 2)] {
             let seed = Seed::in_space(space, u64::MAX);
             assert_eq!(seed.space(), space);
             assert_eq!(seed.get() >> 51, tag);
             assert_eq!(Seed::new(seed.get()), Ok(seed));
         }
-        assert!(SEED_WANTED.contains(&FREE_MASK.to_string()));
+        assert!(SEED_REQUIREMENT.contains(&MAX_USER_SEED.to_string()));
         assert!(Seed::new(3 << 51).is_err());
         assert!(Seed::new(1 << 53).is_err());
         assert!(Seed::user(1 << 51).is_err());

@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 
-use crate::batch::Axes;
 use crate::error::ScenarioError;
 
-/// Which way a parameter makes a task harder.
+/// Direction in which a param makes a task harder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Harder {
@@ -15,34 +14,35 @@ pub enum Harder {
     Down,
 }
 
-/// One number that makes a task easier or harder.
+/// A param: a number that determines the difficulty of a task.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ParamSpec {
-    /// Its name on the wire.
+    /// Name of the param in JSON.
     pub name: &'static str,
-    /// Its unit, empty for a pure number.
+    /// Unit of the param, empty for a pure number.
     pub unit: &'static str,
-    /// Smallest value.
+    /// Smallest value that is valid.
     pub min: f64,
-    /// Largest value.
+    /// Largest value that is valid.
     pub max: f64,
-    /// The grid designers move on; values of a `whole` parameter must be whole.
+    /// Grid of designers; values of a `whole` param must be integers.
     pub step: f64,
-    /// Whether only whole numbers make sense.
+    /// True if only integers are valid.
     pub whole: bool,
-    /// What the world's public original uses.
+    /// Default value: that of the world's public original.
     pub default: f64,
-    /// Which way is harder.
+    /// Direction in which the task becomes harder.
     pub harder: Harder,
-    /// What it does.
+    /// Description of the param.
     pub about: &'static str,
 }
 
 impl ParamSpec {
-    /// Checks a value against kind and bounds.
+    /// Checks a value and returns it in canonical form.
     ///
     /// # Errors
-    /// `OutOfRange`, or `WrongType` for a fraction where only whole numbers make sense.
+    /// Returns [`ScenarioError::OutOfRange`] if the value is out of bounds, and [`ScenarioError::WrongType`] if it must be an
+    /// integer and is not.
     pub fn check(&self, value: f64) -> Result<f64, ScenarioError> {
         let field = || format!("params.{}", self.name);
         if !(value >= self.min && value <= self.max) {
@@ -55,35 +55,35 @@ impl ParamSpec {
                 wanted: "a whole number".to_owned(),
             });
         }
-        Ok(value + 0.0) // −0.0 becomes 0.0: one value, one canonical form
+        Ok(value + 0.0) // −0.0 becomes 0.0, so that equal values have one canonical form
     }
 }
 
-/// A choice between named behaviours of a world. What is served of it and what help texts say comes from here, and
-/// recipes are checked against it.
+/// A physics option: a choice between named behaviours of a world. The API and help texts describe it by this, and recipes
+/// are checked against it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OptionSpec {
-    /// Its name on the wire.
+    /// Name of the option in JSON.
     pub name: &'static str,
-    /// The words it takes; the first is the default.
+    /// Names of the choices; the first is the default.
     pub choices: &'static [&'static str],
-    /// What it does.
+    /// Description of the option.
     pub about: &'static str,
-    /// The choices that only a scenario by hand may have, no run and no suite.
-    pub by_hand: &'static [ByHand],
+    /// Choices that are reserved for scenarios made by hand; runs and suites reject them.
+    pub by_hand: &'static [ManualChoice],
 }
 
-/// A choice that only a scenario by hand may have.
+/// A choice that is reserved for scenarios made by hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct ByHand {
-    /// The word.
+pub struct ManualChoice {
+    /// Name of the choice.
     pub choice: &'static str,
-    /// Why, as the end of a sentence.
+    /// Reason, as the end of a sentence.
     pub why: &'static str,
 }
 
 impl OptionSpec {
-    /// The word that stands where none is given.
+    /// Name of the default choice.
     #[must_use]
     pub fn default_choice(&self) -> &'static str {
         self.choices.first().copied().unwrap_or_default()
@@ -95,7 +95,7 @@ impl Serialize for OptionSpec {
         use serde::ser::SerializeStruct;
         let mut out = serializer.serialize_struct("OptionSpec", 6)?;
         out.serialize_field("name", self.name)?;
-        // All options are words so far; a client should not have to guess.
+        // All options are choices so far; the type is explicit for clients.
         out.serialize_field("type", "choice")?;
         out.serialize_field("choices", self.choices)?;
         out.serialize_field("default", self.default_choice())?;
@@ -105,7 +105,7 @@ impl Serialize for OptionSpec {
     }
 }
 
-/// A table of params from easy (row 0) to hard.
+/// A table of levels: params of each level, from easy (row 0) to hard.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Levels {
     columns: Vec<String>,
@@ -113,18 +113,19 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// A world's own table of ten levels, column by column.
-    pub(crate) fn committed(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Self {
+    /// Creates a world's default table of ten levels from pairs of column name and values.
+    pub(crate) fn from_table(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Self {
         let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
         let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
         Self::new(space, names, rows)
-            .expect("the committed tables are within their spaces: a test reads them all")
+            .expect("default tables are within their spaces, which a test checks")
     }
 
-    /// A table whose every cell is checked against the task's parameter space.
+    /// Creates a table after checking every value against the task's parameter space.
     ///
     /// # Errors
-    /// An unknown column, a row with a hole, a value out of its bounds, no rows or more than 100.
+    /// Returns an error if a column is unknown, a row has a wrong length, a value is out of bounds, or the number of rows is
+    /// not within 1 to 100.
     pub fn new(
         space: &[ParamSpec],
         columns: Vec<String>,
@@ -135,7 +136,7 @@ impl Levels {
             let Some(spec) = space.iter().find(|spec| spec.name == name) else {
                 return Err(ScenarioError::UnknownField {
                     field: format!("levels.columns.{name}"),
-                    known: names(space),
+                    known: param_names(space),
                 });
             };
             specs.push(spec);
@@ -160,66 +161,78 @@ impl Levels {
         Ok(Self { columns, rows })
     }
 
-    /// How many levels there are (at least one).
+    /// Number of levels, at least one.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Never: a table has at least one row.
+    /// Always false, since a table has at least one row.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// The names of the columns.
+    /// Names of the columns, which are params.
     #[must_use]
     pub fn columns(&self) -> &[String] {
         &self.columns
     }
 
-    /// The params of a level as (name, value); a level past the last is the last.
+    /// Params of a level as pairs of name and value; a level past the last is the last.
     pub fn params(&self, level: usize) -> impl Iterator<Item = (&str, f64)> {
         let row = &self.rows[level.min(self.rows.len() - 1)];
         self.columns.iter().map(String::as_str).zip(row.iter().copied())
     }
 }
 
-/// What an agent does in a step.
+/// Action space of one agent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ActionSpace {
-    /// Names of the values of one action, in order.
+    /// Names of the values of an action, in order.
     pub columns: &'static [&'static str],
-    /// Smallest value each is clamped to.
+    /// Smallest value; lower ones are clamped.
     pub low: f64,
-    /// Largest value each is clamped to.
+    /// Largest value; higher ones are clamped.
     pub high: f64,
-    /// The unit of the values.
+    /// Unit of the values.
     pub unit: &'static str,
 }
 
-/// Actions to choose from by their number, for policies that choose among few.
+/// Axes along which actions are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Axes {
+    /// The axes of the world, as in action logs.
+    #[default]
+    World,
+    /// The own axes of each agent, in worlds that have them, for policies whose observations are along them, too. In
+    /// kessler they are radial out and in-track. Values are rotated into the world's axes, rounded to single precision, and
+    /// then treated like any action.
+    Agent,
+}
+
+/// A finite set of actions for policies with a discrete action space.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Choices {
-    /// Along which axes the actions are.
+pub struct ActionGrid {
+    /// Axes of the actions.
     pub axes: Axes,
-    /// Their values, in order; the first is hold.
+    /// Values of each action; the first action is hold.
     pub rows: Vec<Vec<f32>>,
-    /// What they are, in one sentence.
+    /// Description in one sentence.
     pub about: &'static str,
 }
 
-/// The range of a task's score.
+/// Range of a task's score.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ScoreRange {
-    /// Never below.
+    /// Lower bound of the score.
     pub min: f64,
-    /// Never above.
+    /// Upper bound of the score.
     pub max: f64,
 }
 
-/// The names of a parameter space, for messages.
+/// Names of a parameter space, separated by commas.
 #[must_use]
-pub fn names(space: &[ParamSpec]) -> String {
+pub fn param_names(space: &[ParamSpec]) -> String {
     space.iter().map(|spec| spec.name).collect::<Vec<_>>().join(", ")
 }

@@ -1,22 +1,21 @@
-//! What the tests of several worlds share.
+//! Helpers that the tests of several worlds share.
 
 use proptest::prelude::*;
 use serde_json::Value;
 
 use crate::log::ActionLog;
 use crate::rollout::replay;
-use crate::scenario::{Recipe, Scenario};
 use crate::seed::Seed;
-use crate::task::{StepReport, TaskSpec};
+use crate::task::{Recipe, Scenario, StepReport, TaskSpec};
 
-/// A scenario of a task at a level, by a user's seed.
+/// A scenario of a task at a level of its default table.
 pub(crate) fn at_level(task: &str, level: usize, seed: u64) -> Scenario {
     let task = crate::task(task).unwrap();
-    let recipe = Recipe::with_params(task, task.levels().params(level)).unwrap();
+    let recipe = Recipe::at_level(task, level).unwrap();
     Scenario::new(recipe, Seed::user(seed).unwrap())
 }
 
-/// Where some episodes of these tasks end, to the bit; `log` says what is done in one under a seed.
+/// Final states of some episodes of these tasks, to the bit; `log` supplies the actions for a scenario and a seed.
 pub(crate) fn final_states(
     tasks: &[impl TaskSpec],
     log: impl Fn(&Scenario, u64) -> ActionLog,
@@ -37,7 +36,7 @@ pub(crate) fn final_states(
                 task.id(),
                 &scenario.id().to_string()[..16],
                 episode.steps(),
-                episode.flown().total,
+                episode.outcome().total,
                 &hash[..16]
             ));
         }
@@ -45,18 +44,18 @@ pub(crate) fn final_states(
     golden
 }
 
-/// What some scenarios of these tasks are worth, to the bit.
+/// Brackets of some scenarios of these tasks, to the bit.
 pub(crate) fn brackets(tasks: &[impl TaskSpec], levels: &[usize]) -> Vec<String> {
     let mut golden = Vec::new();
     for (task, &level) in tasks.iter().flat_map(|task| levels.iter().map(move |level| (task, level))) {
         let scenario = at_level(task.id(), level, 11);
         let bracket = task.bracket(&scenario).unwrap();
-        assert_eq!(replay(&scenario, &bracket.witness).unwrap(), bracket.reference);
+        assert_eq!(replay(&scenario, &bracket.reference_plan).unwrap(), bracket.reference);
         golden.push(format!(
             "v{} {} L{level}: hold {:?} floor {:?} reference {:?}",
-            bracket.planner,
+            bracket.planner_version,
             task.id(),
-            bracket.hold(),
+            bracket.hold_score(),
             bracket.floor,
             bracket.reference.score
         ));
@@ -64,7 +63,7 @@ pub(crate) fn brackets(tasks: &[impl TaskSpec], levels: &[usize]) -> Vec<String>
     golden
 }
 
-/// Any JSON at all, a few levels deep, with some values and keys that mean something.
+/// Strategy for arbitrary JSON, a few levels deep, with some known leaves and keys.
 pub(crate) fn any_json(
     known: impl Strategy<Value = Value> + 'static,
     keys: &'static [&'static str],

@@ -1,78 +1,80 @@
-//! What every world answers to beyond its tasks: recordings made elsewhere, and what a benchmark of it steps.
+//! The interface of a world beyond its tasks: recordings of public originals, and benchmarks.
 
 use serde_json::Value;
 
 use crate::task::TaskSpec;
 
-/// A world: a module of tasks that share one engine.
+/// A world: tasks that share one simulation.
 pub trait World: Send + Sync {
-    /// The world and its version, as `kessler@1`.
+    /// Id of the world with its version, such as `kessler@1`.
     fn id(&self) -> &'static str;
-    /// Its tasks.
-    fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
-    /// The task and params that benchmarks of this world step.
-    fn bench(&self) -> BenchSpec;
-    /// Replays a file of episodes recorded elsewhere and compares number by number; `None` if the file is not one of
-    /// this world's.
-    fn compare(&self, recording: &Value, tolerance: f64) -> Option<Result<Compared, RecordError>>;
 
-    /// Its name without the version.
+    /// Tasks of the world.
+    fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
+
+    /// Task and params for benchmarks of this world.
+    fn bench_spec(&self) -> BenchSpec;
+
+    /// Replays a file of episodes that the world's public original recorded, and compares all values. Returns `None` if the
+    /// file is not a recording of this world.
+    fn compare_recording(&self, recording: &Value, tolerance: f64) -> Option<Result<RecordingComparison, ComparisonError>>;
+
+    /// Name of the world without the version.
     fn name(&self) -> &'static str {
         self.id().split('@').next().unwrap_or_default()
     }
 }
 
-/// What a benchmark steps.
+/// Task and actions of a benchmark.
 #[derive(Debug, Clone, Copy)]
 pub struct BenchSpec {
-    /// The task.
+    /// Id of the task.
     pub task: &'static str,
-    /// Its params; the others are at their defaults.
+    /// Params as pairs of name and value; the others have their defaults.
     pub params: &'static [(&'static str, f64)],
-    /// Actions are uniform within plus and minus this.
+    /// Largest magnitude of the uniform random actions.
     pub action: f64,
-    /// What a step of the public original costs in-process, µs, as measured for this project on one core; none where
-    /// it was not measured.
+    /// Duration of a step of the public original in one process on one core, µs, as measured for this project; `None` if it
+    /// was not measured.
     pub original_us_per_step: Option<f64>,
 }
 
-/// What a file of recorded episodes came to.
+/// Result of a comparison with a file of recorded episodes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Compared {
-    /// Episodes replayed.
+pub struct RecordingComparison {
+    /// Number of replayed episodes.
     pub episodes: usize,
-    /// Steps compared.
+    /// Number of compared steps.
     pub steps: usize,
-    /// The worst difference of each quantity, in the order people should read them.
-    pub worst: Vec<Worst>,
-    /// The first step that differs by more than its tolerance, or in a word.
+    /// The worst difference of each quantity, in the order of presentation.
+    pub worst: Vec<WorstDifference>,
+    /// The first step with a value beyond its tolerance, or with a different flag or text.
     pub first: Option<FirstDifference>,
-    /// Differences that are meant, each with its reason; they do not count as differing.
+    /// Intended differences, each with its reason; they do not count as differences.
     pub documented: Vec<String>,
 }
 
-/// The difference of a quantity that is worst for what is allowed of it.
+/// The worst difference of a quantity, relative to its tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Worst {
-    /// The quantity: a plain word.
+pub struct WorstDifference {
+    /// Name of the quantity.
     pub quantity: &'static str,
-    /// The absolute difference; infinite where one is not a number.
+    /// Absolute difference; infinite if one value is NaN.
     pub difference: f64,
-    /// The largest that passes there: the tolerance asked for, or what the recording's own precision leaves, if that is
-    /// more.
+    /// Largest allowed difference: the requested tolerance, or the precision of the recording if that is larger.
     pub allowed: f64,
 }
 
-impl Worst {
-    /// Nothing compared yet; `allowed` by the tolerance asked for.
+impl WorstDifference {
+    /// Creates a record without differences; `allowed` is the requested tolerance.
     #[must_use]
-    pub const fn none(quantity: &'static str, allowed: f64) -> Self {
+    pub const fn new(quantity: &'static str, allowed: f64) -> Self {
         Self { quantity, difference: 0.0, allowed }
     }
 
-    /// Takes another difference of the same quantity in, where it is worse.
-    pub fn take(&mut self, difference: f64, allowed: f64) {
-        // Beyond what is allowed is worse than within; then by how many times; then plainly.
+    /// Replaces the record by another difference of the same quantity if that is worse.
+    pub fn update(&mut self, difference: f64, allowed: f64) {
+        // A difference beyond the allowed one is worse than one within; otherwise the ratio decides.
         let rank = |difference: f64, allowed: f64| {
             (difference > allowed, difference / allowed.max(f64::MIN_POSITIVE))
         };
@@ -82,29 +84,29 @@ impl Worst {
     }
 }
 
-/// Where a recording and its replay part.
+/// First difference of a recording and its replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstDifference {
-    /// Counted from 0.
+    /// Index of the episode, counted from 0.
     pub episode: usize,
-    /// Counted from 1.
+    /// Number of the step, counted from 1.
     pub step: usize,
-    /// What differs.
+    /// Description of the difference.
     pub what: String,
 }
 
 /// A recording that cannot be replayed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RecordError {
-    /// The file is not what its world's recordings look like.
+pub enum ComparisonError {
+    /// The file is not a recording of its world.
     #[error("{0}")]
     Malformed(String),
-    /// One episode cannot be replayed.
+    /// An episode cannot be replayed.
     #[error("episode {episode}: {reason}")]
     Episode {
-        /// Counted from 0.
+        /// Index of the episode, counted from 0.
         episode: usize,
-        /// Why.
+        /// Reason why it cannot be replayed.
         reason: String,
     },
 }

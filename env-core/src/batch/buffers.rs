@@ -1,35 +1,60 @@
-//! The buffers a batch writes, for callers that have none of their own.
+//! The buffers that a batch writes.
 
-use super::{Autoreset, Output, Shape};
+use super::{Autoreset, BatchShape};
 
-/// Buffers of one batch; what they mean is in [`Output`].
+/// The caller's buffers for one step. A step writes all of them completely, except for the final observations of episodes
+/// that continue. After an error their contents are undefined.
+#[derive(Debug)]
+pub struct BatchOutput<'a> {
+    /// Current observations, `envs × observation`.
+    pub observations: &'a mut [f32],
+    /// Last observations of episodes that ended in this step, `envs × observation` under [`Autoreset::SameStep`], else
+    /// empty. Rows of the other environments are unchanged.
+    pub final_observations: &'a mut [f32],
+    /// Reward of each agent, `envs × agents`; zero once it has left.
+    pub rewards: &'a mut [f32],
+    /// Reward of each team, `envs`; the score sums it.
+    pub team_rewards: &'a mut [f32],
+    /// True if an agent has left by the rules of the task in this or an earlier step of the episode, or is absent from it,
+    /// `envs × agents`.
+    pub terminated: &'a mut [bool],
+    /// True if the horizon cut an agent off in this step, `envs × agents`.
+    pub truncated: &'a mut [bool],
+    /// True if the episode ended in this step, `envs`.
+    pub done: &'a mut [bool],
+    /// Actions along the world's axes before clamping, as a log contains them, `envs × agents × action`; empty if the
+    /// caller does not need them. They are zero if the step was a reset.
+    pub executed_actions: &'a mut [f32],
+}
+
+/// Buffers of one batch for callers without buffers of their own; [`BatchOutput`] describes the fields.
 #[derive(Debug, Clone)]
-pub struct Buffers {
-    /// `envs × observation`.
+pub struct BatchBuffers {
+    /// Current observations, `envs × observation`.
     pub observations: Vec<f32>,
-    /// `envs × observation` under `SameStep`, else empty.
+    /// Last observations, `envs × observation` under [`Autoreset::SameStep`], else empty.
     pub final_observations: Vec<f32>,
-    /// `envs × agents`.
+    /// Reward of each agent, `envs × agents`.
     pub rewards: Vec<f32>,
-    /// `envs`.
+    /// Reward of each team, `envs`.
     pub team_rewards: Vec<f32>,
-    /// `envs × agents`.
+    /// True if an agent has left, `envs × agents`.
     pub terminated: Vec<bool>,
-    /// `envs × agents`.
+    /// True if the horizon cut an agent off, `envs × agents`.
     pub truncated: Vec<bool>,
-    /// `envs`.
+    /// True if the episode ended in this step, `envs`.
     pub done: Vec<bool>,
 }
 
-impl Buffers {
-    /// Of the sizes that a batch of this shape asks for.
+impl BatchBuffers {
+    /// Creates zeroed buffers for a batch of this shape.
     #[must_use]
-    pub fn new(shape: Shape, autoreset: Autoreset) -> Self {
-        let Shape { envs, agents, observation, .. } = shape;
-        let last = if autoreset == Autoreset::SameStep { envs * observation } else { 0 };
+    pub fn new(shape: BatchShape, autoreset: Autoreset) -> Self {
+        let BatchShape { envs, agents, observation, .. } = shape;
+        let finals = if autoreset == Autoreset::SameStep { envs * observation } else { 0 };
         Self {
             observations: vec![0.0; envs * observation],
-            final_observations: vec![0.0; last],
+            final_observations: vec![0.0; finals],
             rewards: vec![0.0; envs * agents],
             team_rewards: vec![0.0; envs],
             terminated: vec![false; envs * agents],
@@ -38,9 +63,9 @@ impl Buffers {
         }
     }
 
-    /// What a step writes.
-    pub fn output(&mut self) -> Output<'_> {
-        Output {
+    /// Borrows the buffers for one step, without executed actions.
+    pub fn output(&mut self) -> BatchOutput<'_> {
+        BatchOutput {
             observations: &mut self.observations,
             final_observations: &mut self.final_observations,
             rewards: &mut self.rewards,
@@ -48,7 +73,7 @@ impl Buffers {
             terminated: &mut self.terminated,
             truncated: &mut self.truncated,
             done: &mut self.done,
-            taken: &mut [],
+            executed_actions: &mut [],
         }
     }
 }

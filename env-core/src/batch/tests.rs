@@ -1,32 +1,32 @@
-//! A batch does what its environments do one by one: to the bit, at any size, thread count and reset mode.
+//! A batch equals its environments stepped one by one, to the bit, for any size, thread count and autoreset mode.
 
 use std::sync::Arc;
 
 use proptest::prelude::*;
 
 use super::*;
-use crate::chance::{Chance, Seeded, Stream};
+use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::log::JointAction;
 use crate::task::{Episode, StepReport};
 
-/// A batch with the buffers it writes.
-struct Flying {
+/// A batch with its buffers.
+struct TestBatch {
     batch: Box<dyn Batch>,
-    shape: Shape,
-    buffers: Buffers,
+    shape: BatchShape,
+    buffers: BatchBuffers,
 }
 
-const ALL: Observe = Observe::All { bodies: None };
+const ALL: ObservationMode = ObservationMode::All { bodies: None };
 
-impl Flying {
-    /// Buffers begin with what no batch writes, so that a cell that is left out shows.
+impl TestBatch {
+    /// Creates a batch whose buffers are NaN, so that a cell that is not written shows.
     fn new(recipe: &Arc<Recipe>, envs: usize, autoreset: Autoreset) -> Self {
         let config = BatchConfig::new(envs, autoreset, ALL);
-        let feed = Box::new(Seeds::new(Arc::clone(recipe), 5));
-        let mut batch = recipe.task().batch(feed, config).unwrap();
+        let source = Box::new(SeedSequence::new(Arc::clone(recipe), 5));
+        let mut batch = recipe.task().batch(source, config).unwrap();
         let shape = batch.shape();
-        let mut buffers = Buffers::new(shape, autoreset);
-        let Buffers { observations, final_observations, rewards, team_rewards, .. } = &mut buffers;
+        let mut buffers = BatchBuffers::new(shape, autoreset);
+        let BatchBuffers { observations, final_observations, rewards, team_rewards, .. } = &mut buffers;
         for buffer in [&mut *observations, final_observations, rewards, team_rewards] {
             buffer.fill(f32::NAN);
         }
@@ -43,32 +43,32 @@ impl Flying {
     }
 }
 
-/// What slot `slot` does in its step `step`: a function of both, whatever the batch.
+/// The action of a slot in a step: a function of both, whatever the batch.
 fn action(slot: usize, step: usize, width: usize) -> Vec<f32> {
-    let mut chance = Seeded::new(Seed::user((slot * 100_000 + step) as u64).unwrap());
+    let mut rng = SeededRng::new(Seed::user((slot * 100_000 + step) as u64).unwrap());
     (0..width)
         .map(|_| {
-            if chance.uniform(Stream::Policy) < 0.5 {
+            if rng.uniform(RngStream::Policy) < 0.5 {
                 0.0
             } else {
-                chance.uniform(Stream::Policy) as f32 - 0.5
+                rng.uniform(RngStream::Policy) as f32 - 0.5
             }
         })
         .collect()
 }
 
-/// One environment flown by the same actions through the contract every world answers to.
-struct Single {
+/// One environment that is stepped through the episode interface.
+struct SingleEnv {
     episode: Box<dyn Episode>,
     report: StepReport,
 }
 
-impl Single {
+impl SingleEnv {
     fn start(scenario: &Scenario) -> Self {
         Self { episode: scenario.task().start(scenario).unwrap(), report: StepReport::default() }
     }
 
-    fn step(&mut self, actions: &[f32], shape: Shape) {
+    fn step(&mut self, actions: &[f32], shape: BatchShape) {
         let agents: Vec<u32> = (0..shape.agents as u32).collect();
         let values: Vec<f64> = actions.iter().map(|&x| f64::from(x)).collect();
         self.episode.step(JointAction { agents: &agents, values: &values }, &mut self.report).unwrap();
@@ -79,12 +79,12 @@ fn recipes() -> Vec<Arc<Recipe>> {
     let mut recipes = Vec::new();
     for task in crate::tasks() {
         for level in [0, 9] {
-            recipes.push(Recipe::with_params(task, task.levels().params(level)).unwrap());
+            recipes.push(Recipe::at_level(task, level).unwrap());
         }
-        // Every choice of every option that can be had alone.
+        // Every choice of every option by itself.
         for option in task.options() {
             for choice in &option.choices[1..] {
-                let base = Recipe::with_params(task, task.levels().params(6)).unwrap();
+                let base = Recipe::at_level(task, 6).unwrap();
                 recipes.push(base.with_option(option.name, choice).unwrap());
             }
         }
@@ -92,210 +92,213 @@ fn recipes() -> Vec<Arc<Recipe>> {
     recipes.into_iter().map(Arc::new).collect()
 }
 
-/// Every slot, stepped singly, gives the same bits and rewards, over more than one episode.
-fn matches_single(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
-    let mut flying = Flying::new(recipe, envs, Autoreset::SameStep);
-    let (shape, width) = (flying.shape, flying.width());
-    let scenario = |flying: &Flying, env: usize| flying.batch.episode(env).unwrap().0;
-    let mut singles: Vec<Single> = (0..envs).map(|env| Single::start(&scenario(&flying, env))).collect();
+/// Checks that every slot gives the same bits and rewards as a single environment, over more than one episode.
+fn check_against_single_envs(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
+    let mut test = TestBatch::new(recipe, envs, Autoreset::SameStep);
+    let (shape, width) = (test.shape, test.width());
+    let scenario = |test: &TestBatch, env: usize| test.batch.running_episode(env).unwrap().scenario;
+    let mut singles: Vec<SingleEnv> = (0..envs).map(|env| SingleEnv::start(&scenario(&test, env))).collect();
     for step in 0..steps {
         let actions: Vec<f32> = (0..envs).flat_map(|env| action(env, step, width)).collect();
-        flying.step(&actions).unwrap();
+        test.step(&actions).unwrap();
         for (env, single) in singles.iter_mut().enumerate() {
             single.step(&actions[env * width..(env + 1) * width], shape);
-            let told = &single.report;
-            assert_eq!(flying.buffers.done[env], told.done, "{recipe:?} env {env} step {step}");
-            assert_eq!(flying.buffers.team_rewards[env].to_bits(), (told.reward as f32).to_bits());
-            for agent in &told.agents {
+            let expected = &single.report;
+            assert_eq!(test.buffers.done[env], expected.done, "{recipe:?} env {env} step {step}");
+            assert_eq!(test.buffers.team_rewards[env].to_bits(), (expected.reward as f32).to_bits());
+            for agent in &expected.agents {
                 let at = env * shape.agents + agent.agent as usize;
-                assert_eq!(flying.buffers.rewards[at].to_bits(), (agent.reward as f32).to_bits());
+                assert_eq!(test.buffers.rewards[at].to_bits(), (agent.reward as f32).to_bits());
                 assert_eq!(
-                    (flying.buffers.terminated[at], flying.buffers.truncated[at]),
+                    (test.buffers.terminated[at], test.buffers.truncated[at]),
                     (agent.terminated, agent.truncated)
                 );
             }
-            if told.done {
-                *single = Single::start(&scenario(&flying, env));
+            if expected.done {
+                *single = SingleEnv::start(&scenario(&test, env));
             }
             assert_eq!(
-                flying.batch.state_hash(env).unwrap(),
+                test.batch.state_hash(env).unwrap(),
                 single.episode.state_hash(),
                 "{recipe:?} env {env} step {step}"
             );
         }
-        assert!(flying.buffers.observations.iter().all(|x| x.is_finite()), "{recipe:?} step {step}");
+        assert!(test.buffers.observations.iter().all(|x| x.is_finite()), "{recipe:?} step {step}");
     }
 }
 
 #[test]
-fn a_batch_is_its_environments_one_by_one() {
+fn batch_equals_single_environments() {
     for recipe in recipes() {
-        matches_single(&recipe, 3, 70);
+        check_against_single_envs(&recipe, 3, 70);
     }
 }
 
 #[test]
-fn size_and_threads_move_no_bit() {
+fn size_and_threads_change_no_bit() {
     for task in ["kessler/rendezvous", "docking/multiagent"] {
         let Some(task) = crate::task(task) else { continue };
-        let recipe = Arc::new(Recipe::with_params(task, task.levels().params(7)).unwrap());
-        let fly = |envs: usize, threads: usize| {
+        let recipe = Arc::new(Recipe::at_level(task, 7).unwrap());
+        let run = |envs: usize, threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let mut flying = Flying::new(&recipe, envs, Autoreset::NextStep);
-            let width = flying.width();
+            let mut test = TestBatch::new(&recipe, envs, Autoreset::NextStep);
+            let width = test.width();
             pool.install(|| {
                 for step in 0..120 {
                     let actions: Vec<f32> = (0..envs).flat_map(|env| action(env, step, width)).collect();
-                    flying.step(&actions).unwrap();
+                    test.step(&actions).unwrap();
                 }
             });
-            let seen = flying.buffers.observations[..5 * flying.shape.observation].to_vec();
-            let hashes: Vec<_> = (0..5).map(|env| flying.batch.state_hash(env).unwrap()).collect();
-            (hashes, seen.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
+            let observations = test.buffers.observations[..5 * test.shape.observation].to_vec();
+            let hashes: Vec<_> = (0..5).map(|env| test.batch.state_hash(env).unwrap()).collect();
+            (hashes, observations.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
         };
-        let alone = fly(5, 1);
+        let expected = run(5, 1);
         for (envs, threads) in [(5, 3), (64, 1), (64, 2), (333, 3)] {
-            assert_eq!(fly(envs, threads), alone, "{envs} environments on {threads} threads");
+            assert_eq!(run(envs, threads), expected, "{envs} environments on {threads} threads");
         }
     }
 }
 
-/// Gymnasium's three modes, on an environment whose episodes are known to end at step 50.
+/// Checks Gymnasium's three modes on an environment whose episodes end at step 50.
 #[test]
-fn autoreset_modes_are_gymnasiums() {
+fn autoreset_modes_match_gymnasium() {
     let task = crate::task("kessler/survival").unwrap();
     let recipe = Arc::new(Recipe::with_params(task, [("debris", 0.0)].into_iter()).unwrap());
-    let hold = |flying: &Flying| vec![0.0; flying.shape.envs * flying.width()];
+    let hold = |test: &TestBatch| vec![0.0; test.shape.envs * test.width()];
     for mode in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
-        let mut flying = Flying::new(&recipe, 2, mode);
-        let first = flying.buffers.observations.clone();
+        let mut test = TestBatch::new(&recipe, 2, mode);
+        let first = test.buffers.observations.clone();
         for step in 1..=50 {
-            let actions = hold(&flying);
-            flying.step(&actions).unwrap();
-            assert_eq!(flying.buffers.done, [step == 50; 2], "{mode:?} step {step}");
+            let actions = hold(&test);
+            test.step(&actions).unwrap();
+            assert_eq!(test.buffers.done, [step == 50; 2], "{mode:?} step {step}");
         }
         assert!(
-            flying.buffers.truncated.iter().all(|&cut| cut)
-                && flying.buffers.terminated.iter().all(|&left| !left)
+            test.buffers.truncated.iter().all(|&cut| cut)
+                && test.buffers.terminated.iter().all(|&left| !left)
         );
-        let begun = |flying: &Flying| flying.batch.episode(0).unwrap().0;
-        let actions = hold(&flying);
+        let running = |test: &TestBatch| test.batch.running_episode(0).unwrap().scenario;
+        let actions = hold(&test);
         match mode {
             Autoreset::NextStep => {
-                let (before, last) = (begun(&flying), flying.buffers.observations.clone());
-                flying.step(&actions).unwrap();
-                assert_ne!(begun(&flying), before);
-                assert_ne!(flying.buffers.observations, last);
+                let (before, last) = (running(&test), test.buffers.observations.clone());
+                test.step(&actions).unwrap();
+                assert_ne!(running(&test), before);
+                assert_ne!(test.buffers.observations, last);
                 assert!(
-                    flying.buffers.rewards.iter().all(|&r| r == 0.0)
-                        && flying.buffers.truncated.iter().all(|&cut| !cut)
+                    test.buffers.rewards.iter().all(|&r| r == 0.0)
+                        && test.buffers.truncated.iter().all(|&cut| !cut)
                 );
-                assert_eq!(flying.buffers.done, [false; 2]);
-                flying.step(&actions).unwrap();
-                assert!(flying.buffers.rewards.iter().all(|&r| r > 0.0));
+                assert_eq!(test.buffers.done, [false; 2]);
+                test.step(&actions).unwrap();
+                assert!(test.buffers.rewards.iter().all(|&r| r > 0.0));
             }
             Autoreset::SameStep => {
-                // What is seen is the next start; what was seen last stands beside it.
-                assert_ne!(flying.buffers.observations, flying.buffers.final_observations);
-                assert!(flying.buffers.rewards.iter().all(|&r| r > 0.0));
-                let mut again = vec![0.0; flying.buffers.observations.len()];
-                flying.batch.reset(None, &mut again).unwrap();
-                assert_ne!(again, flying.buffers.observations);
+                // The observation is the next start; the last one is in the final observations.
+                assert_ne!(test.buffers.observations, test.buffers.final_observations);
+                assert!(test.buffers.rewards.iter().all(|&r| r > 0.0));
+                let mut again = vec![0.0; test.buffers.observations.len()];
+                test.batch.reset(None, &mut again).unwrap();
+                assert_ne!(again, test.buffers.observations);
             }
             Autoreset::Disabled => {
-                assert_eq!(flying.step(&actions), Err(BatchError::Ended { env: 0 }));
-                flying.batch.reset(Some(&[true, false]), &mut flying.buffers.observations).unwrap();
-                assert_eq!(flying.step(&actions), Err(BatchError::Ended { env: 1 }));
+                assert_eq!(test.step(&actions), Err(BatchError::Ended { env: 0 }));
+                test.batch.reset(Some(&[true, false]), &mut test.buffers.observations).unwrap();
+                assert_eq!(test.step(&actions), Err(BatchError::Ended { env: 1 }));
             }
         }
-        assert_ne!(flying.buffers.observations, first);
+        assert_ne!(test.buffers.observations, first);
     }
 }
 
-/// Slots 5 and 40 are given a scenario of another task after their first.
-struct Broken {
-    good: Seeds,
+/// Source that gives slots 5 and 40 a scenario of another task after their first.
+struct BrokenSource {
+    good: SeedSequence,
     bad: Arc<Recipe>,
 }
 
-impl Feed for Broken {
-    fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed) {
-        let (recipe, seed) = self.good.scenario(slot, number);
-        if number == 1 && [5, 40].contains(&slot) { (Arc::clone(&self.bad), seed) } else { (recipe, seed) }
+impl ScenarioSource for BrokenSource {
+    fn scenario(&self, slot: usize, number: u64) -> Scenario {
+        let good = self.good.scenario(slot, number);
+        let is_bad = number == 1 && [5, 40].contains(&slot);
+        if is_bad { Scenario::new(Arc::clone(&self.bad), good.seed()) } else { good }
     }
 }
 
-/// A slot whose scenario cannot start stops nobody else: what has moved, and who is named, is the same on any threads.
+/// A slot whose scenario cannot start does not stop the others: state and error are the same for any thread count.
 #[test]
-fn a_slot_that_cannot_start_holds_up_nobody() {
+fn failing_slot_does_not_stop_others() {
     let task = crate::task("kessler/survival").unwrap();
     let recipe = Arc::new(Recipe::with_params(task, [("debris", 0.0)].into_iter()).unwrap());
     let bad = Arc::new(Recipe::new(crate::task("kessler/formation").unwrap()).unwrap());
-    let fly = |threads: usize| {
+    let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let feed = Broken { good: Seeds::new(Arc::clone(&recipe), 5), bad: Arc::clone(&bad) };
+        let source = BrokenSource { good: SeedSequence::new(Arc::clone(&recipe), 5), bad: Arc::clone(&bad) };
         let config = BatchConfig::new(300, Autoreset::SameStep, ALL);
-        let mut batch = task.batch(Box::new(feed), config).unwrap();
-        let mut buffers = Buffers::new(batch.shape(), config.autoreset);
+        let mut batch = task.batch(Box::new(source), config).unwrap();
+        let mut buffers = BatchBuffers::new(batch.shape(), config.autoreset);
         batch.reset(None, &mut buffers.observations).unwrap();
         let actions = vec![0.1; 300 * batch.shape().agents * batch.shape().action];
-        let mut told = Vec::new();
+        let mut results = Vec::new();
         pool.install(|| {
             for _ in 0..50 {
-                told.push(batch.step(&actions, buffers.output()));
+                results.push(batch.step(&actions, buffers.output()));
             }
-            told.push(batch.reset(None, &mut buffers.observations));
+            results.push(batch.reset(None, &mut buffers.observations));
         });
         let hashes: Vec<_> = (0..300).map(|env| batch.state_hash(env).unwrap()).collect();
-        (told, hashes)
+        (results, hashes)
     };
     let config = BatchConfig::new(3, Autoreset::SameStep, ALL);
-    let first = task.batch(Box::new(Seeds::new(Arc::clone(&bad), 5)), config).err().unwrap();
+    let first = task.batch(Box::new(SeedSequence::new(Arc::clone(&bad), 5)), config).err().unwrap();
     assert_eq!(
         first.to_string(),
         r#"environment 0: task is "kessler/formation"; choose one of kessler/survival"#
     );
-    let (told, hashes) = fly(1);
-    assert!(told[..49].iter().all(Result::is_ok) && told[50].is_ok());
-    assert!(matches!(told[49], Err(BatchError::Scenario { env: 5, .. })), "{:?}", told[49]);
+    let (results, hashes) = run(1);
+    assert!(results[..49].iter().all(Result::is_ok) && results[50].is_ok());
+    assert!(matches!(results[49], Err(BatchError::Scenario { env: 5, .. })), "{:?}", results[49]);
     for threads in [2, 3] {
-        assert!((told.clone(), hashes.clone()) == fly(threads), "{threads} threads");
+        assert!((results.clone(), hashes.clone()) == run(threads), "{threads} threads");
     }
 }
 
-/// As many scenarios as are left, whoever asks.
-struct Scarce {
-    good: Seeds,
+/// Source with a limited number of scenarios for each slot.
+struct LimitedSource {
+    good: SeedSequence,
     left: Arc<std::sync::Mutex<[u32; 3]>>,
 }
 
-impl Feed for Scarce {
-    fn scenario(&self, slot: usize, number: u64) -> (Arc<Recipe>, Seed) {
+impl ScenarioSource for LimitedSource {
+    fn scenario(&self, slot: usize, number: u64) -> Scenario {
         self.left.lock().unwrap()[slot] -= 1;
         self.good.scenario(slot, number)
     }
 
-    fn has(&self, slot: usize) -> bool {
+    fn has_scenario(&self, slot: usize) -> bool {
         self.left.lock().unwrap()[slot] > 0
     }
 }
 
 #[test]
-fn a_slot_for_which_there_is_nothing_rests() {
+fn slot_without_scenario_is_idle() {
     let task = crate::task("kessler/survival").unwrap();
     let recipe = Arc::new(Recipe::with_params(task, [("debris", 0.0)].into_iter()).unwrap());
     for autoreset in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
-        // One more for slot 0: what the batch reads its first recipe from.
+        // One more for slot 0, since creating the batch reads its first recipe.
         let left = Arc::new(std::sync::Mutex::new([2, 0, 2]));
-        let feed = Scarce { good: Seeds::new(Arc::clone(&recipe), 5), left: Arc::clone(&left) };
-        let mut batch = task.batch(Box::new(feed), BatchConfig::new(3, autoreset, ALL)).unwrap();
-        let mut buffers = Buffers::new(batch.shape(), autoreset);
+        let source =
+            LimitedSource { good: SeedSequence::new(Arc::clone(&recipe), 5), left: Arc::clone(&left) };
+        let mut batch = task.batch(Box::new(source), BatchConfig::new(3, autoreset, ALL)).unwrap();
+        let mut buffers = BatchBuffers::new(batch.shape(), autoreset);
         buffers.observations.fill(f32::NAN);
         batch.reset(None, &mut buffers.observations).unwrap();
         let (actions, width) = (vec![0.0; 3 * 6], batch.shape().observation);
-        assert_eq!([0, 1, 2].map(|env| batch.rests(env)), [false, true, false]);
+        assert_eq!([0, 1, 2].map(|env| batch.is_idle(env)), [false, true, false]);
         assert!(
-            buffers.observations[width..2 * width].iter().all(|x| *x == 0.0) && batch.episode(1).is_none()
+            buffers.observations[width..2 * width].iter().all(|x| *x == 0.0)
+                && batch.running_episode(1).is_none()
         );
         for step in 1..=50 {
             batch.step(&actions, buffers.output()).unwrap();
@@ -308,65 +311,66 @@ fn a_slot_for_which_there_is_nothing_rests() {
         } else {
             batch.step(&actions, buffers.output()).unwrap();
         }
-        assert_eq!([0, 1, 2].map(|env| batch.rests(env)), [true, true, false], "{autoreset:?}");
-        let mut gone = [false; 3];
-        batch.absent(0, &mut gone);
-        assert_eq!(gone, [true; 3]);
-        assert!(batch.step(&actions, buffers.output()).is_ok(), "who rests can be stepped");
-        // Where there is something again it is begun.
+        assert_eq!([0, 1, 2].map(|env| batch.is_idle(env)), [true, true, false], "{autoreset:?}");
+        let mut absent = [false; 3];
+        batch.mark_absent_agents(0, &mut absent);
+        assert_eq!(absent, [true; 3]);
+        assert!(batch.step(&actions, buffers.output()).is_ok(), "idle environments can be stepped");
+        // A new scenario starts in the next step.
         left.lock().unwrap()[1] = 1;
         if autoreset != Autoreset::Disabled {
             batch.step(&actions, buffers.output()).unwrap();
-            assert!(!batch.rests(1), "{autoreset:?}");
+            assert!(!batch.is_idle(1), "{autoreset:?}");
         }
     }
 }
 
 #[test]
-fn what_is_wrong_is_said_and_moves_nothing() {
+fn invalid_input_is_rejected_without_effect() {
     let task = crate::task("kessler/survival").unwrap();
     let recipe = Arc::new(Recipe::new(task).unwrap());
-    let mut flying = Flying::new(&recipe, 2, Autoreset::NextStep);
-    let before = flying.batch.state_hash(1);
+    let mut test = TestBatch::new(&recipe, 2, Autoreset::NextStep);
+    let before = test.batch.state_hash(1);
     let mut actions = vec![0.0; 12];
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         actions[8] = bad;
-        assert_eq!(flying.step(&actions), Err(BatchError::NotFinite { env: 1, agent: 1 }));
+        assert_eq!(test.step(&actions), Err(BatchError::NotFinite { env: 1, agent: 1 }));
     }
-    let error = flying.step(&actions[..11]).unwrap_err();
+    let error = test.step(&actions[..11]).unwrap_err();
     assert_eq!(error.to_string(), "actions holds 11 values, not 12");
-    flying.buffers.done.pop();
+    test.buffers.done.pop();
     actions[8] = 0.0;
-    assert_eq!(flying.step(&actions).unwrap_err().to_string(), "done holds 1 values, not 2");
-    assert_eq!(flying.batch.state_hash(1), before);
+    assert_eq!(test.step(&actions).unwrap_err().to_string(), "done holds 1 values, not 2");
+    assert_eq!(test.batch.state_hash(1), before);
     let config = |envs| BatchConfig::new(envs, Autoreset::NextStep, ALL);
-    let wrong = |envs| task.batch(Box::new(Seeds::new(Arc::clone(&recipe), 0)), config(envs)).err().unwrap();
-    assert_eq!(wrong(0).to_string(), "envs is 0, outside 1 to 1048576");
+    let error_for =
+        |envs| task.batch(Box::new(SeedSequence::new(Arc::clone(&recipe), 0)), config(envs)).err().unwrap();
+    assert_eq!(error_for(0).to_string(), "envs is 0, outside 1 to 1048576");
     assert_eq!(
-        wrong(MAX_ENVS + 1),
+        error_for(MAX_ENVS + 1),
         BatchError::Config { field: "envs", value: MAX_ENVS + 1, min: 1, max: MAX_ENVS }
     );
-    assert!(wrong_mask(&recipe).contains("mask holds 1 values, not 2"));
+    assert!(mask_error(&recipe).contains("mask holds 1 values, not 2"));
 }
 
-fn wrong_mask(recipe: &Arc<Recipe>) -> String {
-    let mut flying = Flying::new(recipe, 2, Autoreset::Disabled);
-    flying.batch.reset(Some(&[true]), &mut flying.buffers.observations).unwrap_err().to_string()
+fn mask_error(recipe: &Arc<Recipe>) -> String {
+    let mut test = TestBatch::new(recipe, 2, Autoreset::Disabled);
+    test.batch.reset(Some(&[true]), &mut test.buffers.observations).unwrap_err().to_string()
 }
 
 #[test]
-fn nothing_is_allocated_after_the_first_episodes() {
+fn later_episodes_allocate_nothing() {
     for task in crate::tasks() {
-        let recipe = Arc::new(Recipe::with_params(task, task.levels().params(8)).unwrap());
-        let mut flying = Flying::new(&recipe, 4, Autoreset::SameStep);
-        let actions: Vec<f32> = (0..4).flat_map(|env| action(env, 1, flying.width())).collect();
-        // Memory grows to what the largest of the first episodes needs.
+        let recipe = Arc::new(Recipe::at_level(task, 8).unwrap());
+        let mut test = TestBatch::new(&recipe, 4, Autoreset::SameStep);
+        let actions: Vec<f32> = (0..4).flat_map(|env| action(env, 1, test.width())).collect();
+        // Memory grows to the need of the largest of the first episodes.
         for _ in 0..2500 {
-            flying.step(&actions).unwrap();
+            test.step(&actions).unwrap();
         }
         let counted = allocation_counter::measure(|| {
             for _ in 0..200 {
-                flying.step(&actions).unwrap();
+                test.step(&actions).unwrap();
             }
         });
         assert_eq!(counted.count_total, 0, "{}", task.id());
@@ -376,16 +380,16 @@ fn nothing_is_allocated_after_the_first_episodes() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Slots get scenarios of their own, all of them a user's.
     #[test]
-    fn seeds_are_a_function_of_slot_and_number(seed: u64, slot in 0usize..1 << 20, number in 0u64..1 << 40) {
+    fn seeds_are_unique_per_slot_and_number(seed: u64, slot in 0usize..1 << 20, number in 0u64..1 << 40) {
         let recipe = Arc::new(Recipe::new(crate::task("kessler/survival").unwrap()).unwrap());
-        let feed = Seeds::new(Arc::clone(&recipe), seed);
-        let (_, one) = feed.scenario(slot, number);
-        prop_assert_eq!(feed.scenario(slot, number).1, one);
-        prop_assert_ne!(feed.scenario(slot + 1, number).1, one);
-        prop_assert_ne!(feed.scenario(slot, number + 1).1, one);
-        prop_assert_ne!(feed.scenario(slot + 1, number.wrapping_sub(1) & ((1 << 40) - 1)).1, one);
+        let sequence = SeedSequence::new(Arc::clone(&recipe), seed);
+        let seed_of = |slot, number| sequence.scenario(slot, number).seed();
+        let one = seed_of(slot, number);
+        prop_assert_eq!(seed_of(slot, number), one);
+        prop_assert_ne!(seed_of(slot + 1, number), one);
+        prop_assert_ne!(seed_of(slot, number + 1), one);
+        prop_assert_ne!(seed_of(slot + 1, number.wrapping_sub(1) & ((1 << 40) - 1)), one);
         prop_assert_eq!(one.space(), SeedSpace::User);
     }
 }

@@ -1,85 +1,88 @@
-//! docking as lanes of a batch.
+//! The environments of a batch of docking's episodes.
 
 use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::Docking;
-use super::constants::{MAX_DEPUTIES, OBSERVATION, STATE};
-use super::flight::Flight;
-use super::setup::{Setup, Start};
+use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STATE_DIM};
+use super::setup::{DeputyStarts, DockingSetup};
+use super::simulation::DockingSim;
 use crate::batch::{
-    Axes, Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task,
+    Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
+    ScenarioSource, check_task,
 };
-use crate::chance::Seeded;
+use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
-use crate::scenario::Recipe;
 use crate::scene::Scene;
 use crate::seed::{Seed, SeedSpace};
-use crate::task::TaskSpec;
+use crate::space::Axes;
+use crate::task::{Recipe, Scenario, TaskSpec};
 
-/// Values of one deputy's action.
-const ACTION: usize = 3;
+/// Number of values of one deputy's action.
+const ACTION_DIM: usize = 3;
 
-/// A batch of this task's episodes, with room for as many deputies as the feed's only recipe has, or as any can. Who is
-/// absent from a scenario has left from its start.
-pub(super) fn batch(
-    task: &Docking,
-    feed: Box<dyn Feed>,
+/// Creates a batch of a task's episodes. It has room for the deputies of the source's single recipe, or else for the
+/// largest number that the task allows. A deputy that a scenario lacks counts as terminated from its start.
+pub(super) fn create_batch(
+    task: &dyn TaskSpec,
+    source: Box<dyn ScenarioSource>,
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
-    if config.observe != (Observe::All { bodies: None }) {
+    if config.observe != (ObservationMode::All { bodies: None }) {
         return Err(BatchError::Unsupported(
-            "a deputy sees itself and nothing else: docking observes everything, and no bodies",
+            "docking supports only the observation mode `all`, without bodies: a deputy observes only itself",
         ));
     }
     if config.axes != Axes::World {
         return Err(BatchError::Unsupported(
-            "a deputy has no axes of its own: docking's actions are along the chief's",
+            "docking supports only actions along the world's axes: a deputy has no axes of its own",
         ));
     }
-    if config.mixed {
+    if config.mixed_tasks {
         return Err(BatchError::Unsupported(
-            "docking's tasks differ in their agents: a batch is of one of them",
+            "a batch of docking has one task: its tasks differ in their agents",
         ));
     }
     let (id, space) = (task.id(), task.params());
-    let (recipe, _) = feed.scenario(0, 0);
-    let setup = read(id, &recipe).map_err(|source| BatchError::Scenario { env: 0, source })?;
-    let most = || space.iter().find(|param| param.name == "deputies").map_or(1, |p| p.max as usize);
-    let agents = feed.only().map_or_else(most, |_| setup.deputies);
-    let shape = Shape { envs: config.envs, agents, action: ACTION, observation: agents * OBSERVATION };
-    let start = Start { deputies: setup.deputies, states: [[0.0; STATE]; MAX_DEPUTIES] };
+    let first = source.scenario(0, 0);
+    let setup = read_setup(id, first.recipe()).map_err(|source| BatchError::Scenario { env: 0, source })?;
+    let max_deputies = || space.iter().find(|param| param.name == "deputies").map_or(1, |p| p.max as usize);
+    let agents = source.single_recipe().map_or_else(max_deputies, |_| setup.deputies);
+    let shape =
+        BatchShape { envs: config.envs, agents, action: ACTION_DIM, observation: agents * OBSERVATION_DIM };
+    let start = DeputyStarts { deputies: setup.deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
     let lane = || DockingLane {
         task: id,
-        flight: Flight::new(setup, &start),
-        chance: Seeded::new(Seed::in_space(SeedSpace::User, 0)),
-        recipe: Arc::clone(&recipe),
+        sim: DockingSim::new(setup, &start),
+        rng: SeededRng::new(Seed::in_space(SeedSpace::User, 0)),
+        recipe: Arc::clone(first.recipe()),
         agents,
     };
-    Ok(Box::new(Engine::new(config, shape, feed, lane)?))
+    Ok(Box::new(BatchEngine::new(config, shape, source, lane)?))
 }
 
-/// A recipe of this task, in docking's terms.
-fn read(task: &str, recipe: &Recipe) -> Result<Setup, ScenarioError> {
-    of_task(task, recipe)?;
-    Setup::read(recipe)
+/// Reads a recipe of this task.
+fn read_setup(task: &str, recipe: &Recipe) -> Result<DockingSetup, ScenarioError> {
+    check_task(task, recipe)?;
+    DockingSetup::read(recipe)
 }
 
+/// One environment of a batch.
 struct DockingLane {
     task: &'static str,
-    flight: Flight,
-    chance: Seeded,
-    /// What the flight's setup was read from.
+    sim: DockingSim,
+    rng: SeededRng,
+    /// Recipe from which the simulation's setup was read.
     recipe: Arc<Recipe>,
     agents: usize,
 }
 
-impl Lane for DockingLane {
-    fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
+impl BatchLane for DockingLane {
+    fn start(&mut self, scenario: &Scenario) -> Result<(), ScenarioError> {
+        let recipe = scenario.recipe();
         if !Arc::ptr_eq(recipe, &self.recipe) {
-            let setup = read(self.task, recipe)?;
-            // Only where the feed broke its word, that there is one recipe.
+            let setup = read_setup(self.task, recipe)?;
+            // Only if the source has more than the single recipe that it declared.
             if setup.deputies > self.agents {
                 return Err(ScenarioError::OutOfRange {
                     field: "params.deputies".to_owned(),
@@ -88,67 +91,67 @@ impl Lane for DockingLane {
                     max: self.agents as f64,
                 });
             }
-            self.flight.set_up(setup);
+            self.sim.set_setup(setup);
             self.recipe = Arc::clone(recipe);
         }
-        self.chance.reseed(seed);
-        let start = self.flight.setup().start(&mut self.chance)?;
-        self.flight.restart(&start);
+        self.rng.reseed(scenario.seed());
+        let start = self.sim.setup().sample_starts(&mut self.rng)?;
+        self.sim.reset(&start);
         Ok(())
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "rewards are single precision here")]
     fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool {
-        let mut thrusts = [[0.0; ACTION]; MAX_DEPUTIES];
-        for (thrust, action) in thrusts.iter_mut().zip(actions.chunks_exact(ACTION)) {
+        let mut thrusts = [[0.0; ACTION_DIM]; MAX_DEPUTIES];
+        for (thrust, action) in thrusts.iter_mut().zip(actions.chunks_exact(ACTION_DIM)) {
             for (axis, value) in thrust.iter_mut().zip(action) {
                 *axis = f64::from(*value);
             }
         }
-        if !out.taken.is_empty() {
-            out.taken.copy_from_slice(actions);
+        if !out.executed_actions.is_empty() {
+            out.executed_actions.copy_from_slice(actions);
         }
-        let stepped = self.flight.fly(thrusts);
+        let stepped = self.sim.apply_thrusts(thrusts);
         *out.team_reward = stepped.reward as f32;
-        let live = self.flight.live();
+        let live = self.sim.active_deputies();
         for (agent, live) in live.into_iter().enumerate().take(self.agents) {
-            let before = stepped.live_before[agent];
+            let before = stepped.active_before[agent];
             out.rewards[agent] = if before { stepped.rewards[agent].total() as f32 } else { 0.0 };
-            // As the episode has it: time running out is both.
+            // A timeout is both, as in `DockingEpisode`.
             out.terminated[agent] = !live;
             out.truncated[agent] =
-                before && self.flight.deputies().get(agent).is_some_and(|d| d.ends.timeout);
+                before && self.sim.deputies().get(agent).is_some_and(|d| d.end_conditions.timeout);
         }
         stepped.done
     }
 
-    fn absent(&self, terminated: &mut [bool]) {
-        let present = self.flight.deputies().len();
+    fn mark_absent_agents(&self, terminated: &mut [bool]) {
+        let present = self.sim.deputies().len();
         terminated.iter_mut().enumerate().for_each(|(agent, absent)| *absent = agent >= present);
     }
 
     fn observe(&mut self, out: &mut [f32]) {
-        self.flight.observe_into(out);
+        self.sim.observe_into(out);
     }
 
     fn score(&self) -> f64 {
-        self.flight.flown().score
+        self.sim.outcome().score
     }
 
     fn scene(&self, acted: &[f32]) -> Scene {
-        super::scene::scene(&self.flight, acted)
+        super::scene::build_scene(&self.sim, acted)
     }
 
     fn telemetry(&self) -> Value {
-        serde_json::to_value(self.flight.telemetry(&[], 0.0)).unwrap_or(Value::Null)
+        serde_json::to_value(self.sim.telemetry(&[], 0.0)).unwrap_or(Value::Null)
     }
 
     fn alerts(&self) -> Vec<String> {
-        self.flight.events().iter().map(super::event::Event::alert).collect()
+        self.sim.events().iter().map(super::event::DockingEvent::alert).collect()
     }
 
     fn state_hash(&self) -> [u8; 32] {
-        self.flight.state_hash()
+        self.sim.state_hash()
     }
 
     fn columns(&self) -> Vec<String> {
@@ -157,6 +160,6 @@ impl Lane for DockingLane {
     }
 
     fn bytes(&self) -> usize {
-        self.flight.bytes() + self.chance.bytes() + size_of::<Self>() - size_of::<Flight>()
+        self.sim.memory_bytes() + self.rng.bytes() + size_of::<Self>() - size_of::<DockingSim>()
     }
 }

@@ -1,4 +1,4 @@
-//! One step of an action log in docking's wire form: a list of thrusts, each `[deputy, fx, fy, fz]` or
+//! Parses one step of an action log: a list of thrusts, each `[deputy, fx, fy, fz]` or
 //! `{"deputy": 0, "fx": 0.5, "fy": 0.0, "fz": -0.2}`, in N.
 
 use serde_json::Value;
@@ -11,7 +11,7 @@ const FIELDS: [&str; 4] = ["deputy", "fx", "fy", "fz"];
 /// Reads one step.
 ///
 /// # Errors
-/// What is not a list of thrusts; the field is relative to the step.
+/// Returns [`LogError::Malformed`] if the value is not a list of thrusts; its field is relative to the step.
 pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
     let Value::Array(thrusts) = step else {
         return Err(LogError::malformed("", "a step is a list of thrusts"));
@@ -24,27 +24,27 @@ pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogErro
     }
     for (i, thrust) in thrusts.iter().enumerate() {
         let cells = cells(i, thrust)?;
-        let place = |cell: usize| match thrust {
+        let field = |cell: usize| match thrust {
             Value::Array(_) => format!(".{i}.{cell}"),
             _ => format!(".{i}.{}", FIELDS[cell]),
         };
         let deputy =
             cells[0].and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok()).ok_or_else(|| {
-                LogError::malformed(place(0), "a deputy's number must be a whole number, 0 or more")
+                LogError::malformed(field(0), "a deputy's number must be a whole number, 0 or more")
             })?;
         let mut values = [0.0; 3];
         for (axis, value) in values.iter_mut().enumerate() {
             *value = cells[axis + 1]
                 .and_then(Value::as_f64)
                 .filter(|v| v.is_finite())
-                .ok_or_else(|| LogError::malformed(place(axis + 1), "a thrust must be a finite number"))?;
+                .ok_or_else(|| LogError::malformed(field(axis + 1), "a thrust must be a finite number"))?;
         }
-        log.act(deputy, &values);
+        log.push_entry(deputy, &values);
     }
     Ok(())
 }
 
-/// The four cells of one thrust, in order, as far as they are there.
+/// The four cells of one thrust in order; `None` for those that are missing.
 fn cells(i: usize, thrust: &Value) -> Result<[Option<&Value>; 4], LogError> {
     match thrust {
         Value::Array(cells) => match cells.as_slice() {

@@ -1,84 +1,94 @@
-//! One deputy and one second of its flight: thrust, motion, ends, reward. Everything but collisions, so that engine,
-//! planner and critique fly by one rule.
+//! One deputy and its step of one second: thrust, motion, end conditions, reward.
+//!
+//! It covers everything except collisions. Simulation, planner and critique all use it, so they follow one rule.
 
-use super::constants::{DOCKING_RADIUS_M, FAILURE, MAX_DISTANCE_M, SATURATION, STEP_S};
-use super::flight::Ends;
-use super::relative::{State, Step, distance, speed, speed_limit};
-use super::reward::{Reward, approach, delta_v, docking, nearness, thrusting, violation};
-use super::setup::Setup;
+use super::constants::{DOCKING_RADIUS_M, FAILURE_REWARD, MAX_DISTANCE_M, MIN_VELOCITY_PENALTY, STEP_S};
+use super::end_conditions::EndConditions;
+use super::relative_motion::{RelativeState, StepTransition, distance, speed, speed_limit};
+use super::reward::{
+    DockingReward, approach_reward, delta_v_reward, docking_reward, proximity, speed_limit_reward,
+    thrust_delta_v,
+};
+use super::setup::DockingSetup;
 
-/// One deputy in flight.
+/// State of one deputy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Deputy {
-    /// Position, m, and velocity, m/s.
-    pub state: State,
-    /// How near it was after the last step.
-    pub nearness: f64,
-    /// Its velocity rewards, added up.
-    pub velocity_sum: f64,
-    /// Its rewards, added up.
-    pub earned: f64,
-    /// By which rules it left; none while it flies.
-    pub ends: Ends,
+    /// Position in m and velocity in m/s.
+    pub state: RelativeState,
+    /// Proximity to the chief after the last step, see [`proximity`].
+    pub proximity: f64,
+    /// Sum of its velocity rewards.
+    pub velocity_penalty: f64,
+    /// Sum of its rewards.
+    pub total_reward: f64,
+    /// Rules by which it left; none while it is active.
+    pub end_conditions: EndConditions,
 }
 
-/// What a second did.
+/// Result of a step of one deputy.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moved {
-    /// The reward.
-    pub reward: Reward,
-    /// What the thrust changed the velocity by, m/s, axes added up.
+pub struct DeputyStep {
+    /// Reward of the deputy by component.
+    pub reward: DockingReward,
+    /// Change of velocity by the thrust, summed over the axes, m/s.
     pub delta_v: f64,
 }
 
 impl Deputy {
-    /// A deputy at its start.
+    /// Creates a deputy at its start.
     #[must_use]
-    pub fn at(state: State) -> Self {
+    pub fn new(state: RelativeState) -> Self {
         Self { state, ..Self::default() }
     }
 
-    /// Whether it flies.
+    /// True if it has not left the episode.
     #[inline]
     #[must_use]
-    pub const fn flies(&self) -> bool {
-        !self.ends.any()
+    pub const fn is_active(&self) -> bool {
+        !self.end_conditions.any()
     }
 
-    /// Flies step `step`, counted from 1, under a thrust in N, clamped per axis.
+    /// Advances the deputy by step `step`, counted from 1, under a thrust in N that is clamped per axis.
     #[inline]
-    pub fn fly(&mut self, law: &Step, setup: &Setup, step: u32, thrust: [f64; 3]) -> Moved {
+    pub fn step(
+        &mut self,
+        transition: &StepTransition,
+        setup: &DockingSetup,
+        step: u32,
+        thrust: [f64; 3],
+    ) -> DeputyStep {
         let bound = setup.thrust_bound;
         let thrust = thrust.map(|axis| axis.clamp(-bound, bound));
-        self.state = law.advance(&self.state, thrust);
+        self.state = transition.advance(&self.state, thrust);
         let (d, v) = (distance(&self.state), speed(&self.state));
         let limit = speed_limit(d);
-        let near = nearness(d);
-        let change = delta_v(thrust);
-        let mut reward = Reward {
-            distance: if step == 1 { 0.0 } else { approach(self.nearness, near) },
-            delta_v: thrusting(change),
-            velocity: violation(v, limit),
-            ..Reward::default()
+        let near = proximity(d);
+        let change = thrust_delta_v(thrust);
+        let mut reward = DockingReward {
+            distance: if step == 1 { 0.0 } else { approach_reward(self.proximity, near) },
+            delta_v: delta_v_reward(change),
+            velocity: speed_limit_reward(v, limit),
+            ..DockingReward::default()
         };
-        self.nearness = near;
-        self.velocity_sum += reward.velocity;
+        self.proximity = near;
+        self.velocity_penalty += reward.velocity;
         let inside = d <= DOCKING_RADIUS_M;
-        self.ends = Ends {
+        self.end_conditions = EndConditions {
             timeout: step >= setup.time_limit,
             out_of_bounds: d > MAX_DISTANCE_M,
             crash: inside && v > limit,
             docked: inside && v <= limit,
-            saturated: self.velocity_sum <= SATURATION,
+            saturated: self.velocity_penalty <= MIN_VELOCITY_PENALTY,
             collision: false,
         };
-        if self.ends.docked {
-            reward.success = docking(f64::from(step) * STEP_S, f64::from(setup.time_limit) * STEP_S);
+        if self.end_conditions.docked {
+            reward.success = docking_reward(f64::from(step) * STEP_S, f64::from(setup.time_limit) * STEP_S);
         }
-        if self.ends.timeout || self.ends.out_of_bounds || self.ends.crash {
-            reward.failure = FAILURE;
+        if self.end_conditions.timeout || self.end_conditions.out_of_bounds || self.end_conditions.crash {
+            reward.failure = FAILURE_REWARD;
         }
-        self.earned += reward.total();
-        Moved { reward, delta_v: change }
+        self.total_reward += reward.total();
+        DeputyStep { reward, delta_v: change }
     }
 }

@@ -1,4 +1,4 @@
-//! docking behind the contract that every world answers to.
+//! Implements the episode interface for docking.
 
 use std::any::Any;
 use std::cell::OnceCell;
@@ -6,59 +6,60 @@ use std::cell::OnceCell;
 use serde_json::Value;
 
 use super::constants::{MAX_DEPUTIES, STEP_S};
-use super::flight::Flight;
-use super::reward::Reward;
-use super::setup::Setup;
-use super::telemetry::Telemetry;
-use super::wire::Observation;
-use crate::bracket::Flown;
-use crate::chance::Seeded;
+use super::observation::DockingObservation;
+use super::reward::DockingReward;
+use super::setup::DockingSetup;
+use super::simulation::DockingSim;
+use super::telemetry::DockingTelemetry;
+use crate::bracket::EpisodeOutcome;
+use crate::episode_rng::SeededRng;
 use crate::error::{ScenarioError, StepError};
+use crate::json_writer::append_json;
 use crate::log::JointAction;
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 use crate::task::{AgentReport, Episode, StepReport};
-use crate::wire;
 
+/// An episode of docking.
 pub(super) struct DockingEpisode {
-    flight: Flight,
-    rewards: [Reward; MAX_DEPUTIES],
+    sim: DockingSim,
+    rewards: [DockingReward; MAX_DEPUTIES],
     reward: f64,
-    /// Rendered when somebody looks, so that a replay pays nothing for it.
-    seen: OnceCell<Telemetry>,
+    /// Created on first use, so that a replay does not pay for it.
+    seen: OnceCell<DockingTelemetry>,
 }
 
 impl DockingEpisode {
     pub(super) fn start(scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let setup = Setup::read(scenario.recipe())?;
-        let start = setup.start(&mut Seeded::new(scenario.seed()))?;
+        let setup = DockingSetup::read(scenario.recipe())?;
+        let start = setup.sample_starts(&mut SeededRng::new(scenario.seed()))?;
         Ok(Self {
-            flight: Flight::new(setup, &start),
-            rewards: [Reward::default(); MAX_DEPUTIES],
+            sim: DockingSim::new(setup, &start),
+            rewards: [DockingReward::default(); MAX_DEPUTIES],
             reward: 0.0,
             seen: OnceCell::new(),
         })
     }
 
-    fn seen(&self) -> &Telemetry {
-        self.seen.get_or_init(|| self.flight.telemetry(&self.rewards, self.reward))
+    fn seen(&self) -> &DockingTelemetry {
+        self.seen.get_or_init(|| self.sim.telemetry(&self.rewards, self.reward))
     }
 }
 
 impl Episode for DockingEpisode {
     fn step(&mut self, action: JointAction<'_>, report: &mut StepReport) -> Result<(), StepError> {
-        let stepped = self.flight.step(action)?;
+        let stepped = self.sim.step(action)?;
         (self.rewards, self.reward) = (stepped.rewards, stepped.reward);
         self.seen = OnceCell::new();
         report.agents.clear();
-        for (i, (deputy, reward)) in self.flight.deputies().iter().zip(stepped.rewards).enumerate() {
-            if !stepped.live_before[i] {
+        for (i, (deputy, reward)) in self.sim.deputies().iter().zip(stepped.rewards).enumerate() {
+            if !stepped.active_before[i] {
                 continue;
             }
-            let ends = deputy.ends;
+            let ends = deputy.end_conditions;
             report.agents.push(AgentReport {
                 agent: i as u32,
                 reward: reward.total(),
-                // A timeout is both: the rules pay −1 for it, so there is nothing to come, and it is the horizon.
+                // A timeout is both: it is a rule with a reward of its own (−1), and it is the horizon.
                 terminated: ends.any(),
                 truncated: ends.timeout,
                 needs_action: !ends.any(),
@@ -71,11 +72,11 @@ impl Episode for DockingEpisode {
     }
 
     fn steps(&self) -> u32 {
-        self.flight.steps()
+        self.sim.steps()
     }
 
     fn done(&self) -> bool {
-        self.flight.done()
+        self.sim.is_done()
     }
 
     fn observation(&self) -> &dyn Any {
@@ -87,23 +88,23 @@ impl Episode for DockingEpisode {
     }
 
     fn write_observation(&self, out: &mut Vec<u8>) {
-        wire::write(out, &Observation(&self.flight, &self.rewards));
+        append_json(out, &DockingObservation { sim: &self.sim, rewards: &self.rewards });
     }
 
     fn last_reward(&self) -> f64 {
         self.reward
     }
 
-    /// Nothing is hidden in this world.
+    /// Equals the telemetry, since nothing is hidden in this world.
     fn truth(&self) -> Value {
         self.telemetry()
     }
 
-    fn flown(&self) -> Flown {
-        self.flight.flown()
+    fn outcome(&self) -> EpisodeOutcome {
+        self.sim.outcome()
     }
 
     fn state_hash(&self) -> [u8; 32] {
-        self.flight.state_hash()
+        self.sim.state_hash()
     }
 }

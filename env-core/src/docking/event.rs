@@ -1,58 +1,58 @@
-//! What happens in a step, typed. Text is rendered here, at the edge.
+//! Events of a step, and their texts.
 
-/// One thing that happened.
+/// Event of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event {
-    /// A deputy docked.
+pub enum DockingEvent {
+    /// A deputy docked with the chief.
     Docked {
-        /// Which.
+        /// Number of the deputy.
         deputy: u32,
-        /// How fast, m/s.
+        /// Speed relative to the chief, m/s.
         speed: f64,
     },
-    /// A deputy came within the docking radius too fast.
+    /// A deputy came within the docking radius above the speed limit.
     Crashed {
-        /// Which.
+        /// Number of the deputy.
         deputy: u32,
-        /// How fast, m/s.
+        /// Speed relative to the chief, m/s.
         speed: f64,
-        /// The limit there, m/s.
+        /// Speed limit at its distance, m/s.
         limit: f64,
     },
-    /// A deputy flew too far away.
+    /// A deputy flew out of bounds.
     OutOfBounds {
-        /// Which.
+        /// Number of the deputy.
         deputy: u32,
-        /// How far, m.
+        /// Distance from the chief, m.
         distance: f64,
     },
-    /// A deputy's velocity reward added up to the least that is allowed.
+    /// The sum of a deputy's velocity rewards reached its minimum.
     Saturated {
-        /// Which.
+        /// Number of the deputy.
         deputy: u32,
-        /// Its velocity reward so far.
+        /// Sum of its velocity rewards.
         sum: f64,
     },
-    /// Two deputies came too close, which ends the episode for everybody.
+    /// Two deputies collided, which ends the episode for all.
     Collided {
-        /// The one with the smaller id.
+        /// The deputy with the smaller number.
         first: u32,
-        /// The other.
+        /// The deputy with the larger number.
         second: u32,
-        /// How close, m.
+        /// Distance between them, m.
         separation: f64,
     },
-    /// Time ran out.
+    /// The time limit was reached before a deputy docked.
     TimedOut {
-        /// For whom.
+        /// Number of the deputy.
         deputy: u32,
-        /// How far from the chief, m.
+        /// Distance from the chief, m.
         distance: f64,
     },
 }
 
-impl Event {
-    /// The same in words.
+impl DockingEvent {
+    /// Text of the event.
     #[must_use]
     pub fn alert(&self) -> String {
         match self {

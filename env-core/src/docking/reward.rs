@@ -2,25 +2,27 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::constants::{DELTA_V_COST, DISTANCE_DECAY_1_M, DISTANCE_SCALE, MASS_KG, SUCCESS, VIOLATION_COST};
+use super::constants::{
+    DELTA_V_COST, DISTANCE_DECAY_1_M, DISTANCE_SCALE, MASS_KG, SUCCESS_REWARD, VIOLATION_COST,
+};
 
 /// The components of a deputy's reward, in the order in which they are added.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Reward {
-    /// For coming nearer; zero on the first step.
+pub struct DockingReward {
+    /// Reward for approaching the chief; zero on the first step.
     pub distance: f64,
-    /// For the change of velocity that the thrust makes.
+    /// Reward for the change of velocity by thrust, not positive.
     pub delta_v: f64,
-    /// For violating the speed limit.
+    /// Reward for violating the speed limit, not positive.
     pub velocity: f64,
-    /// For docking.
+    /// Reward for docking, with the bonus for docking early.
     pub success: f64,
-    /// For a timeout, leaving bounds or a crash.
+    /// Reward for a timeout, leaving bounds or a crash, not positive.
     pub failure: f64,
 }
 
-impl Reward {
-    /// Their sum.
+impl DockingReward {
+    /// Sum of the components.
     #[inline]
     #[must_use]
     pub fn total(&self) -> f64 {
@@ -28,44 +30,44 @@ impl Reward {
     }
 }
 
-/// How near a deputy is, from 0 far away to 1 at the chief: halved every 100 m.
+/// Proximity to the chief: 1 at the chief, halved every 100 m.
 #[inline]
 #[must_use]
-pub fn nearness(distance: f64) -> f64 {
+pub fn proximity(distance: f64) -> f64 {
     libm::exp(-DISTANCE_DECAY_1_M * distance)
 }
 
-/// For coming nearer, from nearness before and after.
+/// Reward for approaching the chief, from the proximity before and after a step.
 #[inline]
 #[must_use]
-pub fn approach(before: f64, after: f64) -> f64 {
+pub fn approach_reward(before: f64, after: f64) -> f64 {
     DISTANCE_SCALE * (after - before)
 }
 
-/// What a thrust of one second changes the velocity by, m/s, axes added up: each axis has thrusters of its own.
+/// Change of velocity by a thrust of one second, m/s. The axes are summed, since each has its own thrusters.
 #[inline]
 #[must_use]
-pub fn delta_v(thrust: [f64; 3]) -> f64 {
+pub fn thrust_delta_v(thrust: [f64; 3]) -> f64 {
     (thrust[0].abs() + thrust[1].abs() + thrust[2].abs()) / MASS_KG
 }
 
-/// For that change.
+/// Reward for a change of velocity.
 #[inline]
 #[must_use]
-pub fn thrusting(delta_v: f64) -> f64 {
-    0.0 - DELTA_V_COST * delta_v // nothing is 0, not −0
+pub fn delta_v_reward(delta_v: f64) -> f64 {
+    0.0 - DELTA_V_COST * delta_v // no thrust gives 0, not −0
 }
 
-/// For speed beyond the limit; zero within it.
+/// Reward for exceeding the speed limit; zero below it.
 #[inline]
 #[must_use]
-pub fn violation(speed: f64, limit: f64) -> f64 {
+pub fn speed_limit_reward(speed: f64, limit: f64) -> f64 {
     if speed > limit { -VIOLATION_COST * (speed - limit) - VIOLATION_COST } else { 0.0 }
 }
 
-/// For docking at a time, of a time limit, both s.
+/// Reward for docking at a time; time and time limit in s.
 #[inline]
 #[must_use]
-pub fn docking(time: f64, limit: f64) -> f64 {
-    SUCCESS + SUCCESS * (1.0 - time / limit)
+pub fn docking_reward(time: f64, limit: f64) -> f64 {
+    SUCCESS_REWARD + SUCCESS_REWARD * (1.0 - time / limit)
 }

@@ -1,10 +1,9 @@
-//! docking's parameter spaces and levels, as data.
+//! Parameter spaces, levels and the action grid of docking.
 
 use std::sync::LazyLock;
 
 use super::constants::{MAX_THRUST_N, TIME_LIMIT_S};
-use crate::batch::Axes;
-use crate::space::{Choices, Harder, Levels, ParamSpec};
+use crate::space::{ActionGrid, Axes, Harder, Levels, ParamSpec};
 
 const DEPUTIES: ParamSpec = ParamSpec {
     name: "deputies",
@@ -66,19 +65,19 @@ const THRUST_BOUND: ParamSpec = ParamSpec {
     about: "thrust on each axis is clamped to plus and minus this",
 };
 
-/// Parameters of single.
+/// Parameter space of `docking/single`.
 pub static SINGLE_SPACE: [ParamSpec; 4] = [START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND];
-/// Parameters of multiagent.
+/// Parameter space of `docking/multiagent`.
 pub static MULTIAGENT_SPACE: [ParamSpec; 5] = [DEPUTIES, START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND];
 
-// From 1 530 s on, a quarter of an orbit, the pull across the plane alone brings a deputy that starts at rest above the
-// chief down to it: no level gives so much time.
+// After 1 530 s, a quarter of an orbit, cross-track motion alone brings a deputy that starts at rest above the chief to
+// it. So every level has a shorter time limit.
 const START_RADII: [f64; 10] = [50.0, 100.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0, 150.0];
 const THRUST_BOUNDS: [f64; 10] = [1.0, 1.0, 1.0, 0.5, 0.3, 0.2, 0.15, 0.15, 0.1, 0.08];
 
-/// Levels of single.
+/// Default levels of `docking/single`.
 pub static SINGLE_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    Levels::committed(
+    Levels::from_table(
         &SINGLE_SPACE,
         &[
             ("start_radius", START_RADII),
@@ -89,9 +88,9 @@ pub static SINGLE_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
     )
 });
 
-/// Levels of multiagent.
+/// Default levels of `docking/multiagent`.
 pub static MULTIAGENT_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    Levels::committed(
+    Levels::from_table(
         &MULTIAGENT_SPACE,
         &[
             ("deputies", [1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 4.0, 4.0, 5.0, 5.0]),
@@ -103,11 +102,11 @@ pub static MULTIAGENT_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
     )
 });
 
-/// Every combination of full thrust one way, none, and full thrust the other, along each axis; coasting first.
-pub(super) fn choices() -> Choices {
+/// Every combination of no thrust and full thrust in either direction along each axis; coasting is first.
+pub(super) fn choices() -> ActionGrid {
     const AXIS: [f32; 3] = [0.0, 1.0, -1.0];
     let thrusts = AXIS.iter().flat_map(|&x| AXIS.iter().flat_map(move |&y| AXIS.map(|z| vec![x, y, z])));
-    Choices {
+    ActionGrid {
         axes: Axes::World,
         rows: thrusts.collect(),
         about: "coasting, then every combination of 0, 1 and -1 N along x, y and z, z changing first; more than the bound is \

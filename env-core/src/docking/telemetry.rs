@@ -1,156 +1,163 @@
-//! What the agents see, in the wire form.
+//! Observations of the agents as JSON.
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::constants::{DOCKING_RADIUS_M, OBSERVATION, STEP_S};
-use super::event::Event;
-use super::flight::{Flight, Status, observe};
-use super::relative::{State, distance, relative_speed, separation, speed, speed_limit};
-use super::reward::Reward;
+use super::constants::{DOCKING_RADIUS_M, OBSERVATION_DIM, STEP_S};
+use super::end_conditions::DeputyStatus;
+use super::event::DockingEvent;
+use super::relative_motion::{RelativeState, distance, relative_speed, separation, speed, speed_limit};
+use super::reward::DockingReward;
+use super::simulation::{DockingSim, observe_deputy};
 
-/// The observation of all deputies together. Units are SI, the frame is Hill's: x radial out, y in-track, z cross-track,
+/// Observation of all deputies together. Units are SI. The frame is Hill's: x radial out, y in-track, z cross-track, with
 /// the chief at its origin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Telemetry {
-    /// The goal in words.
+pub struct DockingTelemetry {
+    /// Text of the goal.
     pub mission_objective: Cow<'static, str>,
-    /// Time that passed, s.
+    /// Time since the start, s.
     pub time_s: f64,
     /// Time at which a deputy that has not docked has failed, s.
     pub time_limit_s: f64,
     /// Largest thrust per axis, N.
     pub thrust_bound: f64,
-    /// Within this distance a deputy docks or crashes, m.
+    /// Distance within which a deputy docks or crashes, m.
     pub docking_radius: f64,
-    /// The deputies.
+    /// All deputies, including those that have left.
     pub deputies: Vec<DeputyTelemetry>,
-    /// What happened in the last step, and who is too fast now, in words.
+    /// Texts of the events of the last step, and warnings of deputies above the speed limit.
     pub critical_alerts: Vec<String>,
-    /// The sum of the team's rewards.
+    /// Sum of the team's rewards.
     pub total_score: f64,
-    /// The team's reward of the last step: the mean over the initial deputies.
+    /// Reward of the team in the last step: the mean over the initial deputies.
     pub reward: f64,
-    /// The episode is over.
+    /// True if the episode is over.
     pub done: bool,
 }
 
-/// One deputy as seen.
+/// Observation of one deputy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DeputyTelemetry {
-    /// Counted from 0.
+    /// Number of the deputy, counted from 0.
     pub id: u32,
-    /// What became of it.
-    pub status: Status,
-    /// m.
+    /// Status of the deputy: active, or how it left.
+    pub status: DeputyStatus,
+    /// Position radially out, m.
     pub x: f64,
-    /// m.
+    /// Position along the orbit (in-track), m.
     pub y: f64,
-    /// m.
+    /// Position across the orbit plane (cross-track), m.
     pub z: f64,
-    /// m/s.
+    /// Velocity radially out, m/s.
     pub vx: f64,
-    /// m/s.
+    /// Velocity along the orbit (in-track), m/s.
     pub vy: f64,
-    /// m/s.
+    /// Velocity across the orbit plane (cross-track), m/s.
     pub vz: f64,
-    /// From the chief, m.
+    /// Distance from the chief, m.
     pub distance: f64,
-    /// Relative to the chief, m/s.
+    /// Speed relative to the chief, m/s.
     pub speed: f64,
-    /// The speed limit here, m/s.
+    /// Speed limit at its distance, m/s.
     pub speed_limit: f64,
-    /// The eight numbers of the original's observation.
+    /// The eight values of the original's observation.
     #[serde(serialize_with = "as_double")]
-    pub observation: [f32; OBSERVATION],
-    /// The nearest other deputy that flies.
-    pub nearest: Option<Nearest>,
-    /// Its velocity reward so far; at −5 it is stopped.
+    pub observation: [f32; OBSERVATION_DIM],
+    /// The nearest other active deputy, if any.
+    pub nearest: Option<NearestDeputy>,
+    /// Sum of its velocity rewards; at −5 it is stopped.
     pub velocity_penalty: f64,
-    /// Its reward of the last step, by component.
-    pub reward: Reward,
-    /// The sum of its rewards.
+    /// Its reward in the last step by component.
+    pub reward: DockingReward,
+    /// Sum of its rewards.
     pub total_reward: f64,
 }
 
-/// Another deputy, seen from one.
+/// Another deputy as seen from one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Nearest {
-    /// Which.
+pub struct NearestDeputy {
+    /// Number of the other deputy.
     pub id: u32,
-    /// How far, m.
+    /// Distance to it, m.
     pub distance: f64,
-    /// Relative speed, m/s.
+    /// Relative speed of the two, m/s.
     pub relative_speed: f64,
 }
 
-/// As JSON values hold them, so that text and value say the same to the digit.
-fn as_double<S: Serializer>(values: &[f32; OBSERVATION], serializer: S) -> Result<S::Ok, S::Error> {
+/// Serialises as doubles, so that JSON text and `serde_json::Value` are equal to the digit.
+fn as_double<S: Serializer>(values: &[f32; OBSERVATION_DIM], serializer: S) -> Result<S::Ok, S::Error> {
     values.map(f64::from).serialize(serializer)
 }
 
 impl DeputyTelemetry {
-    /// Whether it flies.
+    /// True if it has not left the episode.
     #[must_use]
-    pub fn active(&self) -> bool {
-        self.status == Status::Active
+    pub fn is_active(&self) -> bool {
+        self.status == DeputyStatus::Active
     }
 
-    /// Position and velocity.
+    /// Position in m and velocity in m/s.
     #[must_use]
-    pub const fn state(&self) -> State {
+    pub const fn state(&self) -> RelativeState {
         [self.x, self.y, self.z, self.vx, self.vy, self.vz]
     }
 }
 
-pub(super) const MISSION: &str = "DOCKING: Bring every deputy within 0.5 m of the chief at no more than 0.2 m/s, below the speed \
-                       limit on the way, before time runs out.";
+/// Text of the goal.
+pub(super) const MISSION_TEXT: &str = "DOCKING: Bring every deputy within 0.5 m of the chief at no more than 0.2 m/s, below \
+                                       the speed limit on the way, before time runs out.";
 
-impl Flight {
-    /// What the agents see. `rewards` are those of the last step, by deputy, `reward` the team's.
+impl DockingSim {
+    /// Observation of all agents. `rewards` are those of the deputies in the last step, `reward` that of the team.
     #[must_use]
-    pub fn telemetry(&self, rewards: &[Reward], reward: f64) -> Telemetry {
-        Telemetry {
-            mission_objective: Cow::Borrowed(MISSION),
+    pub fn telemetry(&self, rewards: &[DockingReward], reward: f64) -> DockingTelemetry {
+        DockingTelemetry {
+            mission_objective: Cow::Borrowed(MISSION_TEXT),
             time_s: self.time_s(),
             time_limit_s: self.time_limit_s(),
             thrust_bound: self.setup().thrust_bound,
             docking_radius: DOCKING_RADIUS_M,
-            deputies: self.deputies_seen(rewards).collect(),
+            deputies: self.deputies_telemetry(rewards).collect(),
             critical_alerts: self.alerts().collect(),
             total_score: self.total(),
             reward,
-            done: self.done(),
+            done: self.is_done(),
         }
     }
 
+    /// Time since the start, s.
     pub(super) fn time_s(&self) -> f64 {
         f64::from(self.steps()) * STEP_S
     }
 
+    /// Time limit of the episode, s.
     pub(super) fn time_limit_s(&self) -> f64 {
         f64::from(self.setup().time_limit) * STEP_S
     }
 
-    /// The deputies as seen; `rewards` are those of the last step.
-    pub(super) fn deputies_seen(&self, rewards: &[Reward]) -> impl Iterator<Item = DeputyTelemetry> {
+    /// Telemetry of each deputy; `rewards` are those of the last step.
+    pub(super) fn deputies_telemetry(
+        &self,
+        rewards: &[DockingReward],
+    ) -> impl Iterator<Item = DeputyTelemetry> {
         (0..self.deputies().len())
             .map(|i| self.deputy_telemetry(i, rewards.get(i).copied().unwrap_or_default()))
     }
 
-    /// What happened in the last step, and who is too fast now, in words.
+    /// Texts of the events of the last step, then warnings of deputies above the speed limit.
     pub(super) fn alerts(&self) -> impl Iterator<Item = String> {
         let too_fast = self.deputies().iter().enumerate().filter_map(|(i, deputy)| {
             let (speed, limit) = (speed(&deputy.state), speed_limit(distance(&deputy.state)));
-            (self.status(i) == Status::Active && speed > limit).then(|| {
+            (self.status(i) == DeputyStatus::Active && speed > limit).then(|| {
                 format!("WARNING: Deputy {i} flies at {speed:.3} m/s, above the limit of {limit:.3} m/s.")
             })
         });
-        self.events().iter().map(Event::alert).chain(too_fast)
+        self.events().iter().map(DockingEvent::alert).chain(too_fast)
     }
 
-    fn deputy_telemetry(&self, i: usize, reward: Reward) -> DeputyTelemetry {
+    fn deputy_telemetry(&self, i: usize, reward: DockingReward) -> DeputyTelemetry {
         let deputy = &self.deputies()[i];
         let state = &deputy.state;
         let [x, y, z, vx, vy, vz] = *state;
@@ -167,21 +174,21 @@ impl Flight {
             distance,
             speed: speed(state),
             speed_limit: speed_limit(distance),
-            observation: observe(state),
+            observation: observe_deputy(state),
             nearest: self.nearest(i),
-            velocity_penalty: deputy.velocity_sum,
+            velocity_penalty: deputy.velocity_penalty,
             reward,
-            total_reward: deputy.earned,
+            total_reward: deputy.total_reward,
         }
     }
 
-    /// The nearest other deputy that flies.
-    fn nearest(&self, i: usize) -> Option<Nearest> {
+    /// The nearest other active deputy, if any.
+    fn nearest(&self, i: usize) -> Option<NearestDeputy> {
         let state = &self.deputies()[i].state;
         let others = self.deputies().iter().enumerate();
         others
-            .filter(|(j, other)| *j != i && other.flies())
-            .map(|(j, other)| Nearest {
+            .filter(|(j, other)| *j != i && other.is_active())
+            .map(|(j, other)| NearestDeputy {
                 id: j as u32,
                 distance: separation(state, &other.state),
                 relative_speed: relative_speed(state, &other.state),

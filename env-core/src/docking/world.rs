@@ -1,29 +1,29 @@
-//! docking as a world.
+//! Implements the world interface for docking.
 
 use serde_json::Value;
 
-use super::{TASKS, WORLD, record};
+use super::{DOCKING_TASKS, WORLD_ID, recording};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, Compared, RecordError, World};
+use crate::world::{BenchSpec, ComparisonError, RecordingComparison, World};
 
-/// The world.
+/// The only instance of the world.
 pub static DOCKING: DockingWorld = DockingWorld;
 
-/// docking as a world.
+/// Implementation of [`World`] for docking.
 #[derive(Debug)]
 pub struct DockingWorld;
 
 impl World for DockingWorld {
     fn id(&self) -> &'static str {
-        WORLD
+        WORLD_ID
     }
 
     fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
-        TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
+        DOCKING_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 
-    fn bench(&self) -> BenchSpec {
-        // What a step of the original costs was not measured for this project.
+    fn bench_spec(&self) -> BenchSpec {
+        // The cost of a step of the original was not measured for this project.
         BenchSpec {
             task: "docking/multiagent",
             params: &[("deputies", 3.0)],
@@ -32,7 +32,11 @@ impl World for DockingWorld {
         }
     }
 
-    fn compare(&self, recording: &Value, tolerance: f64) -> Option<Result<Compared, RecordError>> {
-        record::recognise(recording).then(|| record::compare_all(recording, tolerance))
+    fn compare_recording(
+        &self,
+        recording: &Value,
+        tolerance: f64,
+    ) -> Option<Result<RecordingComparison, ComparisonError>> {
+        recording::is_recording(recording).then(|| recording::compare_recording(recording, tolerance))
     }
 }

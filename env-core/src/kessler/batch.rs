@@ -1,55 +1,57 @@
-//! kessler as lanes of a batch.
+//! Batches of kessler: one environment as a lane of the batch engine.
 
 use std::sync::Arc;
 
 use serde_json::Value;
 
+use super::columns::{DEBRIS_COLUMNS, SATELLITE_VALUES};
 use super::constants::{FRAGMENTS, HORIZON, SATELLITES};
-use super::event::Event;
-use super::flight::{Flight, Status};
+use super::event::KesslerEvent;
 use super::reward::{Objective, score};
-use super::setup::{Setup, Start};
+use super::setup::{InitialState, KesslerSetup};
+use super::simulation::{KesslerSim, SatelliteStatus};
 use super::spaces::MAX_DEBRIS;
-use super::tracks::Tracks;
+use super::tracks::TracksEncoder;
 use crate::batch::{
-    Axes, Batch, BatchConfig, BatchError, Engine, Feed, Lane, LaneOutput, Observe, Shape, of_task,
+    Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
+    ScenarioSource, check_task,
 };
-use crate::chance::Seeded;
+use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
-use crate::scenario::{MAX_LAYOUT_ROWS, Recipe};
 use crate::scene::Scene;
 use crate::seed::Seed;
+use crate::space::Axes;
+use crate::task::{MAX_LAYOUT_ROWS, Recipe, Scenario};
 
-/// Values of one satellite in an observation of everything: x, y, vx, vy, fuel, survival.
-pub const SATELLITE_VALUES: usize = 6;
-/// Columns of debris in an observation of everything: x, y, vx, vy, visible.
-pub const DEBRIS_COLUMNS: usize = 5;
-
-/// Most debris there can ever be: what a scenario has, a rogue a step, those of a layout, fragments.
+/// Largest number of debris bodies of any scenario: drawn, one rogue a step, rows of a layout, and fragments.
 const MAX_BODIES: usize = MAX_DEBRIS as usize + HORIZON as usize + MAX_LAYOUT_ROWS + SATELLITES * FRAGMENTS;
 
-/// A batch of this objective's episodes.
+/// Creates a batch of episodes with this objective.
+///
+/// # Errors
+/// Returns [`BatchError`] if the first scenario or the configuration is invalid.
 pub(super) fn batch(
     objective: Objective,
     task: &'static str,
-    feed: Box<dyn Feed>,
+    source: Box<dyn ScenarioSource>,
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
-    let (recipe, _) = feed.scenario(0, 0);
-    let task = (!config.mixed).then_some(task);
-    let setup = objective_of(task, &recipe).and_then(|_| Setup::read(&recipe));
+    let first = source.scenario(0, 0);
+    let recipe = first.recipe();
+    let task = (!config.mixed_tasks).then_some(task);
+    let setup = objective_of(task, recipe).and_then(|_| KesslerSetup::from_recipe(recipe));
     let setup = Arc::new(setup.map_err(|source| BatchError::Scenario { env: 0, source })?);
     let observer = match config.observe {
-        Observe::All { bodies } => {
-            let bodies = bodies.map_or_else(|| setup.most_debris(), |bodies| bodies as usize);
+        ObservationMode::All { bodies } => {
+            let bodies = bodies.map_or_else(|| setup.max_debris(), |bodies| bodies as usize);
             if bodies > MAX_BODIES {
                 return Err(BatchError::Config { field: "bodies", value: bodies, min: 0, max: MAX_BODIES });
             }
-            Observer::All(bodies)
+            KesslerObserver::All(bodies)
         }
-        Observe::Tracks { threats, look_ahead } => {
-            let tracks = Tracks::new(threats as usize, look_ahead as usize);
-            Observer::Tracks(tracks.map(Box::new).map_err(|e| BatchError::Config {
+        ObservationMode::Tracks { threats, look_ahead } => {
+            let tracks = TracksEncoder::new(threats as usize, look_ahead as usize);
+            KesslerObserver::Tracks(tracks.map(Box::new).map_err(|e| BatchError::Config {
                 field: if e.field == "k" { "threats" } else { "look_ahead" },
                 value: e.value,
                 min: e.min,
@@ -57,34 +59,29 @@ pub(super) fn batch(
             })?)
         }
     };
-    let shape = Shape { envs: config.envs, agents: SATELLITES, action: 2, observation: observer.len() };
+    let shape = BatchShape { envs: config.envs, agents: SATELLITES, action: 2, observation: observer.len() };
     let lane = || {
-        let nothing = Seeded::new(Seed::in_space(crate::seed::SeedSpace::User, 0));
-        let flight = Flight::new(objective, Arc::clone(&setup), &Start::default(), nothing);
-        KesslerLane {
-            task,
-            axes: config.axes,
-            flight,
-            recipe: Arc::clone(&recipe),
-            observer: observer.clone(),
-        }
+        let rng = SeededRng::new(Seed::in_space(crate::seed::SeedSpace::User, 0));
+        let sim = KesslerSim::new(objective, Arc::clone(&setup), &InitialState::default(), rng);
+        KesslerLane { task, axes: config.axes, sim, recipe: Arc::clone(recipe), observer: observer.clone() }
     };
-    Ok(Box::new(Engine::new(config, shape, feed, lane)?))
+    Ok(Box::new(BatchEngine::new(config, shape, source, lane)?))
 }
 
-/// What is seen, and how it is written.
+/// Observation mode, with the memory it needs.
 #[derive(Clone)]
-enum Observer {
-    /// Columns, of so many bodies.
+enum KesslerObserver {
+    /// Columns of all satellites and of this many debris bodies.
     All(usize),
-    Tracks(Box<Tracks>),
+    /// Rows of the most threatening debris per satellite.
+    Tracks(Box<TracksEncoder>),
 }
 
-impl Observer {
+impl KesslerObserver {
     fn len(&self) -> usize {
         match self {
             Self::All(bodies) => SATELLITES * SATELLITE_VALUES + DEBRIS_COLUMNS * bodies,
-            Self::Tracks(tracks) => tracks.total(),
+            Self::Tracks(tracks) => tracks.total_cells(),
         }
     }
 
@@ -102,88 +99,92 @@ impl Observer {
             }
             Self::Tracks(tracks) => (0..SATELLITES)
                 .flat_map(|satellite| {
-                    let named =
-                        move |column: super::tracks::Column| format!("satellite_{satellite}_{}", column.name);
-                    tracks.columns().into_iter().map(named)
+                    let columns = tracks.columns().into_iter();
+                    columns.map(move |column| format!("satellite_{satellite}_{}", column.name))
                 })
                 .collect(),
         }
     }
 }
 
-/// Burns radial out and in-track, turned into x and y.
+/// Converts burns radial out and in-track to burns along x and y.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "what is logged is what was done, in the precision of actions"
+    reason = "executed actions are logged in the precision of actions"
 )]
-fn turned(flight: &Flight<Seeded>, actions: &[[f32; 2]]) -> [[f32; 2]; SATELLITES] {
-    let mut turned = [[0.0; 2]; SATELLITES];
-    for ((turned, action), satellite) in turned.iter_mut().zip(actions).zip(flight.satellites()) {
+fn to_world_axes(sim: &KesslerSim<SeededRng>, actions: &[[f32; 2]]) -> [[f32; 2]; SATELLITES] {
+    let mut burns = [[0.0; 2]; SATELLITES];
+    for ((burn, action), satellite) in burns.iter_mut().zip(actions).zip(sim.satellites()) {
         let [radial, in_track] = action.map(f64::from);
-        let ((rx, ry), (tx, ty)) = satellite.body.frame();
-        // Adding zero leaves no minus zero behind: hold is hold.
-        *turned = [(radial * rx + in_track * tx) as f32 + 0.0, (radial * ry + in_track * ty) as f32 + 0.0];
+        let ((rx, ry), (tx, ty)) = satellite.body.local_axes();
+        // Adding zero turns −0 into 0, so that a hold action stays a hold.
+        *burn = [(radial * rx + in_track * tx) as f32 + 0.0, (radial * ry + in_track * ty) as f32 + 0.0];
     }
-    turned
+    burns
 }
 
-/// Tells what was done, where somebody wants to know.
-fn copy(actions: &[[f32; 2]], taken: &mut [f32]) {
-    if !taken.is_empty() {
-        taken.copy_from_slice(actions.as_flattened());
+/// Copies the executed actions to the caller's buffer, if there is one.
+fn report_actions(actions: &[[f32; 2]], executed: &mut [f32]) {
+    if !executed.is_empty() {
+        executed.copy_from_slice(actions.as_flattened());
     }
 }
 
-/// What a recipe's task rewards, where it is one that is flown here.
+/// Returns the objective of a recipe's task.
+///
+/// # Errors
+/// Returns [`ScenarioError`] if the batch does not run this task.
 fn objective_of(task: Option<&str>, recipe: &Recipe) -> Result<Objective, ScenarioError> {
     let id = recipe.task().id();
-    of_task(task.unwrap_or(id), recipe)?;
-    super::objective(id).ok_or_else(|| ScenarioError::UnknownChoice {
+    check_task(task.unwrap_or(id), recipe)?;
+    Objective::of_task(id).ok_or_else(|| ScenarioError::UnknownChoice {
         field: "task".to_owned(),
         value: id.to_owned(),
-        choices: super::TASKS.each_ref().map(|task| task.card.id).join(", "),
+        choices: Objective::ALL.map(Objective::task_id).join(", "),
     })
 }
 
+/// One environment of a batch.
 struct KesslerLane {
-    /// The only task there is; none where all of the world are flown.
+    /// Task of all episodes; `None` if the batch mixes the tasks of the world.
     task: Option<&'static str>,
     axes: Axes,
-    flight: Flight<Seeded>,
-    /// What the flight's setup was read from.
+    sim: KesslerSim<SeededRng>,
+    /// Recipe from which the setup of `sim` was parsed.
     recipe: Arc<Recipe>,
-    observer: Observer,
+    observer: KesslerObserver,
 }
 
-impl Lane for KesslerLane {
-    fn start(&mut self, recipe: &Arc<Recipe>, seed: Seed) -> Result<(), ScenarioError> {
+impl BatchLane for KesslerLane {
+    fn start(&mut self, scenario: &Scenario) -> Result<(), ScenarioError> {
+        let recipe = scenario.recipe();
         let mut setup = None;
         if !Arc::ptr_eq(recipe, &self.recipe) {
-            self.flight.set_objective(objective_of(self.task, recipe)?);
-            setup = Some(Arc::new(Setup::read(recipe)?));
+            self.sim.set_objective(objective_of(self.task, recipe)?);
+            setup = Some(Arc::new(KesslerSetup::from_recipe(recipe)?));
             self.recipe = Arc::clone(recipe);
         }
-        self.flight.draw(setup, seed)
+        self.sim.reset_from_seed(setup, scenario.seed())
     }
 
     fn step(&mut self, actions: &[f32], out: LaneOutput<'_>) -> bool {
-        // Hold is a burn of minus zero: adding that changes no bit, and asking whether to add would be a branch that nobody
-        // can foresee.
-        let quiet = |value: f32| if value == 0.0 { -0.0 } else { f64::from(value) };
+        // A hold is a burn of −0: adding it changes no bit. A check for zero would be an unpredictable
+        // branch.
+        let to_delta = |value: f32| if value == 0.0 { -0.0 } else { f64::from(value) };
         let (actions, _) = actions.as_chunks::<2>();
         let stepped = if self.axes == Axes::World {
-            copy(actions, out.taken);
-            self.flight.step_all(|i| actions.get(i).map(|&[x, y]| (quiet(x), quiet(y))))
+            report_actions(actions, out.executed_actions);
+            self.sim.step_with(|i| actions.get(i).map(|&[x, y]| (to_delta(x), to_delta(y))))
         } else {
-            let turned = turned(&self.flight, actions);
-            copy(&turned, out.taken);
-            self.flight.step_all(|i| turned.get(i).map(|&[x, y]| (quiet(x), quiet(y))))
+            let burns = to_world_axes(&self.sim, actions);
+            report_actions(&burns, out.executed_actions);
+            self.sim.step_with(|i| burns.get(i).map(|&[x, y]| (to_delta(x), to_delta(y))))
         };
         #[expect(clippy::cast_possible_truncation, reason = "rewards are single precision here")]
         let reward = stepped.reward as f32;
         *out.team_reward = reward;
-        for (i, satellite) in self.flight.satellites().iter().enumerate() {
-            let alive = satellite.status == Status::Active;
+        for (i, satellite) in self.sim.satellites().iter().enumerate() {
+            let alive = satellite.status == SatelliteStatus::Active;
             out.rewards[i] = if stepped.active_before[i] { reward } else { 0.0 };
             out.terminated[i] = !alive;
             out.truncated[i] = alive && stepped.done;
@@ -193,29 +194,29 @@ impl Lane for KesslerLane {
 
     fn observe(&mut self, out: &mut [f32]) {
         match &mut self.observer {
-            Observer::All(bodies) => self.flight.observe_into(out, *bodies),
-            Observer::Tracks(tracks) => tracks.write(&self.flight, out),
+            KesslerObserver::All(bodies) => self.sim.observe_into(out, *bodies),
+            KesslerObserver::Tracks(tracks) => tracks.write(&self.sim, out),
         }
     }
 
     fn score(&self) -> f64 {
-        score(self.flight.total())
+        score(self.sim.total_reward())
     }
 
     fn scene(&self, acted: &[f32]) -> Scene {
-        super::scene::scene(&self.flight, acted)
+        super::scene::scene(&self.sim, acted)
     }
 
     fn telemetry(&self) -> Value {
-        serde_json::to_value(self.flight.telemetry(0.0, false)).unwrap_or(Value::Null)
+        serde_json::to_value(self.sim.telemetry(0.0, false)).unwrap_or(Value::Null)
     }
 
     fn alerts(&self) -> Vec<String> {
-        self.flight.events().iter().filter_map(Event::alert).collect()
+        self.sim.events().iter().filter_map(KesslerEvent::alert).collect()
     }
 
     fn state_hash(&self) -> [u8; 32] {
-        self.flight.state_hash()
+        self.sim.state_hash()
     }
 
     fn columns(&self) -> Vec<String> {
@@ -224,9 +225,9 @@ impl Lane for KesslerLane {
 
     fn bytes(&self) -> usize {
         let observer = match &self.observer {
-            Observer::All(_) => 0,
-            Observer::Tracks(tracks) => tracks.bytes(),
+            KesslerObserver::All(_) => 0,
+            KesslerObserver::Tracks(tracks) => tracks.bytes(),
         };
-        self.flight.bytes() + self.flight.chance().bytes() + observer
+        self.sim.bytes() + self.sim.rng().bytes() + observer
     }
 }

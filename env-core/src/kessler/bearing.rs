@@ -1,32 +1,32 @@
-//! Where something is, seen from a satellite, as an angle.
+//! Bearings: the direction of a point seen from a satellite, as an angle.
 
 use super::kernel::Body;
 use crate::critique::angle_deg;
 
-/// Axes that bearings are measured in.
+/// Reference axes of a bearing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Frame {
-    /// From radial out towards in-track (prograde).
+pub enum BearingFrame {
+    /// Angle from radial out towards in-track (prograde).
     RadialInTrack,
-    /// From +X towards +Y.
+    /// Angle from +X towards +Y.
     Inertial,
 }
 
-impl Frame {
-    /// The bearing of a place seen from a satellite, degrees in [0, 360).
+impl BearingFrame {
+    /// Bearing of the point `at` (LU) seen from the satellite `of`, degrees in [0, 360).
     #[must_use]
     pub fn bearing_deg(self, of: &Body, at: (f64, f64)) -> f64 {
         let (dx, dy) = (at.0 - of.x, at.1 - of.y);
         match self {
             Self::Inertial => angle_deg(dx, dy),
             Self::RadialInTrack => {
-                let ((rx, ry), (tx, ty)) = of.frame();
+                let ((rx, ry), (tx, ty)) = of.local_axes();
                 angle_deg(dx * rx + dy * ry, dx * tx + dy * ty)
             }
         }
     }
 
-    /// The direction of a bearing seen from a satellite, as an angle from +X towards +Y, degrees.
+    /// Direction of a bearing seen from the satellite `of`, as an angle from +X towards +Y, degrees.
     #[must_use]
     pub fn direction_deg(self, of: &Body, bearing_deg: f64) -> f64 {
         match self {
@@ -41,17 +41,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bearings_run_from_radial_out_to_in_track() {
-        let of = Body { x: 0.0, y: 50.0, vx: -4.0, vy: 0.0 };
-        // Above it, ahead of it (prograde is −x up there), below it, behind it.
+    fn bearings_turn_from_radial_out_to_in_track() {
+        let satellite = Body { x: 0.0, y: 50.0, vx: -4.0, vy: 0.0 };
+        // Above the satellite, ahead of it (prograde is −x there), below it, behind it.
         let around = [(0.0, 60.0), (-10.0, 50.0), (0.0, 40.0), (10.0, 50.0)];
-        for (at, wanted) in around.into_iter().zip([0.0, 90.0, 180.0, 270.0]) {
-            let found = Frame::RadialInTrack.bearing_deg(&of, at);
-            // One rounding of atan2 and one of the scale.
-            assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
-            let direction = Frame::RadialInTrack.direction_deg(&of, found);
-            let seen = Frame::Inertial.bearing_deg(&of, at);
-            assert!((direction - seen).abs() % 360.0 < 1e-9, "{direction} {seen}");
+        for (at, expected) in around.into_iter().zip([0.0, 90.0, 180.0, 270.0]) {
+            let bearing = BearingFrame::RadialInTrack.bearing_deg(&satellite, at);
+            // Bound: one rounding of atan2 and one of the conversion to degrees.
+            assert!((bearing - expected).abs() < 1e-9, "{bearing} {expected}");
+            let direction = BearingFrame::RadialInTrack.direction_deg(&satellite, bearing);
+            let inertial = BearingFrame::Inertial.bearing_deg(&satellite, at);
+            assert!((direction - inertial).abs() % 360.0 < 1e-9, "{direction} {inertial}");
         }
     }
 }

@@ -1,17 +1,19 @@
-//! One step of an action log in kessler's wire form: a list of burns, each `[satellite, dvx, dvy]` or, as the public
-//! kessler-env writes it, `{"satellite_id": 0, "delta_vx": 0.1, "delta_vy": 0.0}`.
+//! Steps of an action log as JSON: a list of burns, each `[satellite, dvx, dvy]` or, as in the public
+//! kessler-env, `{"satellite_id": 0, "delta_vx": 0.1, "delta_vy": 0.0}`.
 
 use serde_json::Value;
 
 use crate::error::LogError;
 use crate::log::{ActionLog, MAX_ENTRIES};
 
-const FIELDS: [&str; 3] = ["satellite_id", "delta_vx", "delta_vy"];
+/// Fields of a burn in its object form.
+const BURN_FIELDS: [&str; 3] = ["satellite_id", "delta_vx", "delta_vy"];
 
-/// Reads one step.
+/// Appends the burns of one step to `log`.
 ///
 /// # Errors
-/// What is not a list of burns; the field is relative to the step.
+/// Returns [`LogError`] if `step` is not a list of burns or has too many. Its field path is relative to the
+/// step.
 pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
     let burns = match step {
         Value::Array(burns) => burns,
@@ -30,33 +32,33 @@ pub(super) fn read_step(step: &Value, log: &mut ActionLog) -> Result<(), LogErro
                 _ => return Err(LogError::malformed(format!(".{i}"), "a burn is [satellite, dvx, dvy]")),
             },
             Value::Object(fields) => {
-                if let Some(key) = fields.keys().find(|key| !FIELDS.contains(&key.as_str())) {
+                if let Some(key) = fields.keys().find(|key| !BURN_FIELDS.contains(&key.as_str())) {
                     let key: String = key.chars().take(40).collect();
                     return Err(LogError::malformed(
                         format!(".{i}.{key}"),
                         "it is not known; a burn has satellite_id, delta_vx, delta_vy",
                     ));
                 }
-                let [satellite, dvx, dvy] = FIELDS.map(|name| fields.get(name));
+                let [satellite, dvx, dvy] = BURN_FIELDS.map(|name| fields.get(name));
                 (satellite, dvx, dvy)
             }
             _ => return Err(LogError::malformed(format!(".{i}"), "a burn is a list or an object")),
         };
-        let place = |cell: usize| match burn {
+        let path = |cell: usize| match burn {
             Value::Array(_) => format!(".{i}.{cell}"),
-            _ => format!(".{i}.{}", FIELDS[cell]),
+            _ => format!(".{i}.{}", BURN_FIELDS[cell]),
         };
         let satellite =
             satellite.and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok()).ok_or_else(|| {
-                LogError::malformed(place(0), "a satellite's number must be a whole number, 0 or more")
+                LogError::malformed(path(0), "a satellite's number must be a whole number, 0 or more")
             })?;
         let number = |cell: usize, value: Option<&Value>| {
             value
                 .and_then(Value::as_f64)
                 .filter(|v| v.is_finite())
-                .ok_or_else(|| LogError::malformed(place(cell), "a change of speed must be a finite number"))
+                .ok_or_else(|| LogError::malformed(path(cell), "a change of speed must be a finite number"))
         };
-        log.act(satellite, &[number(1, dvx)?, number(2, dvy)?]);
+        log.push_entry(satellite, &[number(1, dvx)?, number(2, dvy)?]);
     }
     Ok(())
 }

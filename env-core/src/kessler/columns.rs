@@ -1,15 +1,21 @@
-//! Everything the agents see as columns of f32, for policies that take it whole.
+//! Observation of everything the agents see, as columns of f32 for neural policies.
 
-use super::batch::{DEBRIS_COLUMNS, SATELLITE_VALUES};
 use super::constants::SATELLITES;
-use super::flight::Flight;
 use super::kernel::Body;
-use crate::chance::Chance;
+use super::simulation::KesslerSim;
+use crate::episode_rng::EpisodeRng;
 
-impl<C: Chance> Flight<C> {
-    /// Writes the observation: per satellite x, y, vx, vy, fuel and survival (0 once it is lost); then the columns x, y,
-    /// vx, vy, visible of `bodies` debris, one column after the other, in order of arrival. Debris that is hidden or not
-    /// there is zero in every column; what there is no room for is left out. LU, LU/TU and units of fuel, as they are.
+/// Values of one satellite in the observation: x, y, vx, vy, fuel, survival.
+pub(super) const SATELLITE_VALUES: usize = 6;
+/// Columns of debris in the observation: x, y, vx, vy, visible.
+pub(super) const DEBRIS_COLUMNS: usize = 5;
+
+impl<R: EpisodeRng> KesslerSim<R> {
+    /// Writes the observation: per satellite x, y, vx, vy, fuel and survival (0 once it is lost), then the
+    /// columns x, y, vx, vy, visible of `bodies` debris, one column after the other, in order of arrival.
+    ///
+    /// Hidden or absent debris is zero in every column; debris beyond `bodies` is left out. Values are in LU,
+    /// LU/TU and fuel units, not normalised.
     #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
     pub fn observe_into(&self, out: &mut [f32], bodies: usize) {
         let (own, debris) = out.split_at_mut((SATELLITES * SATELLITE_VALUES).min(out.len()));
@@ -23,15 +29,15 @@ impl<C: Chance> Flight<C> {
             debris.fill(0.0);
             return;
         }
-        self.debris().narrow(debris, bodies);
+        self.debris().write_columns(debris, bodies);
         if self.setup().radar_range.is_some() {
-            self.hide(debris, bodies);
+            self.zero_hidden(debris, bodies);
         }
     }
 
-    /// Zeroes what no radar sees.
-    fn hide(&self, debris: &mut [f32], bodies: usize) {
-        let hidden = |body: &Body| !self.sees(body.x, body.y);
+    /// Zeroes the columns of debris that no radar sees.
+    fn zero_hidden(&self, debris: &mut [f32], bodies: usize) {
+        let hidden = |body: &Body| !self.is_visible(body.x, body.y);
         for (i, _) in self.debris().bodies().enumerate().take(bodies).filter(|(_, body)| hidden(body)) {
             for column in 0..DEBRIS_COLUMNS {
                 debris[column * bodies + i] = 0.0;
@@ -42,34 +48,37 @@ impl<C: Chance> Flight<C> {
 
 #[cfg(test)]
 mod tests {
-    use crate::chance::Seeded;
-    use crate::kessler::TASKS;
-    use crate::kessler::flight::Flight;
-    use crate::kessler::setup::Setup;
-    use crate::scenario::Recipe;
+    use crate::episode_rng::SeededRng;
+    use crate::kessler::KESSLER_TASKS;
+    use crate::kessler::setup::KesslerSetup;
+    use crate::kessler::simulation::KesslerSim;
     use crate::seed::Seed;
+    use crate::task::Recipe;
 
-    /// Whatever number of bodies meets whatever room for them: blocks, parts of blocks, none.
+    /// Any number of bodies in any number of slots: full blocks, partial blocks, none.
     #[test]
-    fn every_body_has_its_cells() {
+    fn every_body_fills_its_own_cells() {
         for (debris, radar) in
             [0, 1, 3, 7, 8, 9, 15, 16, 17].into_iter().flat_map(|n| [(n, 200.0), (n, 30.0)])
         {
             let params = [("debris", f64::from(debris)), ("radar_range", radar)];
-            let setup = Setup::read(&Recipe::with_params(&TASKS[0], params.into_iter()).unwrap()).unwrap();
-            let mut chance = Seeded::new(Seed::user(4).unwrap());
-            let start = setup.start(&mut chance).unwrap();
-            let flight = Flight::new(TASKS[0].objective(), setup, &start, chance);
-            for room in 0..20 {
-                let mut out = vec![f32::NAN; 18 + 5 * room];
-                flight.observe_into(&mut out, room);
-                for i in 0..room {
-                    let body = (i < start.debris.len()).then(|| flight.debris().body(i));
-                    let seen = body.filter(|body| flight.sees(body.x, body.y));
-                    let cells = seen.map_or([0.0; 5], |b| [b.x, b.y, b.vx, b.vy, 1.0]);
+            let setup = KesslerSetup::from_recipe(
+                &Recipe::with_params(&KESSLER_TASKS[0], params.into_iter()).unwrap(),
+            )
+            .unwrap();
+            let mut chance = SeededRng::new(Seed::user(4).unwrap());
+            let start = setup.draw_initial_state(&mut chance).unwrap();
+            let sim = KesslerSim::new(KESSLER_TASKS[0].objective(), setup, &start, chance);
+            for slots in 0..20 {
+                let mut out = vec![f32::NAN; 18 + 5 * slots];
+                sim.observe_into(&mut out, slots);
+                for i in 0..slots {
+                    let body = (i < start.debris.len()).then(|| sim.debris().body(i));
+                    let visible = body.filter(|body| sim.is_visible(body.x, body.y));
+                    let cells = visible.map_or([0.0; 5], |b| [b.x, b.y, b.vx, b.vy, 1.0]);
                     for (column, cell) in cells.into_iter().enumerate() {
-                        let found = out[18 + column * room + i];
-                        assert_eq!(found, cell as f32, "{debris} debris, room for {room}: {i}, {column}");
+                        let actual = out[18 + column * slots + i];
+                        assert_eq!(actual, cell as f32, "{debris} debris, {slots} slots: {i}, {column}");
                     }
                 }
             }

@@ -1,118 +1,123 @@
-//! Debris, in blocks: one pass over them moves all, and tells whether anything rare has happened. It has no branches per
-//! body, so that it vectorises. Which vector width the machine offers is found once ([`pulp::Arch`]); every width does the
-//! same operations on each body in the same order, so the bits are the same.
+//! Debris of an episode, stored in blocks. One pass over the blocks moves all bodies and reports if
+//! anything rare happened. The pass has no branch per body, so it vectorises. The vector width of
+//! the machine is detected once ([`pulp::Arch`]). Every width applies the same operations to each
+//! body in the same order, so the bits are the same.
 
 use pulp::Arch;
 
-use super::cloud::{Block, Cloud, NOWHERE};
+use super::body_blocks::{ABSENT_COORDINATE, BodyBlock, BodyBlocks};
+use super::column_writer::ColumnWriter;
 use super::constants::{CONTACT_2, EARTH_RADIUS_2, SATELLITES};
-use super::kernel::{Body, Gravity, distance_2, swept_2};
-use super::pass::{self, Found, Narrow};
+use super::kernel::{Body, Gravity, distance_squared, min_distance_squared};
+use super::propagate::{self, StepFlags};
 
-/// All debris, in order of arrival.
+/// All debris of an episode, in order of arrival.
 #[derive(Debug, Clone)]
 pub struct Debris {
-    cloud: Cloud,
-    /// Bit i: it was approaching satellite i at the end of the last step.
+    blocks: BodyBlocks,
+    /// Per body: bit i is set if it approached satellite i at the end of the last step.
     pub(super) approaching: Vec<u8>,
     id: Vec<u32>,
     next_id: u32,
-    /// Something may be inside the Earth: look before moving.
-    pub(super) may_be_inside: bool,
+    /// True if some body may be inside the Earth; it must be removed before the next motion.
+    pub(super) may_be_inside_earth: bool,
     arch: Arch,
 }
 
 impl Debris {
-    /// None yet.
+    /// Creates an empty list.
     pub(super) fn new() -> Self {
         Self {
-            cloud: Cloud::default(),
+            blocks: BodyBlocks::default(),
             approaching: Vec::new(),
             id: Vec::new(),
             next_id: 0,
-            may_be_inside: false,
+            may_be_inside_earth: false,
             arch: Arch::new(),
         }
     }
 
-    /// How many there are.
+    /// Number of debris bodies.
     #[must_use]
     pub fn len(&self) -> usize {
         self.id.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there is no debris.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.id.is_empty()
     }
 
-    /// Bytes of its tables.
+    /// Memory of the tables, bytes.
     pub(super) fn bytes(&self) -> usize {
-        self.cloud.bytes() + self.id.capacity() * size_of::<u32>() + self.approaching.capacity()
+        self.blocks.bytes() + self.id.capacity() * size_of::<u32>() + self.approaching.capacity()
     }
 
-    /// Bodies there is room for.
+    /// Number of bodies that fit without an allocation.
     pub(super) fn capacity(&self) -> usize {
-        self.cloud.capacity()
+        self.blocks.capacity()
     }
 
-    /// Debris at an index below `len`.
+    /// Returns the body at an index below `len`.
     #[must_use]
     pub fn body(&self, i: usize) -> Body {
-        self.cloud.body(i)
+        self.blocks.body(i)
     }
 
-    /// All, in order.
+    /// Iterates over all bodies in order.
     pub(super) fn bodies(&self) -> impl Iterator<Item = Body> {
-        self.cloud.bodies()
+        self.blocks.bodies()
     }
 
-    /// Its id: stable over the episode.
+    /// Id of the body at an index below `len`. Ids are stable over the episode.
     #[must_use]
     pub fn id(&self, i: usize) -> u32 {
         self.id[i]
     }
 
-    /// All, block by block, padded with nobody.
-    pub(super) fn blocks(&self) -> &[Block] {
-        self.cloud.blocks()
+    /// All blocks, padded with absent bodies.
+    pub(super) fn blocks(&self) -> &[BodyBlock] {
+        self.blocks.blocks()
     }
 
-    /// Where the bodies of a start are put; [`Debris::begin`] comes after.
-    pub(super) fn cloud(&mut self) -> &mut Cloud {
-        &mut self.cloud
+    /// Storage for the initial bodies. The caller fills it and then calls [`Debris::reset`].
+    pub(super) fn initial_bodies_mut(&mut self) -> &mut BodyBlocks {
+        &mut self.blocks
     }
 
-    /// Begins with the bodies that were put in [`Debris::cloud`] and no others, with room for `most`.
-    pub(super) fn begin(&mut self, most: usize) {
+    /// Starts an episode with exactly the bodies in [`Debris::initial_bodies_mut`] and reserves memory for
+    /// `capacity`.
+    pub(super) fn reset(&mut self, capacity: usize) {
         self.approaching.clear();
-        self.approaching.reserve(most);
-        self.approaching.resize(self.cloud.len(), 0);
-        self.next_id = self.cloud.len() as u32;
+        self.approaching.reserve(capacity);
+        self.approaching.resize(self.blocks.len(), 0);
+        self.next_id = self.blocks.len() as u32;
         self.id.clear();
-        self.id.reserve(most);
+        self.id.reserve(capacity);
         self.id.extend(0..self.next_id);
-        self.may_be_inside = pass::inside(self.arch, self.cloud.blocks());
+        self.may_be_inside_earth = propagate::any_inside_earth(self.arch, self.blocks.blocks());
     }
 
+    /// Appends a body and returns its id.
     pub(super) fn push(&mut self, body: Body) -> u32 {
-        self.cloud.push(body);
+        self.blocks.push(body);
         self.approaching.push(0);
         self.id.push(self.next_id);
         self.next_id += 1;
-        self.may_be_inside |= body.radius_2() < EARTH_RADIUS_2;
+        self.may_be_inside_earth |= body.radius_squared() < EARTH_RADIUS_2;
         self.next_id - 1
     }
 
+    /// Removes the body at an index below `len`.
     pub(super) fn remove(&mut self, i: usize) {
-        self.cloud.remove(i);
+        self.blocks.remove(i);
         self.approaching.remove(i);
         self.id.remove(i);
     }
 
-    /// Notes which satellites each piece is approaching at the start.
-    pub(super) fn look_at(&mut self, satellites: &[Body; SATELLITES]) {
+    /// Records which satellites each body is approaching at the start.
+    pub(super) fn record_approaching(&mut self, satellites: &[Body; SATELLITES]) {
         for i in 0..self.len() {
             let d = self.body(i);
             self.approaching[i] = (0u8..).zip(satellites).fold(0, |bits, (number, s)| {
@@ -122,46 +127,49 @@ impl Debris {
         }
     }
 
-    /// Free flight of all. True if, where the step ends or (swept) within it, one of these satellites may be touched.
+    /// Advances all bodies by one step. Returns true if some body may touch one of these satellites
+    /// where the step ends or, if `swept`, within it.
     #[inline]
     pub(super) fn advance(&mut self, gravity: Gravity, swept: bool, satellites: &[Body; SATELLITES]) -> bool {
-        let Found { inside, touched } =
-            pass::advance(self.arch, gravity, swept, self.cloud.blocks_mut(), satellites);
-        self.may_be_inside = inside;
-        touched
+        let StepFlags { inside_earth, contact } =
+            propagate::advance(self.arch, gravity, swept, self.blocks.blocks_mut(), satellites);
+        self.may_be_inside_earth = inside_earth;
+        contact
     }
 
-    /// Writes what is seen of the first bodies where nothing hides them, as [`Narrow`] has it.
+    /// Writes the columns of the first `slots` bodies in the layout of [`ColumnWriter`], as if all were
+    /// visible.
     #[inline]
-    pub(super) fn narrow(&self, out: &mut [f32], bodies: usize) {
-        let there = self.len().min(bodies);
-        self.arch.dispatch(Narrow { blocks: self.cloud.blocks(), out, bodies, there });
+    pub(super) fn write_columns(&self, out: &mut [f32], slots: usize) {
+        let count = self.len().min(slots);
+        self.arch.dispatch(ColumnWriter { blocks: self.blocks.blocks(), out, slots, count });
     }
 
-    /// The public original leaves debris that is inside the Earth where it is, for ever.
-    pub(super) fn advance_frozen(&mut self) {
+    /// Advances by the rule of the public kessler-env: debris inside the Earth stays where it is.
+    pub(super) fn advance_upstream(&mut self) {
         for i in 0..self.len() {
             let body = self.body(i);
-            if body.radius_2() >= EARTH_RADIUS_2 {
-                self.cloud.set(i, body.coasted(Gravity::Point));
+            if body.radius_squared() >= EARTH_RADIUS_2 {
+                self.blocks.set(i, body.coast(Gravity::Point));
             }
         }
     }
 
-    /// The first debris in order that touches a satellite at the end of a step, or (swept, and among the first `moved`
-    /// that were there when the step began) within it.
-    pub(super) fn touching(&self, satellite: &Body, swept: bool, moved: usize) -> Option<usize> {
+    /// Index of the first body that touches a satellite at the end of the step. With `swept`, the first
+    /// `moved` bodies, those that existed when the step began, also count if they touch it within the step.
+    pub(super) fn first_contact(&self, satellite: &Body, swept: bool, moved: usize) -> Option<usize> {
         self.bodies().enumerate().position(|(i, d)| {
             let d2 = if swept && i < moved {
                 let (dx, dy) = (satellite.x - d.x, satellite.y - d.y);
-                swept_2(dx, dy, satellite.vx - d.vx, satellite.vy - d.vy)
+                min_distance_squared(dx, dy, satellite.vx - d.vx, satellite.vy - d.vy)
             } else {
-                distance_2(satellite.x, satellite.y, d.x, d.y)
+                distance_squared(satellite.x, satellite.y, d.x, d.y)
             };
             d2 < CONTACT_2
         })
     }
 }
 
-/// A satellite that is not there.
-pub(super) const ABSENT: Body = Body { x: -NOWHERE, y: -NOWHERE, vx: 0.0, vy: 0.0 };
+/// Position of a lost satellite: far from all bodies, and from absent bodies.
+pub(super) const ABSENT_SATELLITE: Body =
+    Body { x: -ABSENT_COORDINATE, y: -ABSENT_COORDINATE, vx: 0.0, vy: 0.0 };

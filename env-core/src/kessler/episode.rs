@@ -1,52 +1,61 @@
-//! kessler behind the contract that every world answers to.
+//! Episode of kessler behind the trait that all worlds implement.
 
 use std::any::Any;
 use std::cell::OnceCell;
 
 use serde_json::Value;
 
-use super::flight::Flight;
+use super::observation::KesslerObservation;
 use super::reward::Objective;
-use super::setup::Setup;
-use super::telemetry::Telemetry;
-use super::wire::Observation;
-use crate::bracket::Flown;
-use crate::chance::Seeded;
+use super::setup::KesslerSetup;
+use super::simulation::KesslerSim;
+use super::telemetry::KesslerTelemetry;
+use crate::bracket::EpisodeOutcome;
+use crate::episode_rng::SeededRng;
 use crate::error::{ScenarioError, StepError};
+use crate::json_writer::append_json;
 use crate::log::JointAction;
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 use crate::task::{AgentReport, Episode, StepReport};
-use crate::wire;
 
+/// Episode in progress, with its last reward.
 pub(super) struct KesslerEpisode {
-    flight: Flight<Seeded>,
+    sim: KesslerSim<SeededRng>,
     reward: f64,
-    /// Rendered when somebody looks, so that a replay pays nothing for it.
-    seen: OnceCell<Telemetry>,
+    /// Telemetry of the current step. It is built on first use, so that a replay does not pay for it.
+    telemetry: OnceCell<KesslerTelemetry>,
 }
 
 impl KesslerEpisode {
+    /// Starts the episode of a scenario.
+    ///
+    /// # Errors
+    /// Returns [`ScenarioError`] if the recipe is invalid or has no fair start.
     pub(super) fn start(objective: Objective, scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let setup = Setup::read(scenario.recipe())?;
-        let mut chance = Seeded::new(scenario.seed());
-        let start = setup.start(&mut chance)?;
-        Ok(Self { flight: Flight::new(objective, setup, &start, chance), reward: 0.0, seen: OnceCell::new() })
+        let setup = KesslerSetup::from_recipe(scenario.recipe())?;
+        let mut rng = SeededRng::new(scenario.seed());
+        let start = setup.draw_initial_state(&mut rng)?;
+        Ok(Self {
+            sim: KesslerSim::new(objective, setup, &start, rng),
+            reward: 0.0,
+            telemetry: OnceCell::new(),
+        })
     }
 
-    fn seen(&self) -> &Telemetry {
-        self.seen.get_or_init(|| self.flight.telemetry(self.reward, false))
+    fn current_telemetry(&self) -> &KesslerTelemetry {
+        self.telemetry.get_or_init(|| self.sim.telemetry(self.reward, false))
     }
 }
 
 impl Episode for KesslerEpisode {
     fn step(&mut self, action: JointAction<'_>, report: &mut StepReport) -> Result<(), StepError> {
-        let stepped = self.flight.step(action)?;
+        let stepped = self.sim.step(action)?;
         self.reward = stepped.reward;
-        self.seen = OnceCell::new();
+        self.telemetry = OnceCell::new();
         report.agents.clear();
-        for (agent, satellite) in (0u32..).zip(self.flight.satellites()) {
+        for (agent, satellite) in (0u32..).zip(self.sim.satellites()) {
             if stepped.active_before[agent as usize] {
-                let alive = satellite.active();
+                let alive = satellite.is_active();
                 report.agents.push(AgentReport {
                     agent,
                     reward: stepped.reward,
@@ -63,27 +72,27 @@ impl Episode for KesslerEpisode {
     }
 
     fn steps(&self) -> u32 {
-        self.flight.steps()
+        self.sim.steps()
     }
 
     fn done(&self) -> bool {
-        self.flight.done()
+        self.sim.is_done()
     }
 
     fn observation(&self) -> &dyn Any {
-        self.seen()
+        self.current_telemetry()
     }
 
     fn telemetry(&self) -> Value {
-        serde_json::to_value(self.seen()).unwrap_or(Value::Null)
+        serde_json::to_value(self.current_telemetry()).unwrap_or(Value::Null)
     }
 
     fn conjunctions(&self) -> Option<Value> {
-        serde_json::to_value(self.flight.foreseen(false)).ok()
+        serde_json::to_value(self.sim.forecast_conjunctions(false)).ok()
     }
 
     fn write_observation(&self, out: &mut Vec<u8>) {
-        wire::write(out, &Observation(&self.flight));
+        append_json(out, &KesslerObservation(&self.sim));
     }
 
     fn last_reward(&self) -> f64 {
@@ -91,14 +100,14 @@ impl Episode for KesslerEpisode {
     }
 
     fn truth(&self) -> Value {
-        serde_json::to_value(self.flight.telemetry(self.reward, true)).unwrap_or(Value::Null)
+        serde_json::to_value(self.sim.telemetry(self.reward, true)).unwrap_or(Value::Null)
     }
 
-    fn flown(&self) -> Flown {
-        self.flight.flown()
+    fn outcome(&self) -> EpisodeOutcome {
+        self.sim.outcome()
     }
 
     fn state_hash(&self) -> [u8; 32] {
-        self.flight.state_hash()
+        self.sim.state_hash()
     }
 }

@@ -1,59 +1,60 @@
-//! What happens in a step, typed. Text is rendered here, at the edge.
+//! Typed events of a step, and their text for the telemetry.
 
-/// One thing that happened.
+/// One event of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event {
-    /// A burn was refused for lack of fuel.
-    BurnRefused {
-        /// Whose.
+pub enum KesslerEvent {
+    /// A burn was rejected for lack of fuel.
+    BurnRejected {
+        /// Number of the satellite, 0 to 2.
         satellite: u32,
-        /// What it would have cost.
+        /// Fuel that the burn would have taken.
         cost: f64,
     },
-    /// Rogue debris arrived.
+    /// Rogue debris arrived at its radius.
     RogueArrived {
-        /// Its id.
+        /// Id of the debris.
         debris: u32,
     },
-    /// A satellite was inside the Earth radius.
+    /// A satellite fell into the Earth and is lost.
     Decayed {
-        /// Which.
+        /// Number of the satellite, 0 to 2.
         satellite: u32,
     },
-    /// Debris inside the Earth radius was removed.
+    /// Debris fell into the Earth and was removed.
     DebrisDecayed {
-        /// Which.
+        /// Id of the debris.
         debris: u32,
     },
     /// Debris destroyed a satellite.
     Collision {
-        /// Which.
+        /// Number of the satellite, 0 to 2.
         satellite: u32,
-        /// By what.
+        /// Id of the debris that hit it.
         debris: u32,
     },
-    /// Under `risk: pc`: debris passed a satellite.
-    Passed {
-        /// Which.
+    /// Debris passed a satellite under `risk: pc`.
+    CloseApproach {
+        /// Number of the satellite, 0 to 2.
         satellite: u32,
-        /// What.
+        /// Id of the debris that passed.
         debris: u32,
-        /// How near, LU.
+        /// Miss distance of the approach, LU.
         miss: f64,
-        /// What it cost.
+        /// Probability of collision that the satellite's survival loses.
         probability: f64,
     },
 }
 
-/// Probabilities of collision below this are no alert.
-const ALERT: f64 = 1e-4;
+/// Probability of collision from which a close approach is an alert.
+const MIN_ALERT_PROBABILITY: f64 = 1e-4;
 
-impl Event {
-    /// The public kessler-env's words, where it has any.
+impl KesslerEvent {
+    /// Text of the event in the words of the public kessler-env. `None` for events that are not
+    /// alerts.
     #[must_use]
     pub fn alert(&self) -> Option<String> {
         match self {
-            Self::BurnRefused { satellite, .. } => {
+            Self::BurnRejected { satellite, .. } => {
                 Some(format!("Sat {satellite} failed burn: Insufficient fuel."))
             }
             Self::RogueArrived { .. } => {
@@ -63,8 +64,8 @@ impl Event {
                 Some(format!("Sat {satellite} orbit decayed! Crashed into Earth."))
             }
             Self::DebrisDecayed { .. } => None,
-            Self::Passed { probability, .. } if *probability < ALERT => None,
-            Self::Passed { satellite, debris, miss, probability } => Some(format!(
+            Self::CloseApproach { probability, .. } if *probability < MIN_ALERT_PROBABILITY => None,
+            Self::CloseApproach { satellite, debris, miss, probability } => Some(format!(
                 "CONJUNCTION: Debris {debris} passed Sat {satellite} at {miss:.2}, probability of collision {probability:.1e}."
             )),
             Self::Collision { satellite, debris } => {

@@ -1,19 +1,20 @@
-//! kessler's parameter spaces, options and levels, as data.
+//! Parameter spaces, physics options, levels and the action grid of kessler, as data.
 
 use std::sync::LazyLock;
 
 use super::constants::RADAR_NONE;
-use crate::batch::Axes;
-use crate::space::{ByHand, Choices, Harder, Levels, OptionSpec, ParamSpec};
+use crate::space::Axes;
+use crate::space::{ActionGrid, Harder, Levels, ManualChoice, OptionSpec, ParamSpec};
 
-/// Most debris of a scenario, drawn and given, and most threats that *tracks* show.
+/// Largest number of debris bodies of a scenario, drawn and given together, and of threats in a *tracks*
+/// observation.
 pub const MAX_DEBRIS: f64 = 1000.0;
 
-/// Parameters of every task.
-const PARAMS: usize = 7;
+/// Number of parameters of each task.
+const PARAM_COUNT: usize = 7;
 
 #[expect(clippy::too_many_lines, reason = "a table: one entry a param")]
-const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; PARAMS] {
+const fn param_space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; PARAM_COUNT] {
     [
         ParamSpec {
             name: "debris",
@@ -96,18 +97,18 @@ const fn space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; P
     ]
 }
 
-/// Parameters of survival.
-pub static SURVIVAL_SPACE: [ParamSpec; PARAMS] = space(25.0, 100.0, 0.0, 0.0);
-/// Parameters of eco_station.
-pub static ECO_STATION_SPACE: [ParamSpec; PARAMS] = space(35.0, 50.0, 0.8, 0.0);
-/// Parameters of rendezvous.
-pub static RENDEZVOUS_SPACE: [ParamSpec; PARAMS] = space(50.0, 100.0, 1.0, 0.06);
+/// Parameters of the survival task.
+pub static SURVIVAL_SPACE: [ParamSpec; PARAM_COUNT] = param_space(25.0, 100.0, 0.0, 0.0);
+/// Parameters of the eco_station task.
+pub static ECO_STATION_SPACE: [ParamSpec; PARAM_COUNT] = param_space(35.0, 50.0, 0.8, 0.0);
+/// Parameters of the rendezvous task.
+pub static RENDEZVOUS_SPACE: [ParamSpec; PARAM_COUNT] = param_space(50.0, 100.0, 1.0, 0.06);
 
-/// Parameters of formation.
-pub static FORMATION_SPACE: [ParamSpec; PARAMS] = space(25.0, 100.0, 0.0, 0.0);
+/// Parameters of the formation task.
+pub static FORMATION_SPACE: [ParamSpec; PARAM_COUNT] = param_space(25.0, 100.0, 0.0, 0.0);
 
-/// Physics options of kessler.
-pub static OPTIONS: [OptionSpec; 6] = [
+/// Physics options of all kessler tasks.
+pub static KESSLER_OPTIONS: [OptionSpec; 6] = [
     OptionSpec {
         name: "start",
         choices: &["fair", "upstream"],
@@ -120,7 +121,7 @@ pub static OPTIONS: [OptionSpec; 6] = [
         choices: &["none", "upstream"],
         about: "upstream: burns are clamped and charged one by one, unknown satellites are ignored, debris inside \
                 the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
-        by_hand: &[ByHand {
+        by_hand: &[ManualChoice {
             choice: "upstream",
             why: "it replays recorded episodes, and a satellite may burn more in a step than the plans it would be \
                   judged by",
@@ -155,68 +156,70 @@ pub static OPTIONS: [OptionSpec; 6] = [
     },
 ];
 
-const RADAR: [f64; 10] = [300.0, 300.0, 300.0, 300.0, 300.0, 300.0, 20.0, 12.0, 8.0, 6.0];
+/// Radar range of each level of every task, LU.
+const RADAR_RANGES: [f64; 10] = [300.0, 300.0, 300.0, 300.0, 300.0, 300.0, 20.0, 12.0, 8.0, 6.0];
 
-/// Levels of survival.
+/// Levels of the survival task.
 pub static SURVIVAL_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    Levels::committed(
+    Levels::from_table(
         &SURVIVAL_SPACE,
         &[
             ("debris", [25.0, 35.0, 50.0, 75.0, 100.0, 100.0, 125.0, 150.0, 175.0, 200.0]),
             ("spread", [0.0, 0.0, 0.4, 0.8, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
             ("fuel", [100.0, 100.0, 50.0, 20.0, 10.0, 5.0, 4.0, 3.0, 2.0, 1.5]),
-            ("radar_range", RADAR),
+            ("radar_range", RADAR_RANGES),
         ],
     )
 });
 
-/// Levels of eco_station.
+/// Levels of the eco_station task.
 pub static ECO_STATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    Levels::committed(
+    Levels::from_table(
         &ECO_STATION_SPACE,
         &[
             ("debris", [35.0, 50.0, 60.0, 75.0, 100.0, 125.0, 125.0, 150.0, 175.0, 200.0]),
             ("spread", [0.8, 0.8, 0.8, 0.8, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
             ("fuel", [50.0, 50.0, 40.0, 30.0, 25.0, 20.0, 15.0, 10.0, 8.0, 5.0]),
-            ("radar_range", RADAR),
+            ("radar_range", RADAR_RANGES),
         ],
     )
 });
 
-/// Levels of rendezvous.
+/// Levels of the rendezvous task.
 pub static RENDEZVOUS_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    Levels::committed(
+    Levels::from_table(
         &RENDEZVOUS_SPACE,
         &[
             ("debris", [10.0, 20.0, 35.0, 50.0, 50.0, 60.0, 75.0, 100.0, 125.0, 150.0]),
             ("spread", [0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.2, 1.5]),
             ("fuel", [100.0, 100.0, 100.0, 100.0, 70.0, 50.0, 40.0, 30.0, 22.0, 16.0]),
             ("rogue_probability", [0.0, 0.0, 0.0, 0.0, 0.06, 0.06, 0.1, 0.1, 0.2, 0.2]),
-            ("radar_range", RADAR),
+            ("radar_range", RADAR_RANGES),
         ],
     )
 });
 
-/// Levels of formation.
+/// Levels of the formation task.
 pub static FORMATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
-    Levels::committed(
+    Levels::from_table(
         &FORMATION_SPACE,
         &[
             ("debris", [5.0, 15.0, 25.0, 35.0, 40.0, 50.0, 60.0, 75.0, 100.0, 125.0]),
             ("spread", [0.0, 0.0, 0.0, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.2]),
             ("fuel", [100.0, 100.0, 100.0, 80.0, 70.0, 60.0, 55.0, 45.0, 40.0, 32.0]),
-            ("radar_range", RADAR),
+            ("radar_range", RADAR_RANGES),
         ],
     )
 });
 
-/// Sizes of the burns to choose from, LU/TU: those of the blind panel.
-const SIZES: [f32; 4] = [0.05, 0.1, 0.2, 0.4];
+/// Sizes of the burns of the action grid, LU/TU: those of the blind panel.
+const GRID_BURN_SIZES: [f32; 4] = [0.05, 0.1, 0.2, 0.4];
 
-/// Hold, and burns of each size prograde, radial out, retrograde and radial in.
-pub(super) fn choices() -> Choices {
-    let burns = SIZES.iter().flat_map(|&v| [[0.0, v], [v, 0.0], [0.0, -v], [-v, 0.0]]);
-    Choices {
+/// Action grid of each satellite: hold, and burns of each size prograde, radial out, retrograde and radial
+/// in.
+pub(super) fn action_grid() -> ActionGrid {
+    let burns = GRID_BURN_SIZES.iter().flat_map(|&v| [[0.0, v], [v, 0.0], [0.0, -v], [-v, 0.0]]);
+    ActionGrid {
         axes: Axes::Agent,
         rows: std::iter::once([0.0, 0.0]).chain(burns).map(Vec::from).collect(),
         about: "hold, then burns of 0.05, 0.1, 0.2 and 0.4 LU/TU, each prograde, radial out, retrograde and radial in",

@@ -1,63 +1,63 @@
-//! What the agents see, in the wire form of the public kessler-env.
+//! Telemetry: what the agents see, in the JSON form of the public kessler-env.
 
 use serde::{Deserialize, Serialize};
 
 use super::constants::{FORMATION_SIDE, RADAR_NONE, TARGET_RADIUS};
-use super::event::Event;
-use super::flight::{Flight, Status};
+use super::event::KesslerEvent;
 use super::kernel::Body;
 use super::reward::Objective;
-use super::setup::Contact;
+use super::setup::ContactModel;
+use super::simulation::{KesslerSim, SatelliteStatus};
 use super::warnings::Conjunction;
-use crate::chance::Chance;
+use crate::episode_rng::EpisodeRng;
 
-/// The observation of all satellites together.
+/// Observation of all satellites together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Telemetry {
-    /// The goal in words.
+pub struct KesslerTelemetry {
+    /// Goal of the task as text.
     pub mission_objective: String,
-    /// The radius satellite 0 should reach, LU; 0 if none.
+    /// Target radius of satellite 0, LU; 0 if the task has none.
     pub target_radius: f64,
-    /// The distance from each other the satellites should keep, LU; 0 (and then not on the wire) if none.
+    /// Target distance between satellites, LU; 0 if the task has none (omitted from JSON then).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub target_separation: f64,
-    /// The agents' own satellites.
+    /// All satellites, by number.
     pub satellites: Vec<SatelliteTelemetry>,
-    /// Debris that some active satellite's radar sees.
+    /// Debris within the radar range of some active satellite.
     pub radar_debris: Vec<DebrisTelemetry>,
-    /// Conjunctions to come, if the option `warnings` asks for them; else not on the wire.
+    /// Conjunction warnings, if the option `warnings` asks for them (omitted from JSON otherwise).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conjunctions: Option<Vec<Conjunction>>,
-    /// Radar range, LU; 0 sees everything.
+    /// Radar range, LU; 0 hides nothing.
     pub radar_range: f64,
-    /// What happened in the last step, in words.
+    /// Alert texts of the last step.
     pub critical_alerts: Vec<String>,
-    /// The sum of rewards.
+    /// Sum of all rewards so far.
     pub total_score: f64,
     /// Reward of the last step.
     pub reward: f64,
-    /// The episode is over.
+    /// True if the episode is over.
     pub done: bool,
 }
 
-/// One satellite as seen.
+/// Telemetry of one satellite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SatelliteTelemetry {
-    /// 0 to 2.
+    /// Number of the satellite, 0 to 2.
     pub id: u32,
-    /// LU.
+    /// Position along x, LU.
     pub x: f64,
-    /// LU.
+    /// Position along y, LU.
     pub y: f64,
-    /// LU/TU.
+    /// Velocity along x, LU/TU.
     pub vx: f64,
-    /// LU/TU.
+    /// Velocity along y, LU/TU.
     pub vy: f64,
-    /// Fuel left.
+    /// Remaining fuel, in fuel units.
     pub fuel: f64,
-    /// `active` or `destroyed`.
+    /// Status word: `active` or `destroyed`.
     pub status: String,
-    /// Under `risk: pc`, the probability that it still flies; else not on the wire.
+    /// Probability that the satellite still flies, under `risk: pc` (omitted from JSON otherwise).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub survival_probability: Option<f64>,
 }
@@ -68,36 +68,36 @@ fn is_zero(value: &f64) -> bool {
 }
 
 impl SatelliteTelemetry {
-    /// Whether it flies.
+    /// Returns true if the satellite flies.
     #[must_use]
-    pub fn active(&self) -> bool {
+    pub fn is_active(&self) -> bool {
         self.status == "active"
     }
 
-    /// Position and velocity.
+    /// State vector of the satellite.
     #[must_use]
     pub const fn body(&self) -> Body {
         Body { x: self.x, y: self.y, vx: self.vx, vy: self.vy }
     }
 }
 
-/// One piece of debris as seen.
+/// Telemetry of one debris body.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DebrisTelemetry {
-    /// Stable over the episode.
+    /// Id of the body, stable over the episode.
     pub id: u32,
-    /// LU.
+    /// Position along x, LU.
     pub x: f64,
-    /// LU.
+    /// Position along y, LU.
     pub y: f64,
-    /// LU/TU.
+    /// Velocity along x, LU/TU.
     pub vx: f64,
-    /// LU/TU.
+    /// Velocity along y, LU/TU.
     pub vy: f64,
 }
 
 impl DebrisTelemetry {
-    /// Position and velocity.
+    /// State vector of the debris.
     #[must_use]
     pub const fn body(&self) -> Body {
         Body { x: self.x, y: self.y, vx: self.vx, vy: self.vy }
@@ -105,19 +105,19 @@ impl DebrisTelemetry {
 }
 
 impl Objective {
-    /// The radius satellite 0 should reach, LU; 0 if none.
+    /// Target radius of satellite 0, LU; 0 if the task has none.
     pub(super) const fn target_radius(self) -> f64 {
         if matches!(self, Self::Rendezvous) { TARGET_RADIUS } else { 0.0 }
     }
 
-    /// The distance from each other the satellites should keep, LU; 0 if none.
+    /// Target distance between satellites, LU; 0 if the task has none.
     pub(super) const fn target_separation(self) -> f64 {
         if matches!(self, Self::Formation) { FORMATION_SIDE } else { 0.0 }
     }
 
-    /// The goal in the public kessler-env's words.
+    /// Goal of the task in the words of the public kessler-env.
     #[must_use]
-    pub const fn mission(self) -> &'static str {
+    pub const fn mission_text(self) -> &'static str {
         match self {
             Self::Survival => "SURVIVAL: Keep all satellites alive for 50 steps.",
             Self::EcoStation => {
@@ -133,28 +133,28 @@ impl Objective {
     }
 }
 
-impl<C: Chance> Flight<C> {
-    /// What the agents see; with `all`, hidden debris too.
+impl<R: EpisodeRng> KesslerSim<R> {
+    /// Telemetry of the agents; `all` includes hidden debris.
     #[must_use]
-    pub fn telemetry(&self, reward: f64, all: bool) -> Telemetry {
-        Telemetry {
-            mission_objective: self.objective().mission().to_owned(),
+    pub fn telemetry(&self, reward: f64, all: bool) -> KesslerTelemetry {
+        KesslerTelemetry {
+            mission_objective: self.objective().mission_text().to_owned(),
             target_radius: self.objective().target_radius(),
             target_separation: self.objective().target_separation(),
-            satellites: self.satellites_seen().collect(),
-            radar_debris: self.debris_seen(all).collect(),
+            satellites: self.satellite_telemetry().collect(),
+            radar_debris: self.debris_telemetry(all).collect(),
             conjunctions: self.conjunctions(all),
-            radar_range: self.range_told(),
-            critical_alerts: self.events().iter().filter_map(Event::alert).collect(),
-            total_score: self.total(),
+            radar_range: self.reported_radar_range(),
+            critical_alerts: self.events().iter().filter_map(KesslerEvent::alert).collect(),
+            total_score: self.total_reward(),
             reward,
-            done: self.done(),
+            done: self.is_done(),
         }
     }
 
-    /// The satellites as seen.
-    pub(super) fn satellites_seen(&self) -> impl Iterator<Item = SatelliteTelemetry> {
-        let at_risk = matches!(self.setup().physics.contact, Contact::Chance(_));
+    /// Telemetry of each satellite.
+    pub(super) fn satellite_telemetry(&self) -> impl Iterator<Item = SatelliteTelemetry> {
+        let has_risk = matches!(self.setup().physics.contact, ContactModel::Probability(_));
         (0u32..).zip(self.satellites()).map(move |(id, s)| SatelliteTelemetry {
             id,
             x: s.body.x,
@@ -162,22 +162,22 @@ impl<C: Chance> Flight<C> {
             vx: s.body.vx,
             vy: s.body.vy,
             fuel: s.fuel,
-            status: if s.status == Status::Active { "active" } else { "destroyed" }.to_owned(),
-            survival_probability: at_risk.then_some(s.survival),
+            status: if s.status == SatelliteStatus::Active { "active" } else { "destroyed" }.to_owned(),
+            survival_probability: has_risk.then_some(s.survival),
         })
     }
 
-    /// The debris that is seen; with `all`, hidden debris too.
-    pub(super) fn debris_seen(&self, all: bool) -> impl Iterator<Item = DebrisTelemetry> {
+    /// Telemetry of each visible debris body; `all` includes hidden ones.
+    pub(super) fn debris_telemetry(&self, all: bool) -> impl Iterator<Item = DebrisTelemetry> {
         let debris = self.debris();
         (0..debris.len())
             .map(|i| (debris.id(i), debris.body(i)))
-            .filter(move |(_, body)| all || self.sees(body.x, body.y))
+            .filter(move |(_, body)| all || self.is_visible(body.x, body.y))
             .map(|(id, Body { x, y, vx, vy })| DebrisTelemetry { id, x, y, vx, vy })
     }
 
-    /// Radar range, LU; 0 sees everything.
-    pub(super) fn range_told(&self) -> f64 {
+    /// Radar range as reported, LU; 0 hides nothing.
+    pub(super) fn reported_radar_range(&self) -> f64 {
         self.setup().radar_range.filter(|&r| r < RADAR_NONE).unwrap_or(0.0)
     }
 }

@@ -1,31 +1,34 @@
-//! kessler as a world.
+//! The kessler world: its tasks, benchmark and recordings.
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::constants::SATELLITES;
-use super::record::{Differences, Recording, compare};
-use super::{TASKS, WORLD};
+use super::recording::{EpisodeDifferences, KesslerRecording, StepDifference, compare_episode};
+use super::{KESSLER_TASKS, WORLD_ID};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, Compared, FirstDifference, RecordError, World, Worst};
+use crate::world::{
+    BenchSpec, ComparisonError, FirstDifference, RecordingComparison, World, WorstDifference,
+};
 
-/// The world.
+/// The kessler world, version 1.
 pub static KESSLER: KesslerWorld = KesslerWorld;
 
-/// kessler as a world.
+/// World of three satellites, debris and the Earth in a plane.
 #[derive(Debug)]
 pub struct KesslerWorld;
 
 impl World for KesslerWorld {
     fn id(&self) -> &'static str {
-        WORLD
+        WORLD_ID
     }
 
     fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
-        TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
+        KESSLER_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 
-    fn bench(&self) -> BenchSpec {
-        // As much debris as the public original's hardest task has; 125 µs is what its step took.
+    fn bench_spec(&self) -> BenchSpec {
+        // As much debris as in the hardest task of the public kessler-env, whose step took 125 µs.
         BenchSpec {
             task: "kessler/survival",
             params: &[("debris", 50.0)],
@@ -34,53 +37,59 @@ impl World for KesslerWorld {
         }
     }
 
-    fn compare(&self, recording: &Value, tolerance: f64) -> Option<Result<Compared, RecordError>> {
-        // Episodes of the public kessler-env start from satellites and debris.
+    fn compare_recording(
+        &self,
+        recording: &Value,
+        tolerance: f64,
+    ) -> Option<Result<RecordingComparison, ComparisonError>> {
+        // Recordings of the public kessler-env start from satellites and debris.
         recording.pointer("/episodes/0/initial/satellites")?;
-        Some(compare_all(recording, tolerance))
+        Some(compare_episodes(recording, tolerance))
     }
 }
 
-fn compare_all(recording: &Value, tolerance: f64) -> Result<Compared, RecordError> {
-    use serde::Deserialize;
-    let recording = Recording::deserialize(recording)
-        .map_err(|error| RecordError::Malformed(format!("it is not a recording: {error}")))?;
-    let mut all = Compared {
+fn compare_episodes(recording: &Value, tolerance: f64) -> Result<RecordingComparison, ComparisonError> {
+    let recording = KesslerRecording::deserialize(recording)
+        .map_err(|error| ComparisonError::Malformed(format!("it is not a recording: {error}")))?;
+    let mut comparison = RecordingComparison {
         episodes: recording.episodes.len(),
         steps: 0,
         worst: Vec::new(),
         first: None,
         documented: Vec::new(),
     };
-    let mut worst = Differences::default();
+    let mut worst = EpisodeDifferences::default();
     for (index, episode) in recording.episodes.iter().enumerate() {
-        let fault = |reason: String| RecordError::Episode { episode: index, reason };
+        let fault = |reason: String| ComparisonError::Episode { episode: index, reason };
         if episode.steps.is_empty() {
             return Err(fault("it has no steps".to_owned()));
         }
-        // What a step leaves out could not differ.
+        // A missing satellite could not be compared.
         if let Some(step) = episode.steps.iter().position(|step| step.satellites.len() != SATELLITES) {
             return Err(fault(format!("step {} does not have {SATELLITES} satellites", step + 1)));
         }
-        let found = compare(episode, tolerance).map_err(|error| fault(error.to_string()))?;
-        all.steps += found.steps;
-        worst.satellite = worst.satellite.max(found.satellite);
-        worst.debris = worst.debris.max(found.debris);
-        worst.reward = worst.reward.max(found.reward);
-        worst.total_score = worst.total_score.max(found.total_score);
-        let first =
-            [&found.first_beyond, &found.first_mismatch].into_iter().flatten().min_by_key(|(step, _)| *step);
-        if let (None, Some((step, what))) = (&all.first, first) {
-            all.first = Some(FirstDifference { episode: index, step: *step, what: what.clone() });
+        let differences = compare_episode(episode, tolerance).map_err(|error| fault(error.to_string()))?;
+        comparison.steps += differences.steps;
+        worst.satellite = worst.satellite.max(differences.satellite);
+        worst.debris = worst.debris.max(differences.debris);
+        worst.reward = worst.reward.max(differences.reward);
+        worst.total_score = worst.total_score.max(differences.total_score);
+        let first = [&differences.first_beyond, &differences.first_mismatch]
+            .into_iter()
+            .flatten()
+            .min_by_key(|difference| difference.step);
+        if let (None, Some(difference)) = (&comparison.first, first) {
+            let StepDifference { step, what } = difference.clone();
+            comparison.first = Some(FirstDifference { episode: index, step, what });
         }
     }
-    all.worst = [
+    comparison.worst = [
         ("satellite", worst.satellite),
         ("debris", worst.debris),
         ("reward", worst.reward),
         ("total_score", worst.total_score),
     ]
-    .map(|(quantity, difference)| Worst { quantity, difference, allowed: tolerance })
+    .map(|(quantity, difference)| WorstDifference { quantity, difference, allowed: tolerance })
     .to_vec();
-    Ok(all)
+    Ok(comparison)
 }

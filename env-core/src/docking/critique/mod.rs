@@ -1,32 +1,39 @@
-//! What an episode of docking shows: why each deputy that did not dock was lost, what its thrusts were worth, and the
-//! judge's word.
+//! The critique of an episode of docking: why each deputy that did not dock was lost, what its thrusts were worth, and the
+//! judge's verdict.
 
-mod arcs;
 mod collision;
 mod failures;
-mod flown;
 mod judge;
+mod thrust_arcs;
+mod trajectory;
 
-use self::flown::Course;
-use crate::critique::{Critique, ModeSpec, SpeedBands};
+use self::trajectory::DockingTrajectory;
+use crate::critique::{Critique, FailureModeSpec, SpeedBands};
+use crate::error::ReplayError;
 use crate::log::ActionLog;
-use crate::rollout::ReplayError;
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 
-/// Why an episode of docking can lose score.
-pub(super) static MODES: [ModeSpec; 5] = [
-    ModeSpec { name: "crash", about: "a deputy came within the docking radius faster than the speed limit" },
-    ModeSpec { name: "saturation", about: "a deputy violated the speed limit until it was stopped" },
-    ModeSpec { name: "out_of_bounds", about: "a deputy flew farther than 10 km from the chief" },
-    ModeSpec { name: "collision", about: "two deputies came closer than 0.5 m to each other" },
-    ModeSpec { name: "timeout", about: "a deputy had not docked when time ran out" },
+/// The failure modes of docking.
+pub(super) static DOCKING_FAILURE_MODES: [FailureModeSpec; 5] = [
+    FailureModeSpec {
+        name: "crash",
+        about: "a deputy came within the docking radius faster than the speed limit",
+    },
+    FailureModeSpec { name: "saturation", about: "a deputy violated the speed limit until it was stopped" },
+    FailureModeSpec { name: "out_of_bounds", about: "a deputy flew farther than 10 km from the chief" },
+    FailureModeSpec { name: "collision", about: "two deputies came closer than 0.5 m to each other" },
+    FailureModeSpec { name: "timeout", about: "a deputy had not docked when time ran out" },
 ];
 
-/// How relative speeds are sorted: docking is allowed up to 0.2 m/s.
-pub(super) const SPEED_BANDS: SpeedBands = SpeedBands { edges: &[0.1, 0.2, 0.4, 0.8], unit: "m/s" };
+/// Bands of relative speed; docking is allowed up to 0.2 m/s.
+pub(super) const DOCKING_SPEED_BANDS: SpeedBands = SpeedBands { edges: &[0.1, 0.2, 0.4, 0.8], unit: "m/s" };
 
-/// What an episode shows.
+/// Analyses an episode by its scenario and log.
 pub(super) fn critique(scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {
-    let course = Course::fly(scenario, log)?;
-    Ok(Critique { failures: failures::of(&course), actions: arcs::of(&course), judged: judge::of(&course) })
+    let trajectory = DockingTrajectory::replay(scenario, log)?;
+    Ok(Critique {
+        failures: failures::find_failures(&trajectory),
+        actions: thrust_arcs::judge_arcs(&trajectory),
+        judged: judge::judge(&trajectory),
+    })
 }

@@ -1,74 +1,83 @@
-//! The reference planner: panel, floor, reference and witness of a scenario, without the agent.
+//! The reference planner: computes the bracket of a scenario.
 //!
-//! Deputies do not feel each other until they touch, so each is planned by itself: the approach law at a list of
-//! numbers, from just below the speed limit to well beyond it where time is too short to keep it. Then all are flown
-//! together; where two collide, one of them takes its next best law, until nobody does. What it earns is a lower bound
-//! on the best, never the best.
+//! Deputies do not affect each other until they collide, so each is planned by itself. The planner tries the approach law
+//! with a list of parameters: from just below the speed limit to well above it if time is too short to keep the limit.
+//! Then all deputies are simulated together. If two collide, one of them takes its next best law, until none do. The
+//! result is a lower bound on the best score.
 
-pub(super) mod solo;
+pub(super) mod solo_plan;
 
-use self::solo::Solo;
+use self::solo_plan::SoloPlan;
 use super::constants::MAX_DEPUTIES;
-use super::event::Event;
-use super::flight::{Flight, Thrusts};
-use super::setup::{Setup, Start};
-use crate::bracket::{Bracket, Flown};
-use crate::chance::Seeded;
+use super::event::DockingEvent;
+use super::setup::{DeputyStarts, DockingSetup};
+use super::simulation::{DockingSim, Thrusts};
+use crate::bracket::{Bracket, EpisodeOutcome};
+use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
 use crate::log::{ActionLog, Precision};
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 
-/// Version of the planner: any change that moves a bracket raises it.
-pub const VERSION: u32 = 1;
+/// Version of the planner. A change that alters any bracket increments it.
+pub const PLANNER_VERSION: u32 = 1;
 
-/// Joint flights tried at most to keep deputies apart.
-const TRIES: usize = 24;
+/// Largest number of joint simulations to keep deputies apart.
+const MAX_JOINT_ATTEMPTS: usize = 24;
 
-/// Panel, floor, reference and witness. The panel is hold alone, and its score the floor.
+/// Computes the bracket. The panel is the hold plan alone, and its score is the floor.
 ///
 /// # Errors
-/// A scenario whose start cannot be drawn.
+/// Returns [`ScenarioError::Unfair`] if the start cannot be sampled.
 pub fn bracket(scenario: &Scenario) -> Result<Bracket, ScenarioError> {
-    let setup = Setup::read(scenario.recipe())?;
-    let start = setup.start(&mut Seeded::new(scenario.seed()))?;
-    let mut flight = Flight::new(setup, &start);
-    while !flight.done() {
-        flight.fly([[0.0; 3]; MAX_DEPUTIES]);
+    let setup = DockingSetup::read(scenario.recipe())?;
+    let start = setup.sample_starts(&mut SeededRng::new(scenario.seed()))?;
+    let mut sim = DockingSim::new(setup, &start);
+    while !sim.is_done() {
+        sim.apply_thrusts([[0.0; 3]; MAX_DEPUTIES]);
     }
-    let hold = flight.flown();
-    let planned = plan(&mut flight, &setup, &start);
+    let hold = sim.outcome();
+    let planned = plan_jointly(&mut sim, &setup, &start);
     let (reference, witness) = match planned {
-        Some(best) if better(&best.flown, &hold) => (best.flown, best.log),
-        _ => (hold, holding(hold.steps)),
+        Some(best) if is_better(&best.outcome, &hold) => (best.outcome, best.log),
+        _ => (hold, hold_log(hold.steps)),
     };
-    Ok(Bracket { planner: VERSION, panel: vec![hold], floor: hold.score, reference, witness })
+    Ok(Bracket {
+        planner_version: PLANNER_VERSION,
+        panel: vec![hold],
+        floor: hold.score,
+        reference,
+        reference_plan: witness,
+    })
 }
 
-/// A joint flight and its log.
-struct Joint {
-    flown: Flown,
+/// Result of a simulation of all deputies together.
+struct JointPlan {
+    outcome: EpisodeOutcome,
     log: ActionLog,
+    /// The first pair of deputies that collided, if any.
+    collided: Option<[usize; 2]>,
 }
 
-/// More docked is better; then the score decides.
-fn better(a: &Flown, b: &Flown) -> bool {
-    let docked = |flown: &Flown| flown.goal.unwrap_or(0.0);
+/// True if `a` docks more deputies than `b`, or as many with a higher score.
+fn is_better(a: &EpisodeOutcome, b: &EpisodeOutcome) -> bool {
+    let docked = |flown: &EpisodeOutcome| flown.goal.unwrap_or(0.0);
     docked(a) > docked(b) || (docked(a) == docked(b) && a.score > b.score)
 }
 
-/// The best joint flight found.
-fn plan(flight: &mut Flight, setup: &Setup, start: &Start) -> Option<Joint> {
+/// Searches for the best laws of all deputies together.
+fn plan_jointly(sim: &mut DockingSim, setup: &DockingSetup, start: &DeputyStarts) -> Option<JointPlan> {
     let states = &start.states[..start.deputies];
-    let ranked: Vec<Vec<Solo>> = states.iter().map(|&state| Solo::ranked(setup, state)).collect();
+    let ranked: Vec<Vec<SoloPlan>> = states.iter().map(|&state| SoloPlan::ranked(setup, state)).collect();
     let mut choice = [0; MAX_DEPUTIES];
-    let mut best: Option<Joint> = None;
-    for _ in 0..TRIES {
-        let (flown, log, pair) = together(flight, start, |i| &ranked[i][choice[i]]);
-        if best.as_ref().is_none_or(|best| better(&flown, &best.flown)) {
-            best = Some(Joint { flown, log });
+    let mut best: Option<JointPlan> = None;
+    for _ in 0..MAX_JOINT_ATTEMPTS {
+        let plan = simulate_jointly(sim, start, |i| &ranked[i][choice[i]]);
+        let collided = plan.collided;
+        if best.as_ref().is_none_or(|best| is_better(&plan.outcome, &best.outcome)) {
+            best = Some(plan);
         }
-        let Some(pair) = pair else { break };
-        // Of the two, the one that loses less by its next law gives way.
+        let Some(pair) = collided else { break };
+        // Of the two, the deputy that loses less by its next law takes it.
         let loss = |i: usize| {
             let next = ranked[i].get(choice[i] + 1).filter(|solo| solo.docked)?;
             Some(ranked[i][choice[i]].reward - next.reward)
@@ -81,34 +90,34 @@ fn plan(flight: &mut Flight, setup: &Setup, start: &Start) -> Option<Joint> {
     best
 }
 
-/// All deputies flown together by their laws: how it went, the log, and the pair that collided, if one did.
-fn together<'a>(
-    flight: &mut Flight,
-    start: &Start,
-    law: impl Fn(usize) -> &'a Solo,
-) -> (Flown, ActionLog, Option<[usize; 2]>) {
-    flight.restart(start);
-    let bound = flight.setup().thrust_bound;
+/// Simulates all deputies with their laws.
+fn simulate_jointly<'a>(
+    sim: &mut DockingSim,
+    start: &DeputyStarts,
+    law: impl Fn(usize) -> &'a SoloPlan,
+) -> JointPlan {
+    sim.reset(start);
+    let bound = sim.setup().thrust_bound;
     let mut log = ActionLog::new(3, Precision::F64);
-    while !flight.done() {
+    while !sim.is_done() {
         let mut thrusts: Thrusts = [[0.0; 3]; MAX_DEPUTIES];
-        for (i, deputy) in flight.deputies().iter().enumerate() {
-            if deputy.flies() {
+        for (i, deputy) in sim.deputies().iter().enumerate() {
+            if deputy.is_active() {
                 thrusts[i] = law(i).law.thrust(&deputy.state, bound);
-                log.act(i as u32, &thrusts[i]);
+                log.push_entry(i as u32, &thrusts[i]);
             }
         }
         log.end_step();
-        flight.fly(thrusts);
+        sim.apply_thrusts(thrusts);
     }
-    let pair = flight.events().iter().find_map(|event| match event {
-        Event::Collided { first, second, .. } => Some([*first as usize, *second as usize]),
+    let collided = sim.events().iter().find_map(|event| match event {
+        DockingEvent::Collided { first, second, .. } => Some([*first as usize, *second as usize]),
         _ => None,
     });
-    (flight.flown(), log, pair)
+    JointPlan { outcome: sim.outcome(), log, collided }
 }
 
-fn holding(steps: u32) -> ActionLog {
+fn hold_log(steps: u32) -> ActionLog {
     let mut log = ActionLog::new(3, Precision::F64);
     (0..steps).for_each(|_| log.end_step());
     log

@@ -1,29 +1,33 @@
-//! Policies without a model, for docking.
+//! Built-in policies of docking.
 
-mod pilot;
+mod approach_policy;
+mod open_loop;
 pub mod reflex;
-mod simple;
 
-use self::pilot::Proportional;
-use self::reflex::Parameters;
-use self::simple::{Blind, Random};
-use super::approach::Approach;
+use self::approach_policy::ApproachPolicy;
+use self::open_loop::{BlindThrustPolicy, RandomThrustPolicy};
+use self::reflex::DockingReflexParameters;
+use super::approach_law::ApproachLaw;
 use super::planner;
-use super::telemetry::Telemetry;
-use crate::policy::{Hold, Policy, PolicyError, PolicySpec, Witness, seated};
-use crate::scenario::Scenario;
+use super::telemetry::DockingTelemetry;
+use crate::policy::{HoldPolicy, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
 use crate::seed::{Seed, SeedSpace};
+use crate::task::Scenario;
 
-/// The policies, in the order people should read them.
-pub static SPECS: [PolicySpec; 6] = [
+/// The policies in the order of presentation.
+pub static DOCKING_POLICIES: [PolicySpec; 6] = [
     PolicySpec { name: "hold", about: "does nothing", chance: false },
     PolicySpec { name: "random", about: "thrusts at random on every axis in every step", chance: true },
     PolicySpec {
         name: "blind",
-        about: "thrusts inwards along x for the first 10 s, whatever there is",
+        about: "thrusts inwards along x for the first 10 s without looking",
         chance: false,
     },
-    PolicySpec { name: "frozen", about: "the trainable reflex at random numbers, untrained", chance: true },
+    PolicySpec {
+        name: "frozen",
+        about: "the trainable reflex at random parameters, untrained",
+        chance: true,
+    },
     PolicySpec {
         name: "heuristic",
         about: "flies at the chief at 0.85 of the speed limit, and at 0.1 m/s within 3 m",
@@ -32,25 +36,27 @@ pub static SPECS: [PolicySpec; 6] = [
     PolicySpec { name: "reference", about: "the planner", chance: false },
 ];
 
-/// A policy by name.
+/// Creates a policy by name.
 ///
 /// # Errors
-/// An unknown name, or (for the reference) a scenario whose start cannot be drawn.
-pub fn by_name(name: &str, scenario: &Scenario, seed: u64) -> Result<Box<dyn Policy>, PolicyError> {
+/// Returns an error if the name is unknown or, for `reference`, if the start of the scenario cannot be sampled.
+pub fn create_policy(name: &str, scenario: &Scenario, seed: u64) -> Result<Box<dyn Policy>, PolicyError> {
     let seed = Seed::in_space(SeedSpace::User, seed);
     Ok(match name {
-        "hold" => seated::<Telemetry>(Hold),
-        "random" => seated(Random::new(seed)),
-        "blind" => seated(Blind),
-        "frozen" => by_law(Parameters::random(seed).approach()),
-        "heuristic" => by_law(Approach::PILOT),
-        "reference" => seated::<Telemetry>(Witness::new(planner::bracket(scenario)?.witness)),
-        _ => return Err(PolicyError::unknown(name, &SPECS)),
+        "hold" => erase_type::<DockingTelemetry>(HoldPolicy),
+        "random" => erase_type(RandomThrustPolicy::new(seed)),
+        "blind" => erase_type(BlindThrustPolicy),
+        "frozen" => approach_policy(DockingReflexParameters::random(seed).approach()),
+        "heuristic" => approach_policy(ApproachLaw::HEURISTIC),
+        "reference" => {
+            erase_type::<DockingTelemetry>(PlanPolicy::new(planner::bracket(scenario)?.reference_plan))
+        }
+        _ => return Err(PolicyError::unknown(name, &DOCKING_POLICIES)),
     })
 }
 
-/// The policy that flies every deputy by this law.
+/// Creates the policy that steers every deputy by this law.
 #[must_use]
-pub fn by_law(law: Approach) -> Box<dyn Policy> {
-    seated(Proportional(law))
+pub fn approach_policy(law: ApproachLaw) -> Box<dyn Policy> {
+    erase_type(ApproachPolicy(law))
 }

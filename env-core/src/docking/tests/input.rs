@@ -1,4 +1,4 @@
-//! Bad input: typed errors, each naming its field.
+//! Invalid input gives typed errors that name the field.
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -6,8 +6,7 @@ use serde_json::{Value, json};
 use crate::error::{LogError, StepError};
 use crate::log::{ActionLog, JointAction, Precision};
 use crate::rollout::{read_log, replay};
-use crate::scenario::Scenario;
-use crate::task::StepReport;
+use crate::task::{Scenario, StepReport};
 use crate::testing;
 
 fn scenario(task: &str, params: &Value, layout: &Value) -> Result<Scenario, String> {
@@ -15,7 +14,8 @@ fn scenario(task: &str, params: &Value, layout: &Value) -> Result<Scenario, Stri
     Scenario::from_json(&value).map_err(|error| error.to_string())
 }
 
-fn rows(rows: &Value) -> String {
+/// The error of a layout with these rows.
+fn layout_error(rows: &Value) -> String {
     let layout = json!({"mode": "replace", "bodies": {"deputies": rows}});
     scenario("docking/multiagent", &json!({"deputies": 2}), &layout).unwrap_err()
 }
@@ -41,18 +41,18 @@ fn errors_name_field_value_and_range() {
 }
 
 #[test]
-fn layouts_that_cannot_be_name_the_row() {
-    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies: 1 rows, but there are 2 deputies; give all of them");
-    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [50, 0.5, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts 0.50 m from deputy 0, closer than 1 m");
-    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0.3, 0.4, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts inside the docking radius, 0.50 m from the chief; the radius is 0.5 m");
-    insta::assert_snapshot!(rows(&json!([[9000, 9000, 0, 0, 0, 0], [50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies.0: it starts out of bounds, 12728 m from the chief");
-    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 10001, 0, 0, 0]])), @"layout.bodies.deputies.1.2 is 10001, outside -10000 to 10000");
-    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, -11]])), @"layout.bodies.deputies.1.5 is -11, outside -10 to 10");
-    insta::assert_snapshot!(rows(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0]])), @"layout.bodies.deputies.1: 3 numbers; a deputy is x, y, z, vx, vy, vz");
+fn invalid_layouts_name_the_row() {
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies: 1 rows, but there are 2 deputies; give all of them");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [50, 0.5, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts 0.50 m from deputy 0, closer than 1 m");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0.3, 0.4, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts inside the docking radius, 0.50 m from the chief; the radius is 0.5 m");
+    insta::assert_snapshot!(layout_error(&json!([[9000, 9000, 0, 0, 0, 0], [50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies.0: it starts out of bounds, 12728 m from the chief");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 10001, 0, 0, 0]])), @"layout.bodies.deputies.1.2 is 10001, outside -10000 to 10000");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, -11]])), @"layout.bodies.deputies.1.5 is -11, outside -10 to 10");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0]])), @"layout.bodies.deputies.1: 3 numbers; a deputy is x, y, z, vx, vy, vz");
 }
 
 #[test]
-fn actions_that_are_none_change_nothing() {
+fn invalid_actions_change_nothing() {
     let scenario = super::at_level("docking/multiagent", 2, 1);
     let mut episode = scenario.task().start(&scenario).unwrap();
     let before = episode.state_hash();
@@ -79,7 +79,7 @@ fn actions_that_are_none_change_nothing() {
 #[test]
 fn steps_of_a_log_are_lists_or_objects() {
     let scenario = super::at_level("docking/multiagent", 2, 1);
-    let read = |step: Value| read_log(&scenario, &[step], Precision::F64, Some(crate::Stopped::TooLong));
+    let read = |step: Value| read_log(&scenario, &[step], Precision::F64, Some(crate::StopReason::TooLong));
     let list = read(json!([[1, 0.5, -0.25, 0.0]])).unwrap();
     assert_eq!(list, read(json!([{"deputy": 1, "fx": 0.5, "fy": -0.25, "fz": 0}])).unwrap());
     assert_eq!((list.step(0).agents, list.step(0).values), (&[1][..], &[0.5, -0.25, 0.0][..]));
@@ -96,7 +96,7 @@ fn steps_of_a_log_are_lists_or_objects() {
 }
 
 #[test]
-fn a_policy_of_another_world_is_refused_by_name_and_holds_on_strange_sights() {
+fn policy_holds_on_a_foreign_observation() {
     let scenario = super::at_level("docking/single", 0, 1);
     assert!(scenario.task().policy("golf", &scenario, 0).is_err());
     let mut log = ActionLog::new(3, Precision::F64);
@@ -104,7 +104,7 @@ fn a_policy_of_another_world_is_refused_by_name_and_holds_on_strange_sights() {
     assert_eq!((log.len(), log.step(0)), (1, JointAction::HOLD));
 }
 
-/// Any JSON at all, with words of this world.
+/// Strategy for arbitrary JSON with field names of this world.
 fn any_json() -> impl Strategy<Value = Value> {
     testing::any_json(
         (0u32..5, -2.0..2.0f64).prop_map(|(id, f)| json!([id, f, -f, 0.1])),
@@ -115,25 +115,25 @@ fn any_json() -> impl Strategy<Value = Value> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Whatever is sent as a step of a log: taken or refused, never a panic; what is taken can be flown or is refused by
-    /// the environment, leaves no NaN behind, and can be criticised.
+    /// An arbitrary log is accepted or rejected without a panic. An accepted one can be replayed, unless the environment
+    /// rejects an action, gives no NaN, and has a critique.
     #[test]
-    fn anything_sent_as_a_log_is_taken_or_refused(steps in prop::collection::vec(any_json(), 0..4)) {
+    fn any_log_is_accepted_or_rejected(steps in prop::collection::vec(any_json(), 0..4)) {
         let scenario = super::at_level("docking/multiagent", 9, 3);
-        let log = read_log(&scenario, &steps, Precision::F64, Some(crate::Stopped::Unparsable));
-        let flown = log.and_then(|log| {
-            let flown = replay(&scenario, &log).map_err(|_| LogError::malformed("", ""))?;
+        let log = read_log(&scenario, &steps, Precision::F64, Some(crate::StopReason::Unparsable));
+        let outcome = log.and_then(|log| {
+            let outcome = replay(&scenario, &log).map_err(|_| LogError::malformed("", ""))?;
             assert!(scenario.task().critique(&scenario, &log).is_ok());
-            Ok(flown)
+            Ok(outcome)
         });
-        if let Ok(flown) = flown {
-            prop_assert!(flown.score.is_finite() && flown.fuel_used.is_finite());
+        if let Ok(outcome) = outcome {
+            prop_assert!(outcome.score.is_finite() && outcome.fuel_used.is_finite());
         }
     }
 
-    /// Whatever is sent as a layout: a typed error or a scenario that starts, never a panic.
+    /// An arbitrary layout gives a typed error or a scenario that starts, without a panic.
     #[test]
-    fn any_layout_is_taken_or_refused(layout in any_json(), table in any_json()) {
+    fn any_layout_is_accepted_or_rejected(layout in any_json(), table in any_json()) {
         for layout in [layout, json!({"mode": "replace", "bodies": {"deputies": table}})] {
             let value = json!({"task": "docking/single", "seed": 1, "layout": layout});
             match Scenario::from_json(&value) {

@@ -1,4 +1,4 @@
-//! What docking is held to.
+//! Tests of docking: laws, motion, recorded episodes, golden hashes, input and critiques.
 
 mod batch;
 mod critique;

@@ -1,12 +1,12 @@
-//! Against the equations of Clohessy & Wiltshire (1960) themselves.
+//! Compares the motion with the equations of Clohessy & Wiltshire (1960).
 
 use nalgebra::SMatrix;
 
 use crate::docking::constants::{MASS_KG, MEAN_MOTION_RAD_S as N};
-use crate::docking::relative::{State, Step, Transition};
+use crate::docking::relative_motion::{RelativeState, StepTransition, Transition};
 
 /// ds/dt: ẍ = 3n²x + 2nẏ + Fx/m, ÿ = −2nẋ + Fy/m, z̈ = −n²z + Fz/m.
-fn derivative(s: &State, f: [f64; 3]) -> State {
+fn derivative(s: &RelativeState, f: [f64; 3]) -> RelativeState {
     [
         s[3],
         s[4],
@@ -45,9 +45,9 @@ fn validate_nalgebra_matrix_exponential_agrees() {
     }
 }
 
-/// The hot path is Φ and Γ, entry for entry.
+/// The step of the simulation equals Φ and Γ in every entry.
 #[test]
-fn the_step_is_the_transition_over_one_second() {
+fn step_equals_the_transition_over_one_second() {
     let Transition { phi, gamma } = Transition::over(1.0);
     for column in 0..9 {
         let (mut state, mut thrust) = ([0.0; 6], [0.0; 3]);
@@ -56,24 +56,26 @@ fn the_step_is_the_transition_over_one_second() {
         } else {
             thrust[column - 6] = 1.0;
         }
-        let moved = Step::one().advance(&state, thrust);
+        let moved = StepTransition::world_step().advance(&state, thrust);
         for (row, value) in moved.into_iter().enumerate() {
-            let wanted = if column < 6 { phi[(row, column)] } else { gamma[(row, column - 6)] };
-            assert_eq!(value, wanted, "{row} {column}");
+            let expected = if column < 6 { phi[(row, column)] } else { gamma[(row, column - 6)] };
+            assert_eq!(value, expected, "{row} {column}");
         }
     }
 }
 
-/// Runge–Kutta of fourth order, which knows nothing of the closed form.
+/// Compares with a Runge–Kutta method of fourth order, which does not use the closed form.
 #[test]
 fn validate_clohessy_wiltshire_numerical_integration() {
-    let mut ours: State = [120.0, -80.0, 40.0, -0.3, 0.2, 0.1];
+    let mut ours: RelativeState = [120.0, -80.0, 40.0, -0.3, 0.2, 0.1];
     let mut theirs = ours;
     for second in 0..600 {
         let push = f64::from(second % 7) / 7.0 - 0.4;
         let thrust = [push, -0.5 * push, 0.3];
-        ours = Step::one().advance(&ours, thrust);
-        let add = |s: &State, d: &State, h: f64| -> State { std::array::from_fn(|i| s[i] + h * d[i]) };
+        ours = StepTransition::world_step().advance(&ours, thrust);
+        let add = |s: &RelativeState, d: &RelativeState, h: f64| -> RelativeState {
+            std::array::from_fn(|i| s[i] + h * d[i])
+        };
         let a = derivative(&theirs, thrust);
         let b = derivative(&add(&theirs, &a, 0.5), thrust);
         let c = derivative(&add(&theirs, &b, 0.5), thrust);
@@ -81,26 +83,27 @@ fn validate_clohessy_wiltshire_numerical_integration() {
         theirs = std::array::from_fn(|i| theirs[i] + (a[i] + 2.0 * (b[i] + c[i]) + d[i]) / 6.0);
     }
     for (ours, theirs) in ours.into_iter().zip(theirs) {
-        // Its error is about n⁵ of the state a step (1e-15 of 1e4 m), 600 times: far below 1e-8.
+        // The error of the method is about n⁵ of the state per step (1e-15 of 1e4 m): far below 1e-8 after 600 steps.
         assert!((ours - theirs).abs() < 1e-8, "{ours} {theirs}");
     }
 }
 
-fn coast(mut state: State, steps: u32) -> State {
+fn coast(mut state: RelativeState, steps: u32) -> RelativeState {
     for _ in 0..steps {
-        state = Step::one().advance(&state, [0.0; 3]);
+        state = StepTransition::world_step().advance(&state, [0.0; 3]);
     }
     state
 }
 
-/// With ẏ₀ = −2n x₀ there is no drift: an ellipse twice as long in-track as radially, x = x₀ cos nt, y = −2x₀ sin nt;
-/// across it z = z₀ cos nt. Rounding is about 1e-14 m a step and grows with the shear: 1e-7 after 6 118 steps is ample.
+/// With ẏ₀ = −2n x₀ there is no drift: the path is an ellipse twice as long in-track as radially, x = x₀ cos nt,
+/// y = −2x₀ sin nt, and cross-track z = z₀ cos nt. Rounding is about 1e-14 m per step and grows with the shear, so 1e-7
+/// after 6 118 steps is a safe bound.
 #[test]
 fn validate_clohessy_wiltshire_two_by_one_ellipse() {
-    let mut state: State = [100.0, 0.0, 50.0, 0.0, -2.0 * N * 100.0, 0.0];
+    let mut state: RelativeState = [100.0, 0.0, 50.0, 0.0, -2.0 * N * 100.0, 0.0];
     let (mut widest, mut longest) = (0.0f64, 0.0f64);
     for second in 1..=6118 {
-        state = Step::one().advance(&state, [0.0; 3]);
+        state = StepTransition::world_step().advance(&state, [0.0; 3]);
         let (sin, cos) = libm::sincos(N * f64::from(second));
         for (ours, theirs) in [(state[0], 100.0 * cos), (state[1], -200.0 * sin), (state[2], 50.0 * cos)] {
             assert!((ours - theirs).abs() < 1e-7, "{second}: {ours} {theirs}");
@@ -117,29 +120,29 @@ fn validate_clohessy_wiltshire_two_by_one_ellipse() {
 fn validate_clohessy_wiltshire_secular_drift() {
     use std::f64::consts::PI;
     let orbit = 2.0 * PI / N;
-    let after = |state: State| Transition::over(orbit).phi * nalgebra::SVector::<f64, 6>::from(state);
-    // sin and cos of 2π are right to about 3e-16, times 6x₀: 1e-9 is ample.
+    let after = |state: RelativeState| Transition::over(orbit).phi * nalgebra::SVector::<f64, 6>::from(state);
+    // The error of sin and cos of 2π is about 3e-16, times 6x₀: 1e-9 is a safe bound.
     assert!((after([10.0, 0.0, 0.0, 0.0, 0.0, 0.0])[1] + 12.0 * PI * 10.0).abs() < 1e-9);
     assert!((after([0.0, 0.0, 0.0, 0.0, 0.01, 0.0])[1] + 6.0 * PI * 0.01 / N).abs() < 1e-9);
     assert!((after([10.0, 0.0, 0.0, 0.0, -1.5 * N * 10.0, 0.0])[1] + 3.0 * PI * 10.0).abs() < 1e-9);
-    // Step by step over one orbit, less its last fraction of a second.
+    // Step by step over one orbit without its last fraction of a second.
     let steps = libm::floor(orbit) as u32;
-    let (flown, closed) = (coast([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], steps), f64::from(steps));
-    let wanted = 60.0 * (libm::sin(N * closed) - N * closed);
-    assert!((flown[1] - wanted).abs() < 1e-6, "{} {wanted}", flown[1]);
+    let (state, seconds) = (coast([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], steps), f64::from(steps));
+    let expected = 60.0 * (libm::sin(N * seconds) - N * seconds);
+    assert!((state[1] - expected).abs() < 1e-6, "{} {expected}", state[1]);
 }
 
-/// In-track at rest is an equilibrium; a constant thrust over k seconds is Γ(k).
+/// Rest in-track is an equilibrium, and the effect of a constant thrust over k seconds is Γ(k).
 #[test]
 fn validate_clohessy_wiltshire_equilibrium_and_held_thrust() {
     assert_eq!(coast([0.0, 100.0, 0.0, 0.0, 0.0, 0.0], 2000), [0.0, 100.0, 0.0, 0.0, 0.0, 0.0]);
-    let mut state: State = [0.0; 6];
+    let mut state: RelativeState = [0.0; 6];
     for _ in 0..200 {
-        state = Step::one().advance(&state, [0.7, -0.2, 0.1]);
+        state = StepTransition::world_step().advance(&state, [0.7, -0.2, 0.1]);
     }
     let held = Transition::over(200.0).gamma * nalgebra::Vector3::new(0.7, -0.2, 0.1);
-    for (flown, held) in state.into_iter().zip(held.iter()) {
-        // 200 steps of rounding at 1e3 m: 1e-13 each.
-        assert!((flown - held).abs() < 1e-9, "{flown} {held}");
+    for (value, held) in state.into_iter().zip(held.iter()) {
+        // The rounding of 200 steps at 1e3 m: 1e-13 each.
+        assert!((value - held).abs() < 1e-9, "{value} {held}");
     }
 }

@@ -1,32 +1,33 @@
-//! Against the recorded episodes of safe-autonomy-sims.
+//! Compares with recorded episodes of safe-autonomy-sims.
 
 use std::io::Read;
 
 use serde_json::{Value, json};
 
-use crate::world::Compared;
+use crate::world::RecordingComparison;
 
-/// What the issue asks for: states to 1e-9 m and components to 1e-9, since Φ and Γ differ from the recording's only by
-/// rounding (about 1e-16 of 100 m a step, growing with time over up to 2000 steps).
+/// Tolerance of states (in m) and reward components. Φ and Γ differ from the recording's only by rounding, about 1e-16 of
+/// 100 m per step, growing over up to 2000 steps.
 const TOLERANCE: f64 = 1e-9;
 
-fn recording(packed: &[u8]) -> Value {
+fn decompress(compressed: &[u8]) -> Value {
     let mut text = String::new();
-    flate2::read::GzDecoder::new(packed).read_to_string(&mut text).unwrap();
+    flate2::read::GzDecoder::new(compressed).read_to_string(&mut text).unwrap();
     serde_json::from_str(&text).unwrap()
 }
 
-fn compare(recording: &Value) -> Compared {
-    let found: Vec<_> = crate::worlds().filter_map(|world| world.compare(recording, TOLERANCE)).collect();
-    assert_eq!(found.len(), 1, "one world knows it");
+fn compare(recording: &Value) -> RecordingComparison {
+    let found: Vec<_> =
+        crate::worlds().filter_map(|world| world.compare_recording(recording, TOLERANCE)).collect();
+    assert_eq!(found.len(), 1, "exactly one world recognises it");
     found.into_iter().next().unwrap().unwrap()
 }
 
-fn edge() -> Value {
-    recording(include_bytes!("../../../fixtures/docking-edge.json.gz"))
+fn edge_cases() -> Value {
+    decompress(include_bytes!("../../../fixtures/docking-edge.json.gz"))
 }
 
-fn print(name: &str, found: &Compared) {
+fn print(name: &str, found: &RecordingComparison) {
     println!("{name}: {} episodes, {} steps", found.episodes, found.steps);
     for worst in &found.worst {
         println!("  {}: {:.2e} of {:.2e}", worst.quantity, worst.difference, worst.allowed);
@@ -36,37 +37,37 @@ fn print(name: &str, found: &Compared) {
 
 #[test]
 fn validate_safe_autonomy_docks() {
-    let found = compare(&recording(include_bytes!("../../../fixtures/docking-docks.json.gz")));
+    let found = compare(&decompress(include_bytes!("../../../fixtures/docking-docks.json.gz")));
     print("docks", &found);
     assert_eq!((found.first, found.documented.len(), found.steps), (None, 0, 524));
 }
 
 #[test]
 fn validate_safe_autonomy_random() {
-    let found = compare(&recording(include_bytes!("../../../fixtures/docking-random.json.gz")));
+    let found = compare(&decompress(include_bytes!("../../../fixtures/docking-random.json.gz")));
     print("random", &found);
     assert_eq!((found.first, found.documented.len(), found.steps), (None, 0, 512 + 782));
 }
 
 #[test]
 fn validate_safe_autonomy_edge_cases() {
-    let found = compare(&edge());
+    let found = compare(&edge_cases());
     print("edge", &found);
     assert_eq!((found.first, found.documented.len()), (None, 1));
 }
 
 #[test]
 fn validate_safe_autonomy_timeouts() {
-    let found = compare(&recording(include_bytes!("../../../fixtures/docking-timeout.json.gz")));
+    let found = compare(&decompress(include_bytes!("../../../fixtures/docking-timeout.json.gz")));
     print("timeout", &found);
     assert_eq!((found.first, found.documented.len(), found.steps), (None, 1, 16));
 }
 
-/// The comparison can fail: one number, one flag, one reason, one action changed.
+/// A change of one number, flag, reason or action is reported.
 #[test]
-fn a_changed_recording_is_seen() {
+fn changed_recording_differs() {
     let changed = |path: &str, value: Value| {
-        let mut recording = edge();
+        let mut recording = edge_cases();
         *recording.pointer_mut(path).unwrap() = value;
         let first = compare(&recording).first.unwrap();
         (first.episode, first.step)
@@ -82,11 +83,11 @@ fn a_changed_recording_is_seen() {
 }
 
 #[test]
-fn a_recording_that_is_none_is_a_typed_error() {
+fn malformed_recording_is_a_typed_error() {
     let wrong = json!({"episodes": [{"init_state": {}, "steps": [{"agents": {}}]}]});
-    assert!(crate::world("docking").unwrap().compare(&wrong, TOLERANCE).unwrap().is_err());
-    let mut short = recording(include_bytes!("../../../fixtures/docking-timeout.json.gz"));
+    assert!(crate::world("docking").unwrap().compare_recording(&wrong, TOLERANCE).unwrap().is_err());
+    let mut short = decompress(include_bytes!("../../../fixtures/docking-timeout.json.gz"));
     short["episodes"][0]["note"] = Value::Null;
-    let error = crate::world("docking").unwrap().compare(&short, TOLERANCE).unwrap().unwrap_err();
-    assert_eq!(error.to_string(), "episode 0: it lists 8 of 2000 steps, and does not say which");
+    let error = crate::world("docking").unwrap().compare_recording(&short, TOLERANCE).unwrap().unwrap_err();
+    assert_eq!(error.to_string(), "episode 0: it lists 8 of 2000 steps, and does not state which");
 }

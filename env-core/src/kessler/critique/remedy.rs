@@ -1,102 +1,112 @@
-//! Whether a loss could have been avoided, by a plan that knows only what was visible when it acts: one burn, then hold.
+//! Search for a remedy: a plan of one burn and then hold that would have avoided a loss and uses only what
+//! was visible when it acts.
 
-use super::plans::{Plans, Single};
-use super::sky::Sky;
-use super::trace::{Trace, Who};
+use super::counterfactuals::{Counterfactuals, TrialBurn};
+use super::trace::{DebrisIdentity, EpisodeTrace};
+use super::visibility::{BurnPath, DebrisVisibility};
 use crate::critique::Remedy;
 use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SURVIVED};
-use crate::kessler::kernel::{Body, clamped_burn};
-use crate::kessler::planner::panel::capped;
-use crate::kessler::planner::table::Path;
+use crate::kessler::kernel::{Body, ClampedBurn, clamp_burn};
+use crate::kessler::planner::panel::affordable_size;
+use crate::kessler::planner::trajectory::Trajectory;
 
 const TAU: f64 = std::f64::consts::TAU;
-/// Sizes of burns, LU/TU, gentlest first. The first is no burn at all: hold from that step on.
-const SIZES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
-const DIRECTIONS: u32 = 16;
-/// Most steps that are tried, spread evenly from the first to the last.
-const STEPS: u32 = 20;
-/// Steps past the loss that a plan must live in truth: one that runs into something unseen right after is no remedy.
-/// What comes later could be met by a later burn.
-const GRACE: u32 = 5;
+/// Sizes of the burns tried, LU/TU, gentlest first. The first is no burn at all: hold from that step on.
+const REMEDY_SIZES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
+/// Number of directions of the burns tried.
+const REMEDY_DIRECTIONS: u32 = 16;
+/// Largest number of steps tried, spread evenly from the first to the last.
+const MAX_REMEDY_STEPS: u32 = 20;
+/// Steps after the loss that a remedy must survive in the engine: one that runs into hidden debris right
+/// after it is no remedy. A later burn could avoid what comes after.
+const GRACE_STEPS: u32 = 5;
 
-/// A loss to be avoided.
+/// Loss that a remedy has to avoid.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Danger {
-    pub(super) satellite: usize,
-    /// The first step that somebody could act in.
-    pub(super) from: u32,
-    /// The step of the loss.
-    pub(super) step: u32,
-    /// What hit it; none is the Earth.
-    pub(super) who: Option<Who>,
-    /// Fuel to act with; none is what the satellite had then.
-    pub(super) fuel: Option<f64>,
+pub(super) struct LossToAvoid {
+    pub satellite: usize,
+    /// First step in which the satellite could act.
+    pub from: u32,
+    /// Step of the loss.
+    pub step: u32,
+    /// Debris that caused it; `None` if the satellite fell into the Earth.
+    pub debris: Option<DebrisIdentity>,
+    /// Fuel to act with; `None` for the fuel that the satellite had at the time.
+    pub fuel: Option<f64>,
 }
 
-/// The cheapest burn found that avoids the loss: gentlest first, of one size the latest first, 16 directions.
-pub(super) fn search(plans: &Plans<'_>, sky: &Sky<'_>, trace: &Trace, danger: Danger) -> Option<Remedy> {
-    let stride = (danger.step + 1).checked_sub(danger.from)?.div_ceil(STEPS).max(1);
-    let mut path = plans.paths[danger.satellite].clone();
-    let mut last = -1.0;
-    for size in SIZES {
-        let mut affordable = false;
-        for step in (danger.from..danger.step + 1).step_by(stride as usize).rev() {
-            let fuel = danger.fuel.unwrap_or_else(|| trace.satellite(danger.satellite, step - 1).fuel);
-            let most = capped(size, fuel);
-            if most <= last {
-                continue; // no more than the size before
+/// Finds the cheapest burn that avoids the loss. Sizes are tried from small to large, steps from late to
+/// early, in 16 directions.
+pub(super) fn find_remedy(
+    counterfactuals: &Counterfactuals<'_>,
+    visibility: &DebrisVisibility<'_>,
+    trace: &EpisodeTrace,
+    loss: LossToAvoid,
+) -> Option<Remedy> {
+    let stride = (loss.step + 1).checked_sub(loss.from)?.div_ceil(MAX_REMEDY_STEPS).max(1);
+    let mut trajectory = counterfactuals.trajectories[loss.satellite].clone();
+    let mut previous_size = -1.0;
+    for size in REMEDY_SIZES {
+        let mut is_any_affordable = false;
+        for step in (loss.from..loss.step + 1).step_by(stride as usize).rev() {
+            let fuel = loss.fuel.unwrap_or_else(|| trace.satellite(loss.satellite, step - 1).fuel);
+            let affordable = affordable_size(size, fuel);
+            if affordable <= previous_size {
+                continue; // No larger than the size before.
             }
-            affordable = true;
-            for direction in 0..if size > 0.0 { DIRECTIONS } else { 1 } {
-                let (sin, cos) = libm::sincos(TAU * f64::from(direction) / f64::from(DIRECTIONS));
-                let burn = Single { step, dvx: most * cos, dvy: most * sin, fuel };
-                if works(plans, sky, trace, danger, &burn, &mut path) {
-                    let (_, _, cost) = clamped_burn(burn.dvx, burn.dvy);
+            is_any_affordable = true;
+            for direction in 0..if size > 0.0 { REMEDY_DIRECTIONS } else { 1 } {
+                let (sin, cos) = libm::sincos(TAU * f64::from(direction) / f64::from(REMEDY_DIRECTIONS));
+                let burn = TrialBurn { step, dvx: affordable * cos, dvy: affordable * sin, fuel };
+                if avoids_loss(counterfactuals, visibility, trace, loss, &burn, &mut trajectory) {
+                    let ClampedBurn { cost, .. } = clamp_burn(burn.dvx, burn.dvy);
                     return Some(Remedy { step, values: vec![burn.dvx, burn.dvy], cost });
                 }
             }
         }
-        if !affordable {
+        if !is_any_affordable {
             return None;
         }
-        last = size;
+        previous_size = size;
     }
     None
 }
 
-/// It clears what took the satellite; it clears everything known then, to the end; and in truth it outlives the loss.
-fn works(
-    plans: &Plans<'_>,
-    sky: &Sky<'_>,
-    trace: &Trace,
-    danger: Danger,
-    burn: &Single,
-    path: &mut Path,
+/// Returns true if the burn clears the debris that caused the loss, is clear of all debris known at its step
+/// through the horizon, and survives the loss in the engine.
+fn avoids_loss(
+    counterfactuals: &Counterfactuals<'_>,
+    visibility: &DebrisVisibility<'_>,
+    trace: &EpisodeTrace,
+    loss: LossToAvoid,
+    burn: &TrialBurn,
+    trajectory: &mut Trajectory,
 ) -> bool {
-    let of = trace.satellite(danger.satellite, burn.step - 1);
-    let (dvx, dvy, _) = clamped_burn(burn.dvx, burn.dvy);
-    let begin = Body { vx: of.body.vx + dvx, vy: of.body.vy + dvy, ..of.body };
-    if !dodges(sky, danger, burn.step, (of.body, begin), of.survival) {
+    let satellite = trace.satellite(loss.satellite, burn.step - 1);
+    let ClampedBurn { dvx, dvy, .. } = clamp_burn(burn.dvx, burn.dvy);
+    let before = satellite.body;
+    let after = Body { vx: before.vx + dvx, vy: before.vy + dvy, ..before };
+    let path = BurnPath { step: burn.step, before, after, survival: satellite.survival };
+    if !clears_cause(visibility, loss, path) || !visibility.is_clear_of_known(path) {
         return false;
     }
-    if !sky.clear(of.body, begin, burn.step, of.survival) {
-        return false;
-    }
-    let until = (danger.step + GRACE).min(HORIZON);
-    plans.instead(danger.satellite, burn, until, path);
-    plans.outlives(danger.satellite, path, until)
+    let until = (loss.step + GRACE_STEPS).min(HORIZON);
+    counterfactuals.with_trial_burn(loss.satellite, burn, until, trajectory);
+    counterfactuals.survives_through(loss.satellite, trajectory, until)
 }
 
-/// It clears what took the satellite, up to then: cheap, and most that is tried fails here.
-fn dodges(sky: &Sky<'_>, danger: Danger, from: u32, (before, after): (Body, Body), survival: f64) -> bool {
-    let (mut before, mut body, mut left) = (before, after, survival);
-    for t in from..=danger.step {
-        if body.radius_2() < EARTH_RADIUS_2 {
+/// Returns true if the path clears the debris that caused the loss, up to its step. This check is cheap, and
+/// most burns fail it.
+fn clears_cause(visibility: &DebrisVisibility<'_>, loss: LossToAvoid, path: BurnPath) -> bool {
+    let BurnPath { step: from, mut before, after: mut body, mut survival } = path;
+    for step in from..=loss.step {
+        if body.radius_squared() < EARTH_RADIUS_2 {
             return false;
         }
-        body = body.coasted(sky.gravity());
-        left *= danger.who.map_or(1.0, |who| sky.spares(who, t, &before, &body));
-        if left < SURVIVED {
+        body = body.coast(visibility.gravity());
+        survival *=
+            loss.debris.map_or(1.0, |debris| visibility.survival_factor(debris, step, &before, &body));
+        if survival < SURVIVED {
             return false;
         }
         before = body;

@@ -1,222 +1,238 @@
-//! The episode as the engine flies it: every satellite after every step, who was lost to what, which burns were refused.
+//! Trace of an episode replayed on the engine: every satellite after every step, the cause of each loss, and
+//! rejected burns.
 
 use std::sync::Arc;
 
-use crate::bracket::Flown;
-use crate::chance::Seeded;
+use crate::bracket::EpisodeOutcome;
+use crate::episode_rng::SeededRng;
+use crate::error::ReplayError;
 use crate::kessler::constants::{FRAGMENTS, HORIZON, SATELLITES};
-use crate::kessler::event::Event;
-use crate::kessler::flight::{Flight, Satellite};
+use crate::kessler::event::KesslerEvent;
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::Objective;
-use crate::kessler::setup::{Setup, Start};
+use crate::kessler::setup::{InitialState, KesslerSetup};
+use crate::kessler::simulation::{KesslerSim, Satellite};
 use crate::log::ActionLog;
-use crate::rollout::{ReplayError, follow};
+use crate::rollout::step_through;
 use crate::seed::Seed;
 
-/// The episode as it was flown.
-pub(super) struct Trace {
-    /// The satellites after each step; the start first.
+/// Facts of a replayed episode.
+pub(super) struct EpisodeTrace {
+    /// Satellites at the start and after each step.
     pub(super) satellites: Vec<[Satellite; SATELLITES]>,
-    /// How each satellite was lost.
-    pub(super) ends: [Option<End>; SATELLITES],
-    /// Burns refused for lack of fuel, in order.
-    pub(super) refused: Vec<Refused>,
+    /// Loss of each satellite.
+    pub(super) losses: [Option<LossEvent>; SATELLITES],
+    /// Burns rejected for lack of fuel, in order.
+    pub(super) rejected: Vec<RejectedBurn>,
     /// Fragments, in order of arrival.
-    pub(super) fragments: Vec<Fragment>,
-    /// How it went.
-    pub(super) flown: Flown,
+    pub(super) fragments: Vec<FragmentTrack>,
+    /// Outcome of the episode.
+    pub(super) outcome: EpisodeOutcome,
 }
 
-/// How a satellite was lost.
+/// Loss of a satellite.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct End {
-    /// When, counted from 1. Under `risk: pc` the step of the encounter that took most of its survival.
-    pub(super) step: u32,
-    /// By what; none is the Earth.
-    pub(super) met: Option<Met>,
-    /// Under `risk: pc`, that encounter; nothing was hit.
-    pub(super) passed: Option<Passed>,
+pub(super) struct LossEvent {
+    /// Step, counted from 1. Under `risk: pc` that of the close approach that cost most survival.
+    pub step: u32,
+    /// Debris that caused the loss; `None` if the satellite fell into the Earth.
+    pub debris: Option<DebrisContact>,
+    /// Close approach that caused the loss under `risk: pc`; `None` if the satellite was destroyed.
+    pub approach: Option<LossApproach>,
 }
 
-/// An encounter under `risk: pc`.
+/// Close approach under `risk: pc`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Passed {
-    /// How near, LU.
-    pub(super) miss: f64,
-    /// Probability of collision.
-    pub(super) probability: f64,
+pub(super) struct LossApproach {
+    /// Miss distance of the approach, LU.
+    pub miss: f64,
+    /// Probability of collision of this approach.
+    pub probability: f64,
 }
 
-/// What hit a satellite.
+/// Debris that caused a loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Met {
-    /// The engine's id.
-    pub(super) id: u32,
-    /// Which body that is.
-    pub(super) who: Who,
-    /// Where it was at contact, and how it moved.
-    pub(super) body: Body,
+pub(super) struct DebrisContact {
+    /// Id of the debris in the engine.
+    pub id: u32,
+    /// Identity of the debris in the analysis.
+    pub identity: DebrisIdentity,
+    /// State of the debris at the end of the step.
+    pub body: Body,
 }
 
-/// A body of debris.
+/// Identity of a debris body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Who {
-    /// Debris of the start, by its column in the table.
-    Debris(usize),
-    /// A rogue, by its column in the table.
+pub(super) enum DebrisIdentity {
+    /// Debris of the start, by its column in the ephemeris.
+    Initial(usize),
+    /// Rogue debris, by its column in the ephemeris.
     Rogue(usize),
-    /// A fragment, by its place in the trace.
+    /// Fragment, by its index in the trace.
     Fragment(usize),
 }
 
-/// A burn that was refused.
+/// Burn that was rejected for lack of fuel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Refused {
-    /// Whose.
-    pub(super) satellite: usize,
-    /// When.
-    pub(super) step: u32,
-    /// What it would have cost.
-    pub(super) cost: f64,
-    /// What there was.
-    pub(super) fuel: f64,
+pub(super) struct RejectedBurn {
+    /// Number of the satellite.
+    pub satellite: usize,
+    /// Step, counted from 1.
+    pub step: u32,
+    /// Fuel that the burn would have taken.
+    pub cost: f64,
+    /// Fuel that was left.
+    pub fuel: f64,
 }
 
-/// A fragment of a satellite that was hit.
+/// Fragment of a satellite that was hit.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Fragment {
+pub(super) struct FragmentTrack {
     id: u32,
-    /// The step in which it appeared.
-    pub(super) born: u32,
-    /// It after each step from then on, until it fell into the Earth.
+    /// Step in which the fragment appeared.
+    pub(super) first_step: u32,
+    /// State after each step from then on, until it fell into the Earth.
     pub(super) bodies: Vec<Body>,
 }
 
-impl Trace {
-    /// Flies the episode.
-    pub(super) fn of(
+impl EpisodeTrace {
+    /// Replays an episode.
+    ///
+    /// # Errors
+    /// Returns [`ReplayError`] if the log cannot be replayed.
+    pub(super) fn replay(
         objective: Objective,
-        setup: &Arc<Setup>,
-        start: &Start,
+        setup: &Arc<KesslerSetup>,
+        start: &InitialState,
         seed: Seed,
         log: &ActionLog,
     ) -> Result<Self, ReplayError> {
-        let mut flight = Flight::new(objective, Arc::clone(setup), start, Seeded::new(seed));
+        let mut sim = KesslerSim::new(objective, Arc::clone(setup), start, SeededRng::new(seed));
         let mut trace = Self {
             satellites: Vec::with_capacity(HORIZON as usize + 1),
-            ends: [None; SATELLITES],
-            refused: Vec::new(),
+            losses: [None; SATELLITES],
+            rejected: Vec::new(),
             fragments: Vec::new(),
-            flown: flight.flown(),
+            outcome: sim.outcome(),
         };
-        trace.satellites.push(*flight.satellites());
-        let mut ids = Ids::of(start);
-        follow(log, |action| {
-            let stepped = flight.step(action)?;
-            trace.after(&flight, &mut ids);
+        trace.satellites.push(*sim.satellites());
+        let mut ids = DebrisIds::new(start);
+        step_through(log, |action| {
+            let stepped = sim.step(action)?;
+            trace.record_step(&sim, &mut ids);
             Ok(stepped.done)
         })?;
-        trace.flown = flight.flown();
-        // Under `risk: pc` nothing destroys; who is too likely lost counts as lost to its worst encounter.
-        for (end, s) in trace.ends.iter_mut().zip(flight.satellites()) {
-            *end = end.filter(|_| s.lost());
+        trace.outcome = sim.outcome();
+        // Under `risk: pc` nothing is destroyed. A satellite with too little survival counts as lost to its
+        // worst approach.
+        for (loss, s) in trace.losses.iter_mut().zip(sim.satellites()) {
+            *loss = loss.filter(|_| s.is_lost());
         }
         Ok(trace)
     }
 
-    fn after(&mut self, flight: &Flight<Seeded>, ids: &mut Ids) {
-        let step = flight.steps();
-        let before = self.satellites.last().copied().unwrap_or(*flight.satellites());
-        for event in flight.events() {
-            match *event {
-                Event::BurnRefused { satellite, cost } => {
-                    let satellite = satellite as usize;
-                    let fuel = before[satellite].fuel;
-                    self.refused.push(Refused { satellite, step, cost, fuel });
-                }
-                Event::RogueArrived { debris } => ids.rogue(debris),
-                Event::Decayed { satellite } => {
-                    self.ends[satellite as usize] = Some(End { step, met: None, passed: None });
-                }
-                Event::Collision { satellite, debris } => {
-                    let body = find(flight, debris).unwrap_or_default();
-                    let met = ids.who(debris).map(|who| Met { id: debris, who, body });
-                    self.ends[satellite as usize] = Some(End { step, met, passed: None });
-                    for id in ids.fragments() {
-                        self.fragments.push(Fragment { id, born: step, bodies: Vec::new() });
-                    }
-                }
-                Event::Passed { satellite, debris, miss, probability } => {
-                    let end = &mut self.ends[satellite as usize];
-                    let worst = end.and_then(|end| end.passed).map_or(0.0, |passed| passed.probability);
-                    if probability > worst {
-                        let body = find(flight, debris).unwrap_or_default();
-                        let met = ids.who(debris).map(|who| Met { id: debris, who, body });
-                        *end = Some(End { step, met, passed: Some(Passed { miss, probability }) });
-                    }
-                }
-                Event::DebrisDecayed { .. } => {}
-            }
-        }
-        for fragment in &mut self.fragments {
-            // One that fell into the Earth is found no more.
-            if let Some(body) = find(flight, fragment.id) {
-                fragment.bodies.push(body);
-            }
-        }
-        self.satellites.push(*flight.satellites());
-    }
-
-    /// A satellite after `step`; where it was lost, as it was then.
+    /// State of a satellite after `step`; the last one if the episode ended before.
     pub(super) fn satellite(&self, satellite: usize, step: u32) -> &Satellite {
         let last = self.satellites.len() - 1;
         &self.satellites[(step as usize).min(last)][satellite]
     }
+
+    fn record_step(&mut self, sim: &KesslerSim<SeededRng>, ids: &mut DebrisIds) {
+        let step = sim.steps();
+        let before = self.satellites.last().copied().unwrap_or(*sim.satellites());
+        let contact = |ids: &DebrisIds, id: u32| {
+            let body = find_debris(sim, id).unwrap_or_default();
+            ids.identity(id).map(|identity| DebrisContact { id, identity, body })
+        };
+        for event in sim.events() {
+            match *event {
+                KesslerEvent::BurnRejected { satellite, cost } => {
+                    let satellite = satellite as usize;
+                    let fuel = before[satellite].fuel;
+                    self.rejected.push(RejectedBurn { satellite, step, cost, fuel });
+                }
+                KesslerEvent::RogueArrived { debris } => ids.add_rogue(debris),
+                KesslerEvent::Decayed { satellite } => {
+                    self.losses[satellite as usize] = Some(LossEvent { step, debris: None, approach: None });
+                }
+                KesslerEvent::Collision { satellite, debris } => {
+                    let debris = contact(ids, debris);
+                    self.losses[satellite as usize] = Some(LossEvent { step, debris, approach: None });
+                    for id in ids.add_fragments() {
+                        self.fragments.push(FragmentTrack { id, first_step: step, bodies: Vec::new() });
+                    }
+                }
+                KesslerEvent::CloseApproach { satellite, debris, miss, probability } => {
+                    let loss = &mut self.losses[satellite as usize];
+                    let worst = loss.and_then(|loss| loss.approach).map_or(0.0, |worst| worst.probability);
+                    if probability > worst {
+                        let debris = contact(ids, debris);
+                        let approach = Some(LossApproach { miss, probability });
+                        *loss = Some(LossEvent { step, debris, approach });
+                    }
+                }
+                KesslerEvent::DebrisDecayed { .. } => {}
+            }
+        }
+        for fragment in &mut self.fragments {
+            // A fragment that fell into the Earth is not found any more.
+            if let Some(body) = find_debris(sim, fragment.id) {
+                fragment.bodies.push(body);
+            }
+        }
+        self.satellites.push(*sim.satellites());
+    }
 }
 
-/// Debris by its id.
-fn find(flight: &Flight<Seeded>, id: u32) -> Option<Body> {
-    let debris = flight.debris();
+/// Returns the debris with this id.
+fn find_debris(sim: &KesslerSim<SeededRng>, id: u32) -> Option<Body> {
+    let debris = sim.debris();
     (0..debris.len()).rev().find(|&i| debris.id(i) == id).map(|i| debris.body(i))
 }
 
-/// Which body an id of the engine's is: debris of the start, then rogues and fragments as they come.
-struct Ids {
-    debris: usize,
-    later: Vec<(u32, Who)>,
+/// Identities of the engine's debris ids: debris of the start, then rogues and fragments as they arrive.
+struct DebrisIds {
+    initial: usize,
+    later: Vec<LaterDebris>,
     rogues: usize,
     fragments: usize,
 }
 
-impl Ids {
-    fn of(start: &Start) -> Self {
-        Self { debris: start.debris.len(), later: Vec::new(), rogues: 0, fragments: 0 }
+/// Debris that arrived after the start.
+struct LaterDebris {
+    id: u32,
+    identity: DebrisIdentity,
+}
+
+impl DebrisIds {
+    fn new(start: &InitialState) -> Self {
+        Self { initial: start.debris.len(), later: Vec::new(), rogues: 0, fragments: 0 }
     }
 
-    fn next(&self) -> u32 {
-        (self.debris + self.later.len()) as u32
+    fn next_id(&self) -> u32 {
+        (self.initial + self.later.len()) as u32
     }
 
-    fn rogue(&mut self, id: u32) {
-        self.later.push((id, Who::Rogue(self.debris + self.rogues)));
+    fn add_rogue(&mut self, id: u32) {
+        let identity = DebrisIdentity::Rogue(self.initial + self.rogues);
+        self.later.push(LaterDebris { id, identity });
         self.rogues += 1;
     }
 
-    /// The ids of the fragments that a collision makes.
-    fn fragments(&mut self) -> [u32; FRAGMENTS] {
+    /// Adds the fragments of a collision and returns their ids.
+    fn add_fragments(&mut self) -> [u32; FRAGMENTS] {
         [(); FRAGMENTS].map(|()| {
-            let id = self.next();
-            self.later.push((id, Who::Fragment(self.fragments)));
+            let id = self.next_id();
+            self.later.push(LaterDebris { id, identity: DebrisIdentity::Fragment(self.fragments) });
             self.fragments += 1;
             id
         })
     }
 
-    fn who(&self, id: u32) -> Option<Who> {
-        if (id as usize) < self.debris {
-            return Some(Who::Debris(id as usize));
+    fn identity(&self, id: u32) -> Option<DebrisIdentity> {
+        if (id as usize) < self.initial {
+            return Some(DebrisIdentity::Initial(id as usize));
         }
-        self.later.iter().find(|(of, _)| *of == id).map(|(_, who)| *who)
+        self.later.iter().find(|later| later.id == id).map(|later| later.identity)
     }
 }

@@ -1,76 +1,79 @@
-//! Keeping a triangle. The law is deadbeat (a burn moves the next place by itself, since `p += v` comes last): foresee
-//! where the three will be without a burn, lay the nearest triangle of the right side over that, and burn by what is
-//! missing. Only the shape is kept: where the triangle goes and how it turns is left to nature, which costs least. The
-//! planner searches the law's few gains, how far to look ahead for debris, and sidesteps where somebody is hit all the
-//! same.
+//! Formation keeping. The control law is deadbeat (a burn moves the next position directly, since `p += v`
+//! comes last): it propagates the three satellites without a burn, fits the nearest triangle of the right
+//! side to the result, and burns in proportion to the deviation. Only the shape is controlled; the position
+//! and orientation of the triangle are left free, which costs least. The planner searches the few gains of
+//! the law, the look-ahead for debris, and evasive burns for satellites that are lost all the same.
 
-use super::ahead::LookAhead;
-use super::judge::judge;
-use super::panel::PANEL;
-use super::table::{Path, Table};
-use super::transfer::affordable;
-use crate::chance::{Chance, Seeded, Stream};
+use super::ephemeris::DebrisEphemeris;
+use super::evaluate::plan_outcome;
+use super::look_ahead::LookAhead;
+use super::panel::PANEL_SIZE;
+use super::trajectory::Trajectory;
+use super::transfer::affordable_burn;
+use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::kessler::constants::{FORMATION_SIDE, GOAL, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, Gravity};
 use crate::kessler::reward::Objective;
-use crate::kessler::setup::Setup;
+use crate::kessler::setup::KesslerSetup;
 use crate::seed::Seed;
 
-/// The law's gains.
+/// Gains of the formation control law.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::kessler) struct Keeping {
-    /// Steps foreseen; what is missing then is made up for in equal parts.
+pub(in crate::kessler) struct FormationGains {
+    /// Steps that are forecast; the deviation at their end is corrected in equal parts.
     pub ahead: u32,
-    /// Share of what is missing that is burnt for.
+    /// Share of the deviation that is corrected.
     pub gain: f64,
-    /// What is missing less than this, LU, is left.
+    /// Deviation below which a satellite does not burn, LU.
     pub tolerance: f64,
-    /// No keeping after this step.
+    /// Last step of formation keeping.
     pub until: u32,
 }
 
-impl Keeping {
-    /// Gains that hold a triangle well at any fuel that allows it: what the causal pilot flies.
-    pub(in crate::kessler) const STEADY: Self = Self { ahead: 2, gain: 0.6, tolerance: 0.5, until: HORIZON };
+impl FormationGains {
+    /// Gains of the causal policies: they hold a triangle well with any fuel that allows it.
+    pub(in crate::kessler) const DEFAULT: Self = Self { ahead: 2, gain: 0.6, tolerance: 0.5, until: HORIZON };
 }
 
-/// Trials with random gains, and then around the best.
-const RANDOM: u32 = 70;
-const LOCAL: u32 = 50;
-/// Sidesteps tried where somebody is hit.
-const SIDESTEPS: u32 = 220;
-/// A sidestep keeps its course for at most so many steps.
-const ASIDE: f64 = 8.0;
+/// Number of trials with random gains.
+const RANDOM_GAIN_TRIALS: u32 = 70;
+/// Number of trials with gains near the best.
+const LOCAL_GAIN_TRIALS: u32 = 50;
+/// Number of evasive maneuvers tried if a satellite is lost.
+const EVASION_TRIALS: u32 = 220;
+/// Longest time that an evasive maneuver suspends formation keeping, steps.
+const MAX_EVASION_STEPS: f64 = 8.0;
 
-/// The three burns that restore the shape, LU/TU.
-pub(in crate::kessler) fn keep(
+/// Burns (dvx, dvy) of the three satellites that restore the triangle, LU/TU.
+pub(in crate::kessler) fn formation_burns(
     bodies: &[Body; SATELLITES],
-    gains: &Keeping,
+    gains: &FormationGains,
     gravity: Gravity,
 ) -> [(f64, f64); SATELLITES] {
-    let mut foreseen = *bodies;
+    let mut forecast = *bodies;
     for _ in 0..gains.ahead {
-        foreseen = foreseen.map(|body| body.coasted(gravity));
+        forecast = forecast.map(|body| body.coast(gravity));
     }
     let part = gains.gain / f64::from(gains.ahead.max(1));
-    missing(&foreseen).map(|(x, y)| {
+    triangle_deviations(&forecast).map(|(x, y)| {
         if x * x + y * y < gains.tolerance * gains.tolerance { (0.0, 0.0) } else { (part * x, part * y) }
     })
 }
 
-/// What each place lacks to the nearest equilateral triangle of the right side, by least squares: its centre is the
-/// centroid, and its turn that of the orthogonal Procrustes problem in the plane (Schönemann 1966).
-fn missing(places: &[Body; SATELLITES]) -> [(f64, f64); SATELLITES] {
+/// Vector from each position to its corner of the nearest equilateral triangle of the right side, in the
+/// least-squares sense. The centre of the triangle is the centroid; its rotation solves the orthogonal
+/// Procrustes problem in the plane (Schönemann 1966).
+fn triangle_deviations(positions: &[Body; SATELLITES]) -> [(f64, f64); SATELLITES] {
     const HALF_ROOT_3: f64 = 0.866_025_403_784_438_6;
     /// Corners of the triangle on the unit circle.
     const CORNERS: [(f64, f64); SATELLITES] = [(1.0, 0.0), (-0.5, HALF_ROOT_3), (-0.5, -HALF_ROOT_3)];
     let circumradius = FORMATION_SIDE / (2.0 * HALF_ROOT_3);
     let third = 1.0 / SATELLITES as f64;
-    let cx = (places[0].x + places[1].x + places[2].x) * third;
-    let cy = (places[0].y + places[1].y + places[2].y) * third;
+    let cx = (positions[0].x + positions[1].x + positions[2].x) * third;
+    let cy = (positions[0].y + positions[1].y + positions[2].y) * third;
     let (mut along, mut across) = (0.0, 0.0);
-    for (place, (ox, oy)) in places.iter().zip(CORNERS) {
-        let (x, y) = (place.x - cx, place.y - cy);
+    for (position, (ox, oy)) in positions.iter().zip(CORNERS) {
+        let (x, y) = (position.x - cx, position.y - cy);
         along += ox * x + oy * y;
         across += ox * y - oy * x;
     }
@@ -79,73 +82,82 @@ fn missing(places: &[Body; SATELLITES]) -> [(f64, f64); SATELLITES] {
     std::array::from_fn(|i| {
         let (ox, oy) = CORNERS[i];
         let (x, y) = (circumradius * (cos * ox - sin * oy), circumradius * (sin * ox + cos * oy));
-        (cx + x - places[i].x, cy + y - places[i].y)
+        (cx + x - positions[i].x, cy + y - positions[i].y)
     })
 }
 
-/// One satellite leaves its place for a while.
+/// Evasive maneuver: one satellite burns and then leaves the formation for some steps.
 #[derive(Debug, Clone, Copy)]
-struct Sidestep {
+struct EvasiveManeuver {
     satellite: usize,
     step: u32,
-    /// It burns again from this step on.
+    /// Step from which the satellite keeps the formation again.
     until: u32,
     dv: (f64, f64),
 }
 
-/// Everything a trial needs.
-struct Search<'a> {
-    setup: &'a Setup,
-    seed: Seed,
-    table: &'a Table,
-    holds: [&'a Path; SATELLITES],
-    best: [Path; SATELLITES],
-    worth: f64,
-    trial: [Path; SATELLITES],
+/// Loss of a satellite in the best plan so far.
+#[derive(Debug, Clone, Copy)]
+struct PlanLoss {
+    satellite: usize,
+    step: u32,
 }
 
-/// The best formation flight found, for as long as it is `wanted`; `planned` is what avoidance alone gives.
-pub(super) fn search(
-    setup: &Setup,
+/// Random search over gains, look-ahead and evasive maneuvers.
+struct FormationSearch<'a> {
+    setup: &'a KesslerSetup,
     seed: Seed,
-    table: &Table,
-    panels: &[Vec<Path>; SATELLITES],
-    planned: [Path; SATELLITES],
-    chance: &mut Seeded,
-    wanted: &dyn Fn() -> bool,
-) -> [Path; SATELLITES] {
-    debug_assert_eq!(panels[0].len(), PANEL);
+    ephemeris: &'a DebrisEphemeris,
+    holds: [&'a Trajectory; SATELLITES],
+    best: [Trajectory; SATELLITES],
+    best_worth: f64,
+    trial: [Trajectory; SATELLITES],
+}
+
+/// Returns the best trajectories found. `avoidance` are those that avoidance alone gives. The search ends
+/// early once `is_wanted` returns false.
+pub(super) fn search(
+    setup: &KesslerSetup,
+    seed: Seed,
+    ephemeris: &DebrisEphemeris,
+    panels: &[Vec<Trajectory>; SATELLITES],
+    avoidance: [Trajectory; SATELLITES],
+    rng: &mut SeededRng,
+    is_wanted: &dyn Fn() -> bool,
+) -> [Trajectory; SATELLITES] {
+    debug_assert_eq!(panels[0].len(), PANEL_SIZE);
     let holds = [&panels[0][0], &panels[1][0], &panels[2][0]];
-    let trial = holds.map(Path::clone);
-    let mut search = Search { setup, seed, table, holds, best: planned, worth: 0.0, trial };
-    search.worth = search.worth_of(&search.best);
-    let mut gains = Keeping::STEADY;
-    let mut look = LookAhead::STEADY;
-    search.fly(&gains, &look, None);
+    let trial = holds.map(Trajectory::clone);
+    let mut search =
+        FormationSearch { setup, seed, ephemeris, holds, best: avoidance, best_worth: 0.0, trial };
+    search.best_worth = search.worth_of(&search.best);
+    let mut best_gains = FormationGains::DEFAULT;
+    let mut best_look_ahead = LookAhead::DEFAULT;
+    search.propagate_trial(&best_gains, &best_look_ahead, None);
     search.keep_if_better();
-    for number in 0..RANDOM + LOCAL {
-        if !wanted() {
+    for trial in 0..RANDOM_GAIN_TRIALS + LOCAL_GAIN_TRIALS {
+        if !is_wanted() {
             return search.best;
         }
-        let next = if number < RANDOM { anywhere(chance) } else { around(gains, chance) };
-        let watch = lookout(chance);
-        search.fly(&next, &watch, None);
+        let gains = if trial < RANDOM_GAIN_TRIALS { draw_gains(rng) } else { perturb_gains(best_gains, rng) };
+        let look_ahead = draw_look_ahead(rng);
+        search.propagate_trial(&gains, &look_ahead, None);
         if search.keep_if_better() {
-            (gains, look) = (next, watch);
+            (best_gains, best_look_ahead) = (gains, look_ahead);
         }
     }
-    for _ in 0..SIDESTEPS {
-        let Some(threat) = search.threat(chance).filter(|_| wanted()) else { break };
-        let sidestep = aside(threat, chance);
-        search.fly(&gains, &look, Some(sidestep));
+    for _ in 0..EVASION_TRIALS {
+        let Some(loss) = search.draw_loss(rng).filter(|_| is_wanted()) else { break };
+        let maneuver = draw_maneuver(loss, rng);
+        search.propagate_trial(&best_gains, &best_look_ahead, Some(maneuver));
         search.keep_if_better();
     }
     search.best
 }
 
-fn anywhere(chance: &mut Seeded) -> Keeping {
-    let mut draw = |low: f64, high: f64| chance.between(Stream::Planner, low, high);
-    Keeping {
+fn draw_gains(rng: &mut SeededRng) -> FormationGains {
+    let mut draw = |low: f64, high: f64| rng.uniform_in(RngStream::Planner, low, high);
+    FormationGains {
         ahead: draw(1.0, 7.0) as u32,
         gain: draw(0.1, 1.0),
         tolerance: draw(0.0, 4.0) * draw(0.0, 1.0),
@@ -153,88 +165,104 @@ fn anywhere(chance: &mut Seeded) -> Keeping {
     }
 }
 
-/// With hindsight it pays to look farther, and to act sooner or later.
-fn lookout(chance: &mut Seeded) -> LookAhead {
-    let mut draw = |low: f64, high: f64| chance.between(Stream::Planner, low, high);
+/// Draws a look-ahead. With hindsight it can pay to look farther, and to act sooner or later.
+fn draw_look_ahead(rng: &mut SeededRng) -> LookAhead {
+    let mut draw = |low: f64, high: f64| rng.uniform_in(RngStream::Planner, low, high);
     let act_within = draw(2.0, 14.0) as u32;
     LookAhead { steps: act_within + draw(2.0, 10.0) as u32, act_within, margin: draw(1.0, 2.0) }
 }
 
-fn around(near: Keeping, chance: &mut Seeded) -> Keeping {
-    let mut draw = |spread: f64| chance.between(Stream::Planner, -spread, spread);
-    Keeping {
-        ahead: (f64::from(near.ahead) + draw(1.5)).clamp(1.0, 8.0) as u32,
-        gain: (near.gain + draw(0.2)).clamp(0.05, 1.0),
-        tolerance: (near.tolerance + draw(0.7)).max(0.0),
-        until: (f64::from(near.until) + draw(6.0)).clamp(10.0, f64::from(HORIZON)) as u32,
+fn perturb_gains(gains: FormationGains, rng: &mut SeededRng) -> FormationGains {
+    let mut draw = |spread: f64| rng.uniform_in(RngStream::Planner, -spread, spread);
+    FormationGains {
+        ahead: (f64::from(gains.ahead) + draw(1.5)).clamp(1.0, 8.0) as u32,
+        gain: (gains.gain + draw(0.2)).clamp(0.05, 1.0),
+        tolerance: (gains.tolerance + draw(0.7)).max(0.0),
+        until: (f64::from(gains.until) + draw(6.0)).clamp(10.0, f64::from(HORIZON)) as u32,
     }
 }
 
-/// A sidestep of the satellite that is lost at `threat`, not long before.
-fn aside((satellite, lost): (usize, u32), chance: &mut Seeded) -> Sidestep {
-    let mut draw = |low: f64, high: f64| chance.between(Stream::Planner, low, high);
+/// Draws an evasive maneuver of the satellite that is lost, a few steps before the loss.
+fn draw_maneuver(loss: PlanLoss, rng: &mut SeededRng) -> EvasiveManeuver {
+    let PlanLoss { satellite, step: lost } = loss;
+    let mut draw = |low: f64, high: f64| rng.uniform_in(RngStream::Planner, low, high);
     let step = (f64::from(lost) - draw(0.0, 6.0)).max(1.0) as u32;
     let size = draw(0.1, 1.0);
     let (sin, cos) = libm::sincos(draw(0.0, std::f64::consts::TAU));
-    let until = lost.max(step) + 1 + draw(0.0, ASIDE) as u32;
-    Sidestep { satellite, step, until, dv: (size * cos, size * sin) }
+    let until = lost.max(step) + 1 + draw(0.0, MAX_EVASION_STEPS) as u32;
+    EvasiveManeuver { satellite, step, until, dv: (size * cos, size * sin) }
 }
 
-impl Search<'_> {
-    /// Flies the law, dodging what comes, with an optional sidestep, into `trial`.
-    fn fly(&mut self, gains: &Keeping, look: &LookAhead, sidestep: Option<Sidestep>) {
-        for (path, hold) in self.trial.iter_mut().zip(self.holds) {
-            path.branch(hold, 1);
+impl FormationSearch<'_> {
+    /// Propagates the control law with collision avoidance and an optional evasive maneuver into `trial`.
+    fn propagate_trial(
+        &mut self,
+        gains: &FormationGains,
+        look_ahead: &LookAhead,
+        maneuver: Option<EvasiveManeuver>,
+    ) {
+        for (trajectory, hold) in self.trial.iter_mut().zip(self.holds) {
+            trajectory.branch_from(hold, 1);
         }
         for step in 1..=HORIZON {
             let t = step as usize;
-            let keeping = step <= gains.until && self.trial.iter().all(|path| path.loss.is_none());
-            let burns = if keeping {
+            let keeps_formation =
+                step <= gains.until && self.trial.iter().all(|trajectory| trajectory.loss.is_none());
+            let burns = if keeps_formation {
                 let bodies = std::array::from_fn(|i| self.trial[i].bodies[t - 1]);
-                keep(&bodies, gains, self.table.physics.gravity)
+                formation_burns(&bodies, gains, self.ephemeris.physics.gravity)
             } else {
                 [(0.0, 0.0); SATELLITES]
             };
-            for (i, path) in self.trial.iter_mut().enumerate() {
-                if path.loss.is_some() {
+            for (i, trajectory) in self.trial.iter_mut().enumerate() {
+                if trajectory.loss.is_some() {
                     continue;
                 }
-                let (dvx, dvy) = match sidestep.filter(|s| s.satellite == i) {
-                    Some(s) if s.step == step => s.dv,
-                    Some(s) if s.step < step && step < s.until => (0.0, 0.0),
+                let (dvx, dvy) = match maneuver.filter(|m| m.satellite == i) {
+                    Some(m) if m.step == step => m.dv,
+                    Some(m) if m.step < step && step < m.until => (0.0, 0.0),
                     _ => burns[i],
                 };
-                let fuel = path.fuel[t - 1];
-                let planned = affordable(dvx, dvy, fuel);
-                let burn = look.dodge(path.bodies[t - 1], fuel, planned, self.table, t - 1);
-                path.advance(self.table, step, burn);
+                let (body, fuel) = (trajectory.bodies[t - 1], trajectory.fuel[t - 1]);
+                let planned = affordable_burn(dvx, dvy, fuel);
+                let burn = look_ahead.dodge(body, fuel, planned, self.ephemeris, t - 1);
+                trajectory.advance(self.ephemeris, step, burn);
             }
         }
     }
 
-    /// The score, and a bonus for what makes an episode a success.
-    fn worth_of(&self, paths: &[Path; SATELLITES]) -> f64 {
-        let [a, b, c] = paths;
-        let flown = judge(Objective::Formation, self.setup, self.seed, self.table, [a, b, c]);
-        let success = flown.lost == 0 && flown.goal.is_some_and(|goal| goal >= GOAL);
-        flown.score + f64::from(u8::from(success))
+    /// Score of a plan, plus one if its episode is a success.
+    fn worth_of(&self, trajectories: &[Trajectory; SATELLITES]) -> f64 {
+        let outcome = plan_outcome(
+            Objective::Formation,
+            self.setup,
+            self.seed,
+            self.ephemeris,
+            trajectories.each_ref(),
+        );
+        let success = outcome.lost == 0 && outcome.goal.is_some_and(|goal| goal >= GOAL);
+        outcome.score + f64::from(u8::from(success))
     }
 
     fn keep_if_better(&mut self) -> bool {
         let worth = self.worth_of(&self.trial);
-        let better = worth > self.worth;
-        if better {
-            self.worth = worth;
+        let is_better = worth > self.best_worth;
+        if is_better {
+            self.best_worth = worth;
             self.best.clone_from(&self.trial);
         }
-        better
+        is_better
     }
 
-    /// A satellite that is lost in the best flight so far, and when; one of them by chance where there are several.
-    fn threat(&self, chance: &mut Seeded) -> Option<(usize, u32)> {
-        let lost: Vec<(usize, u32)> =
-            self.best.iter().enumerate().filter_map(|(i, path)| Some((i, path.threat()?))).collect();
-        let pick = chance.between(Stream::Planner, 0.0, lost.len() as f64) as usize;
-        lost.get(pick).copied()
+    /// Draws one of the losses of the best plan so far.
+    fn draw_loss(&self, rng: &mut SeededRng) -> Option<PlanLoss> {
+        let losses: Vec<PlanLoss> = self
+            .best
+            .iter()
+            .enumerate()
+            .filter_map(|(satellite, trajectory)| Some(PlanLoss { satellite, step: trajectory.loss_step()? }))
+            .collect();
+        let index = rng.uniform_in(RngStream::Planner, 0.0, losses.len() as f64) as usize;
+        losses.get(index).copied()
     }
 }

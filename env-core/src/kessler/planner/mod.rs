@@ -1,97 +1,108 @@
-//! The reference planner: panel, floor, reference and witness of a scenario, without the agent.
+//! The reference planner: panel, floor, reference and reference plan of a scenario, without the agent. Start
+//! reading at [`bracket`].
 //!
-//! It works with hindsight: it knows rogues to come and debris no radar sees. What it earns is a lower bound on the
-//! best, never the best.
+//! The planner has hindsight: it knows rogues to come and debris that no radar sees. Its score is a lower
+//! bound on the best, not the best. `panel` holds the blind plans; `avoidance`, `transfer` and `formation`
+//! search plans per objective; `evaluate` computes the outcome of a plan.
 
-pub(in crate::kessler) mod ahead;
-mod avoid;
+mod avoidance;
+pub(in crate::kessler) mod ephemeris;
+pub(in crate::kessler) mod evaluate;
 pub(in crate::kessler) mod formation;
-pub(in crate::kessler) mod judge;
+pub(in crate::kessler) mod look_ahead;
 pub mod panel;
-pub(in crate::kessler) mod table;
-mod thrift;
+mod prune_burns;
+pub(in crate::kessler) mod trajectory;
 pub(in crate::kessler) mod transfer;
 
-use self::judge::judge;
-use self::table::{Path, Table};
+use self::ephemeris::DebrisEphemeris;
+use self::evaluate::plan_outcome;
+use self::panel::PANEL_SIZE;
+use self::trajectory::Trajectory;
 use super::constants::SATELLITES;
 use super::reward::Objective;
-use super::setup::{Contact, Setup};
-use crate::bracket::{Bracket, Flown};
-use crate::chance::Seeded;
+use super::setup::{ContactModel, KesslerSetup};
+use crate::bracket::{Bracket, EpisodeOutcome};
+use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
 use crate::log::{ActionLog, Precision};
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 
-/// Version of the planner: any change that moves a bracket raises it.
-pub const VERSION: u32 = 1;
-/// The same under `risk: pc`, where it plans by other rules. 2: burns that gain nothing are left out.
-pub const VERSION_UNDER_PC: u32 = 2;
+/// Version of the planner. Any change of a bracket raises it.
+pub const PLANNER_VERSION: u32 = 1;
+/// Version of the planner under `risk: pc`, where it plans by other rules. Version 2 prunes burns that gain
+/// nothing.
+pub const PLANNER_VERSION_UNDER_PC: u32 = 2;
 
-/// Panel, floor, reference and witness. `wanted` is asked between trials of the search: once it says no, what comes back
-/// is whatever was found by then.
+/// Computes panel, floor, reference and reference plan. The planner checks `is_wanted` between trials; once
+/// it returns false, the result is the best found by then.
 ///
-/// The effort is bounded by counts of trials, the same for every scenario, each of at most 50 steps against every body:
-/// 400 single burns a step up to the threat and 3 000 schedules per satellite, and what transfer and formation add.
+/// The effort is bounded by counts of trials, the same for every scenario, each of at most 50 steps against
+/// every body: 400 single burns a step up to the threat and 3 000 schedules per satellite, and what transfer
+/// and formation add.
 ///
 /// # Errors
-/// A scenario whose start is not fair.
+/// Returns [`ScenarioError`] if the recipe is invalid or its start is not fair.
 pub fn bracket(
     objective: Objective,
     scenario: &Scenario,
-    wanted: &dyn Fn() -> bool,
+    is_wanted: &dyn Fn() -> bool,
 ) -> Result<Bracket, ScenarioError> {
-    let setup = Setup::read(scenario.recipe())?;
-    let mut chance = Seeded::new(scenario.seed());
-    let start = setup.start(&mut chance)?;
-    let table = Table::of(&setup, &start);
-    let judged = |paths: [&Path; SATELLITES]| judge(objective, &setup, scenario.seed(), &table, paths);
+    let seed = scenario.seed();
+    let setup = KesslerSetup::from_recipe(scenario.recipe())?;
+    let mut rng = SeededRng::new(seed);
+    let start = setup.draw_initial_state(&mut rng)?;
+    let ephemeris = DebrisEphemeris::from_initial_state(&setup, &start);
+    let evaluate = |plan: [&Trajectory; SATELLITES]| plan_outcome(objective, &setup, seed, &ephemeris, plan);
 
-    let panels = start.satellites.map(|body| panel::fly(&table, body, setup.fuel));
-    let flown: Vec<Flown> =
-        (0..panel::PANEL).map(|i| judged([&panels[0][i], &panels[1][i], &panels[2][i]])).collect();
+    let panels = start.satellites.map(|body| panel::panel_trajectories(&ephemeris, body, setup.fuel));
+    let blind_plan = |i: usize| [&panels[0][i], &panels[1][i], &panels[2][i]];
+    let panel: Vec<EpisodeOutcome> = (0..PANEL_SIZE).map(|i| evaluate(blind_plan(i))).collect();
 
-    let mut planned: [Path; SATELLITES] =
-        std::array::from_fn(|i| avoid::search(objective, &table, &panels[i], &mut chance, wanted));
+    let mut planned: [Trajectory; SATELLITES] =
+        std::array::from_fn(|i| avoidance::search(objective, &ephemeris, &panels[i], &mut rng, is_wanted));
     if objective == Objective::Rendezvous {
         let (body, fuel) = (start.satellites[0], setup.fuel);
-        planned[0] = transfer::search(&table, body, fuel, &planned[0], &mut chance, wanted);
+        planned[0] = transfer::search(&ephemeris, body, fuel, &planned[0], &mut rng, is_wanted);
     }
     if objective == Objective::Formation {
-        planned = formation::search(&setup, scenario.seed(), &table, &panels, planned, &mut chance, wanted);
+        planned = formation::search(&setup, seed, &ephemeris, &panels, planned, &mut rng, is_wanted);
     }
-    let planned_flown = judged([&planned[0], &planned[1], &planned[2]]);
+    let planned_outcome = evaluate(planned.each_ref());
 
-    let best_blind =
-        (0..panel::PANEL).rev().max_by(|&a, &b| flown[a].score.total_cmp(&flown[b].score)).unwrap_or(0);
-    let (reference, paths) = if planned_flown.score >= flown[best_blind].score {
-        (planned_flown, [&planned[0], &planned[1], &planned[2]])
+    let by_score = |a: &usize, b: &usize| panel[*a].score.total_cmp(&panel[*b].score);
+    let best_blind = (0..PANEL_SIZE).rev().max_by(by_score).unwrap_or(0);
+    let (reference, trajectories) = if planned_outcome.score >= panel[best_blind].score {
+        (planned_outcome, planned.each_ref())
     } else {
-        (flown[best_blind], [&panels[0][best_blind], &panels[1][best_blind], &panels[2][best_blind]])
+        (panel[best_blind], blind_plan(best_blind))
     };
     let floor = match objective {
         Objective::Survival | Objective::EcoStation => {
-            flown.iter().map(|f| f.score).sum::<f64>() / panel::PANEL as f64
+            panel.iter().map(|outcome| outcome.score).sum::<f64>() / PANEL_SIZE as f64
         }
-        Objective::Rendezvous | Objective::Formation => flown[0].score,
+        Objective::Rendezvous | Objective::Formation => panel[0].score,
     };
-    let (planner, reference, witness) = if matches!(setup.physics.contact, Contact::Chance(_)) {
-        let holds = [&panels[0][0], &panels[1][0], &panels[2][0]];
-        let (reference, paths) = thrift::spare(&table, holds, paths, reference, judged);
-        (VERSION_UNDER_PC, reference, witness(paths.each_ref(), reference.steps))
-    } else {
-        (VERSION, reference, witness(paths, reference.steps))
-    };
-    Ok(Bracket { planner, floor, witness, reference, panel: flown })
+    let (planner_version, reference, reference_plan) =
+        if matches!(setup.physics.contact, ContactModel::Probability(_)) {
+            let pruned =
+                prune_burns::prune_burns(&ephemeris, blind_plan(0), trajectories, reference, evaluate);
+            let plan = action_log(pruned.trajectories.each_ref(), pruned.outcome.steps);
+            (PLANNER_VERSION_UNDER_PC, pruned.outcome, plan)
+        } else {
+            (PLANNER_VERSION, reference, action_log(trajectories, reference.steps))
+        };
+    Ok(Bracket { planner_version, floor, reference_plan, reference, panel })
 }
 
-fn witness(paths: [&Path; SATELLITES], steps: u32) -> ActionLog {
+/// Action log of the burns of these trajectories.
+fn action_log(trajectories: [&Trajectory; SATELLITES], steps: u32) -> ActionLog {
     let mut log = ActionLog::new(2, Precision::F64);
     let mut next = [0; SATELLITES];
     for step in 1..=steps {
-        for (i, path) in paths.iter().enumerate() {
-            if let Some(burn) = path.burns.get(next[i]).filter(|b| b.step == step) {
-                log.act(i as u32, &[burn.dvx, burn.dvy]);
+        for (i, trajectory) in trajectories.iter().enumerate() {
+            if let Some(burn) = trajectory.burns.get(next[i]).filter(|b| b.step == step) {
+                log.push_entry(i as u32, &[burn.dvx, burn.dvy]);
                 next[i] += 1;
             }
         }

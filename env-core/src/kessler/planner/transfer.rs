@@ -1,128 +1,152 @@
-//! Satellite 0's way to radius 100 LU. Half a Hohmann ellipse takes 65–85 TU, longer than the horizon, so the planner
-//! starts from fast radial transfers: an opening kick spread over the first steps, a coast, and a feedback that arrives
-//! and stays. Its few gains are searched at random and then around the best (random search with shrinking spread).
+//! Transfer of satellite 0 to radius 100 LU. Half a Hohmann ellipse takes 65–85 TU, longer than the horizon.
+//! The planner therefore starts from fast radial transfers: an opening kick spread over the first steps, a
+//! coast, and a feedback that arrives at the radius and stays. Its few gains are searched at random and then
+//! around the best (random search with shrinking spread).
 
-use super::panel::capped;
-use super::table::{Path, Table};
-use crate::chance::{Chance, Seeded, Stream};
+use super::ephemeris::DebrisEphemeris;
+use super::panel::affordable_size;
+use super::trajectory::{PlannedBurn, Trajectory};
+use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::kessler::constants::{
     FUEL_PER_SPEED, GM, GOAL, HORIZON, MAX_BURN, RENDEZVOUS_STEPS, TARGET_RADIUS,
 };
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::proximity;
 
-const GAINS: usize = 7;
-/// Bounds of the gains, in order: opening kick radial and in-track (LU/TU), the radius at which feedback begins (LU),
-/// desired radial speed per LU of error (1/TU), weight of the in-track correction, smallest burn worth making (LU/TU),
-/// and the fastest climb the feedback asks for (LU/TU).
-const BOUNDS: [(f64, f64); GAINS] =
+/// Number of gains of a transfer.
+const GAIN_COUNT: usize = 7;
+/// Gains of a transfer, in the order of [`GAIN_BOUNDS`].
+type TransferGains = [f64; GAIN_COUNT];
+/// Bounds of the gains, in order: opening kick radial and in-track (LU/TU), the radius at which feedback
+/// begins (LU), desired radial speed per LU of error (1/TU), weight of the in-track correction, smallest burn
+/// worth making (LU/TU), and the fastest climb the feedback asks for (LU/TU).
+const GAIN_BOUNDS: [(f64, f64); GAIN_COUNT] =
     [(0.0, 4.5), (-0.3, 1.5), (70.0, 101.0), (0.1, 1.0), (0.0, 1.0), (0.0, 0.25), (0.5, 4.5)];
-const RANDOM: u32 = 260;
-const LOCAL: u32 = 260;
-const DODGES: u32 = 400;
+/// Number of trials with random gains.
+const RANDOM_TRANSFERS: u32 = 260;
+/// Number of trials with gains near the best.
+const LOCAL_TRANSFERS: u32 = 260;
+/// Number of trials with an evasive burn if every transfer is lost.
+const EVASIVE_TRANSFERS: u32 = 400;
+/// Bonus for a trajectory that makes the episode a success.
+const SUCCESS_BONUS: f64 = 20.0;
 
-/// The best transfer found from satellite 0's start, for as long as it is `wanted`.
+/// Returns the best transfer found from satellite 0's start. The search ends early once `is_wanted` returns
+/// false.
 pub(super) fn search(
-    table: &Table,
+    ephemeris: &DebrisEphemeris,
     body: Body,
     fuel: f64,
-    hold: &Path,
-    chance: &mut Seeded,
-    wanted: &dyn Fn() -> bool,
-) -> Path {
-    let mut path = Path::start(body, fuel);
+    hold: &Trajectory,
+    rng: &mut SeededRng,
+    is_wanted: &dyn Fn() -> bool,
+) -> Trajectory {
+    let mut trajectory = Trajectory::new(body, fuel);
     let mut best = hold.clone();
     let mut best_worth = worth(hold);
-    let mut best_gains = BOUNDS.map(|(low, high)| 0.5 * (low + high));
-    for trial in 0..RANDOM + LOCAL {
-        if !wanted() {
+    let mut best_gains = GAIN_BOUNDS.map(|(low, high)| 0.5 * (low + high));
+    for trial in 0..RANDOM_TRANSFERS + LOCAL_TRANSFERS {
+        if !is_wanted() {
             return best;
         }
-        let gains = if trial < RANDOM {
-            BOUNDS.map(|(low, high)| chance.between(Stream::Planner, low, high))
+        let gains = if trial < RANDOM_TRANSFERS {
+            GAIN_BOUNDS.map(|(low, high)| rng.uniform_in(RngStream::Planner, low, high))
         } else {
-            let spread = 0.25 * (1.0 - f64::from(trial - RANDOM) / f64::from(LOCAL)) + 0.01;
-            around(best_gains, spread, chance)
+            let progress = f64::from(trial - RANDOM_TRANSFERS) / f64::from(LOCAL_TRANSFERS);
+            perturb(best_gains, 0.25 * (1.0 - progress) + 0.01, rng)
         };
-        path.branch(hold, 1);
-        steer(table, &mut path, 1, &gains, None);
-        let value = worth(&path);
+        trajectory.branch_from(hold, 1);
+        steer(ephemeris, &mut trajectory, 1, &gains, None);
+        let value = worth(&trajectory);
         if value > best_worth {
             (best_worth, best_gains) = (value, gains);
-            best.clone_from(&path);
+            best.clone_from(&trajectory);
         }
     }
-    if best.lost() {
-        dodge(table, hold, &mut best, best_worth, best_gains, chance, wanted);
+    if best.is_lost() {
+        search_evasive(ephemeris, hold, &mut best, best_worth, best_gains, rng, is_wanted);
     }
     best
 }
 
-/// The same transfer with one sidestep somewhere, where every transfer met something.
-fn dodge(
-    table: &Table,
-    hold: &Path,
-    best: &mut Path,
+/// Searches transfers with one evasive burn at a random step, after every plain transfer was lost.
+fn search_evasive(
+    ephemeris: &DebrisEphemeris,
+    hold: &Trajectory,
+    best: &mut Trajectory,
     mut best_worth: f64,
-    gains: [f64; GAINS],
-    chance: &mut Seeded,
-    wanted: &dyn Fn() -> bool,
+    gains: TransferGains,
+    rng: &mut SeededRng,
+    is_wanted: &dyn Fn() -> bool,
 ) {
-    let mut path = hold.clone();
-    for _ in 0..DODGES {
-        if !wanted() {
+    let mut trajectory = hold.clone();
+    for _ in 0..EVASIVE_TRANSFERS {
+        if !is_wanted() {
             return;
         }
-        let step = 1 + (chance.uniform(Stream::Planner) * f64::from(best.survived() + 1).min(49.0)) as u32;
-        let size = chance.uniform(Stream::Planner);
-        let (sin, cos) = libm::sincos(std::f64::consts::TAU * chance.uniform(Stream::Planner));
-        let gains = around(gains, 0.3, chance);
-        path.branch(hold, 1);
-        steer(table, &mut path, 1, &gains, Some((step, size * cos, size * sin)));
-        if worth(&path) > best_worth {
-            best_worth = worth(&path);
-            best.clone_from(&path);
+        let window = f64::from(best.steps_survived() + 1).min(49.0);
+        let step = 1 + (rng.uniform(RngStream::Planner) * window) as u32;
+        let size = rng.uniform(RngStream::Planner);
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * rng.uniform(RngStream::Planner));
+        let gains = perturb(gains, 0.3, rng);
+        trajectory.branch_from(hold, 1);
+        let evasive_burn = PlannedBurn { step, dvx: size * cos, dvy: size * sin };
+        steer(ephemeris, &mut trajectory, 1, &gains, Some(evasive_burn));
+        if worth(&trajectory) > best_worth {
+            best_worth = worth(&trajectory);
+            best.clone_from(&trajectory);
         }
-        if !best.lost() && goal(best) >= GOAL {
+        if !best.is_lost() && mean_proximity(best) >= GOAL {
             return;
         }
     }
 }
 
-fn around(gains: [f64; GAINS], spread: f64, chance: &mut Seeded) -> [f64; GAINS] {
-    let mut near = gains;
-    for (gain, (low, high)) in near.iter_mut().zip(BOUNDS) {
-        // The sum of three uniform draws: bell-shaped enough, and no transcendental function.
-        let bell: f64 = (0..3).map(|_| chance.between(Stream::Planner, -1.0, 1.0)).sum();
+fn perturb(gains: TransferGains, spread: f64, rng: &mut SeededRng) -> TransferGains {
+    let mut perturbed = gains;
+    for (gain, (low, high)) in perturbed.iter_mut().zip(GAIN_BOUNDS) {
+        // The sum of three uniform draws is bell-shaped enough, and needs no transcendental function.
+        let bell: f64 = (0..3).map(|_| rng.uniform_in(RngStream::Planner, -1.0, 1.0)).sum();
         *gain = (*gain + spread * (high - low) * bell).clamp(low, high);
     }
-    near
+    perturbed
 }
 
-/// Steps of reward that satellite 0's path earns, twice over (so that they are whole without proximity), and a bonus
-/// for what makes an episode a success.
-fn worth(path: &Path) -> f64 {
-    let near: f64 = path.weights().map(|(t, weight)| proximity(path.bodies[t].radius()) * weight).sum();
-    let survived: f64 = path.weights().map(|(_, weight)| weight).sum();
-    let success = !path.lost() && goal(path) >= GOAL;
-    survived / 3.0 + near + if success { 20.0 } else { 0.0 }
+/// Contribution of satellite 0's trajectory to the team's reward, in steps and doubled (so that a step of
+/// full proximity counts as one), plus a bonus if the episode is a success.
+fn worth(trajectory: &Trajectory) -> f64 {
+    let proximity_sum: f64 =
+        trajectory.survival_weights().map(|(t, weight)| proximity_at(trajectory, t) * weight).sum();
+    let survived: f64 = trajectory.survival_weights().map(|(_, weight)| weight).sum();
+    let is_success = !trajectory.is_lost() && mean_proximity(trajectory) >= GOAL;
+    survived / 3.0 + proximity_sum + if is_success { SUCCESS_BONUS } else { 0.0 }
 }
 
-/// Mean proximity over the last steps.
-fn goal(path: &Path) -> f64 {
+/// Mean proximity over the last steps, which the goal counts.
+fn mean_proximity(trajectory: &Trajectory) -> f64 {
     let first = (HORIZON - RENDEZVOUS_STEPS) as usize + 1;
-    let late = path.weights().filter(|(t, _)| *t >= first);
-    late.map(|(t, weight)| proximity(path.bodies[t].radius()) * weight).sum::<f64>()
+    let last_steps = trajectory.survival_weights().filter(|(t, _)| *t >= first);
+    last_steps.map(|(t, weight)| proximity_at(trajectory, t) * weight).sum::<f64>()
         / f64::from(RENDEZVOUS_STEPS)
 }
 
-/// Flies the gains from `step` on, with an optional sidestep.
-fn steer(table: &Table, path: &mut Path, step: u32, gains: &[f64; GAINS], sidestep: Option<(u32, f64, f64)>) {
-    let [mut radial, mut in_track, begin, gain, weight, deadband, climb] = *gains;
+fn proximity_at(trajectory: &Trajectory, t: usize) -> f64 {
+    proximity(trajectory.bodies[t].radius())
+}
+
+/// Propagates a transfer with these gains from `step` on, with an optional evasive burn.
+fn steer(
+    ephemeris: &DebrisEphemeris,
+    trajectory: &mut Trajectory,
+    step: u32,
+    gains: &TransferGains,
+    evasive_burn: Option<PlannedBurn>,
+) {
+    let [mut radial, mut in_track, feedback_radius, gain, weight, deadband, max_climb] = *gains;
     for t in step..=HORIZON {
-        let body = path.bodies[t as usize - 1];
-        let fuel = path.fuel[t as usize - 1];
-        let ((rx, ry), (tx, ty)) = body.frame();
+        let body = trajectory.bodies[t as usize - 1];
+        let fuel = trajectory.fuel[t as usize - 1];
+        let ((rx, ry), (tx, ty)) = body.local_axes();
         let (mut dr, mut dt) = (0.0, 0.0);
         if radial > 0.0 || in_track.abs() > 1e-9 {
             let size = (radial * radial + in_track * in_track).sqrt();
@@ -134,45 +158,53 @@ fn steer(table: &Table, path: &mut Path, step: u32, gains: &[f64; GAINS], sidest
                 (radial, in_track) = (0.0, 0.0);
             }
         } else {
-            let r = body.radius();
-            if r >= begin {
-                (dr, dt) = feedback(&body, r, gain, weight, climb);
+            let radius = body.radius();
+            if radius >= feedback_radius {
+                (dr, dt) = radius_feedback(&body, radius, gain, weight, max_climb);
                 if (dr * dr + dt * dt).sqrt() < deadband {
                     (dr, dt) = (0.0, 0.0);
                 }
             }
         }
         let (mut dvx, mut dvy) = (dr * rx + dt * tx, dr * ry + dt * ty);
-        if let Some((at, sx, sy)) = sidestep
-            && at == t
+        if let Some(burn) = evasive_burn
+            && burn.step == t
         {
-            dvx += sx;
-            dvy += sy;
+            dvx += burn.dvx;
+            dvy += burn.dvy;
         }
-        if !path.advance(table, t, affordable(dvx, dvy, fuel)) {
+        if !trajectory.advance(ephemeris, t, affordable_burn(dvx, dvy, fuel)) {
             return;
         }
     }
 }
 
-/// The change of speed, radial and in-track, that arrives at the target radius and stays there on a circular orbit.
-pub(in crate::kessler) fn feedback(body: &Body, r: f64, gain: f64, weight: f64, climb: f64) -> (f64, f64) {
-    let ((rx, ry), (tx, ty)) = body.frame();
+/// Burn (radial, in-track), LU/TU, of a feedback that arrives at the target radius and stays there on a
+/// circular orbit.
+pub(in crate::kessler) fn radius_feedback(
+    body: &Body,
+    r: f64,
+    gain: f64,
+    weight: f64,
+    max_climb: f64,
+) -> (f64, f64) {
+    let ((rx, ry), (tx, ty)) = body.local_axes();
     let vr = body.vx * rx + body.vy * ry;
     let vt = body.vx * tx + body.vy * ty;
-    let wanted = (gain * (TARGET_RADIUS - r)).clamp(-climb, climb);
-    // Next step's pull, felt before it moves: GM/r² less the centrifugal part.
+    let desired = (gain * (TARGET_RADIUS - r)).clamp(-max_climb, max_climb);
+    // Radial acceleration of the next step, which acts before the motion: GM/r² less the centrifugal part.
     let pull = GM / (r * r) - vt * vt / r;
-    (wanted - vr + pull, weight * ((GM / r).sqrt() - vt))
+    (desired - vr + pull, weight * ((GM / r).sqrt() - vt))
 }
 
-/// A burn scaled to what one step and the fuel allow; `None` where nothing is left to do or to do it with.
-pub(in crate::kessler) fn affordable(dvx: f64, dvy: f64, fuel: f64) -> Option<(f64, f64)> {
+/// Scales a burn (dvx, dvy) to what one step and the fuel allow. Returns `None` if the burn or the fuel is
+/// negligible.
+pub(in crate::kessler) fn affordable_burn(dvx: f64, dvy: f64, fuel: f64) -> Option<(f64, f64)> {
     let size = (dvx * dvx + dvy * dvy).sqrt();
-    let most = capped(MAX_BURN, fuel);
-    if size < 1e-6 || most < 1e-6 * FUEL_PER_SPEED {
+    let max_size = affordable_size(MAX_BURN, fuel);
+    if size < 1e-6 || max_size < 1e-6 * FUEL_PER_SPEED {
         return None;
     }
-    let part = (most / size).min(1.0);
+    let part = (max_size / size).min(1.0);
     Some((dvx * part, dvy * part))
 }

@@ -1,21 +1,26 @@
-//! Policies without a model, for kessler.
+//! Built-in policies of kessler that use no model. Start reading at [`KESSLER_POLICIES`].
 
+mod common;
+mod debris_forecast;
 mod heuristic;
-pub mod learner;
-mod simple;
+mod open_loop;
+mod reflex_parameters;
+mod reflex_policy;
 
-use self::heuristic::Heuristic;
-use self::learner::{Learner, Parameters};
-use self::simple::{Blind, Random};
+use self::heuristic::HeuristicPolicy;
+use self::open_loop::{BlindKickPolicy, RandomBurnPolicy};
+pub use self::reflex_parameters::{KESSLER_REFLEX_LEN, KesslerReflexParameters};
+use self::reflex_policy::KesslerReflexPolicy;
 use super::planner;
 use super::reward::Objective;
-use super::telemetry::Telemetry;
-use crate::policy::{Hold, Policy, PolicyError, PolicySpec, Witness, seated};
-use crate::scenario::Scenario;
-use crate::seed::Seed;
+use super::telemetry::KesslerTelemetry;
+use crate::policy::{HoldPolicy, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
+use crate::reflex::Reflex;
+use crate::seed::{Seed, SeedSpace};
+use crate::task::Scenario;
 
-/// The policies, in the order people should read them.
-pub static SPECS: [PolicySpec; 6] = [
+/// All policies, in the order in which the docs list them.
+pub static KESSLER_POLICIES: [PolicySpec; 6] = [
     PolicySpec { name: "hold", about: "does nothing", chance: false },
     PolicySpec { name: "random", about: "burns at random on every axis in every step", chance: true },
     PolicySpec {
@@ -28,32 +33,41 @@ pub static SPECS: [PolicySpec; 6] = [
     PolicySpec { name: "reference", about: "the planner, with hindsight", chance: false },
 ];
 
-/// A policy by name.
+/// The reflex of kessler.
+pub const KESSLER_REFLEX: Reflex = Reflex {
+    names: &KesslerReflexParameters::NAMES,
+    policy: |numbers| reflex_policy(KesslerReflexParameters::from_numbers(numbers)),
+    meaning: |numbers| KesslerReflexParameters::from_numbers(numbers).meanings().to_vec(),
+};
+
+/// Creates a policy by its name.
 ///
 /// # Errors
-/// An unknown name, or (for the reference) a scenario whose start is not fair.
+/// Returns [`PolicyError::Unknown`] for an unknown name, and [`PolicyError::Scenario`] if the reference
+/// policy is created for a scenario whose start is not fair.
 pub fn by_name(
     name: &str,
     objective: Objective,
     scenario: &Scenario,
     seed: u64,
 ) -> Result<Box<dyn Policy>, PolicyError> {
-    let seed = Seed::in_space(crate::seed::SeedSpace::User, seed);
+    let seed = Seed::in_space(SeedSpace::User, seed);
     Ok(match name {
-        "hold" => seated::<Telemetry>(Hold),
-        "random" => seated(Random::new(seed)),
-        "blind" => seated(Blind::new()),
-        "frozen" => seated(Learner::new(Parameters::random(seed))),
-        "heuristic" => seated(Heuristic),
+        "hold" => erase_type::<KesslerTelemetry>(HoldPolicy),
+        "random" => erase_type(RandomBurnPolicy::new(seed)),
+        "blind" => erase_type(BlindKickPolicy::new()),
+        "frozen" => reflex_policy(KesslerReflexParameters::random(seed)),
+        "heuristic" => erase_type(HeuristicPolicy),
         "reference" => {
-            seated::<Telemetry>(Witness::new(planner::bracket(objective, scenario, &|| true)?.witness))
+            let bracket = planner::bracket(objective, scenario, &|| true)?;
+            erase_type::<KesslerTelemetry>(PlanPolicy::new(bracket.reference_plan))
         }
-        _ => return Err(PolicyError::unknown(name, &SPECS)),
+        _ => return Err(PolicyError::unknown(name, &KESSLER_POLICIES)),
     })
 }
 
-/// The learner's policy at these parameters.
+/// Creates the reflex policy with these parameters.
 #[must_use]
-pub fn learner(parameters: Parameters) -> Box<dyn Policy> {
-    seated(Learner::new(parameters))
+pub fn reflex_policy(parameters: KesslerReflexParameters) -> Box<dyn Policy> {
+    erase_type(KesslerReflexPolicy::new(parameters))
 }

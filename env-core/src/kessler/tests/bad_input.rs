@@ -1,11 +1,12 @@
-//! Whatever cannot be, refused by field: once through the reader of recipes, once through that of scenarios.
+//! Rejected input: every error names its field, in the reader of recipes and in that of scenarios.
 
 use serde_json::{Value, json};
 
-use crate::scenario::{MAX_LAYOUT_ROWS, Recipe, Scenario};
+use crate::task::{MAX_LAYOUT_ROWS, Recipe, Scenario};
 
-/// What is said of a recipe for survival with this changed, and that both readers and the error's field agree on it.
-fn said(changes: &[(&str, Value)]) -> String {
+/// Error of a survival recipe with these changes. Checks that both readers give it and that it names its
+/// field.
+fn error_of(changes: &[(&str, Value)]) -> String {
     let mut recipe = json!({"task": "kessler/survival"});
     for (path, value) in changes {
         match path.split_once('.') {
@@ -15,15 +16,16 @@ fn said(changes: &[(&str, Value)]) -> String {
     }
     let mut scenario = recipe.clone();
     scenario["seed"] = json!(1);
-    let by_recipe = Recipe::from_json(&recipe).expect_err(&format!("{recipe} was taken"));
+    let by_recipe = Recipe::from_json(&recipe).expect_err(&format!("{recipe} was accepted"));
     assert_eq!(Scenario::from_json(&scenario).unwrap_err(), by_recipe);
     let text = by_recipe.to_string();
     assert!(text.starts_with(by_recipe.field()), "{text} does not begin with its field");
     text
 }
 
-fn all(table: &[&[(&str, Value)]]) -> String {
-    table.iter().map(|changes| said(changes) + "\n").collect()
+/// Errors of several changes, one per line.
+fn errors_of(table: &[&[(&str, Value)]]) -> String {
+    table.iter().map(|changes| error_of(changes) + "\n").collect()
 }
 
 fn with_bodies(table: &str, rows: &Value) -> Value {
@@ -31,8 +33,8 @@ fn with_bodies(table: &str, rows: &Value) -> Value {
 }
 
 #[test]
-fn params_out_of_range() {
-    insta::assert_snapshot!(all(&[
+fn params_out_of_range_are_rejected() {
+    insta::assert_snapshot!(errors_of(&[
         &[("params.debris", json!(-5))],
         &[("params.debris", json!(1005))],
         &[("params.debris", json!(7.5))],
@@ -78,9 +80,9 @@ fn params_out_of_range() {
 }
 
 #[test]
-fn options_unknown_or_contradictory() {
+fn unknown_or_conflicting_options_are_rejected() {
     let upstream = ("physics.compat", json!("upstream"));
-    insta::assert_snapshot!(all(&[
+    insta::assert_snapshot!(errors_of(&[
         &[("physics.start", json!("unfair"))],
         &[("physics.compat", json!("downstream"))],
         &[("physics.contact", json!("continuous"))],
@@ -104,21 +106,21 @@ fn options_unknown_or_contradictory() {
     physics.warnings is true, but must be a word
     physics.radar is not a known field; known are start, compat, contact, gravity, risk, warnings
     physics is "j2", but must be an object
-    physics.contact: it cannot be had together with risk: pc: under it no contact destroys, so there is none to sweep for
-    physics.contact: it cannot be had together with compat: upstream: that is the public original's arithmetic, to the bit
-    physics.gravity: it cannot be had together with compat: upstream: that is the public original's arithmetic, to the bit
-    physics.risk: it cannot be had together with compat: upstream: that is the public original's arithmetic, to the bit
+    physics.contact: it cannot be combined with risk: pc: under it no contact destroys, so there is none to sweep for
+    physics.contact: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
+    physics.gravity: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
+    physics.risk: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
     "#);
 }
 
 #[test]
-fn layouts_that_cannot_be() {
+fn invalid_layouts_are_rejected() {
     let far = vec![json!([500, 0, 0, 1]); MAX_LAYOUT_ROWS + 1];
     let bodies = |table, rows| [("layout", with_bodies(table, &rows))];
     let replaced = |count: u32, rows: Value| {
         [("params.debris", json!(count)), ("layout", json!({"mode": "replace", "bodies": {"debris": rows}}))]
     };
-    insta::assert_snapshot!(all(&[
+    insta::assert_snapshot!(errors_of(&[
         &[("layout", json!([]))],
         &[("layout", json!({"bodies": {}}))],
         &[("layout", json!({"mode": "merge", "bodies": {}}))],
@@ -167,23 +169,24 @@ fn layouts_that_cannot_be() {
     "#);
 }
 
-/// The path counts from 0, the words say the same path, and it leads from wherever the log stands.
+/// The path of an error counts from 0, its text repeats the path, and the path starts at the place of the
+/// log.
 #[test]
-fn logs_name_the_place_at_fault() {
+fn log_errors_name_the_path_at_fault() {
     let scenario = super::at_level("kessler/survival", 0, 1);
-    let refused = |steps: serde_json::Value| {
+    let error_of_log = |steps: serde_json::Value| {
         let steps: Vec<_> = steps.as_array().unwrap().clone();
-        let stopped = Some(crate::Stopped::TooLong);
+        let stopped = Some(crate::StopReason::TooLong);
         let read = crate::rollout::read_log(&scenario, &steps, crate::log::Precision::F64, stopped);
         let error = read
-            .map_err(crate::rollout::ReplayError::from)
+            .map_err(crate::error::ReplayError::from)
             .and_then(|log| crate::rollout::replay(&scenario, &log));
-        let Err(crate::rollout::ReplayError::Log(error)) = error else { panic!("{error:?}") };
-        let (field, under) = (format!("actions.{}", error.field()), error.under("actions").to_string());
+        let Err(crate::error::ReplayError::Log(error)) = error else { panic!("{error:?}") };
+        let (field, under) = (format!("actions.{}", error.field()), error.with_parent("actions").to_string());
         assert!(under.starts_with(&format!("{field}: ")) || field == "actions.steps", "{field} | {under}");
         under
     };
-    let told = [
+    let errors = [
         json!([7]),
         json!([[], [[0, 0.1, 0], [5, 0, 0]]]),
         json!([[], [[0, 0.1, 0], [-1, 0, 0]]]),
@@ -193,8 +196,8 @@ fn logs_name_the_place_at_fault() {
         json!([[[0, 0.1]]]),
         json!(vec![json!([]); 51]),
     ]
-    .map(refused);
-    insta::assert_snapshot!(told.join("\n"), @r"
+    .map(error_of_log);
+    insta::assert_snapshot!(errors.join("\n"), @r"
     actions.steps.0: a step is a list of burns
     actions.steps.1.1: agent 5 does not exist; agents are 0 to 2
     actions.steps.1.1.0: a satellite's number must be a whole number, 0 or more
@@ -207,9 +210,9 @@ fn logs_name_the_place_at_fault() {
 }
 
 #[test]
-fn whose_task_and_seed_are_none() {
+fn invalid_task_or_seed_is_rejected() {
     let scenario = |value: Value| Scenario::from_json(&value).unwrap_err().to_string() + "\n";
-    let said: String = [
+    let errors: String = [
         json!(null),
         json!("kessler/survival"),
         json!({"seed": 1}),
@@ -226,7 +229,7 @@ fn whose_task_and_seed_are_none() {
     .into_iter()
     .map(scenario)
     .collect();
-    insta::assert_snapshot!(said, @r#"
+    insta::assert_snapshot!(errors, @r#"
     scenario is null, but must be an object
     scenario is "kessler/survival", but must be an object
     task is missing: a task's id, as kessler/survival
@@ -242,10 +245,10 @@ fn whose_task_and_seed_are_none() {
     "#);
 }
 
-/// Bodies that touch before anybody could act: refused at the start, by field.
+/// Bodies that touch a satellite before any agent could act are rejected at the start, by field.
 #[test]
-fn starts_that_are_not_fair() {
-    let refused = |layout: Value, physics: Value| {
+fn unfair_starts_are_rejected() {
+    let start_error = |layout: Value, physics: Value| {
         let value = json!({"task": "kessler/survival", "params": {"debris": 0}, "physics": physics, "layout": layout, "seed": 1});
         let scenario = Scenario::from_json(&value).unwrap();
         scenario.task().start(&scenario).err().map(|error| {
@@ -256,21 +259,22 @@ fn starts_that_are_not_fair() {
     let satellites = json!([[60, 0, 0, 4], [0, 70, -3.7, 0], [0, -80, 3.5, 0]]);
     let layout =
         |debris: Value| json!({"mode": "extend", "bodies": {"satellites": satellites, "debris": debris}});
-    insta::assert_snapshot!(refused(layout(json!([[90, 0, 0, 3], [61, 0, 0, 4]])), json!({})).unwrap(), @"layout.bodies.debris.1: the start is not fair: it touches satellite 0 at step 0 under hold, before anybody could act");
-    // A head-on crossing within the second step: only a swept contact sees it.
+    insta::assert_snapshot!(start_error(layout(json!([[90, 0, 0, 3], [61, 0, 0, 4]])), json!({})).unwrap(), @"layout.bodies.debris.1: the start is not fair: it touches satellite 0 at step 0 under hold, before any agent could act");
+    // A head-on crossing within the second step is found only by a swept contact.
     let crossing = layout(json!([[60, 12, 0, -4]]));
-    assert_eq!(refused(crossing.clone(), json!({})), None);
-    insta::assert_snapshot!(refused(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 0 at step 2 under hold, before anybody could act");
-    assert_eq!(refused(crossing, json!({"contact": "swept", "start": "upstream"})), None);
-    // Rogues too: one that arrives beside a satellite and flies with it, and one that comes when somebody could have acted.
+    assert_eq!(start_error(crossing.clone(), json!({})), None);
+    insta::assert_snapshot!(start_error(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 0 at step 2 under hold, before any agent could act");
+    assert_eq!(start_error(crossing, json!({"contact": "swept", "start": "upstream"})), None);
+    // Rogues: one arrives beside a satellite and flies with it, and one arrives when the agents could have
+    // acted.
     let rogue = |step: u32| json!({"mode": "extend", "bodies": {"satellites": satellites, "rogues": [[step, 61, 0, 0, 4]]}});
-    insta::assert_snapshot!(refused(rogue(1), json!({})).unwrap(), @"layout.bodies.rogues: the start is not fair: the rogue of step 1 touches satellite 0 at step 1 under hold, before anybody could act");
-    assert_eq!(refused(rogue(1), json!({"start": "upstream"})), None);
-    assert_eq!(refused(rogue(3), json!({})), None);
+    insta::assert_snapshot!(start_error(rogue(1), json!({})).unwrap(), @"layout.bodies.rogues: the start is not fair: the rogue of step 1 touches satellite 0 at step 1 under hold, before any agent could act");
+    assert_eq!(start_error(rogue(1), json!({"start": "upstream"})), None);
+    assert_eq!(start_error(rogue(3), json!({})), None);
 }
 
 #[test]
-fn options_are_judged_together_and_some_are_by_hand() {
+fn options_are_checked_together_and_some_are_manual() {
     let of = |options: &[(&str, &str)]| {
         let recipe = Recipe::new(crate::task("kessler/survival").unwrap()).unwrap();
         recipe.with_options(options.iter().copied())
@@ -281,24 +285,24 @@ fn options_are_judged_together_and_some_are_by_hand() {
         [("risk", "pc"), ("warnings", "noisy")]
     );
     assert_eq!(recipe.check_for_series(), Ok(()));
-    // Each by itself contradicts what stood before; together they do not.
+    // Each option by itself contradicts the options before; together they do not.
     let away = recipe.with_options([("contact", "swept"), ("risk", "contact")].into_iter()).unwrap();
     assert_eq!(away.option("contact"), Some("swept"));
     let upstream = of(&[("compat", "upstream")]).unwrap();
     let error = upstream.check_for_series().unwrap_err();
     assert_eq!(error.field(), "physics.compat");
-    let moved = error.moved("physics", "task_settings.kessler/survival.options");
+    let moved = error.relocate("physics", "task_settings.kessler/survival.options");
     assert_eq!(moved.field(), "task_settings.kessler/survival.options.compat");
     assert!(moved.to_string().starts_with("task_settings.kessler/survival.options.compat: upstream is for"));
     let clash = of(&[("contact", "swept"), ("risk", "pc")]).unwrap_err();
-    assert_eq!(clash.clone().moved("phys", "x").field(), "physics.contact", "whole names only");
-    assert_eq!(clash.moved("layout", "x").field(), "physics.contact");
+    assert_eq!(clash.clone().relocate("phys", "x").field(), "physics.contact", "whole names only");
+    assert_eq!(clash.relocate("layout", "x").field(), "physics.contact");
 }
 
-/// What an option is said to be is what recipes take: the first choice is what stands unless told, and what is by hand is
-/// one of the choices.
+/// Recipes accept what the option specs say: the first choice is the default, and manual choices are among
+/// the choices.
 #[test]
-fn options_are_as_they_are_told() {
+fn recipes_accept_the_options_of_their_specs() {
     for task in crate::tasks() {
         let recipe = Recipe::new(task).unwrap();
         for option in task.options() {

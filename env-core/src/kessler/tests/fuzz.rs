@@ -1,25 +1,26 @@
-//! Legal but extreme scenarios and burns under every law: nothing panics, no number is none, scores stay in range.
+//! Fuzz tests of legal but extreme scenarios and burns under all physics: nothing panics, all numbers are
+//! finite, and scores stay in range.
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::staging::flight;
-use crate::chance::Seeded;
+use super::staging::start_sim;
+use crate::episode_rng::SeededRng;
 use crate::error::StepError;
-use crate::kessler::TASKS;
+use crate::kessler::KESSLER_TASKS;
 use crate::kessler::constants::SATELLITES;
-use crate::kessler::flight::Flight;
-use crate::kessler::setup::Setup;
+use crate::kessler::setup::KesslerSetup;
+use crate::kessler::simulation::KesslerSim;
 use crate::kessler::spaces::MAX_DEBRIS;
-use crate::kessler::tracks::{LIMIT, Tracks};
-use crate::kessler::warnings::LOOK_AHEAD;
+use crate::kessler::tracks::{CELL_LIMIT, TracksEncoder};
+use crate::kessler::warnings::WARNING_LOOK_AHEAD;
 use crate::log::{JointAction, MAX_ENTRIES};
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 use crate::task::TaskSpec;
 
-/// A param at one of its bounds, at its default, or anywhere between.
+/// Params at one of their bounds, at the default, or anywhere between.
 fn params(task: usize) -> impl Strategy<Value = Value> {
-    let each: Vec<_> = TASKS[task]
+    let each: Vec<_> = KESSLER_TASKS[task]
         .params()
         .iter()
         .map(|spec| {
@@ -29,20 +30,23 @@ fn params(task: usize) -> impl Strategy<Value = Value> {
         })
         .collect();
     each.prop_map(move |values| {
-        let named = TASKS[task].params().iter().zip(values).map(|(spec, v)| (spec.name.to_owned(), json!(v)));
+        let named =
+            KESSLER_TASKS[task].params().iter().zip(values).map(|(spec, v)| (spec.name.to_owned(), json!(v)));
         Value::Object(named.collect())
     })
 }
 
 fn physics() -> impl Strategy<Value = Value> {
-    let words = TASKS[0].options().iter().map(|o| prop::sample::select(o.choices).boxed());
-    words.collect::<Vec<_>>().prop_map(|words| {
-        let named = TASKS[0].options().iter().zip(words).map(|(o, word)| (o.name.to_owned(), json!(word)));
+    let choices = KESSLER_TASKS[0].options().iter().map(|o| prop::sample::select(o.choices).boxed());
+    choices.collect::<Vec<_>>().prop_map(|choices| {
+        let options = KESSLER_TASKS[0].options().iter();
+        let named = options.zip(choices).map(|(o, choice)| (o.name.to_owned(), json!(choice)));
         Value::Object(named.collect())
     })
 }
 
-/// Bodies where it is legal and hurts: at the corners of what a layout may give, grazing the Earth, at one spot, at rest.
+/// Legal bodies at critical places: at the corners of a layout's range, grazing the Earth, at one spot, at
+/// rest.
 fn body() -> impl Strategy<Value = [f64; 4]> {
     let speed = || prop_oneof![Just(0.0), Just(100.0), Just(-100.0), Just(1e-300), -10.0..10.0f64];
     let place = prop_oneof![
@@ -58,8 +62,15 @@ fn body() -> impl Strategy<Value = [f64; 4]> {
     (place, speed(), speed()).prop_map(|((x, y), vx, vy)| [x, y, vx, vy])
 }
 
-/// The layout, and how much debris `params.debris` must say if that is decided by it.
-fn layout() -> impl Strategy<Value = (Value, Option<usize>)> {
+/// Random layout of a scenario.
+#[derive(Debug, Clone)]
+struct RandomLayout {
+    json: Value,
+    /// Value of `params.debris` that the layout requires, if it replaces debris.
+    required_debris: Option<usize>,
+}
+
+fn layout() -> impl Strategy<Value = RandomLayout> {
     let rogue = (1u32..=50, body()).prop_map(|(step, b)| json!([step, b[0], b[1], b[2], b[3]]));
     (
         prop::option::of(prop::array::uniform3(body())),
@@ -68,7 +79,7 @@ fn layout() -> impl Strategy<Value = (Value, Option<usize>)> {
         any::<bool>(),
     )
         .prop_map(|(satellites, debris, rogues, replace)| {
-            let count = debris.as_ref().filter(|_| replace).map(Vec::len);
+            let required_debris = debris.as_ref().filter(|_| replace).map(Vec::len);
             let mut bodies = json!({});
             for (name, table) in
                 [("satellites", json!(satellites)), ("debris", json!(debris)), ("rogues", json!(rogues))]
@@ -77,30 +88,32 @@ fn layout() -> impl Strategy<Value = (Value, Option<usize>)> {
                     bodies[name] = table;
                 }
             }
-            (json!({"mode": if replace { "replace" } else { "extend" }, "bodies": bodies}), count)
+            let json = json!({"mode": if replace { "replace" } else { "extend" }, "bodies": bodies});
+            RandomLayout { json, required_debris }
         })
 }
 
 fn scenario() -> impl Strategy<Value = Value> {
-    (0..TASKS.len()).prop_flat_map(|task| {
+    (0..KESSLER_TASKS.len()).prop_flat_map(|task| {
         (params(task), physics(), prop::option::of(layout()), 0u64..1 << 40).prop_map(
             move |(mut params, physics, layout, seed)| {
-                if let Some((_, Some(count))) = &layout {
+                if let Some(count) = layout.as_ref().and_then(|layout| layout.required_debris) {
                     params["debris"] = json!(count);
                 }
-                let layout = layout.map(|(layout, _)| layout);
-                // What is drawn and what is given are at most so many together.
+                let layout = layout.map(|layout| layout.json);
+                // Drawn and given debris together is bounded.
                 let given = layout.as_ref().and_then(|l| l["bodies"]["debris"].as_array()).map_or(0, Vec::len);
                 let room = MAX_DEBRIS - given as f64;
                 if params["debris"].as_f64().is_some_and(|drawn| drawn > room) {
                     params["debris"] = json!(room);
                 }
-                json!({"task": TASKS[task].id(), "params": params, "physics": physics, "layout": layout, "seed": seed})
+                json!({"task": KESSLER_TASKS[task].id(), "params": params, "physics": physics, "layout": layout, "seed": seed})
             },
         )
     })
 }
 
+/// Numbers of a burn, some of them extreme.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => -1.5..1.5f64,
@@ -108,45 +121,59 @@ fn number() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// One step's burns: satellites (sometimes one that is not there), and their deltas.
-fn burns() -> impl Strategy<Value = Vec<(u32, f64, f64)>> {
-    let satellite = prop_oneof![12 => 0u32..3, 1 => prop::sample::select(vec![3, 99, u32::MAX])];
-    let few = prop::collection::vec((satellite, number(), number()), 0..5);
-    prop_oneof![8 => few, 1 => (0u32..3, number(), number()).prop_map(|b| vec![b; MAX_ENTRIES])]
+/// Burn of one satellite.
+#[derive(Debug, Clone, Copy)]
+struct FuzzBurn {
+    satellite: u32,
+    dv: [f64; 2],
 }
 
-/// No number anywhere is none: what JSON cannot say it says as null.
-fn numbers_are_numbers(value: &Value) -> bool {
+/// Burns of one step, sometimes of a satellite that does not exist.
+fn burns() -> impl Strategy<Value = Vec<FuzzBurn>> {
+    let burn = |(satellite, dvx, dvy)| FuzzBurn { satellite, dv: [dvx, dvy] };
+    let satellite = prop_oneof![12 => 0u32..3, 1 => prop::sample::select(vec![3, 99, u32::MAX])];
+    let few = prop::collection::vec((satellite, number(), number()).prop_map(burn), 0..5);
+    let many = (0u32..3, number(), number()).prop_map(burn).prop_map(|b| vec![b; MAX_ENTRIES]);
+    prop_oneof![8 => few, 1 => many]
+}
+
+/// Returns true if the JSON has no null, which stands for a number that is not finite.
+fn has_only_finite_numbers(value: &Value) -> bool {
     match value {
         Value::Null => false,
-        Value::Array(items) => items.iter().all(numbers_are_numbers),
-        Value::Object(fields) => fields.values().all(numbers_are_numbers),
+        Value::Array(items) => items.iter().all(has_only_finite_numbers),
+        Value::Object(fields) => fields.values().all(has_only_finite_numbers),
         _ => true,
     }
 }
 
-fn inspect(flight: &Flight<Seeded>, tracks: &mut Tracks, cells: &mut Vec<f32>) -> Result<(), TestCaseError> {
-    for s in flight.satellites() {
+/// Checks that state, observations and warnings are finite and in range.
+fn inspect(
+    sim: &KesslerSim<SeededRng>,
+    tracks: &mut TracksEncoder,
+    cells: &mut Vec<f32>,
+) -> Result<(), TestCaseError> {
+    for s in sim.satellites() {
         let numbers = [s.body.x, s.body.y, s.body.vx, s.body.vy, s.fuel];
         prop_assert!(numbers.iter().all(|v| v.is_finite()) && s.fuel >= 0.0, "{s:?}");
         prop_assert!((0.0..=1.0).contains(&s.survival), "{s:?}");
     }
-    for i in 0..flight.debris().len() {
-        let d = flight.debris().body(i);
+    for i in 0..sim.debris().len() {
+        let d = sim.debris().body(i);
         prop_assert!([d.x, d.y, d.vx, d.vy].iter().all(|v| v.is_finite()), "{d:?}");
     }
     cells.clear();
-    // Room for more bodies than there are.
-    let bodies = flight.debris().len() + 7;
+    // More slots than bodies.
+    let bodies = sim.debris().len() + 7;
     cells.resize(SATELLITES * 6 + 5 * bodies, f32::NAN);
-    flight.observe_into(cells, bodies);
+    sim.observe_into(cells, bodies);
     prop_assert!(cells.iter().all(|v| v.is_finite()));
     cells.clear();
-    cells.resize(tracks.total(), f32::NAN);
-    tracks.write(flight, cells);
-    prop_assert!(cells.iter().all(|v| v.abs() <= LIMIT));
-    for c in flight.conjunctions(true).into_iter().flatten() {
-        prop_assert!((0.0..=LOOK_AHEAD as f64).contains(&c.time_to_closest_approach), "{c:?}");
+    cells.resize(tracks.total_cells(), f32::NAN);
+    tracks.write(sim, cells);
+    prop_assert!(cells.iter().all(|v| v.abs() <= CELL_LIMIT));
+    for c in sim.conjunctions(true).into_iter().flatten() {
+        prop_assert!((0.0..=WARNING_LOOK_AHEAD as f64).contains(&c.time_to_closest_approach), "{c:?}");
         prop_assert!(c.miss_distance >= 0.0 && c.miss_distance.is_finite(), "{c:?}");
         prop_assert!(c.relative_speed >= 0.0 && c.relative_speed.is_finite(), "{c:?}");
         prop_assert!((0.0..=1.0).contains(&c.probability), "{c:?}");
@@ -157,9 +184,9 @@ fn inspect(flight: &Flight<Seeded>, tracks: &mut Tracks, cells: &mut Vec<f32>) -
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(160))]
 
-    /// Every task under every law, legal extremes of params and layouts, any burns.
+    /// Every task under all physics, with legal extremes of params and layouts and any burns.
     #[test]
-    fn extreme_episodes_have_no_strange_numbers(
+    fn extreme_episodes_have_finite_numbers(
         value in scenario(),
         plan in prop::collection::vec(burns(), 1..12),
         k in 0usize..10,
@@ -167,58 +194,58 @@ proptest! {
         let scenario = match Scenario::from_json(&value) {
             Ok(scenario) => scenario,
             Err(error) => {
-                // All that can be wrong with it: options that contradict each other, or a sum of squares that rounds
-                // to just inside the Earth.
+                // Only options that contradict each other, or a sum of squares that rounds to just inside the
+                // Earth, are rejected.
                 let field = error.field();
                 prop_assert!(field.starts_with("physics.") || error.to_string().contains("inside the Earth"), "{error}");
                 return Ok(());
             }
         };
-        let mut tracks = Tracks::new(k, 15).unwrap();
+        let mut tracks = TracksEncoder::new(k, 15).unwrap();
         let mut cells = Vec::new();
-        if let Err(error) = Setup::read(scenario.recipe()).unwrap().start(&mut Seeded::new(scenario.seed())) {
+        if let Err(error) = KesslerSetup::from_recipe(scenario.recipe()).unwrap().draw_initial_state(&mut SeededRng::new(scenario.seed())) {
             prop_assert!(error.to_string().contains("not fair"), "{error}");
             return Ok(());
         }
-        let mut flight = flight(&scenario);
+        let mut sim = start_sim(&scenario);
         let mut sum = 0.0;
-        inspect(&flight, &mut tracks, &mut cells)?;
-        for acts in plan.iter().cycle().take(200) {
-            let agents: Vec<u32> = acts.iter().map(|b| b.0).collect();
-            let values: Vec<f64> = acts.iter().flat_map(|b| [b.1, b.2]).collect();
-            let before = flight.state_hash();
+        inspect(&sim, &mut tracks, &mut cells)?;
+        for burns in plan.iter().cycle().take(200) {
+            let agents: Vec<u32> = burns.iter().map(|b| b.satellite).collect();
+            let values: Vec<f64> = burns.iter().flat_map(|b| b.dv).collect();
+            let before = sim.state_hash();
             let mut poisoned = values.clone();
             if let Some(first) = poisoned.first_mut() {
-                *first = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][acts.len() % 3];
-                let refused = flight.step(JointAction { agents: &agents, values: &poisoned });
-                prop_assert!(refused.is_err(), "{refused:?}");
-                prop_assert_eq!(flight.state_hash(), before);
+                *first = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][burns.len() % 3];
+                let rejected = sim.step(JointAction { agents: &agents, values: &poisoned });
+                prop_assert!(rejected.is_err(), "{rejected:?}");
+                prop_assert_eq!(sim.state_hash(), before);
             }
-            match flight.step(JointAction { agents: &agents, values: &values }) {
+            match sim.step(JointAction { agents: &agents, values: &values }) {
                 Ok(stepped) => {
                     prop_assert!(stepped.reward.is_finite() && stepped.reward >= 0.0);
                     sum += stepped.reward;
                 }
                 Err(StepError::UnknownAgent { .. }) => {
-                    prop_assert_eq!(flight.state_hash(), before);
-                    flight.step(JointAction::HOLD).unwrap();
-                    sum = flight.total();
+                    prop_assert_eq!(sim.state_hash(), before);
+                    sim.step(JointAction::HOLD).unwrap();
+                    sum = sim.total_reward();
                 }
                 Err(error) => prop_assert!(false, "{error}"),
             }
-            inspect(&flight, &mut tracks, &mut cells)?;
-            if flight.steps() % 8 == 1 || flight.done() {
-                let seen = serde_json::to_value(flight.telemetry(0.0, true)).unwrap();
-                prop_assert!(numbers_are_numbers(&seen), "{seen}");
+            inspect(&sim, &mut tracks, &mut cells)?;
+            if sim.steps() % 8 == 1 || sim.is_done() {
+                let telemetry = serde_json::to_value(sim.telemetry(0.0, true)).unwrap();
+                prop_assert!(has_only_finite_numbers(&telemetry), "{telemetry}");
             }
-            if flight.done() {
+            if sim.is_done() {
                 break;
             }
         }
-        prop_assert!(flight.done() && sum == flight.total());
-        let (range, flown) = (scenario.task().score_range(), flight.flown());
-        prop_assert!(flown.score >= range.min && flown.score <= range.max, "{flown:?}");
-        prop_assert!(flown.goal.is_none_or(|goal| (0.0..=1.0 + 1e-12).contains(&goal)), "{flown:?}");
+        prop_assert!(sim.is_done() && sum == sim.total_reward());
+        let (range, outcome) = (scenario.task().score_range(), sim.outcome());
+        prop_assert!(outcome.score >= range.min && outcome.score <= range.max, "{outcome:?}");
+        prop_assert!(outcome.goal.is_none_or(|goal| (0.0..=1.0 + 1e-12).contains(&goal)), "{outcome:?}");
     }
 }
 
@@ -239,9 +266,9 @@ fn any_layout() -> impl Strategy<Value = Value> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
-    /// Whatever stands in a layout: a typed error that names a field, or a scenario that reads back the same.
+    /// Any layout gives a typed error that names a field, or a scenario that reads back the same.
     #[test]
-    fn any_layout_is_taken_or_refused_by_field(layout in any_layout()) {
+    fn any_layout_is_accepted_or_rejected_by_field(layout in any_layout()) {
         let value = json!({"task": "kessler/survival", "params": {"debris": 2}, "layout": layout, "seed": 1});
         match Scenario::from_json(&value) {
             Ok(scenario) => prop_assert_eq!(Scenario::from_json(&scenario.to_json()).unwrap().id(), scenario.id()),

@@ -1,27 +1,27 @@
-//! Stages for tests: flights from scenarios, and encounters of known geometry.
+//! Fixtures for tests: simulations of scenarios, and close approaches of known geometry.
 
 use serde_json::{Value, json};
 
-use crate::chance::Seeded;
-use crate::kessler::TASKS;
+use crate::episode_rng::SeededRng;
+use crate::kessler::KESSLER_TASKS;
 use crate::kessler::constants::{GM, SATELLITES};
-use crate::kessler::flight::Flight;
 use crate::kessler::kernel::{Body, Gravity};
-use crate::kessler::setup::Setup;
-use crate::scenario::Scenario;
+use crate::kessler::setup::KesslerSetup;
+use crate::kessler::simulation::KesslerSim;
+use crate::task::Scenario;
 use crate::task::TaskSpec;
 
-/// The engine itself, at the start of a scenario.
-pub(super) fn flight(scenario: &Scenario) -> Flight<Seeded> {
-    let setup = Setup::read(scenario.recipe()).unwrap();
-    let mut chance = Seeded::new(scenario.seed());
-    let start = setup.start(&mut chance).unwrap();
-    let task = TASKS.iter().find(|task| task.id() == scenario.task().id()).unwrap();
-    Flight::new(task.objective(), setup, &start, chance)
+/// Starts a simulation of a scenario.
+pub(super) fn start_sim(scenario: &Scenario) -> KesslerSim<SeededRng> {
+    let setup = KesslerSetup::from_recipe(scenario.recipe()).unwrap();
+    let mut rng = SeededRng::new(scenario.seed());
+    let start = setup.draw_initial_state(&mut rng).unwrap();
+    let task = KESSLER_TASKS.iter().find(|task| task.id() == scenario.task().id()).unwrap();
+    KesslerSim::new(task.objective(), setup, &start, rng)
 }
 
-/// Satellites on circular orbits, out of the way of each other.
-pub(super) fn apart() -> [Body; SATELLITES] {
+/// Satellites on circular orbits far from each other.
+pub(super) fn separate_satellites() -> [Body; SATELLITES] {
     let v = |r: f64| (GM / r).sqrt();
     [
         Body { x: 60.0, y: 0.0, vx: 0.0, vy: v(60.0) },
@@ -30,37 +30,39 @@ pub(super) fn apart() -> [Body; SATELLITES] {
     ]
 }
 
-/// A pass of known geometry: `time` TU after the start the debris is nearest to the satellite, which holds.
+/// Close approach of known geometry: debris passes a satellite that holds.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pass {
-    /// TU from the start.
+pub(super) struct StagedPass {
+    /// Time of the closest approach, TU from the start.
     pub time: f64,
-    /// LU, to the left of the relative velocity; the closest approach, where that lies within the step.
+    /// Offset to the left of the relative velocity, LU. It is the miss distance if the closest approach lies
+    /// within the step.
     pub miss: f64,
-    /// LU/TU.
+    /// Relative speed at the closest approach, LU/TU.
     pub speed: f64,
-    /// Where the debris goes, seen from the satellite: angle from the satellite's radial, radians.
+    /// Direction of the debris seen from the satellite: angle from the satellite's radial, radians.
     pub heading: f64,
 }
 
-impl Pass {
-    /// Where the debris has to start: the step run backwards from the closest approach.
+impl StagedPass {
+    /// Initial state of the debris, by steps backwards from the closest approach.
     pub(super) fn start(&self, satellite: Body, gravity: Gravity) -> Body {
-        self.start_off(satellite, gravity, (0.0, 0.0))
+        self.displaced_start(satellite, gravity, (0.0, 0.0))
     }
 
-    /// The same, displaced at the closest approach by so much, LU, along the relative velocity and to its left.
-    pub(super) fn start_off(&self, mut satellite: Body, gravity: Gravity, off: (f64, f64)) -> Body {
+    /// Initial state of debris that is displaced at the closest approach by `offset`, LU, along the relative
+    /// velocity and to its left.
+    pub(super) fn displaced_start(&self, mut satellite: Body, gravity: Gravity, offset: (f64, f64)) -> Body {
         let steps = self.time.ceil() as u32;
         for _ in 0..steps {
-            satellite = satellite.coasted(gravity);
+            satellite = satellite.coast(gravity);
         }
-        let ((rx, ry), (tx, ty)) = satellite.frame();
+        let ((rx, ry), (tx, ty)) = satellite.local_axes();
         let (sin, cos) = libm::sincos(self.heading);
         let (ux, uy) = (cos * rx + sin * tx, cos * ry + sin * ty);
-        // From the closest approach to the end of its step.
-        let along = self.speed * (f64::from(steps) - self.time) + off.0;
-        let left = self.miss + off.1;
+        // Distance from the closest approach to the end of its step.
+        let along = self.speed * (f64::from(steps) - self.time) + offset.0;
+        let left = self.miss + offset.1;
         let mut body = Body {
             x: satellite.x + along * ux - left * uy,
             y: satellite.y + along * uy + left * ux,
@@ -68,14 +70,14 @@ impl Pass {
             vy: satellite.vy + self.speed * uy,
         };
         for _ in 0..steps {
-            body = body.uncoasted(gravity);
+            body = body.coast_back(gravity);
         }
         body
     }
 }
 
-/// A survival scenario of these bodies and nothing else.
-pub(super) fn staged(
+/// Survival scenario of exactly these bodies.
+pub(super) fn staged_scenario(
     satellites: &[Body],
     debris: &[Body],
     physics: &Value,

@@ -1,72 +1,72 @@
-//! Tracks against their own definition, computed another way.
+//! Tracks observations against their definition, computed in another way.
 
 use proptest::prelude::*;
 use serde_json::json;
 
 use super::at_level;
-use super::staging::{Pass, apart, flight, staged};
-use crate::chance::{Chance, Seeded, Stream};
-use crate::kessler::TASKS;
+use super::staging::{StagedPass, separate_satellites, staged_scenario, start_sim};
+use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
+use crate::kessler::KESSLER_TASKS;
 use crate::kessler::constants::EARTH_RADIUS_2;
-use crate::kessler::flight::Flight;
-use crate::kessler::kernel::{Body, Gravity, swept_2};
-use crate::kessler::tracks::{Column, LIMIT, Tracks};
-use crate::kessler::warnings::debris_moved;
+use crate::kessler::kernel::{Body, Gravity, min_distance_squared};
+use crate::kessler::simulation::KesslerSim;
+use crate::kessler::tracks::{CELL_LIMIT, TrackColumn, TracksEncoder};
+use crate::kessler::warnings::propagate_debris;
 use crate::log::JointAction;
-use crate::scenario::Scenario;
 use crate::seed::Seed;
+use crate::task::Scenario;
 use crate::task::TaskSpec;
 
-/// How far what is foreseen in single precision may be off, LU: 25 steps of places up to 100 LU, of which f32 knows 4e-6, the
-/// errors of velocities growing with time, a pull that is steep near the Earth.
-const FORESEEN: f64 = 2e-3;
+/// Largest error of a single-precision forecast, LU. It covers 25 steps of positions up to 100 LU (f32
+/// resolves 4e-6), velocity errors that grow with time, and gravity that is steep near the Earth.
+const FORECAST_ERROR: f64 = 2e-3;
 
-/// How far debris is from a satellite, one body at a time, within a look-ahead.
-struct Course {
-    /// Where it is seen from the satellite, now and after each step.
-    places: Vec<(f64, f64)>,
+/// Path of one debris body relative to a satellite within a look-ahead.
+struct RelativePath {
+    /// Position relative to the satellite now and after each step.
+    positions: Vec<(f64, f64)>,
 }
 
-impl Course {
-    fn of(mut s: Body, mut d: Body, flight: &Flight<Seeded>, look_ahead: usize) -> Self {
-        let physics = flight.setup().physics;
-        let mut places = vec![(s.x - d.x, s.y - d.y)];
+impl RelativePath {
+    fn new(mut s: Body, mut d: Body, sim: &KesslerSim<SeededRng>, look_ahead: usize) -> Self {
+        let physics = sim.setup().physics;
+        let mut positions = vec![(s.x - d.x, s.y - d.y)];
         for _ in 0..look_ahead {
-            let Some(moved) = debris_moved(d, physics) else { break };
-            if s.radius_2() < EARTH_RADIUS_2 {
+            let Some(moved) = propagate_debris(d, physics) else { break };
+            if s.radius_squared() < EARTH_RADIUS_2 {
                 break;
             }
-            (s, d) = (s.coasted(physics.gravity), moved);
-            places.push((s.x - d.x, s.y - d.y));
+            (s, d) = (s.coast(physics.gravity), moved);
+            positions.push((s.x - d.x, s.y - d.y));
         }
-        Self { places }
+        Self { positions }
     }
 
-    /// The least distance: straight from place to place.
+    /// Least distance, with straight lines between positions.
     fn miss(&self) -> f64 {
-        let first = self.places[0];
-        self.places.windows(2).fold(first.0.hypot(first.1), |least, step| {
+        let first = self.positions[0];
+        self.positions.windows(2).fold(first.0.hypot(first.1), |least, step| {
             let ((ax, ay), (bx, by)) = (step[0], step[1]);
-            least.min(swept_2(bx, by, bx - ax, by - ay).sqrt())
+            least.min(min_distance_squared(bx, by, bx - ax, by - ay).sqrt())
         })
     }
 
-    /// The distance at a time.
-    fn at(&self, time: f64) -> f64 {
-        let step = (time.floor() as usize).min(self.places.len() - 1);
-        let (from, to) = (self.places[step], self.places[(step + 1).min(self.places.len() - 1)]);
+    /// Distance at a time, LU.
+    fn distance_at(&self, time: f64) -> f64 {
+        let step = (time.floor() as usize).min(self.positions.len() - 1);
+        let (from, to) = (self.positions[step], self.positions[(step + 1).min(self.positions.len() - 1)]);
         let share = time - step as f64;
         (from.0 + share * (to.0 - from.0)).hypot(from.1 + share * (to.1 - from.1))
     }
 }
 
-/// A satellite's own columns, by their own account.
-fn expected(flight: &Flight<Seeded>, number: usize, tracks: &Tracks) -> Vec<f32> {
-    let s = flight.satellites()[number];
-    let ((rx, ry), (tx, ty)) = s.body.frame();
+/// Expected cells of a satellite's own columns.
+fn expected_own_cells(sim: &KesslerSim<SeededRng>, number: usize, tracks: &TracksEncoder) -> Vec<f32> {
+    let s = sim.satellites()[number];
+    let ((rx, ry), (tx, ty)) = s.body.local_axes();
     let parts = |x: f64, y: f64| [x * rx + y * ry, x * tx + y * ty];
     let r = s.body.radius();
-    let id = flight.objective();
+    let id = sim.objective();
     let goal = id == crate::kessler::reward::Objective::Rendezvous && number == 0;
     let [vr, vt] = parts(s.body.vx, s.body.vy);
     let mut values = vec![
@@ -75,18 +75,18 @@ fn expected(flight: &Flight<Seeded>, number: usize, tracks: &Tracks) -> Vec<f32>
         vr,
         vt - (1000.0 / r.max(20.0)).sqrt(),
         s.fuel,
-        f64::from(flight.steps()),
+        f64::from(sim.steps()),
         s.survival,
         if goal { r - 100.0 } else { 0.0 },
     ];
-    for other in [(number + 1) % 3, (number + 2) % 3].map(|i| flight.satellites()[i]) {
-        let told = id == crate::kessler::reward::Objective::Formation && other.active();
-        let o = if told { other.body } else { s.body };
+    for other in [(number + 1) % 3, (number + 2) % 3].map(|i| sim.satellites()[i]) {
+        let is_shown = id == crate::kessler::reward::Objective::Formation && other.is_active();
+        let o = if is_shown { other.body } else { s.body };
         values.extend(parts(o.x - s.body.x, o.y - s.body.y));
         values.extend(parts(o.vx - s.body.vx, o.vy - s.body.vy));
     }
-    let scale = |(at, column): (usize, &Column)| match at {
-        4 => flight.setup().fuel,
+    let scale = |(at, column): (usize, &TrackColumn)| match at {
+        4 => sim.setup().fuel,
         5 => 50.0,
         _ => column.scale,
     };
@@ -94,59 +94,62 @@ fn expected(flight: &Flight<Seeded>, number: usize, tracks: &Tracks) -> Vec<f32>
     let columns = columns.iter().enumerate().map(|at| (at.1.offset, scale(at)));
     let cells = values.iter().zip(columns);
     cells
-        .map(|(value, (offset, scale))| (((value - offset) * (1.0 / scale)) as f32).clamp(-LIMIT, LIMIT))
+        .map(|(value, (offset, scale))| {
+            (((value - offset) * (1.0 / scale)) as f32).clamp(-CELL_LIMIT, CELL_LIMIT)
+        })
         .collect()
 }
 
-/// Whether these cells tell of the K pieces that come nearest, each as it is.
-fn are_the_worst(
+/// Checks that these cells describe the `k` debris bodies that come nearest.
+fn check_threats(
     cells: &[f32],
-    flight: &Flight<Seeded>,
+    sim: &KesslerSim<SeededRng>,
     s: Body,
-    (k, look_ahead): (usize, usize),
+    k: usize,
+    look_ahead: usize,
 ) -> Result<(), TestCaseError> {
-    let ((rx, ry), (tx, ty)) = s.frame();
+    let ((rx, ry), (tx, ty)) = s.local_axes();
     let scaled = |value: f64, scale: f64| (value * (1.0 / scale)) as f32;
     let parts = |x: f64, y: f64, scale: f64| {
-        [x * rx + y * ry, x * tx + y * ty].map(|part| scaled(part, scale).clamp(-LIMIT, LIMIT))
+        [x * rx + y * ry, x * tx + y * ty].map(|part| scaled(part, scale).clamp(-CELL_LIMIT, CELL_LIMIT))
     };
-    let mut left: Vec<([f32; 4], Course)> = (0..flight.debris().len())
-        .map(|i| flight.debris().body(i))
-        .filter(|d| flight.sees(d.x, d.y))
+    let mut left: Vec<([f32; 4], RelativePath)> = (0..sim.debris().len())
+        .map(|i| sim.debris().body(i))
+        .filter(|d| sim.is_visible(d.x, d.y))
         .map(|d| {
             let place = parts(d.x - s.x, d.y - s.y, 50.0);
             let speed = parts(d.vx - s.vx, d.vy - s.vy, 5.0);
-            ([place[0], place[1], speed[0], speed[1]], Course::of(s, d, flight, look_ahead))
+            ([place[0], place[1], speed[0], speed[1]], RelativePath::new(s, d, sim, look_ahead))
         })
         .collect();
-    let told = left.len().min(k);
-    let (threats, nothing) = cells.split_at(told * 7);
+    let shown = left.len().min(k);
+    let (threats, nothing) = cells.split_at(shown * 7);
     prop_assert!(nothing.iter().all(|cell| *cell == 0.0));
     let mut before = 0.0;
     for threat in threats.chunks(7) {
         prop_assert_eq!(threat[0], 1.0);
-        let is = |(seen, course): &([f32; 4], Course)| {
-            let miss = f64::from(scaled(course.miss(), 10.0).min(LIMIT)) * 10.0;
-            *seen == threat[1..5] && (miss - f64::from(threat[5]) * 10.0).abs() < FORESEEN
+        let matches = |(state, path): &([f32; 4], RelativePath)| {
+            let miss = f64::from(scaled(path.miss(), 10.0).min(CELL_LIMIT)) * 10.0;
+            *state == threat[1..5] && (miss - f64::from(threat[5]) * 10.0).abs() < FORECAST_ERROR
         };
-        let found = left.iter().position(is);
-        prop_assert!(found.is_some(), "there is no debris like {:?}", threat);
-        let (_, course) = left.swap_remove(found.unwrap());
-        prop_assert!(threat[5] >= before, "in order");
+        let index = left.iter().position(matches);
+        prop_assert!(index.is_some(), "no debris matches {:?}", threat);
+        let (_, path) = left.swap_remove(index.unwrap());
+        prop_assert!(threat[5] >= before, "threats are ordered by miss");
         before = threat[5];
-        // Where it stays as near for long, any time of these will do.
+        // If the distance stays minimal for some time, any time of these is right.
         let when = f64::from(threat[6]) * look_ahead as f64;
         prop_assert!(
-            (course.at(when) - course.miss()).abs() < 2.0 * FORESEEN,
+            (path.distance_at(when) - path.miss()).abs() < 2.0 * FORECAST_ERROR,
             "when: {} of {:?}",
             when,
             threat
         );
     }
     if let Some(last) = threats.chunks(7).last() {
-        let least = left.iter().map(|(_, course)| course.miss()).fold(f64::INFINITY, f64::min);
+        let least = left.iter().map(|(_, path)| path.miss()).fold(f64::INFINITY, f64::min);
         let last = f64::from(last[5]) * 10.0;
-        prop_assert!(least > last.min(2.0 * 10.0) - FORESEEN, "{} is nearer than {}", least, last);
+        prop_assert!(least > last.min(2.0 * 10.0) - FORECAST_ERROR, "{} is nearer than {}", least, last);
     }
     Ok(())
 }
@@ -154,11 +157,11 @@ fn are_the_worst(
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// At every step of flights with rogues, fragments, decay and radar: what is written is what the columns say, and one that
-    /// wrote before, one begun afresh and one that wrote another episode give the same bits.
+    /// At every step of episodes with rogues, fragments, decay and radar the cells match their columns. A
+    /// used encoder, a new one and one that encoded another episode give the same bits.
     #[test]
-    fn tracks_are_what_their_columns_say_warm_or_cold(
-        task in 0..TASKS.len(),
+    fn tracks_match_their_columns_with_any_encoder(
+        task in 0..KESSLER_TASKS.len(),
         level in 0usize..10,
         seed in 0u64..1 << 40,
         physics in prop::sample::select(vec![("compat", "none"), ("compat", "upstream"), ("gravity", "j2"), ("risk", "pc"), ("contact", "swept")]),
@@ -166,61 +169,63 @@ proptest! {
         look_ahead in 1usize..25,
         size in prop::sample::select(vec![0.0, 0.2, 1.0]),
     ) {
-        let scenario = at_level(TASKS[task].id(), level, seed);
+        let scenario = at_level(KESSLER_TASKS[task].id(), level, seed);
         let recipe = scenario.recipe().as_ref().clone().with_option(physics.0, physics.1).unwrap();
         let recipe = recipe.with_param("rogue_probability", 0.1).unwrap().with_param("rogue_speed", 0.4).unwrap();
-        let mut flight = flight(&Scenario::new(recipe, scenario.seed()));
-        let mut burns = Seeded::new(Seed::user(seed).unwrap());
-        let mut warm = Tracks::new(k, look_ahead).unwrap();
-        // Carried over from an episode at the same place under other laws.
+        let mut sim = start_sim(&Scenario::new(recipe, scenario.seed()));
+        let mut burns = SeededRng::new(Seed::user(seed).unwrap());
+        let mut warm = TracksEncoder::new(k, look_ahead).unwrap();
+        // An encoder with buffers of an episode at the same place under other physics.
         let mut other = warm.clone();
-        let plain = super::staging::flight(&scenario);
-        let mut out = vec![0.0; warm.total()];
+        let plain = super::staging::start_sim(&scenario);
+        let mut out = vec![0.0; warm.total_cells()];
         other.write(&plain, &mut out);
         loop {
-            let mut cells = vec![f32::NAN; warm.total()];
-            warm.write(&flight, &mut cells);
-            for fresh in [&mut Tracks::new(k, look_ahead).unwrap(), &mut other, &mut warm] {
-                fresh.write(&flight, &mut out);
+            let mut cells = vec![f32::NAN; warm.total_cells()];
+            warm.write(&sim, &mut cells);
+            for fresh in [&mut TracksEncoder::new(k, look_ahead).unwrap(), &mut other, &mut warm] {
+                fresh.write(&sim, &mut out);
                 prop_assert!(out.iter().zip(&cells).all(|(a, b)| a.to_bits() == b.to_bits()));
             }
             for (number, row) in cells.chunks(warm.len()).enumerate() {
-                let satellite = flight.satellites()[number];
-                if satellite.active() {
+                let satellite = sim.satellites()[number];
+                if satellite.is_active() {
                     let (own, threats) = row.split_at(16);
-                    prop_assert_eq!(own, &expected(&flight, number, &warm)[..]);
-                    are_the_worst(threats, &flight, satellite.body, (k, look_ahead))?;
+                    prop_assert_eq!(own, &expected_own_cells(&sim, number, &warm)[..]);
+                    check_threats(threats, &sim, satellite.body, k, look_ahead)?;
                 } else {
                     prop_assert!(row.iter().all(|cell| *cell == 0.0));
                 }
             }
-            prop_assert!(cells.iter().all(|cell| cell.abs() <= LIMIT && !(*cell == 0.0 && cell.is_sign_negative())));
-            if flight.done() { break }
-            let values: [f64; 6] = std::array::from_fn(|_| burns.between(Stream::Policy, -size, size));
-            flight.step(JointAction { agents: &[0, 1, 2], values: &values }).unwrap();
+            prop_assert!(cells.iter().all(|cell| cell.abs() <= CELL_LIMIT && !(*cell == 0.0 && cell.is_sign_negative())));
+            if sim.is_done() { break }
+            let values: [f64; 6] = std::array::from_fn(|_| burns.uniform_in(RngStream::Policy, -size, size));
+            sim.step(JointAction { agents: &[0, 1, 2], values: &values }).unwrap();
         }
     }
 }
 
-/// A pass of known geometry, column by column.
+/// Tracks of a close approach with known geometry, column by column.
 #[test]
-fn validate_tracks_of_a_pass_by_hand() {
-    let pass = Pass { time: 4.5, miss: 1.5, speed: 6.0, heading: -1.2 };
-    let debris = [pass.start(apart()[0], Gravity::Point), Body { x: 0.0, y: -90.0, vx: 3.3, vy: 0.0 }];
-    let flight = flight(&staged(&apart(), &debris, &json!({}), &json!({}), 1));
-    let mut tracks = Tracks::new(3, 15).unwrap();
-    let mut cells = vec![0.0f32; tracks.total()];
-    tracks.write(&flight, &mut cells);
+fn validate_tracks_of_a_known_approach() {
+    let pass = StagedPass { time: 4.5, miss: 1.5, speed: 6.0, heading: -1.2 };
+    let debris =
+        [pass.start(separate_satellites()[0], Gravity::Point), Body { x: 0.0, y: -90.0, vx: 3.3, vy: 0.0 }];
+    let sim = start_sim(&staged_scenario(&separate_satellites(), &debris, &json!({}), &json!({}), 1));
+    let mut tracks = TracksEncoder::new(3, 15).unwrap();
+    let mut cells = vec![0.0f32; tracks.total_cells()];
+    tracks.write(&sim, &mut cells);
     let columns = tracks.columns();
     let value = |name: &str| {
         let i = columns.iter().position(|c| c.name == name).unwrap();
         f64::from(cells[i]) * columns[i].scale + columns[i].offset
     };
-    // Satellite 0 is at (60, 0) and moves along y: radial is x, in-track is y. f32 keeps seven digits, of what is foreseen six.
+    // Satellite 0 is at (60, 0) and moves along y: radial is x, in-track is y. f32 keeps seven digits,
+    // forecasts six.
     let near = |name: &str, expected: f64| {
-        let found = value(name);
-        let off = if name.ends_with("_miss") || name.ends_with("_time") { 1e-4 } else { 1e-5 };
-        assert!((found - expected).abs() < off, "{name} is {found}, not {expected}");
+        let actual = value(name);
+        let tolerance = if name.ends_with("_miss") || name.ends_with("_time") { 1e-4 } else { 1e-5 };
+        assert!((actual - expected).abs() < tolerance, "{name} is {actual}, not {expected}");
     };
     for (name, expected) in
         [("active", 1.0), ("radius", 60.0), ("radial_speed", 0.0), ("in_track_excess", 0.0)]
@@ -234,7 +239,7 @@ fn validate_tracks_of_a_pass_by_hand() {
     near("debris_0_radial", debris[0].x - 60.0);
     near("debris_0_in_track", debris[0].y);
     near("debris_0_radial_speed", debris[0].vx);
-    near("debris_0_in_track_speed", debris[0].vy - apart()[0].vy);
+    near("debris_0_in_track_speed", debris[0].vy - separate_satellites()[0].vy);
     near("debris_0_miss", 1.5);
     near("debris_0_time", 4.5);
     near("debris_1_present", 1.0);
@@ -244,14 +249,16 @@ fn validate_tracks_of_a_pass_by_hand() {
 
 /// A buffer of another size is filled as far as it goes, and zeroed beyond.
 #[test]
-fn any_buffer_will_do() {
-    let flight = flight(&at_level("kessler/survival", 3, 1));
-    let mut tracks = Tracks::default();
-    let mut whole = vec![0.0f32; tracks.total()];
-    tracks.write(&flight, &mut whole);
-    for length in [0, 1, 16, 17, tracks.len(), tracks.len() + 3, tracks.total() - 1, tracks.total() + 5] {
+fn buffer_of_any_size_is_filled_or_zeroed() {
+    let sim = start_sim(&at_level("kessler/survival", 3, 1));
+    let mut tracks = TracksEncoder::default();
+    let mut whole = vec![0.0f32; tracks.total_cells()];
+    tracks.write(&sim, &mut whole);
+    for length in
+        [0, 1, 16, 17, tracks.len(), tracks.len() + 3, tracks.total_cells() - 1, tracks.total_cells() + 5]
+    {
         let mut cells = vec![f32::NAN; length];
-        tracks.write(&flight, &mut cells);
+        tracks.write(&sim, &mut cells);
         let shared = length.min(whole.len());
         assert_eq!(cells[..shared], whole[..shared]);
         assert!(cells[shared..].iter().all(|&cell| cell == 0.0));
@@ -259,18 +266,18 @@ fn any_buffer_will_do() {
 }
 
 #[test]
-fn numbers_that_cannot_be_had_are_refused() {
-    let refused = |k, look_ahead| Tracks::new(k, look_ahead).unwrap_err().to_string();
-    insta::assert_snapshot!(refused(1001, 15), @"k is 1001, outside 0 to 1000");
-    insta::assert_snapshot!(refused(8, 0), @"look_ahead is 0, outside 1 to 50");
-    insta::assert_snapshot!(refused(8, 51), @"look_ahead is 51, outside 1 to 50");
+fn sizes_out_of_range_are_rejected() {
+    let error = |k, look_ahead| TracksEncoder::new(k, look_ahead).unwrap_err().to_string();
+    insta::assert_snapshot!(error(1001, 15), @"k is 1001, outside 0 to 1000");
+    insta::assert_snapshot!(error(8, 0), @"look_ahead is 0, outside 1 to 50");
+    insta::assert_snapshot!(error(8, 51), @"look_ahead is 51, outside 1 to 50");
 }
 
-/// The page that documents the columns has them all, in order, with unit and scale.
+/// `docs/kessler.md` documents all columns, in order, with unit and scale.
 #[test]
-fn the_page_has_every_column() {
+fn documentation_lists_every_column() {
     let page = include_str!("../../../../docs/kessler.md");
-    let tracks = Tracks::new(1, 15).unwrap();
+    let tracks = TracksEncoder::new(1, 15).unwrap();
     let mut rows = Vec::new();
     for (number, column) in tracks.columns().iter().enumerate() {
         let number = if number < 16 { number.to_string() } else { format!("16 + 7i + {}", number - 16) };
@@ -281,6 +288,6 @@ fn the_page_has_every_column() {
         ));
     }
     for row in &rows {
-        assert!(page.contains(row), "docs/kessler.md lacks, or says otherwise:\n{}", rows.join("\n"));
+        assert!(page.contains(row), "docs/kessler.md must contain:\n{}", rows.join("\n"));
     }
 }

@@ -3,17 +3,18 @@
 use crate::kessler::constants::{EARTH_RADIUS, GM, J2};
 use crate::kessler::kernel::{Body, Gravity};
 
-/// What an orbit did over many revolutions.
-struct Flown {
+/// Mean elements of an orbit over many revolutions.
+struct MeanOrbit {
     /// Slope of the angle of the eccentricity vector, rad/TU, by least squares.
     apsidal_rate: f64,
-    /// Mean of GM/(−2E), LU.
+    /// Semi-major axis: mean of GM/(−2E), LU.
     semi_major: f64,
-    /// Mean of h²/GM, LU.
+    /// Semi-latus rectum: mean of h²/GM, LU.
     semi_latus: f64,
 }
 
-fn fly(start: Body, gravity: Gravity, steps: u32) -> Flown {
+/// Propagates an orbit and averages its elements.
+fn mean_orbit(start: Body, gravity: Gravity, steps: u32) -> MeanOrbit {
     let mut body = start;
     let (mut angle, mut last) = (0.0, None);
     let (mut a_sum, mut p_sum) = (0.0, 0.0);
@@ -26,21 +27,23 @@ fn fly(start: Body, gravity: Gravity, steps: u32) -> Flown {
         // e = v × h/GM − r/|r| (Vallado 2013, eq. 2-78).
         let (ex, ey) = (vy * h / GM - x / r, -vx * h / GM - y / r);
         let raw = libm::atan2(ey, ex);
-        // Unwound: it moves by far less than half a turn a step.
+        // Unwraps the angle: it changes by far less than half a turn per step.
         let turn = raw - last.replace(raw).unwrap_or(raw);
         angle += libm::atan2(libm::sin(turn), libm::cos(turn));
         a_sum += 1.0 / (2.0 / r - v_2 / GM);
         p_sum += h * h / GM;
         ty += (f64::from(t) - middle) * angle;
-        body = body.coasted(gravity);
+        body = body.coast(gravity);
     }
-    Flown { apsidal_rate: ty / (n * (n * n - 1.0) / 12.0), semi_major: a_sum / n, semi_latus: p_sum / n }
+    MeanOrbit { apsidal_rate: ty / (n * (n * n - 1.0) / 12.0), semi_major: a_sum / n, semi_latus: p_sum / n }
 }
 
-/// The line of apsides turns by 1.5·n·J₂·(Re/p)² (Vallado 2013, eq. 9-41 and 9-39: ω̇ + Ω̇ at zero inclination). The
-/// integrator turns it by itself, so the rate without J₂ is taken off. Within 2 %: what is left is O((Re/p)²·J₂), below
-/// 1e-5, the integrator's own O(n·1 TU) change of elements, below 0.6 %, and the short-period swing of the angle, of
-/// amplitude J₂(Re/p)²/e, which a fit over 300 revolutions reduces to below 0.2 % of the turn.
+/// The line of apsides turns by 1.5·n·J₂·(Re/p)² (Vallado 2013, eq. 9-41 and 9-39: ω̇ + Ω̇ at zero
+/// inclination). The integrator turns it by itself, so the rate without J₂ is subtracted.
+///
+/// The bound is 2 %. The rest is O((Re/p)²·J₂), below 1e-5; the integrator's own O(n·1 TU) change of
+/// elements, below 0.6 %; and the short-period oscillation of the angle, of amplitude J₂(Re/p)²/e, which a
+/// fit over 300 revolutions reduces to below 0.2 % of the turn.
 #[test]
 fn validate_j2_apsidal_rate() {
     for (periapsis, e) in [(180.0f64, 0.4f64), (220.0, 0.25), (150.0, 0.6)] {
@@ -49,7 +52,8 @@ fn validate_j2_apsidal_rate() {
         let a = periapsis / (1.0 - e);
         let period = std::f64::consts::TAU * (a * a * a / GM).sqrt();
         let steps = (300.0 * period) as u32;
-        let (with, without) = (fly(start, Gravity::J2, steps), fly(start, Gravity::Point, steps));
+        let (with, without) =
+            (mean_orbit(start, Gravity::J2, steps), mean_orbit(start, Gravity::Point, steps));
         let measured = with.apsidal_rate - without.apsidal_rate;
         let motion = (GM / (with.semi_major * with.semi_major * with.semi_major)).sqrt();
         let ratio = EARTH_RADIUS / with.semi_latus;
@@ -62,13 +66,14 @@ fn validate_j2_apsidal_rate() {
     }
 }
 
-/// One step against the formula, by hand: at radius 40 LU J₂ adds 1.5·J₂/4 to the pull, and nothing else changes.
+/// One step against the formula, by hand: at radius 40 LU J₂ adds 1.5·J₂/4 to gravity, and nothing else
+/// changes.
 #[test]
-fn validate_j2_adds_its_part_to_the_pull() {
+fn validate_j2_term_of_one_step() {
     let body = Body { x: 24.0, y: -32.0, vx: 0.0, vy: 0.0 };
-    let (plain, oblate) = (body.coasted(Gravity::Point), body.coasted(Gravity::J2));
+    let (plain, oblate) = (body.coast(Gravity::Point), body.coast(Gravity::J2));
     let ratio = oblate.vx.hypot(oblate.vy) / plain.vx.hypot(plain.vy);
-    // Rounding of a handful of operations.
+    // Bound: rounding of a few operations.
     assert!((ratio - (1.0 + 1.5 * J2 * 0.25)).abs() < 1e-14, "{ratio}");
     assert!((oblate.vx * plain.vy - oblate.vy * plain.vx).abs() < 1e-14, "radial");
 }

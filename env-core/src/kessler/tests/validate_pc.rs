@@ -2,131 +2,147 @@
 
 use serde_json::json;
 
-use super::staging::{Pass, apart, flight, staged};
-use crate::chance::{Chance, Seeded, Stream};
-use crate::kessler::TASKS;
+use super::staging::{StagedPass, separate_satellites, staged_scenario, start_sim};
+use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
+use crate::kessler::KESSLER_TASKS;
 use crate::kessler::constants::{CONTACT_DISTANCE, SURVIVED};
-use crate::kessler::event::Event;
-use crate::kessler::flight::Flight;
+use crate::kessler::event::KesslerEvent;
 use crate::kessler::kernel::{Gravity, collision_probability};
-use crate::kessler::setup::{Setup, Start};
+use crate::kessler::setup::{InitialState, KesslerSetup};
+use crate::kessler::simulation::KesslerSim;
 use crate::log::JointAction;
 use crate::seed::Seed;
 
-const DRAWS: u32 = 200_000;
+/// Number of Monte Carlo draws.
+const MONTE_CARLO_DRAWS: u32 = 200_000;
 
-/// Four standard deviations of the share of `DRAWS` draws, each a hit with probability p: one run in 16 000 is beyond.
+/// Four standard deviations of the share of hits among the draws, each a hit with probability p. One run in
+/// 16 000 is beyond.
 fn tolerance(p: f64) -> f64 {
-    4.0 * (p * (1.0 - p) / f64::from(DRAWS)).sqrt()
+    4.0 * (p * (1.0 - p) / f64::from(MONTE_CARLO_DRAWS)).sqrt()
 }
 
-fn normals(seed: u64) -> impl FnMut() -> (f64, f64) {
-    let chance = Seeded::new(Seed::user(seed).unwrap());
+fn normals(seed: u64) -> impl FnMut() -> [f64; 2] {
+    let rng = SeededRng::new(Seed::user(seed).unwrap());
     let mut number = 0;
     move || {
         number += 1;
-        chance.first_normals(Stream::Warning { step: 0, satellite: 0, debris: number })
+        rng.peek_normals(RngStream::Warning { step: 0, satellite: 0, debris: number })
     }
 }
 
-/// Straight courses through a relative position that is uncertain by σ on each axis.
+/// Straight courses with a relative position that is uncertain by σ on each axis.
 #[test]
 fn validate_pc_against_monte_carlo() {
     let cases = [(0.0, 0.5), (1.5, 0.5), (2.0, 0.5), (3.0, 0.5), (0.0, 3.0), (4.0, 3.0), (10.0, 8.0)];
     for (case, (miss, sigma)) in (0u64..).zip(cases) {
         let mut draw = normals(case);
         let (sin, cos) = libm::sincos(0.7 + case as f64);
-        let hits = (0..DRAWS)
+        let hits = (0..MONTE_CARLO_DRAWS)
             .filter(|_| {
-                let (a, b) = draw();
-                // Relative position at the nominal closest approach, and distance of the line through it along the
-                // relative velocity (cos, sin).
+                let [a, b] = draw();
+                // Relative position at the nominal closest approach, and distance of the line through it
+                // along the relative velocity (cos, sin).
                 let (x, y) = (-miss * sin + sigma * a, miss * cos + sigma * b);
                 (y * cos - x * sin).abs() < CONTACT_DISTANCE
             })
             .count();
-        let share = hits as f64 / f64::from(DRAWS);
+        let share = hits as f64 / f64::from(MONTE_CARLO_DRAWS);
         let p = collision_probability(miss, sigma);
         println!("miss {miss}, sigma {sigma}: {share:.5}, formula {p:.5}");
         assert!((share - p).abs() <= tolerance(p), "miss {miss}, sigma {sigma}: {share} {p}");
     }
 }
 
-/// An encounter flown by the engine under `risk: pc`, against the same encounter flown many times by the engine under
-/// `contact: swept`, the debris displaced at random where they pass. Courses are straight within
-/// a step, as the formula has it; only what is displaced along its course by more than half a step's way (3 LU, at most one
-/// draw in seven) is met in another step, and has been bent by about GM/r³·d·dt² on the way, 0.03 LU. At σ = 2 that shifts a
-/// probability by 0.03 · 0.24/LU / 7 = 0.001: the tolerance lets four times as much through.
+/// A close approach under `risk: pc` against the same encounter under `contact: swept`, with the debris
+/// displaced at random at the closest approach.
+///
+/// Courses are straight within a step, as the formula assumes. Only debris that is displaced along its course
+/// by more than half a step's way (3 LU, at most one draw in seven) is met in another step; gravity has bent
+/// its path by about GM/r³·d·dt² by then, 0.03 LU. At σ = 2 that shifts a probability by 0.03 · 0.24/LU / 7 =
+/// 0.001: the tolerance is four times as large.
 #[test]
-fn validate_pc_of_an_encounter_that_the_engine_flies() {
+fn validate_pc_against_swept_contacts_of_the_engine() {
     for (case, (miss, sigma, heading)) in
         (0u64..).zip([(0.5, 0.5, -1.2), (2.2, 0.5, 0.4), (2.5, 1.5, 2.0), (0.0, 2.0, -2.4)])
     {
-        let pass = Pass { time: 4.5, miss, speed: 6.0, heading };
-        let debris = pass.start(apart()[0], Gravity::Point);
-        let at_risk = staged(&apart(), &[debris], &json!({"risk": "pc"}), &json!({"sigma": sigma}), 1);
-        let mut flown = flight(&at_risk);
-        let mut passed = Vec::new();
+        let pass = StagedPass { time: 4.5, miss, speed: 6.0, heading };
+        let debris = pass.start(separate_satellites()[0], Gravity::Point);
+        let at_risk = staged_scenario(
+            &separate_satellites(),
+            &[debris],
+            &json!({"risk": "pc"}),
+            &json!({"sigma": sigma}),
+            1,
+        );
+        let mut risk_sim = start_sim(&at_risk);
+        let mut approaches = Vec::new();
         for _ in 0..8 {
-            flown.step(JointAction::HOLD).unwrap();
-            passed.extend(
-                flown
+            risk_sim.step(JointAction::HOLD).unwrap();
+            approaches.extend(
+                risk_sim
                     .events()
                     .iter()
                     .copied()
-                    .filter(|event| matches!(event, Event::Passed { satellite: 0, .. })),
+                    .filter(|event| matches!(event, KesslerEvent::CloseApproach { satellite: 0, .. })),
             );
         }
-        let [Event::Passed { miss: told, probability, .. }] = passed[..] else { panic!("{passed:?}") };
-        // The backward and forward trip of 5 steps closes to 1e-9.
-        assert!((told - miss).abs() < 1e-9);
-        assert_eq!(flown.satellites()[0].survival, 1.0 - probability);
+        let [KesslerEvent::CloseApproach { miss: actual_miss, probability, .. }] = approaches[..] else {
+            panic!("{approaches:?}")
+        };
+        // Bound: the backward and forward trip of 5 steps closes to 1e-9.
+        assert!((actual_miss - miss).abs() < 1e-9);
+        assert_eq!(risk_sim.satellites()[0].survival, 1.0 - probability);
 
         let mut draw = normals(100 + case);
-        let swept = staged(&apart(), &[debris], &json!({"contact": "swept"}), &json!({}), 1);
-        let setup = Setup::read(swept.recipe()).unwrap();
-        let mut start = Start { satellites: apart(), debris: vec![debris], ..Start::default() };
+        let swept =
+            staged_scenario(&separate_satellites(), &[debris], &json!({"contact": "swept"}), &json!({}), 1);
+        let setup = KesslerSetup::from_recipe(swept.recipe()).unwrap();
+        let mut start = InitialState {
+            satellites: separate_satellites(),
+            debris: vec![debris],
+            ..InitialState::default()
+        };
         let seed = Seed::user(1).unwrap();
-        let mut flight = Flight::new(TASKS[0].objective(), setup, &start, Seeded::new(seed));
-        let hits = (0..DRAWS)
+        let mut sim = KesslerSim::new(KESSLER_TASKS[0].objective(), setup, &start, SeededRng::new(seed));
+        let hits = (0..MONTE_CARLO_DRAWS)
             .filter(|_| {
-                let (a, b) = draw();
-                start.debris[0] = pass.start_off(apart()[0], Gravity::Point, (sigma * a, sigma * b));
-                flight.restart(&start, Seeded::new(seed));
+                let [a, b] = draw();
+                start.debris[0] =
+                    pass.displaced_start(separate_satellites()[0], Gravity::Point, (sigma * a, sigma * b));
+                sim.reset(&start, SeededRng::new(seed));
                 (0..8).any(|_| {
-                    flight.step(JointAction::HOLD).unwrap();
-                    !flight.satellites()[0].active()
+                    sim.step(JointAction::HOLD).unwrap();
+                    !sim.satellites()[0].is_active()
                 })
             })
             .count();
-        let share = hits as f64 / f64::from(DRAWS);
+        let share = hits as f64 / f64::from(MONTE_CARLO_DRAWS);
         println!("miss {miss}, sigma {sigma}: {share:.5}, engine {probability:.5}");
         assert!((share - probability).abs() <= tolerance(probability), "{share} {probability}");
     }
 }
 
-/// Survival is the product over encounters of 1 − Pc, and stands where `active` stood in reward and success.
+/// Survival is the product of 1 − Pc over close approaches, and replaces the status in reward and success.
 #[test]
-fn validate_pc_survival_is_a_product_over_encounters() {
-    let passes = [(3.5, 2.4, 0.5), (7.25, 2.1, 2.2), (12.75, 2.6, 2.8)].map(|(time, miss, heading)| Pass {
-        time,
-        miss,
-        speed: 5.0,
-        heading,
-    });
-    let debris = passes.map(|pass| pass.start(apart()[0], Gravity::Point));
-    let mut flight = flight(&staged(&apart(), &debris, &json!({"risk": "pc"}), &json!({}), 1));
+fn validate_pc_survival_is_a_product() {
+    let passes = [(3.5, 2.4, 0.5), (7.25, 2.1, 2.2), (12.75, 2.6, 2.8)]
+        .map(|(time, miss, heading)| StagedPass { time, miss, speed: 5.0, heading });
+    let debris = passes.map(|pass| pass.start(separate_satellites()[0], Gravity::Point));
+    let mut sim =
+        start_sim(&staged_scenario(&separate_satellites(), &debris, &json!({"risk": "pc"}), &json!({}), 1));
     let mut expected = 1.0;
     for step in 1..=15 {
-        let stepped = flight.step(JointAction::HOLD).unwrap();
+        let stepped = sim.step(JointAction::HOLD).unwrap();
         for pass in passes.iter().filter(|pass| pass.time.ceil() as u32 == step) {
             expected *= 1.0 - collision_probability(pass.miss, 0.5);
         }
-        // Backward and forward trips of 13 steps close to 1e-9; Pc changes by at most 1/(σ√2π) = 0.8 a LU.
-        assert!((flight.satellites()[0].survival - expected).abs() < 1e-8, "step {step}");
-        let alive: f64 = flight.satellites().iter().map(|s| s.survival).sum();
+        // Bound: backward and forward trips of 13 steps close to 1e-9; Pc changes by at most 1/(σ√2π) = 0.8
+        // per LU.
+        assert!((sim.satellites()[0].survival - expected).abs() < 1e-8, "step {step}");
+        let alive: f64 = sim.satellites().iter().map(|s| s.survival).sum();
         assert!((stepped.reward - alive / 3.0 * 0.998 / 50.0).abs() < 1e-15);
     }
-    assert!(expected < SURVIVED && flight.satellites()[0].active());
-    assert_eq!(flight.flown().lost, 1);
+    assert!(expected < SURVIVED && sim.satellites()[0].is_active());
+    assert_eq!(sim.outcome().lost, 1);
 }

@@ -1,24 +1,36 @@
-//! Conjunction warnings: exact ones come true, noisy ones err as documented, and looking shifts nothing.
+//! Conjunction warnings: exact ones come true, noisy ones have the documented errors, and reading them
+//! changes nothing.
 
 use std::collections::BTreeMap;
 
 use serde_json::json;
 
 use super::at_level;
-use super::staging::{Pass, apart, flight, staged};
+use super::staging::{StagedPass, separate_satellites, staged_scenario, start_sim};
 use crate::kessler::kernel::{Body, Gravity, collision_probability};
-use crate::kessler::telemetry::Telemetry;
-use crate::kessler::warnings::{Conjunction, LOOK_AHEAD, NOISE_GROWTH, SCREENING};
+use crate::kessler::telemetry::KesslerTelemetry;
+use crate::kessler::warnings::{Conjunction, NOISE_GROWTH, SCREENING_DISTANCE, WARNING_LOOK_AHEAD};
 use crate::log::JointAction;
-use crate::scenario::Scenario;
+use crate::task::Scenario;
 
-/// Positions of one body from now on, step by step, as the engine flew it.
-type Flown = Vec<(f64, f64)>;
+/// Positions of one body after each step, as the engine propagated it.
+type RecordedPath = Vec<(f64, f64)>;
 
-/// The deepest closest approach of two courses made of straight lines: time, distance, relative speed. From positions
-/// alone: where the slope of the distance squared turns from falling to rising, within a line or at a bend.
-fn deepest(a: &Flown, b: &Flown) -> Option<(f64, f64, f64)> {
-    let mut best: Option<(f64, f64, f64)> = None;
+/// Closest approach of two recorded paths.
+#[derive(Debug, Clone, Copy)]
+struct RecordedApproach {
+    /// Time, TU from the start of the paths.
+    time: f64,
+    /// Distance of the closest approach, LU.
+    miss: f64,
+    /// Relative speed at that time, LU/TU.
+    speed: f64,
+}
+
+/// Deepest closest approach of two paths made of straight lines, from positions alone: where the squared
+/// distance turns from falling to rising, within a line or at a bend.
+fn deepest_approach(a: &RecordedPath, b: &RecordedPath) -> Option<RecordedApproach> {
+    let mut best: Option<RecordedApproach> = None;
     let mut falling = false;
     for (step, (a, b)) in a.windows(2).zip(b.windows(2)).enumerate() {
         let start = (a[0].0 - b[0].0, a[0].1 - b[0].1);
@@ -33,75 +45,77 @@ fn deepest(a: &Flown, b: &Flown) -> Option<(f64, f64, f64)> {
         falling = at_end < 0.0;
         if let Some(t) = within {
             let miss = (start.0 + w.0 * t).hypot(start.1 + w.1 * t);
-            if miss < SCREENING && best.is_none_or(|(_, least, _)| miss < least) {
-                best = Some((step as f64 + t, miss, w.0.hypot(w.1)));
+            if miss < SCREENING_DISTANCE && best.is_none_or(|best| miss < best.miss) {
+                best = Some(RecordedApproach { time: step as f64 + t, miss, speed: w.0.hypot(w.1) });
             }
         }
     }
     best
 }
 
-/// Asks for warnings at `now`, holds from there, and finds in what was flown every conjunction that was foretold, and
-/// no other. Rogues that came later were not foretold.
-fn come_true(scenario: &Scenario, now: u32) -> usize {
-    let mut flight = flight(scenario);
+/// Reads warnings at step `now`, holds from there, and finds in the recorded paths every conjunction that was
+/// warned of, and no other. Rogues that arrive later have no warning. Returns the number of conjunctions.
+fn count_true_warnings(scenario: &Scenario, now: u32) -> usize {
+    let mut sim = start_sim(scenario);
     let kick = [0.3, -0.2, -0.1, 0.25, 0.2, 0.2];
     for _ in 0..now {
-        flight.step(JointAction { agents: &[0, 1, 2], values: &kick }).unwrap();
+        sim.step(JointAction { agents: &[0, 1, 2], values: &kick }).unwrap();
     }
-    let told = flight.conjunctions(true).unwrap();
-    let ids: Vec<u32> = (0..flight.debris().len()).map(|i| flight.debris().id(i)).collect();
-    let mut satellites: [Flown; 3] = Default::default();
-    let mut debris: BTreeMap<u32, Flown> = ids.iter().map(|&id| (id, Flown::new())).collect();
-    for step in 0..=LOOK_AHEAD {
-        for (flown, s) in satellites.iter_mut().zip(flight.satellites()).filter(|(_, s)| s.active()) {
-            flown.push((s.body.x, s.body.y));
+    let warnings = sim.conjunctions(true).unwrap();
+    let ids: Vec<u32> = (0..sim.debris().len()).map(|i| sim.debris().id(i)).collect();
+    let mut satellites: [RecordedPath; 3] = Default::default();
+    let mut debris: BTreeMap<u32, RecordedPath> = ids.iter().map(|&id| (id, RecordedPath::new())).collect();
+    for step in 0..=WARNING_LOOK_AHEAD {
+        for (path, s) in satellites.iter_mut().zip(sim.satellites()).filter(|(_, s)| s.is_active()) {
+            path.push((s.body.x, s.body.y));
         }
-        for i in 0..flight.debris().len() {
-            let Body { x, y, .. } = flight.debris().body(i);
-            if let Some(flown) = debris.get_mut(&flight.debris().id(i)) {
-                flown.push((x, y));
+        for i in 0..sim.debris().len() {
+            let Body { x, y, .. } = sim.debris().body(i);
+            if let Some(path) = debris.get_mut(&sim.debris().id(i)) {
+                path.push((x, y));
             }
         }
-        if step < LOOK_AHEAD {
-            flight.step(JointAction::HOLD).unwrap();
+        if step < WARNING_LOOK_AHEAD {
+            sim.step(JointAction::HOLD).unwrap();
         }
     }
     let mut expected = 0;
     for (number, satellite) in (0u32..).zip(&satellites) {
-        for (&id, course) in &debris {
-            let row = told.iter().find(|c| (c.satellite_id, c.debris_id) == (number, id));
-            match (deepest(satellite, course), row) {
+        for (&id, path) in &debris {
+            let row = warnings.iter().find(|c| (c.satellite_id, c.debris_id) == (number, id));
+            match (deepest_approach(satellite, path), row) {
                 (None, None) => {}
-                // At the very start a bend counts if they were approaching before, which positions alone do not say.
+                // A bend at the very start counts if they were approaching before, which positions alone do
+                // not show.
                 (None, Some(row)) => {
                     assert_eq!(row.time_to_closest_approach, 0.0, "{row:?} did not come true");
                 }
-                (Some(found), None) => panic!("{number} and {id}: {found:?} was not foretold"),
-                (Some((time, miss, speed)), Some(row)) => {
+                (Some(approach), None) => panic!("{number} and {id}: {approach:?} has no warning"),
+                (Some(RecordedApproach { time, miss, speed }), Some(row)) => {
                     expected += 1;
-                    // A step and its forecast are the same operations; the courses here are differences of positions,
-                    // with a rounding of 1e-14, over relative speeds of 1e-2 LU/TU and more: 1e-9 is ample.
+                    // A step and its forecast are the same operations. The paths here are differences of
+                    // positions with a rounding of 1e-14, over relative speeds of 1e-2 LU/TU and more: 1e-9
+                    // is ample.
                     assert!((row.time_to_closest_approach - time).abs() < 1e-9, "{row:?} {time}");
                     assert!((row.miss_distance - miss).abs() < 1e-9, "{row:?} {miss}");
                     assert!((row.relative_speed - speed).abs() < 1e-9, "{row:?} {speed}");
-                    let sigma = flight.setup().sigma;
+                    let sigma = sim.setup().sigma;
                     assert_eq!(row.probability, collision_probability(row.miss_distance, sigma));
                 }
             }
         }
     }
-    assert!(told.is_sorted_by(|a, b| {
+    assert!(warnings.is_sorted_by(|a, b| {
         let key = |c: &Conjunction| (c.satellite_id, c.time_to_closest_approach);
         key(a) <= key(b)
     }));
     expected
 }
 
-/// Under `risk: pc` nothing destroys, so that every conjunction can be watched to its end.
+/// Under `risk: pc` nothing is destroyed, so every conjunction can be followed to its end.
 #[test]
 fn validate_warnings_exact_ones_come_true() {
-    let mut found = 0;
+    let mut conjunctions = 0;
     for (task, level) in [("survival", 3), ("eco_station", 2), ("rendezvous", 6), ("formation", 8)] {
         for gravity in ["point", "j2"] {
             for seed in 0..24 {
@@ -110,46 +124,51 @@ fn validate_warnings_exact_ones_come_true() {
                 let recipe = recipe.with_option("warnings", "exact").unwrap();
                 let recipe =
                     recipe.with_option("risk", "pc").unwrap().with_option("gravity", gravity).unwrap();
-                found += come_true(&Scenario::new(recipe, scenario.seed()), seed as u32 % 10);
+                conjunctions += count_true_warnings(&Scenario::new(recipe, scenario.seed()), seed as u32 % 10);
             }
         }
     }
-    println!("{found} conjunctions came true");
-    assert!(found > 400);
+    println!("{conjunctions} conjunctions came true");
+    assert!(conjunctions > 400);
 }
 
-fn warned(warnings: &str, sigma: f64, seed: u64) -> Telemetry {
-    let passes = [(3.0, 3.0, 0.5), (7.5, 2.5, 2.2), (14.0, 3.0, 2.8)].map(|(time, miss, heading)| Pass {
-        time,
-        miss,
-        speed: 5.0,
-        heading,
-    });
-    let debris = passes.map(|pass| pass.start(apart()[0], Gravity::Point));
-    let scenario = staged(&apart(), &debris, &json!({"warnings": warnings}), &json!({"sigma": sigma}), seed);
-    flight(&scenario).telemetry(0.0, false)
+fn telemetry_with(warnings: &str, sigma: f64, seed: u64) -> KesslerTelemetry {
+    let passes = [(3.0, 3.0, 0.5), (7.5, 2.5, 2.2), (14.0, 3.0, 2.8)]
+        .map(|(time, miss, heading)| StagedPass { time, miss, speed: 5.0, heading });
+    let debris = passes.map(|pass| pass.start(separate_satellites()[0], Gravity::Point));
+    let scenario = staged_scenario(
+        &separate_satellites(),
+        &debris,
+        &json!({"warnings": warnings}),
+        &json!({"sigma": sigma}),
+        seed,
+    );
+    start_sim(&scenario).telemetry(0.0, false)
 }
 
-/// Of each debris the row that warns satellite 0.
-fn rows(telemetry: &Telemetry) -> [Conjunction; 3] {
+/// Warning of satellite 0 for each debris body.
+fn warnings_of_satellite_0(telemetry: &KesslerTelemetry) -> [Conjunction; 3] {
     std::array::from_fn(|id| {
         let mut rows = telemetry.conjunctions.iter().flatten();
         *rows.find(|c| c.satellite_id == 0 && c.debris_id as usize == id).unwrap()
     })
 }
 
-/// Over many seeds: the error of the miss and, along the relative velocity, that of the time have mean 0 and the
-/// standard deviation σ·4·t/15, and the probability is that of the miss told and of both uncertainties together.
+/// Over many seeds the error of the miss and, along the relative velocity, that of the time have mean 0 and
+/// the standard deviation σ·4·t/15. The probability is that of the reported miss with both uncertainties
+/// together.
 #[test]
 fn validate_warnings_noise_grows_with_look_ahead() {
-    // So small that a miss of 2.5 LU never comes near zero, where distances are folded, and the part of the error along
-    // the course never changes the miss.
+    // So small that a miss of 2.5 LU never comes near zero, where distances are folded, and that an error
+    // along the course never changes the miss.
     const SIGMA: f64 = 0.05;
     const SEEDS: u64 = 4_000;
-    let exact = rows(&warned("exact", SIGMA, 0));
+    let exact = warnings_of_satellite_0(&telemetry_with("exact", SIGMA, 0));
     let mut sums = [[0.0f64; 4]; 3];
     for seed in 0..SEEDS {
-        for ((noisy, exact), sum) in rows(&warned("noisy", SIGMA, seed)).iter().zip(&exact).zip(&mut sums) {
+        for ((noisy, exact), sum) in
+            warnings_of_satellite_0(&telemetry_with("noisy", SIGMA, seed)).iter().zip(&exact).zip(&mut sums)
+        {
             let across = noisy.miss_distance - exact.miss_distance;
             let late = noisy.time_to_closest_approach - exact.time_to_closest_approach;
             let along = late * exact.relative_speed;
@@ -157,7 +176,7 @@ fn validate_warnings_noise_grows_with_look_ahead() {
                 *sum += value / SEEDS as f64;
             }
             assert_eq!(noisy.relative_speed, exact.relative_speed);
-            let error = SIGMA * NOISE_GROWTH * exact.time_to_closest_approach / LOOK_AHEAD as f64;
+            let error = SIGMA * NOISE_GROWTH * exact.time_to_closest_approach / WARNING_LOOK_AHEAD as f64;
             let sigma = (SIGMA * SIGMA + error * error).sqrt();
             assert_eq!(noisy.probability, collision_probability(noisy.miss_distance, sigma));
         }
@@ -165,7 +184,7 @@ fn validate_warnings_noise_grows_with_look_ahead() {
     for (sum, time) in sums.iter().zip([3.0, 7.5, 14.0]) {
         let deviation = SIGMA * 4.0 * time / 15.0;
         println!(
-            "{time} TU: error {deviation:.4}, found across {:.4}, along {:.4}",
+            "{time} TU: error {deviation:.4}, measured across {:.4}, along {:.4}",
             sum[1].sqrt(),
             sum[3].sqrt()
         );
@@ -181,48 +200,50 @@ fn validate_warnings_noise_grows_with_look_ahead() {
     }
 }
 
-/// Noise is drawn anew in each step and for each pair, belongs to the seed, and looking draws nothing from the episode.
+/// Noise is drawn anew in each step and for each pair and depends on the seed. Reading warnings draws nothing
+/// from the episode.
 #[test]
-fn validate_warnings_shift_nothing() {
-    let fly = |warnings: &str, looks: usize| {
+fn validate_warnings_change_no_draw() {
+    let observe = |warnings: &str, looks: usize| {
         let scenario = at_level("kessler/rendezvous", 9, 3);
         let recipe = scenario.recipe().as_ref().clone().with_option("warnings", warnings).unwrap();
-        let mut flight = flight(&Scenario::new(recipe, scenario.seed()));
-        let mut seen = Vec::new();
-        while !flight.done() {
+        let mut sim = start_sim(&Scenario::new(recipe, scenario.seed()));
+        let mut warnings = Vec::new();
+        while !sim.is_done() {
             for _ in 0..looks {
-                seen.push(flight.telemetry(0.0, false).conjunctions);
+                warnings.push(sim.telemetry(0.0, false).conjunctions);
             }
-            flight.step(JointAction::HOLD).unwrap();
+            sim.step(JointAction::HOLD).unwrap();
         }
-        (flight.state_hash(), seen)
+        (sim.state_hash(), warnings)
     };
-    let (never, once, twice, none) = (fly("noisy", 0), fly("noisy", 1), fly("noisy", 2), fly("none", 1));
+    let (never, once, twice, none) =
+        (observe("noisy", 0), observe("noisy", 1), observe("noisy", 2), observe("none", 1));
     assert!(never.0 == once.0 && once.0 == twice.0 && none.0 == never.0);
-    for (number, seen) in once.1.iter().enumerate() {
-        assert!(seen == &twice.1[2 * number] && seen == &twice.1[2 * number + 1]);
+    for (number, warnings) in once.1.iter().enumerate() {
+        assert!(warnings == &twice.1[2 * number] && warnings == &twice.1[2 * number + 1]);
     }
     assert!(none.1.iter().all(Option::is_none));
     let conjunctions = once.1.iter().flatten().map(Vec::len).sum::<usize>();
     assert!(conjunctions > 20, "{conjunctions}");
-    // Hidden debris is warned of only to those who may see everything.
+    // Only callers that see everything are warned of hidden debris.
     let scenario = at_level("kessler/survival", 9, 3);
     let recipe = scenario.recipe().as_ref().clone().with_option("warnings", "exact").unwrap();
-    let flight = flight(&Scenario::new(recipe, scenario.seed()));
-    let (seen, all) = (flight.conjunctions(false).unwrap(), flight.conjunctions(true).unwrap());
-    assert!(seen.len() < all.len() && seen.iter().all(|c| all.contains(c)));
+    let sim = start_sim(&Scenario::new(recipe, scenario.seed()));
+    let (visible, all) = (sim.conjunctions(false).unwrap(), sim.conjunctions(true).unwrap());
+    assert!(visible.len() < all.len() && visible.iter().all(|c| all.contains(c)));
 }
 
-/// The wire: nothing of it unless asked for, and what is written reads back.
+/// Telemetry has warnings only if the option asks for them, and it reads back unchanged.
 #[test]
-fn warnings_on_the_wire() {
-    let plain = serde_json::to_value(warned("none", 0.5, 1)).unwrap();
+fn telemetry_omits_absent_fields_and_reads_back() {
+    let plain = serde_json::to_value(telemetry_with("none", 0.5, 1)).unwrap();
     for field in ["conjunctions", "target_separation"] {
         assert!(plain.get(field).is_none(), "{field}");
     }
     assert!(plain["satellites"][0].get("survival_probability").is_none());
-    let told = warned("exact", 0.5, 1);
-    let wire = serde_json::to_value(&told).unwrap();
+    let with_warnings = telemetry_with("exact", 0.5, 1);
+    let wire = serde_json::to_value(&with_warnings).unwrap();
     let mut names: Vec<&String> = wire["conjunctions"][0].as_object().unwrap().keys().collect();
     names.sort();
     assert_eq!(
@@ -236,11 +257,11 @@ fn warnings_on_the_wire() {
             "time_to_closest_approach"
         ]
     );
-    assert_eq!(serde_json::from_value::<Telemetry>(wire).unwrap(), told);
-    assert_eq!(serde_json::from_value::<Telemetry>(plain).unwrap(), warned("none", 0.5, 1));
-    let formation = flight(&at_level("kessler/formation", 0, 1)).telemetry(0.0, false);
+    assert_eq!(serde_json::from_value::<KesslerTelemetry>(wire).unwrap(), with_warnings);
+    assert_eq!(serde_json::from_value::<KesslerTelemetry>(plain).unwrap(), telemetry_with("none", 0.5, 1));
+    let formation = start_sim(&at_level("kessler/formation", 0, 1)).telemetry(0.0, false);
     assert_eq!(serde_json::to_value(formation).unwrap()["target_separation"], 20.0);
-    let at_risk = staged(&apart(), &[], &json!({"risk": "pc"}), &json!({}), 1);
-    let at_risk = serde_json::to_value(flight(&at_risk).telemetry(0.0, false)).unwrap();
+    let at_risk = staged_scenario(&separate_satellites(), &[], &json!({"risk": "pc"}), &json!({}), 1);
+    let at_risk = serde_json::to_value(start_sim(&at_risk).telemetry(0.0, false)).unwrap();
     assert_eq!(at_risk["satellites"][2]["survival_probability"], 1.0);
 }

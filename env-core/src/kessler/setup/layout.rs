@@ -1,0 +1,137 @@
+//! Parses the bodies of a recipe's layout and checks them against their bounds.
+
+use std::fmt::Arguments;
+
+use super::{KesslerSetup, RogueArrival, invalid_layout};
+use crate::error::ScenarioError;
+use crate::kessler::constants::{EARTH_RADIUS, HORIZON, SATELLITES};
+use crate::kessler::kernel::Body;
+use crate::kessler::spaces::MAX_DEBRIS;
+use crate::task::{Layout, LayoutMode, MAX_LAYOUT_ROWS};
+
+/// Largest coordinate of a layout's body, LU: far beyond anything that matters in 50 steps.
+const MAX_COORDINATE: f64 = 1000.0;
+/// Largest velocity component of a layout's body, LU/TU.
+const MAX_SPEED: f64 = 100.0;
+/// Longest name of an unknown table that an error repeats, in characters.
+const MAX_TABLE_NAME: usize = 60;
+
+impl KesslerSetup {
+    /// Adds the bodies of a layout.
+    ///
+    /// # Errors
+    /// Returns [`ScenarioError`] if a table or row is invalid, or if the number of rows contradicts the
+    /// params.
+    pub(super) fn read_layout(&mut self, layout: &Layout) -> Result<(), ScenarioError> {
+        let rows: usize = layout.bodies.values().map(Vec::len).sum();
+        if rows > MAX_LAYOUT_ROWS {
+            let reason = format!("{rows} rows; at most {MAX_LAYOUT_ROWS} are taken");
+            return Err(invalid_layout("layout.bodies", reason));
+        }
+        let replace = layout.mode == LayoutMode::Replace;
+        for (table, rows) in &layout.bodies {
+            match table.as_str() {
+                "satellites" => self.layout_satellites = Some(parse_satellites(table, rows)?),
+                "debris" => {
+                    self.layout_debris = parse_bodies(table, rows)?;
+                    if replace {
+                        self.replace_debris(rows.len())?;
+                    }
+                }
+                "rogues" => {
+                    for (i, row) in rows.iter().enumerate() {
+                        self.layout_rogues.push(parse_rogue(format_args!("layout.bodies.{table}.{i}"), row)?);
+                    }
+                    self.layout_rogues.sort_by_key(|rogue| rogue.step);
+                    self.replaces_rogues = replace;
+                }
+                _ => {
+                    let name = table.chars().take(MAX_TABLE_NAME).collect::<String>();
+                    return Err(ScenarioError::UnknownField {
+                        field: format!("layout.bodies.{name}"),
+                        known: "satellites, debris, rogues".to_owned(),
+                    });
+                }
+            }
+        }
+        let (drawn, given) = (self.debris, self.layout_debris.len());
+        if (drawn + given) as f64 > MAX_DEBRIS {
+            return Err(invalid_layout(
+                "layout.bodies.debris",
+                format!("{given} beside {drawn} that are drawn; a scenario has at most {MAX_DEBRIS} in all"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Draws no debris, since the layout gives `rows` of it. `params.debris` must say the same number.
+    fn replace_debris(&mut self, rows: usize) -> Result<(), ScenarioError> {
+        if self.debris != rows {
+            return Err(invalid_layout(
+                "params.debris",
+                format!("it is {}, but the layout replaces debris by {rows}: say {rows}", self.debris),
+            ));
+        }
+        self.debris = 0;
+        Ok(())
+    }
+}
+
+fn parse_satellites(table: &str, rows: &[Vec<f64>]) -> Result<[Body; SATELLITES], ScenarioError> {
+    parse_bodies(table, rows)?.try_into().map_err(|given: Vec<Body>| {
+        let reason = format!("{} rows; give all {SATELLITES}", given.len());
+        invalid_layout("layout.bodies.satellites", reason)
+    })
+}
+
+fn parse_bodies(table: &str, rows: &[Vec<f64>]) -> Result<Vec<Body>, ScenarioError> {
+    let numbered = rows.iter().enumerate();
+    numbered.map(|(i, row)| parse_body(format_args!("layout.bodies.{table}.{i}"), row)).collect()
+}
+
+fn parse_body(field: Arguments<'_>, row: &[f64]) -> Result<Body, ScenarioError> {
+    let &[x, y, vx, vy] = row else {
+        let reason = format!("{} numbers; a body is x, y, vx, vy", row.len());
+        return Err(invalid_layout(&field.to_string(), reason));
+    };
+    check_body(field, 0, Body { x, y, vx, vy })
+}
+
+fn parse_rogue(field: Arguments<'_>, row: &[f64]) -> Result<RogueArrival, ScenarioError> {
+    let &[step, x, y, vx, vy] = row else {
+        let reason = format!("{} numbers; a rogue is step, x, y, vx, vy", row.len());
+        return Err(invalid_layout(&field.to_string(), reason));
+    };
+    check_range(format_args!("{field}.0"), step, 1.0, f64::from(HORIZON))?;
+    if libm::floor(step) != step {
+        let wanted = "a whole number".to_owned();
+        return Err(ScenarioError::WrongType {
+            field: format!("{field}.0"),
+            found: step.to_string(),
+            wanted,
+        });
+    }
+    Ok(RogueArrival { step: step as u32, body: check_body(field, 1, Body { x, y, vx, vy })? })
+}
+
+/// Checks the bounds of a body whose columns start at `first_column` of its row.
+fn check_body(field: Arguments<'_>, first_column: usize, body: Body) -> Result<Body, ScenarioError> {
+    let columns =
+        [(body.x, MAX_COORDINATE), (body.y, MAX_COORDINATE), (body.vx, MAX_SPEED), (body.vy, MAX_SPEED)];
+    for (column, (value, max)) in (first_column..).zip(columns) {
+        check_range(format_args!("{field}.{column}"), value, -max, max)?;
+    }
+    if body.radius() < EARTH_RADIUS {
+        let reason = format!("it starts inside the Earth, {:.1} LU from its centre", body.radius());
+        return Err(invalid_layout(&field.to_string(), reason));
+    }
+    Ok(body)
+}
+
+fn check_range(field: Arguments<'_>, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
+    if value >= min && value <= max {
+        Ok(())
+    } else {
+        Err(ScenarioError::OutOfRange { field: field.to_string(), value, min, max })
+    }
+}

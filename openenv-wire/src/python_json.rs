@@ -1,0 +1,71 @@
+//! JSON as Python's `json` module writes it.
+
+use serde_json::Value;
+
+/// Parses JSON, and the extensions that Python's `json` writes: `NaN`, `Infinity`, `-Infinity` and numbers beyond the range
+/// of a double. Those become strings of the same letters. Number parsers reject them as `finite_number`, so the error
+/// names the field instead of a column of the text. The time is linear in the text; `serde_json` bounds the nesting.
+///
+/// # Errors
+/// Returns the parser's error if the text is not JSON even with those extensions.
+pub fn parse_python_json(text: &str) -> serde_json::Result<Value> {
+    match serde_json::from_str(text) {
+        Ok(value) => Ok(value),
+        Err(error) => match quote_extensions(text) {
+            Some(text) => serde_json::from_str(&text),
+            None => Err(error),
+        },
+    }
+}
+
+/// Returns the text with Python's extensions in quotes, or `None` if it contains none.
+fn quote_extensions(text: &str) -> Option<String> {
+    let bytes = text.as_bytes();
+    let mut out = String::new();
+    let (mut copied, mut at) = (0, 0);
+    while at < bytes.len() {
+        if bytes[at] == b'"' {
+            at = end_of_string(bytes, at);
+        } else if is_token_byte(bytes[at]) {
+            let start = at;
+            while at < bytes.len() && is_token_byte(bytes[at]) {
+                at += 1;
+            }
+            if is_extension(&text[start..at]) {
+                out.push_str(&text[copied..start]);
+                out.extend(["\"", &text[start..at], "\""]);
+                copied = at;
+            }
+        } else {
+            at += 1;
+        }
+    }
+    out.push_str(&text[copied..]);
+    (copied > 0).then_some(out)
+}
+
+/// The offset after the string that begins at `quote`, or the end of the text if it is unterminated.
+fn end_of_string(bytes: &[u8], quote: usize) -> usize {
+    let mut at = quote + 1;
+    while at < bytes.len() && bytes[at] != b'"' {
+        at += if bytes[at] == b'\\' { 2 } else { 1 };
+    }
+    bytes.len().min(at + 1)
+}
+
+const fn is_token_byte(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.')
+}
+
+/// True if Python reads the token as a number and JSON does not.
+fn is_extension(token: &str) -> bool {
+    let digits = token.strip_prefix('-').unwrap_or(token);
+    match digits {
+        "NaN" => digits == token,
+        "Infinity" => true,
+        _ => {
+            digits.starts_with(|c: char| c.is_ascii_digit())
+                && token.parse::<f64>().is_ok_and(|v| v.is_infinite())
+        }
+    }
+}
