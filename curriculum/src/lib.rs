@@ -1,52 +1,47 @@
-//! What a run faces next, and why: the one place where difficulty changes.
+//! Adaptive curriculum: decides which task, level and scenario a run faces next, and explains why.
 //!
-//! Pure decisions. Nothing here knows a database, HTTP, a clock, async or ambient randomness. A run's curriculum is a
-//! **fold over its events** ([`CurriculumEvent`], in the order of their seq): every proposal, outcome and change of
-//! settings takes one seq, and randomness is a function of (run seed, seq), so no generator is stored and a restored
-//! run proposes what it would have proposed.
+//! # Where does difficulty change?
 //!
-//! - [`Curriculum`] is the fold: a [`Strategy`], the mastery it rests on, the settings and the next seq.
-//! - [`Settings`] say which tasks, tables and rules; [`Proposal`] and [`GroupOutcome`] go out and come back.
-//! - One strategy a file: `ladder` (the default); `uniform` and `fixed` (the baselines); `adr`, `learnability`, `replay` (plr,
-//!   plr_robust, accel) and `alp_gmm`.
+//! In `strategies/`, and nowhere else. Under the default strategy, `strategies/ladder` raises or lowers a task's level;
+//! the thresholds and the test behind a move are in `core/evidence/block.rs`.
+//!
+//! # Layout
+//!
+//! Lower layers know nothing of the layers above them:
+//!
+//! 1. `core/`: proposals, outcomes, events, evidence, mastery, settings, and the trait that strategies implement.
+//! 2. `strategies/`: one file or folder for each strategy, and the factory that builds them by kind.
+//! 3. `curriculum.rs`: [`Curriculum`], the fold over a run's events. Start reading here.
+//! 4. [`simulation`]: curricula against simulated learners of known ability.
+//!
+//! # Principles
+//!
+//! - Decisions are pure: no database, HTTP, clock, async code or ambient randomness.
+//! - A curriculum is a fold over its [`CurriculumEvent`]s in the order of their seq (sequence number). Each proposal,
+//!   outcome and change of settings takes one seq.
+//! - Randomness is a function of run seed and seq. No generator is stored, and a restored run proposes what it would
+//!   have proposed.
+//! - Snapshots and events are stored as JSON. Their field names are part of the stored format and never change; the
+//!   version of a strategy rises when its rules or state do.
 
-mod adr;
-mod alp_gmm;
-mod block;
-mod event;
-mod explain;
-mod fixed;
-mod fold;
-mod kind;
-mod ladder;
-mod learnability;
-mod mastery;
-mod placement;
-mod posterior;
-mod replay;
-mod restore;
-mod scale;
-mod settings;
-mod shares;
+mod core;
+mod curriculum;
 pub mod simulation;
-mod stored;
-mod strategy;
+mod strategies;
 #[cfg(test)]
 mod tests;
-mod tuning;
-mod uniform;
 
-pub use event::{
-    BlockEvidence, CurriculumEvent, Evidence, GroupOutcome, Move, MoveKind, ProbeEvidence, Proposal, Role,
-    Signals, Source,
+pub use self::core::event::CurriculumEvent;
+pub use self::core::evidence::level_move::{BlockSummary, LevelMove, MoveEvidence, MoveKind, ProbeSummary};
+pub use self::core::explanation::{BlockProgress, Explanation, MoveThresholds, TaskExplanation, TaskStatus};
+pub use self::core::mastery::{Mastery, StoredMastery};
+pub use self::core::outcome::{GroupOutcome, LearningSignals};
+pub use self::core::proposal::{Proposal, ProposalRole, ScenarioSource};
+pub use self::core::scale::difficulty;
+pub use self::core::settings::{
+    Hyperparameter, Hyperparameters, Settings, SettingsError, StoredSettings, StoredTaskPlan, StrategyKind,
+    Target, TaskPlan, ValueRange,
 };
-pub use explain::{BlockFill, Explanation, TaskExplanation, TaskStatus, Thresholds};
-pub use fold::Curriculum;
-pub use kind::StrategyKind;
-pub use mastery::{Mastery, StoredMastery};
-pub use restore::{RestoreError, Snapshot};
-pub use scale::difficulty;
-pub use settings::{Settings, SettingsError, Target, TaskPlan};
-pub use stored::{StoredSettings, StoredTaskPlan};
-pub use strategy::{Context, Job, Strategy};
-pub use tuning::{Hyper, Range, Tuning};
+pub use self::core::snapshot::{RestoreError, Snapshot};
+pub use self::core::strategy::BackgroundJob;
+pub use self::curriculum::{Curriculum, ObservedOutcome, SequencedProposal};

@@ -1,45 +1,47 @@
-//! Who flies synthetic scenarios: success is a logistic curve over how much better than the scenario is hard a learner is.
+//! Learners that attempt synthetic scenarios. Success is a logistic curve over the difference between the learner's
+//! skill and the scenario's difficulty.
 
 use std::collections::BTreeMap;
 
-use env_core::Draws;
+use env_core::KeyedRng;
 
-use super::synthetic::Synthetic;
+use super::scenario::SyntheticScenario;
 
-/// How slowly success falls with rows: by the look-ahead pilots, which win all of level 0 and one to three in ten of level 9.
-pub const WIDTH: f64 = 1.5;
-/// Where an untrained learner begins: 12 % on contested scenarios of level 0.
-const UNTRAINED: f64 = -3.0;
-/// No learner gets better than this: about one half a row above the last.
-const BEST: f64 = 10.0;
-/// What a learner gains on other tasks of what it gains on one.
+/// Width of the logistic curve, in rows. Fitted to the look-ahead policies, which win every episode of level 0 and one
+/// to three in ten of level 9.
+pub const SUCCESS_WIDTH: f64 = 1.5;
+/// Skill of an untrained learner: 12 % success on contested scenarios of level 0.
+const UNTRAINED_SKILL: f64 = -3.0;
+/// Highest skill: about one half on a row above the last.
+const MAX_SKILL: f64 = 10.0;
+/// Gain on other tasks, as a share of the gain on the trained one.
 const TRANSFER: f64 = 0.2;
-/// How often who has learnt something fails a scenario on which doing nothing would do.
-const FIDGETS: f64 = 0.05;
+/// Failure rate of a learner on uncontested scenarios, which need no action.
+const NEEDLESS_FAILURE_RATE: f64 = 0.05;
 
-/// The kinds of learner.
+/// Kind of simulated learner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LearnerKind {
-    /// Gains a row of the table in four thousand episodes or more.
+    /// Gains a row of the level table in four thousand episodes or more.
     Slow,
-    /// Gains a row in a thousand or more.
+    /// Gains a row in a thousand episodes or more.
     Fast,
-    /// As fast, and forgets four rows every 10 000 episodes.
+    /// Learns as `Fast`, and forgets four rows every 10 000 episodes.
     Forgetful,
-    /// As fast, and three in ten of its outcomes are a toss of a coin.
+    /// Learns as `Fast`, and a coin decides three in ten of its outcomes.
     Noisy,
-    /// As fast, and scenarios differ so much that the episodes of a group mostly end alike.
+    /// Learns as `Fast`; scenarios differ so much that the episodes of a group mostly have the same result.
     Correlated,
-    /// Never acts.
+    /// Never acts and never learns.
     Hold,
-    /// Flies a plan that looks at nothing.
+    /// Follows a plan that ignores observations.
     Blind,
-    /// As slow, and half of its failures are reported as lost.
+    /// Learns as `Slow`, and reports half of its failures as lost.
     Drops,
 }
 
 impl LearnerKind {
-    /// All of them.
+    /// All kinds of learner.
     pub const ALL: [Self; 8] = [
         Self::Slow,
         Self::Fast,
@@ -51,9 +53,9 @@ impl LearnerKind {
         Self::Drops,
     ];
 
-    /// Its name.
+    /// Name of the kind on the command line.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Slow => "slow",
             Self::Fast => "fast",
@@ -66,23 +68,23 @@ impl LearnerKind {
         }
     }
 
-    /// What it is, in a few words.
+    /// Description of the kind in a few words.
     #[must_use]
-    pub const fn about(self) -> &'static str {
+    pub const fn description(self) -> &'static str {
         match self {
-            Self::Slow => "gains a row of the table in four thousand episodes or more",
-            Self::Fast => "gains a row in a thousand or more",
-            Self::Forgetful => "as fast, and forgets four rows every 10 000 episodes",
-            Self::Noisy => "as fast, and three in ten of its outcomes are a toss of a coin",
-            Self::Correlated => "as fast, and the episodes of a group mostly end alike",
+            Self::Slow => "gains a row of the level table in four thousand episodes or more",
+            Self::Fast => "gains a row in a thousand episodes or more",
+            Self::Forgetful => "learns as fast, and forgets four rows every 10 000 episodes",
+            Self::Noisy => "learns as fast, and a coin decides three in ten of its outcomes",
+            Self::Correlated => "learns as fast, and the episodes of a group mostly end alike",
             Self::Hold => "never acts",
-            Self::Blind => "flies a plan that looks at nothing",
-            Self::Drops => "as slow, and half of its failures are reported as lost",
+            Self::Blind => "follows a plan that ignores observations",
+            Self::Drops => "learns as slow, and reports half of its failures as lost",
         }
     }
 
     /// Rows gained by an episode that teaches most.
-    const fn rate(self) -> f64 {
+    const fn learning_rate(self) -> f64 {
         match self {
             Self::Slow | Self::Drops => 0.0008,
             Self::Fast | Self::Forgetful | Self::Noisy | Self::Correlated => 0.0025,
@@ -90,115 +92,119 @@ impl LearnerKind {
         }
     }
 
-    /// Standard deviation of how hard scenarios of the same params are, rows.
-    const fn spread(self) -> f64 {
+    /// Standard deviation of the difficulty of scenarios with the same params, in rows.
+    const fn difficulty_spread(self) -> f64 {
         if matches!(self, Self::Correlated) { 3.0 } else { 0.5 }
     }
 }
 
-/// How the episodes of a group went.
+/// Episode counts of a group, as the learner reports them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Flown {
-    /// Episodes that are reported as finished.
+pub struct GroupResult {
+    /// Number of episodes reported as finished.
     pub finished: u32,
-    /// Of these, successes.
+    /// Number of finished episodes that succeeded.
     pub successes: u32,
-    /// Episodes that are reported as failed.
+    /// Number of episodes reported as failed.
     pub failed: u32,
 }
 
-/// A learner at work.
+/// Learner with its current skill.
 #[derive(Debug, Clone)]
 pub struct Learner {
     kind: LearnerKind,
-    /// By task, in rows: it succeeds half the time on contested scenarios of that row.
+    /// Skill by task, in rows: the learner succeeds half the time on contested scenarios of that row.
     skill: BTreeMap<String, f64>,
-    /// Set where it succeeds alike on all contested scenarios, whatever their params, and learns nothing.
-    constant: Option<f64>,
+    /// Success rate on all contested scenarios, for a learner that never changes.
+    constant_success: Option<f64>,
     episodes: u64,
 }
 
 impl Learner {
-    /// An untrained learner.
+    /// An untrained learner for these tasks.
     #[must_use]
     pub fn new(kind: LearnerKind, tasks: &[String]) -> Self {
-        let skill = tasks.iter().map(|task| (task.clone(), UNTRAINED)).collect();
-        Self { kind, skill, constant: None, episodes: 0 }
+        let skill = tasks.iter().map(|task| (task.clone(), UNTRAINED_SKILL)).collect();
+        Self { kind, skill, constant_success: None, episodes: 0 }
     }
 
-    /// One that succeeds on this share of contested scenarios for ever.
+    /// A learner with this success rate on all contested scenarios, which never changes.
     #[must_use]
-    pub fn constant(success: f64) -> Self {
-        Self { kind: LearnerKind::Slow, skill: BTreeMap::new(), constant: Some(success), episodes: 0 }
+    pub fn constant(success_rate: f64) -> Self {
+        let kind = LearnerKind::Slow;
+        Self { kind, skill: BTreeMap::new(), constant_success: Some(success_rate), episodes: 0 }
     }
 
-    /// How good it is at a task, in rows.
+    /// Skill at a task, in rows.
     #[must_use]
     pub fn skill(&self, task: &str) -> f64 {
-        self.skill.get(task).copied().unwrap_or(UNTRAINED)
+        self.skill.get(task).copied().unwrap_or(UNTRAINED_SKILL)
     }
 
-    /// How likely an episode succeeds.
+    /// Probability that an episode succeeds.
     #[must_use]
-    pub fn success(&self, task: &str, scenario: &Synthetic) -> f64 {
+    pub fn success_probability(&self, task: &str, scenario: &SyntheticScenario) -> f64 {
         if !scenario.solvable {
             return 0.0;
         }
-        let able = match (self.constant, scenario.contested) {
-            (Some(success), true) => success,
+        let by_skill = match (self.constant_success, scenario.contested) {
+            (Some(success_rate), true) => success_rate,
             (Some(_), false) => 1.0,
             (None, contested) => match (self.kind, contested) {
                 (LearnerKind::Hold, contested) => f64::from(u8::from(!contested)),
                 (LearnerKind::Blind, _) => scenario.panel,
                 (_, true) => {
-                    let hard = scenario.params + self.kind.spread() * scenario.luck;
-                    1.0 / (1.0 + libm::exp(-(self.skill(task) - hard) / WIDTH))
+                    let offset = self.kind.difficulty_spread() * scenario.difficulty_offset;
+                    let difficulty = scenario.difficulty + offset;
+                    1.0 / (1.0 + libm::exp(-(self.skill(task) - difficulty) / SUCCESS_WIDTH))
                 }
-                (_, false) => 1.0 - FIDGETS,
+                (_, false) => 1.0 - NEEDLESS_FAILURE_RATE,
             },
         };
-        if self.kind == LearnerKind::Noisy { 0.7 * able + 0.15 } else { able }
+        if self.kind == LearnerKind::Noisy { 0.7 * by_skill + 0.15 } else { by_skill }
     }
 
-    /// Flies a group, and learns from it where it may.
-    pub fn fly(
+    /// Runs a group of episodes, and learns from them if `train` is true.
+    pub fn run_group(
         &mut self,
         task: &str,
-        scenario: &Synthetic,
-        (episodes, train): (u32, bool),
-        draws: &mut Draws,
-    ) -> Flown {
-        let success = self.success(task, scenario);
-        let mut flown = Flown { finished: 0, successes: 0, failed: 0 };
+        scenario: &SyntheticScenario,
+        episodes: u32,
+        train: bool,
+        rng: &mut KeyedRng,
+    ) -> GroupResult {
+        let success_probability = self.success_probability(task, scenario);
+        let mut result = GroupResult { finished: 0, successes: 0, failed: 0 };
         for _ in 0..episodes {
-            let succeeded = draws.chance(success);
-            let dropped = self.kind == LearnerKind::Drops && !succeeded && draws.chance(0.5);
-            flown.failed += u32::from(dropped);
-            flown.finished += u32::from(!dropped);
-            flown.successes += u32::from(succeeded);
+            let succeeded = rng.bernoulli(success_probability);
+            let dropped = self.kind == LearnerKind::Drops && !succeeded && rng.bernoulli(0.5);
+            result.failed += u32::from(dropped);
+            result.finished += u32::from(!dropped);
+            result.successes += u32::from(succeeded);
             if train {
-                self.learn(task, scenario, success);
+                self.learn(task, scenario, success_probability);
             }
-            self.forget();
+            self.count_episode();
         }
-        flown
+        result
     }
 
-    /// Most is learnt where success is one half, and hardly anything where nothing need be done.
-    fn learn(&mut self, task: &str, scenario: &Synthetic, success: f64) {
-        let teaches = if scenario.contested { 4.0 * success * (1.0 - success) } else { 0.02 };
-        // A first success by luck is where learning begins.
-        let gain = self.kind.rate() * teaches.max(if scenario.solvable { 0.02 } else { 0.0 });
+    /// Raises the skill by one episode: most at a success rate of one half, and little on an uncontested scenario.
+    fn learn(&mut self, task: &str, scenario: &SyntheticScenario, success: f64) {
+        let signal = if scenario.contested { 4.0 * success * (1.0 - success) } else { 0.02 };
+        // The minimum stands for a first success by luck, with which learning begins.
+        let gain = self.kind.learning_rate() * signal.max(if scenario.solvable { 0.02 } else { 0.0 });
         for (known, skill) in &mut self.skill {
             let gain = if known == task { gain } else { TRANSFER * gain };
-            *skill = (*skill + gain).min(BEST);
+            *skill = (*skill + gain).min(MAX_SKILL);
         }
     }
 
-    fn forget(&mut self) {
+    /// Counts an episode; a forgetful learner loses skill at every ten-thousandth.
+    fn count_episode(&mut self) {
         self.episodes += 1;
         if self.kind == LearnerKind::Forgetful && self.episodes.is_multiple_of(10_000) {
-            self.skill.values_mut().for_each(|skill| *skill = (*skill - 4.0).max(UNTRAINED));
+            self.skill.values_mut().for_each(|skill| *skill = (*skill - 4.0).max(UNTRAINED_SKILL));
         }
     }
 }

@@ -1,18 +1,21 @@
-//! Curricula against learners whose ability is known: what a strategy proposes, and when it moves, without a world, a trainer or a
-//! day's wait.
+//! Simulation of curricula against learners of known ability: what a strategy proposes and when it moves, without a
+//! world, a trainer or a day's wait.
 //!
-//! - [`synthetic`]: scenarios that are nothing but how hard they are.
-//! - [`learner`]: who flies them, and how ability grows.
-//! - [`drive`]: a run of both against each other, as the service would do it.
-//! - [`summary`]: what came of it, in numbers.
+//! Start with [`runner`]. One simulation runs on one thread; callers run several in parallel.
+//!
+//! - [`scenario`]: scenarios that consist of their difficulty alone.
+//! - [`learner`]: learners that attempt them, and how their skill grows.
+//! - [`runner`]: a curriculum and a learner against each other, as the service would run them.
+//! - [`summary`]: the result in numbers.
 
-pub mod drive;
 pub mod learner;
+pub mod runner;
+pub mod scenario;
 pub mod summary;
-pub mod synthetic;
 #[cfg(test)]
 mod tests;
 
-pub use drive::{Plan, Track, simulate};
 pub use learner::{Learner, LearnerKind};
-pub use summary::Summary;
+pub use runner::{SimulatedGroup, SimulatedMove, SimulationPlan, SimulationTrace, simulate};
+pub use scenario::SyntheticScenario;
+pub use summary::SimulationSummary;

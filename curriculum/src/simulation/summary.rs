@@ -1,79 +1,79 @@
-//! What came of a simulation, in numbers.
+//! The result of a simulation in numbers.
 
 use serde::Serialize;
 
-use super::drive::{Sample, Track};
+use super::runner::{SimulatedGroup, SimulationTrace};
 use crate::MoveKind;
 
-/// What came of a simulation.
+/// Summary of a simulation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Summary {
-    /// How good the learner is at the end, in rows, on the mean of the tasks.
+pub struct SimulationSummary {
+    /// Skill of the learner at the end, in rows, as the mean over the tasks.
     pub skill: f64,
-    /// How hard what was proposed at the end is, in rows: the mean over the last tenth.
+    /// Mean difficulty of the last tenth of the groups, in rows.
     pub faced: f64,
-    /// The share of episodes of the second half that succeeded, of those that were learnt from.
+    /// Success rate of the second half of the groups, of those that the learner learnt from.
     pub success: f64,
-    /// The same of contested scenarios alone.
+    /// The same for contested scenarios only.
     pub contested_success: f64,
-    /// The share of groups of the second half that were learnt from and came to the same; none of groups of one.
+    /// Share of these groups whose episodes all had the same result; `None` if no group has several episodes.
     pub flat: Option<f64>,
-    /// The share of groups that were learnt from.
+    /// Share of the groups that the learner learnt from.
     pub trained: f64,
-    /// The least share of proposals that a task had.
+    /// Smallest share of a task in the proposals.
     pub least_share: f64,
-    /// Levels up, by all tasks.
+    /// Number of moves up, of all tasks.
     pub ups: usize,
-    /// Levels down.
+    /// Number of moves down, of all tasks.
     pub downs: usize,
-    /// Episodes after which all tasks were placed; none where some never were.
+    /// Number of episodes before all tasks were placed; `None` if some never were.
     pub placed_after: Option<u64>,
-    /// What somebody should know at the end.
+    /// Warnings of all tasks at the end.
     pub warnings: Vec<String>,
 }
 
-impl Summary {
-    /// Of all that happened.
+impl SimulationSummary {
+    /// Summarises a finished simulation.
     #[must_use]
-    pub fn of(track: &Track) -> Self {
-        let tasks = track.status.len().max(1);
-        let half = &track.samples[track.samples.len() / 2..];
-        let trained: Vec<&Sample> = half.iter().filter(|sample| sample.train).collect();
-        let contested: Vec<&Sample> = trained.iter().copied().filter(|sample| sample.contested).collect();
-        let several: Vec<&Sample> = trained.iter().copied().filter(|sample| sample.finished > 1).collect();
-        let count = |kind: MoveKind| track.moves.iter().filter(|(_, made)| made.kind == kind).count();
-        let last = &track.samples[track.samples.len() - track.samples.len().div_ceil(10)..];
-        let mut shares = vec![0usize; tasks];
-        track.samples.iter().for_each(|sample| shares[sample.task] += 1);
-        let skills = track.status.iter().map(|status| track.learner.skill(&status.task));
+    pub fn new(trace: &SimulationTrace) -> Self {
+        let tasks = trace.status.len().max(1);
+        let half = &trace.groups[trace.groups.len() / 2..];
+        let trained: Vec<&SimulatedGroup> = half.iter().filter(|group| group.train).collect();
+        let contested: Vec<&SimulatedGroup> =
+            trained.iter().copied().filter(|group| group.contested).collect();
+        let several = trained.iter().filter(|group| group.finished > 1);
+        let moves = |kind: MoveKind| trace.moves.iter().filter(|made| made.level_move.kind == kind).count();
+        let last_tenth = &trace.groups[trace.groups.len() - trace.groups.len().div_ceil(10)..];
+        let mut by_task = vec![0usize; tasks];
+        trace.groups.iter().for_each(|group| by_task[group.task_index] += 1);
+        let skills = trace.status.iter().map(|status| trace.learner.skill(&status.task));
         Self {
             skill: skills.sum::<f64>() / tasks as f64,
-            faced: mean(last.iter().map(|sample| sample.params)).unwrap_or(0.0),
-            success: success(&trained),
-            contested_success: success(&contested),
-            flat: mean(several.iter().map(|sample| f64::from(u8::from(sample.flat())))),
-            trained: mean(half.iter().map(|sample| f64::from(u8::from(sample.train)))).unwrap_or(0.0),
-            least_share: shares.iter().min().copied().unwrap_or(0) as f64 / track.samples.len().max(1) as f64,
-            ups: count(MoveKind::Up),
-            downs: count(MoveKind::Down),
-            placed_after: placed_after(track),
-            warnings: track.status.iter().flat_map(|status| status.warnings.clone()).collect(),
+            faced: mean(last_tenth.iter().map(|group| group.difficulty)).unwrap_or(0.0),
+            success: success_rate(&trained),
+            contested_success: success_rate(&contested),
+            flat: mean(several.map(|group| f64::from(u8::from(group.has_zero_variance())))),
+            trained: mean(half.iter().map(|group| f64::from(u8::from(group.train)))).unwrap_or(0.0),
+            least_share: by_task.iter().min().copied().unwrap_or(0) as f64 / trace.groups.len().max(1) as f64,
+            ups: moves(MoveKind::Up),
+            downs: moves(MoveKind::Down),
+            placed_after: placed_after(trace),
+            warnings: trace.status.iter().flat_map(|status| status.warnings.clone()).collect(),
         }
     }
 }
 
-fn placed_after(track: &Track) -> Option<u64> {
-    if track.status.iter().any(|status| !status.placed) {
+fn placed_after(trace: &SimulationTrace) -> Option<u64> {
+    if trace.status.iter().any(|status| !status.placed) {
         return None;
     }
-    let placements = track.moves.iter().filter(|(_, made)| made.kind == MoveKind::Placement);
-    Some(placements.map(|(at, _)| *at).max().unwrap_or(0))
+    let placements = trace.moves.iter().filter(|made| made.level_move.kind == MoveKind::Placement);
+    Some(placements.map(|made| made.episodes_before).max().unwrap_or(0))
 }
 
-fn success(samples: &[&Sample]) -> f64 {
-    let (successes, finished) = samples.iter().fold((0u64, 0u64), |(s, f), sample| {
-        (s + u64::from(sample.successes), f + u64::from(sample.finished))
-    });
+fn success_rate(groups: &[&SimulatedGroup]) -> f64 {
+    let successes: u64 = groups.iter().map(|group| u64::from(group.successes)).sum();
+    let finished: u64 = groups.iter().map(|group| u64::from(group.finished)).sum();
     if finished == 0 { 0.0 } else { successes as f64 / finished as f64 }
 }
 

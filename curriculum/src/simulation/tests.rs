@@ -1,85 +1,96 @@
-//! Laws of every strategy, against learners whose ability is known, over seeds.
+//! Properties of every strategy against learners of known ability, over several seeds.
 
+use env_core::KeyedRng;
+use env_core::keyed_rng::RngPurpose;
 use rayon::prelude::*;
 
-use super::drive::Sample;
 use super::*;
-use crate::{MoveKind, Role, Settings, StrategyKind, Target, TaskPlan};
+use crate::{
+    Curriculum, CurriculumEvent, Hyperparameters, LevelMove, MoveKind, ProposalRole, SequencedProposal,
+    Settings, StrategyKind, Target, TaskPlan,
+};
 
 const TASKS: [&str; 3] = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
 
 fn settings(strategy: StrategyKind) -> Settings {
-    Settings::ladder(TASKS.map(|task| TaskPlan::standard(task).unwrap()).to_vec()).by(strategy)
+    Settings::ladder(TASKS.map(|task| TaskPlan::standard(task).unwrap()).to_vec()).with_strategy(strategy)
 }
 
-fn plan(settings: Settings, (episodes, group_size): (u64, u32), seed: u64) -> Plan {
-    Plan { settings, episodes, group_size, ahead: 64, seed }
+fn plan(settings: Settings, episodes: u64, group_size: u32, seed: u64) -> SimulationPlan {
+    SimulationPlan { settings, episodes, group_size, queue_length: 64, seed }
 }
 
 fn learner(kind: LearnerKind) -> Learner {
     Learner::new(kind, &TASKS.map(str::to_owned))
 }
 
-fn run(kind: LearnerKind, plan: &Plan) -> Track {
+fn run(kind: LearnerKind, plan: &SimulationPlan) -> SimulationTrace {
     simulate(plan, learner(kind)).unwrap()
 }
 
 #[test]
-fn who_holds_and_who_is_blind_never_rises() {
+fn holding_and_blind_learners_never_move_up() {
     for (target, group_size) in [(Target::Mastery, 1), (Target::Half, 8)] {
         (0..6u64).into_par_iter().for_each(|seed| {
             for kind in [LearnerKind::Hold, LearnerKind::Blind] {
                 let settings = Settings { target, ..settings(StrategyKind::Ladder) };
-                let track = run(kind, &plan(settings, (20_000, group_size), seed));
-                // Blind plans succeed on a quarter of contested scenarios: in one probe of forty on half of sixteen, so that some are placed
-                // too high. From there it goes down.
-                let rises = |made: &crate::Move| match kind {
+                let trace = run(kind, &plan(settings, 20_000, group_size, seed));
+                // Blind plans succeed on a quarter of contested scenarios, and in one probe of forty on half of sixteen. Some
+                // blind learners are therefore placed too high, and move down from there.
+                let rises = |made: &LevelMove| match kind {
                     LearnerKind::Hold => made.to > 0,
                     _ => made.kind == MoveKind::Up,
                 };
-                assert!(!track.moves.iter().any(|(_, made)| rises(made)), "{kind:?}: {:?}", track.moves);
+                assert!(
+                    !trace.moves.iter().any(|made| rises(&made.level_move)),
+                    "{kind:?}: {:?}",
+                    trace.moves
+                );
             }
         });
     }
 }
 
 #[test]
-fn who_forgets_is_taken_down() {
+fn forgetful_learner_moves_down() {
     (0..6u64).into_par_iter().for_each(|seed| {
-        let track = run(LearnerKind::Forgetful, &plan(settings(StrategyKind::Ladder), (60_000, 1), seed));
-        let count = |kind| track.moves.iter().filter(|(_, made)| made.kind == kind).count();
-        assert!(count(MoveKind::Up) > 2, "it climbs: {:?}", track.moves);
-        assert!(count(MoveKind::Down) > 0, "and falls: {:?}", track.moves);
+        let trace = run(LearnerKind::Forgetful, &plan(settings(StrategyKind::Ladder), 60_000, 1, seed));
+        let count = |kind| trace.moves.iter().filter(|made| made.level_move.kind == kind).count();
+        assert!(count(MoveKind::Up) > 2, "no rise: {:?}", trace.moves);
+        assert!(count(MoveKind::Down) > 0, "no fall: {:?}", trace.moves);
     });
 }
 
-/// Whoever drops half of its losses as failed looks better than it is. It is promoted no sooner than it is good all the same, and
-/// the run says so while it is not.
+/// A learner that reports half of its failures as lost looks better than it is. It moves up only once its true success
+/// is high, and the run warns until then.
 #[test]
-fn who_drops_its_losses_is_frozen_until_there_are_few() {
+fn dropped_failures_block_moves_until_they_are_few() {
     (0..6u64).into_par_iter().for_each(|seed| {
         let plan =
-            plan(Settings { target: Target::Mastery, ..settings(StrategyKind::Ladder) }, (40_000, 1), seed);
-        let early = run(LearnerKind::Drops, &Plan { episodes: 3000, ..plan.clone() });
-        assert!(early.moves.iter().all(|(_, made)| made.kind != MoveKind::Up), "{:?}", early.moves);
-        let told = early
+            plan(Settings { target: Target::Mastery, ..settings(StrategyKind::Ladder) }, 40_000, 1, seed);
+        let early = run(LearnerKind::Drops, &SimulationPlan { episodes: 3000, ..plan.clone() });
+        assert!(early.moves.iter().all(|made| made.level_move.kind != MoveKind::Up), "{:?}", early.moves);
+        let is_warned = early
             .status
             .iter()
             .flat_map(|status| &status.warnings)
-            .any(|words| words.contains("failed or expired"));
-        assert!(told, "{:?}", early.status);
-        let track = run(LearnerKind::Drops, &plan);
-        for (at, made) in track.moves.iter().filter(|(_, made)| made.kind == MoveKind::Up) {
-            let level = f64::from(made.from.unwrap());
-            let then = track
-                .samples
+            .any(|warning| warning.contains("failed or expired"));
+        assert!(is_warned, "{:?}", early.status);
+        let trace = run(LearnerKind::Drops, &plan);
+        for made in trace.moves.iter().filter(|made| made.level_move.kind == MoveKind::Up) {
+            let level = f64::from(made.level_move.from.unwrap());
+            let group = trace
+                .groups
                 .iter()
                 .rev()
-                .find(|s: &&Sample| s.at <= *at && TASKS[s.task] == made.task)
+                .find(|group| {
+                    group.episodes_before <= made.episodes_before
+                        && TASKS[group.task_index] == made.level_move.task
+                })
                 .unwrap();
-            // A block with at most 10 % lost of losses half of which are: true success is at least 0.8.
-            let success = 1.0 / (1.0 + libm::exp(-(then.skill - level) / learner::WIDTH));
-            assert!(success > 0.7, "up from {level} at a skill of {:.2}", then.skill);
+            // The block lost at most 10 % of its episodes, half of the failures: true success is at least 0.8.
+            let success = 1.0 / (1.0 + libm::exp(-(group.skill - level) / learner::SUCCESS_WIDTH));
+            assert!(success > 0.7, "up from {level} at a skill of {:.2}", group.skill);
         }
     });
 }
@@ -89,75 +100,79 @@ fn no_task_starves_under_any_strategy() {
     StrategyKind::ALL.into_par_iter().for_each(|strategy| {
         let mut settings = settings(strategy);
         settings.tasks[0].weight = 1e9;
-        let track = run(LearnerKind::Fast, &plan(settings, (40_000, 4), 3));
-        // Fixed goes by turns and knows no weights. Else 5 %: of 10 000 proposals 500, with a standard deviation of 22.
-        let least = Summary::of(&track).least_share;
+        let trace = run(LearnerKind::Fast, &plan(settings, 40_000, 4, 3));
+        // Fixed takes turns and ignores weights. The others give 5 %: 500 of 10 000 proposals, with a standard deviation
+        // of 22.
+        let least = SimulationSummary::new(&trace).least_share;
         assert!(least > 0.04, "{strategy}: {least}");
     });
 }
 
-/// Once placed, success on what fills the blocks stays about one half, and few groups have nothing to tell.
+/// After placement, success on the frontier stays near one half, and few groups have zero variance.
 #[test]
-fn target_half_keeps_groups_worth_comparing() {
+fn half_target_keeps_success_near_one_half() {
     for kind in [LearnerKind::Slow, LearnerKind::Fast] {
         (0..4u64).into_par_iter().for_each(|seed| {
             let settings = Settings { target: Target::Half, ..settings(StrategyKind::Ladder) };
-            let track = run(kind, &plan(settings, (60_000, 8), seed));
-            let frontier: Vec<&Sample> = track
-                .samples
+            let trace = run(kind, &plan(settings, 60_000, 8, seed));
+            let frontier: Vec<&SimulatedGroup> = trace
+                .groups
                 .iter()
-                .filter(|s| s.placed && s.contested && s.role == Role::Frontier && s.at > 8000)
-                // Above the table there is nothing harder to be had.
-                .filter(|s| s.skill < 9.0)
+                .filter(|s| s.placed && s.contested && s.role == ProposalRole::Frontier)
+                // A learner beyond the table finds no harder level.
+                .filter(|s| s.episodes_before > 8000 && s.skill < 9.0)
                 .collect();
-            let sum = |of: fn(&Sample) -> u32| frontier.iter().map(|s| u64::from(of(s))).sum::<u64>() as f64;
+            let sum = |of: fn(&SimulatedGroup) -> u32| {
+                frontier.iter().map(|s| u64::from(of(s))).sum::<u64>() as f64
+            };
             let success = sum(|s| s.successes) / sum(|s| s.finished);
-            let flat = frontier.iter().filter(|s| s.flat()).count() as f64 / frontier.len() as f64;
+            let flat =
+                frontier.iter().filter(|s| s.has_zero_variance()).count() as f64 / frontier.len() as f64;
             println!("{kind:?} {seed}: success {success:.2}, zero variance {flat:.2} of {}", frontier.len());
-            // A fast learner is a little ahead of the blocks.
+            // A fast learner is slightly ahead of the level that its blocks set.
             assert!((0.3..=0.75).contains(&success), "{kind:?}: {success}");
             assert!(flat < 0.2, "{kind:?}: {flat}");
         });
     }
 }
 
-/// A learner that can learn learns under every strategy that offers it anything at its level, and strategies that follow ability offer
-/// harder scenarios to a better learner.
+/// A learner improves under every strategy, and strategies that follow its skill propose harder scenarios to a better
+/// learner.
 #[test]
-fn what_is_offered_follows_ability() {
+fn proposed_difficulty_follows_skill() {
     StrategyKind::ALL.into_par_iter().for_each(|strategy| {
-        let track = run(LearnerKind::Fast, &plan(settings(strategy), (60_000, 4), 1));
-        let (first, last) = (&track.samples[..1000], &track.samples[track.samples.len() - 1000..]);
-        let mean = |of: &[Sample]| {
-            of.iter().filter(|s| s.train).map(|s| s.params).sum::<f64>()
+        let trace = run(LearnerKind::Fast, &plan(settings(strategy), 60_000, 4, 1));
+        let (first, last) = (&trace.groups[..1000], &trace.groups[trace.groups.len() - 1000..]);
+        let mean = |of: &[SimulatedGroup]| {
+            of.iter().filter(|s| s.train).map(|s| s.difficulty).sum::<f64>()
                 / of.iter().filter(|s| s.train).count().max(1) as f64
         };
-        let skill = Summary::of(&track).skill;
+        let skill = SimulationSummary::new(&trace).skill;
         println!("{strategy}: skill {skill:.1}, faced {:.1} first and {:.1} last", mean(first), mean(last));
         match strategy {
             StrategyKind::Fixed | StrategyKind::Uniform => {}
             StrategyKind::Ladder | StrategyKind::Adr => assert!(mean(last) > mean(first) + 1.0, "{strategy}"),
             _ => assert!(mean(last) > mean(first) - 0.5, "{strategy}: {} {}", mean(first), mean(last)),
         }
-        // From −3.
+        // It starts at −3.
         assert!(skill > -2.0, "{strategy}: {skill}");
     });
 }
 
-/// What a strategy replays or edits has more to teach than what it draws.
+/// Repeated and edited scenarios teach more than fresh ones.
 #[test]
-fn what_is_faced_again_is_nearer_one_half() {
+fn repeated_scenarios_are_nearer_one_half() {
     for strategy in
         [StrategyKind::Learnability, StrategyKind::Plr, StrategyKind::PlrRobust, StrategyKind::Accel]
     {
         let mut settings = settings(strategy);
-        let told = serde_json::from_value(serde_json::json!({"score": "learnability"})).unwrap();
+        let given = serde_json::from_value(serde_json::json!({"score": "learnability"})).unwrap();
         if strategy != StrategyKind::Learnability {
-            settings.tuning = crate::Tuning::read(strategy, &told).unwrap();
+            settings.hyperparameters = Hyperparameters::parse(strategy, &given).unwrap();
         }
-        let track = run(LearnerKind::Slow, &plan(settings, (80_000, 8), 2));
-        let late = &track.samples[track.samples.len() / 3..];
-        let worth = |role: Role| {
+        let trace = run(LearnerKind::Slow, &plan(settings, 80_000, 8, 2));
+        let late = &trace.groups[trace.groups.len() / 3..];
+        let learnability = |role: ProposalRole| {
             let these: Vec<f64> = late
                 .iter()
                 .filter(|s| s.role == role)
@@ -167,48 +182,48 @@ fn what_is_faced_again_is_nearer_one_half() {
             assert!(these.len() > 50, "{strategy}: {role:?} {}", these.len());
             these.iter().sum::<f64>() / these.len() as f64
         };
-        let (again, fresh) = (worth(Role::Replay), worth(Role::Explore));
-        println!("{strategy}: p(1 − p) {again:.3} again, {fresh:.3} drawn");
-        assert!(again > 1.15 * fresh, "{strategy}: {again} {fresh}");
+        let (repeated, fresh) = (learnability(ProposalRole::Replay), learnability(ProposalRole::Explore));
+        println!("{strategy}: p(1 − p) {repeated:.3} repeated, {fresh:.3} fresh");
+        assert!(repeated > 1.15 * fresh, "{strategy}: {repeated} {fresh}");
         if strategy == StrategyKind::Accel {
-            assert!(worth(Role::Edit) > fresh, "{}", worth(Role::Edit));
+            assert!(learnability(ProposalRole::Edit) > fresh, "{}", learnability(ProposalRole::Edit));
         }
     }
 }
 
-/// Only what regret chose is learnt from, and it is enough.
+/// Only scenarios that regret selected are trained on.
 #[test]
-fn robust_strategies_learn_from_what_they_chose_alone() {
+fn robust_strategies_train_on_replays_only() {
     for strategy in [StrategyKind::PlrRobust, StrategyKind::Accel] {
-        let track = run(LearnerKind::Fast, &plan(settings(strategy), (40_000, 4), 5));
-        assert!(track.samples.iter().all(|s| s.train == (s.role == Role::Replay)), "{strategy}");
+        let trace = run(LearnerKind::Fast, &plan(settings(strategy), 40_000, 4, 5));
+        assert!(trace.groups.iter().all(|s| s.train == (s.role == ProposalRole::Replay)), "{strategy}");
     }
-    let track = run(LearnerKind::Fast, &plan(settings(StrategyKind::Plr), (8_000, 4), 5));
-    assert!(track.samples.iter().all(|s| s.train));
+    let trace = run(LearnerKind::Fast, &plan(settings(StrategyKind::Plr), 8_000, 4, 5));
+    assert!(trace.groups.iter().all(|s| s.train));
 }
 
-/// Restored from any snapshot and the events after it, a strategy proposes what it would have proposed; whoever computed the fits.
+/// A strategy restored from a snapshot and the events after it proposes what it would have proposed, whether or not
+/// background jobs ran.
 #[test]
-fn every_strategy_is_a_fold() {
-    use crate::{Curriculum, CurriculumEvent};
+fn every_strategy_restores_from_snapshot_and_events() {
     StrategyKind::ALL.into_par_iter().for_each(|strategy| {
         let settings = settings(strategy);
         let mut curriculum = Curriculum::new(7, settings.clone()).unwrap();
         let (mut events, mut snapshot) = (Vec::new(), None);
-        let mut who = learner(LearnerKind::Fast);
-        let mut draws = env_core::Draws::new(env_core::draws::Purpose::Synthetic, 1, 1);
+        let mut learner = learner(LearnerKind::Fast);
+        let mut rng = KeyedRng::new(RngPurpose::Simulation, 1, 1);
         for n in 0..1500u64 {
-            let (seq, proposal) = curriculum.propose();
+            let SequencedProposal { seq, proposal } = curriculum.propose();
             events.push((seq, CurriculumEvent::Proposed(proposal.clone())));
-            let params = crate::difficulty(settings.task(&proposal.task).unwrap(), &proposal.params);
-            let scenario = synthetic::Synthetic::drawn(7, seq, &proposal, params);
-            let flown = who.fly(&proposal.task, &scenario, (4, true), &mut draws);
-            let outcome = drive::outcome(seq, &proposal, &scenario, flown);
-            let (seq, _) = curriculum.observe(&outcome);
+            let difficulty = crate::difficulty(settings.task(&proposal.task).unwrap(), &proposal.params);
+            let scenario = SyntheticScenario::draw(7, seq, &proposal, difficulty);
+            let result = learner.run_group(&proposal.task, &scenario, 4, true, &mut rng);
+            let outcome = runner::group_outcome(seq, &proposal, &scenario, result);
+            let seq = curriculum.observe(&outcome).seq;
             events.push((seq, CurriculumEvent::Outcome(outcome)));
-            // Sometimes somebody has time for it before it is due.
+            // Some fits are computed by a background job, the others when they are due.
             if n % 3 == 0 {
-                curriculum.jobs().iter().for_each(|job| job.run());
+                curriculum.take_background_jobs().iter().for_each(|job| job.run());
             }
             if n == 700 {
                 let text = serde_json::to_string(&curriculum.snapshot()).unwrap();
@@ -221,9 +236,9 @@ fn every_strategy_is_a_fold() {
         for (number, (seq, event)) in events.iter().enumerate() {
             let text = serde_json::to_string(event).unwrap();
             let event: CurriculumEvent = serde_json::from_str(&text).unwrap();
-            folded.replay(*seq, &event).unwrap_or_else(|error| panic!("{strategy}: {error}"));
+            folded.replay_event(*seq, &event).unwrap_or_else(|error| panic!("{strategy}: {error}"));
             if number >= at {
-                restored.replay(*seq, &event).unwrap_or_else(|error| panic!("{strategy}: {error}"));
+                restored.replay_event(*seq, &event).unwrap_or_else(|error| panic!("{strategy}: {error}"));
             }
         }
         for _ in 0..200 {

@@ -1,14 +1,14 @@
-//! The curriculum as a fold: the same events lead to the same curriculum, from the beginning or from any snapshot.
+//! Tests of the fold: the same events lead to the same curriculum, from the start or from any snapshot.
 
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop, prop_assert_eq, prop_oneof, proptest};
 
 use super::*;
 
-/// What happens next to a run.
+/// Next step of a run.
 #[derive(Debug, Clone, Copy)]
-enum Happening {
+enum Step {
     Propose,
-    /// Some group in flight comes back: which, episodes, successes, lost ones, and how it was found.
+    /// Reports one of the groups in flight.
     Report {
         which: usize,
         finished: u32,
@@ -20,9 +20,9 @@ enum Happening {
     Change(usize),
 }
 
-fn happenings() -> impl Strategy<Value = Vec<Happening>> {
+fn steps() -> impl Strategy<Value = Vec<Step>> {
     let report = (any::<usize>(), 0..9u32, 0..9u32, 0..2u32, any::<bool>(), prop::bool::weighted(0.9))
-        .prop_map(|(which, finished, successes, lost, contested, evidence)| Happening::Report {
+        .prop_map(|(which, finished, successes, lost, contested, evidence)| Step::Report {
             which,
             finished,
             successes: if successes > 6 { 0 } else { finished },
@@ -31,26 +31,27 @@ fn happenings() -> impl Strategy<Value = Vec<Happening>> {
             evidence,
         });
     let one = prop_oneof![
-        40 => Just(Happening::Propose),
+        40 => Just(Step::Propose),
         40 => report,
-        1 => (0..WAYS).prop_map(Happening::Change),
+        1 => (0..VARIANTS).prop_map(Step::Change),
     ];
     prop::collection::vec(one, 0..1200)
 }
 
-/// Settings there are.
-const WAYS: usize = 13;
+/// Number of settings that [`settings`] knows.
+const VARIANTS: usize = 13;
 
+/// One of several settings.
 fn settings(which: usize) -> Settings {
-    let mut changed = placed(&[SURVIVAL, RENDEZVOUS]);
+    let mut changed = with_placement(&[SURVIVAL, RENDEZVOUS]);
     match which {
         0 => {}
         1 => changed.tasks.truncate(1),
-        2..11 => return changed.by(StrategyKind::ALL[which - 2]),
+        2..11 => return changed.with_strategy(StrategyKind::ALL[which - 2]),
         11 => {
-            let told = serde_json::from_str(r#"{"filled": 2, "replay": 1.0, "capacity": 6}"#).unwrap();
-            let tuning = Tuning::read(StrategyKind::Accel, &told).unwrap();
-            return Settings { tuning, ..changed.by(StrategyKind::Accel) };
+            let given = serde_json::from_str(r#"{"filled": 2, "replay": 1.0, "capacity": 6}"#).unwrap();
+            let tuning = Hyperparameters::parse(StrategyKind::Accel, &given).unwrap();
+            return Settings { hyperparameters: tuning, ..changed.with_strategy(StrategyKind::Accel) };
         }
         _ => {
             (changed.target, changed.placement) = (Target::Half, false);
@@ -61,47 +62,54 @@ fn settings(which: usize) -> Settings {
     changed
 }
 
-/// Lives through what happens; the events as they are stored, and the curriculum after each.
-fn live(seed: u64, first: usize, happenings: &[Happening]) -> (Curriculum, Vec<String>, Vec<Snapshot>) {
+/// A run, its events as JSON, and its snapshots before the first event and after each.
+struct RecordedRun {
+    curriculum: Curriculum,
+    events: Vec<String>,
+    snapshots: Vec<Snapshot>,
+}
+
+/// Runs the steps, starting with the settings `first`.
+fn run_steps(seed: u64, first: usize, steps: &[Step]) -> RecordedRun {
     let mut curriculum = Curriculum::new(seed, settings(first)).unwrap();
     let (mut in_flight, mut events, mut snapshots) = (Vec::new(), Vec::new(), vec![curriculum.snapshot()]);
-    for happening in happenings {
-        let event = match *happening {
-            Happening::Propose => {
-                let (seq, proposal) = curriculum.propose();
-                in_flight.push((seq, proposal.clone()));
-                CurriculumEvent::Proposed(proposal)
+    for step in steps {
+        let event = match *step {
+            Step::Propose => {
+                let proposed = curriculum.propose();
+                in_flight.push(proposed.clone());
+                CurriculumEvent::Proposed(proposed.proposal)
             }
-            Happening::Report { which, finished, successes, lost, contested, evidence } => {
+            Step::Report { which, finished, successes, lost, contested, evidence } => {
                 if in_flight.is_empty() {
                     continue;
                 }
-                let (seq, proposal) = in_flight.swap_remove(which % in_flight.len());
-                let contested = contested || proposal.contested;
+                let proposed = in_flight.swap_remove(which % in_flight.len());
+                let contested = contested || proposed.proposal.contested;
                 let outcome = GroupOutcome {
                     contested,
                     evidence,
                     failed: lost,
                     mean_score: 0.1 + 0.2 * f64::from(successes),
-                    ..answer(seq, &proposal, finished, successes)
+                    ..outcome_of(&proposed, finished, successes)
                 };
                 curriculum.observe(&outcome);
                 CurriculumEvent::Outcome(outcome)
             }
-            Happening::Change(which) => {
-                curriculum.change(settings(which)).unwrap();
+            Step::Change(which) => {
+                curriculum.change_settings(settings(which)).unwrap();
                 CurriculumEvent::Settings(settings(which).into())
             }
         };
         events.push(serde_json::to_string(&event).unwrap());
         snapshots.push(curriculum.snapshot());
     }
-    (curriculum, events, snapshots)
+    RecordedRun { curriculum, events, snapshots }
 }
 
-fn replay(curriculum: &mut Curriculum, events: &[String], from: usize) {
+fn replay_from(curriculum: &mut Curriculum, events: &[String], from: usize) {
     for (seq, event) in events.iter().enumerate().skip(from) {
-        curriculum.replay(seq as u64, &serde_json::from_str(event).unwrap()).unwrap();
+        curriculum.replay_event(seq as u64, &serde_json::from_str(event).unwrap()).unwrap();
     }
 }
 
@@ -109,75 +117,69 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_snapshot_anywhere_and_the_events_after_it_are_the_run(
+    fn any_snapshot_and_its_later_events_restore_the_run(
         seed in any::<u64>(),
-        first in 0..WAYS,
-        happenings in happenings(),
+        first in 0..VARIANTS,
+        steps in steps(),
         cut in any::<prop::sample::Index>(),
     ) {
-        let (lived, events, snapshots) = live(seed, first, &happenings);
+        let RecordedRun { curriculum: original, events, snapshots } = run_steps(seed, first, &steps);
 
-        let mut again = Curriculum::new(seed, settings(first)).unwrap();
-        replay(&mut again, &events, 0);
-        prop_assert_eq!(again.snapshot(), lived.snapshot());
+        let mut replayed = Curriculum::new(seed, settings(first)).unwrap();
+        replay_from(&mut replayed, &events, 0);
+        prop_assert_eq!(replayed.snapshot(), original.snapshot());
 
         let cut = cut.index(snapshots.len());
         let stored = serde_json::to_string(&snapshots[cut]).unwrap();
         let mut restored = Curriculum::restore(seed, serde_json::from_str(&stored).unwrap()).unwrap();
-        replay(&mut restored, &events, cut);
-        prop_assert_eq!(restored.snapshot(), lived.snapshot());
-        prop_assert_eq!(restored.mastery(), lived.mastery());
-        prop_assert_eq!(restored.status(), lived.status());
+        replay_from(&mut restored, &events, cut);
+        prop_assert_eq!(restored.snapshot(), original.snapshot());
+        prop_assert_eq!(restored.mastery(), original.mastery());
+        prop_assert_eq!(restored.status(), original.status());
 
-        // And it goes on as the run would have gone on, sentences included.
-        let mut lived = lived.clone();
+        // The restored run continues as the original does, reasons included.
+        let mut original = original.clone();
         for _ in 0..20 {
-            prop_assert_eq!(restored.propose(), lived.propose());
+            prop_assert_eq!(restored.propose(), original.propose());
         }
     }
 }
 
-/// A run long enough for placement, moves up and moves down, snapshotted in all its stages.
+/// The run is long enough for placement, moves up and moves down.
 #[test]
-fn a_long_run_is_restored_at_every_stage() {
-    let happenings: Vec<Happening> = (0..3000)
-        .flat_map(|step: u32| {
-            let successes = u32::from(!(1500..2500).contains(&step));
-            let report = Happening::Report {
-                which: 0,
-                finished: 1,
-                successes,
-                lost: 0,
-                contested: true,
-                evidence: true,
-            };
-            [Happening::Propose, report]
+fn long_run_is_restored_at_every_stage() {
+    let steps: Vec<Step> = (0..3000)
+        .flat_map(|round: u32| {
+            let successes = u32::from(!(1500..2500).contains(&round));
+            let report =
+                Step::Report { which: 0, finished: 1, successes, lost: 0, contested: true, evidence: true };
+            [Step::Propose, report]
         })
         .collect();
-    let (lived, events, snapshots) = live(4, 0, &happenings);
-    let status = lived.status();
+    let RecordedRun { curriculum: original, events, snapshots } = run_steps(4, 0, &steps);
+    let status = original.status();
     assert!(status.iter().all(|task| task.placed && task.epoch > 8), "{status:?}");
     for cut in (0..snapshots.len()).step_by(997) {
         let mut restored = Curriculum::restore(4, snapshots[cut].clone()).unwrap();
-        replay(&mut restored, &events, cut);
-        assert_eq!(restored.snapshot(), lived.snapshot());
+        replay_from(&mut restored, &events, cut);
+        assert_eq!(restored.snapshot(), original.snapshot());
     }
 }
 
 #[test]
-fn another_seed_proposes_something_else() {
+fn other_seed_gives_other_proposals() {
     let first = |seed| {
-        let mut curriculum = Curriculum::new(seed, placed(&[SURVIVAL, ECO, RENDEZVOUS])).unwrap();
-        (0..50).map(|_| curriculum.propose().1.task).collect::<Vec<_>>()
+        let mut curriculum = Curriculum::new(seed, with_placement(&[SURVIVAL, ECO, RENDEZVOUS])).unwrap();
+        (0..50).map(|_| curriculum.propose().proposal.task).collect::<Vec<_>>()
     };
     assert_eq!(first(1), first(1));
     assert_ne!(first(1), first(2));
 }
 
 #[test]
-fn a_snapshot_of_another_version_is_refused() {
+fn snapshot_of_another_version_is_rejected() {
     for strategy in StrategyKind::ALL {
-        let curriculum = Curriculum::new(1, placed(&[SURVIVAL]).by(strategy)).unwrap();
+        let curriculum = Curriculum::new(1, with_placement(&[SURVIVAL]).with_strategy(strategy)).unwrap();
         let mut snapshot = curriculum.snapshot();
         snapshot.version += 1;
         let error = Curriculum::restore(1, snapshot).unwrap_err();
@@ -186,58 +188,58 @@ fn a_snapshot_of_another_version_is_refused() {
 }
 
 #[test]
-fn a_snapshot_that_cannot_be_is_refused() {
-    let sound = Curriculum::new(1, placed(&[SURVIVAL])).unwrap().snapshot();
-    let refused = |change: &dyn Fn(&mut Snapshot)| {
-        let mut snapshot = sound.clone();
+fn invalid_snapshot_is_rejected() {
+    let valid = Curriculum::new(1, with_placement(&[SURVIVAL])).unwrap().snapshot();
+    let error_after = |change: &dyn Fn(&mut Snapshot)| {
+        let mut snapshot = valid.clone();
         change(&mut snapshot);
         Curriculum::restore(1, snapshot).unwrap_err()
     };
     let is_state = |error| matches!(error, RestoreError::State { .. });
-    assert!(is_state(refused(&|snapshot| snapshot.state = serde_json::Value::Null)));
-    assert!(is_state(refused(&|snapshot| snapshot.state["tasks"] = serde_json::json!({}))));
-    assert!(is_state(refused(&|snapshot| snapshot.strategy = StrategyKind::Fixed)));
-    assert!(is_state(refused(&|snapshot| snapshot.settings.tasks[0].rows.truncate(3))));
+    assert!(is_state(error_after(&|snapshot| snapshot.state = serde_json::Value::Null)));
+    assert!(is_state(error_after(&|snapshot| snapshot.state["tasks"] = serde_json::json!({}))));
+    assert!(is_state(error_after(&|snapshot| snapshot.strategy = StrategyKind::Fixed)));
+    assert!(is_state(error_after(&|snapshot| snapshot.settings.tasks[0].rows.truncate(3))));
     assert!(matches!(
-        refused(&|snapshot| snapshot.settings.tasks[0].task = "nobody/knows".to_owned()),
+        error_after(&|snapshot| snapshot.settings.tasks[0].task = "unknown/task".to_owned()),
         RestoreError::Settings(_)
     ));
 }
 
 #[test]
-fn a_replay_that_does_not_fit_is_refused() {
-    let mut curriculum = Curriculum::new(1, placed(&[SURVIVAL])).unwrap();
-    let (_, proposal) = curriculum.clone().propose();
+fn event_that_does_not_fit_is_rejected() {
+    let mut curriculum = Curriculum::new(1, with_placement(&[SURVIVAL])).unwrap();
+    let SequencedProposal { proposal, .. } = curriculum.clone().propose();
     let proposed = |proposal: &Proposal| CurriculumEvent::Proposed(proposal.clone());
     assert_eq!(
-        curriculum.replay(1, &proposed(&proposal)),
+        curriculum.replay_event(1, &proposed(&proposal)),
         Err(RestoreError::OutOfOrder { found: 1, wanted: 0 })
     );
     let reworded = Proposal { why: "in other words".to_owned(), ..proposal.clone() };
-    assert_eq!(curriculum.clone().replay(0, &proposed(&reworded)), Ok(()));
+    assert_eq!(curriculum.clone().replay_event(0, &proposed(&reworded)), Ok(()));
     let other = Proposal { level: Some(9), ..proposal };
-    let error = curriculum.replay(0, &proposed(&other)).unwrap_err();
+    let error = curriculum.replay_event(0, &proposed(&other)).unwrap_err();
     assert!(matches!(error, RestoreError::OtherProposal { seq: 0, .. }), "{error}");
 }
 
 #[test]
-fn changed_settings_keep_what_they_do_not_touch() {
-    let mut run = Simulation::new(6, from_zero(&[SURVIVAL, ECO]));
+fn changed_settings_restart_only_changed_tasks() {
+    let mut run = TrainingRun::new(6, without_placement(&[SURVIVAL, ECO]));
     for _ in 0..1500 {
         run.step(&mut |_, _| 1.0);
     }
     let (survival, eco) = (run.status(SURVIVAL), run.status(ECO));
     assert!(survival.level > Some(1) && eco.level > Some(1));
-    let (seq, leased) = run.curriculum.propose();
+    let SequencedProposal { seq, proposal: leased } = run.curriculum.propose();
 
     let mut settings = run.curriculum.settings().clone();
     settings.tasks[0].weight = 3.0;
     settings.tasks[1].default_params[0].1 = 40.0;
-    run.curriculum.change(settings.clone()).unwrap();
+    run.curriculum.change_settings(settings.clone()).unwrap();
     assert_eq!((run.status(SURVIVAL), run.status(ECO).level), (survival, Some(0)));
     assert!(run.curriculum.mastery().iter().all(|found| found.task == SURVIVAL));
     assert_eq!(run.curriculum.is_current(seq, &leased), leased.task == SURVIVAL);
-    // What was leased of the old table says nothing about the new one.
+    // An outcome under the old default params says nothing about the new ones.
     let late = GroupOutcome { proposal: seq, ..outcome(ECO, Some(0), 1, 1) };
     run.curriculum.observe(&late);
     assert_eq!(run.status(ECO).block.unwrap().n, 0);
@@ -245,11 +247,11 @@ fn changed_settings_keep_what_they_do_not_touch() {
     assert_eq!(run.status(ECO).block.unwrap().n, 1);
 
     let mastery = run.curriculum.mastery();
-    settings = settings.by(StrategyKind::Uniform);
-    run.curriculum.change(settings.clone()).unwrap();
+    settings = settings.with_strategy(StrategyKind::Uniform);
+    run.curriculum.change_settings(settings.clone()).unwrap();
     assert_eq!(run.curriculum.mastery(), mastery);
     settings.tasks.clear();
     let next = run.curriculum.next_seq();
-    assert!(run.curriculum.change(settings).is_err());
+    assert!(run.curriculum.change_settings(settings).is_err());
     assert_eq!((run.curriculum.next_seq(), run.curriculum.settings().tasks.len()), (next, 2));
 }

@@ -1,34 +1,34 @@
-//! Laws under simulated learners, over seeds.
+//! Statistical properties of the ladder with simulated learners, over many seeds.
 
 use super::*;
 
-/// How a scenario's own success probability is drawn around a mean of 0.65.
+/// Distribution of the success probability over scenarios, with a mean of 0.65.
 #[derive(Debug, Clone, Copy)]
 enum Spread {
-    /// Every scenario alike.
+    /// The same in every scenario.
     None,
     /// Uniform in [0.3, 1).
     Wide,
-    /// Hopeless or certain: siblings always agree.
+    /// 0 or 1, so that all episodes of a group have the same result.
     Full,
 }
 
 impl Spread {
-    fn draw(self, chance: &mut Draws) -> f64 {
+    fn draw(self, rng: &mut KeyedRng) -> f64 {
         match self {
             Self::None => 0.65,
-            Self::Wide => 0.3 + 0.7 * chance.uniform(),
-            Self::Full => f64::from(u8::from(chance.chance(0.65))),
+            Self::Wide => 0.3 + 0.7 * rng.uniform(),
+            Self::Full => f64::from(u8::from(rng.bernoulli(0.65))),
         }
     }
 }
 
-/// P(at least `least` of 32 scenarios succeed), each with probability `p`: the binomial sum.
-fn full_block(p: f64, least: u32) -> f64 {
+/// Probability that at least `min_successes` of 32 scenarios succeed, each with probability `p`: the binomial sum.
+fn block_probability(p: f64, min_successes: u32) -> f64 {
     let mut pmf = (1.0 - p).powi(32);
     let mut tail = 0.0;
     for k in 0..=32u32 {
-        if k >= least {
+        if k >= min_successes {
             tail += pmf;
         }
         pmf *= f64::from(32 - k) / f64::from(k + 1) * p / (1.0 - p);
@@ -36,8 +36,8 @@ fn full_block(p: f64, least: u32) -> f64 {
     tail
 }
 
-/// P(two blocks running are good, somewhere in so many), each good with probability `good`.
-fn two_running(good: f64, blocks: u32) -> f64 {
+/// Probability that two consecutive blocks are good among `blocks`, each good with probability `good`.
+fn two_consecutive_probability(good: f64, blocks: u32) -> f64 {
     let (mut none, mut one, mut done) = (1.0, 0.0, 0.0);
     for _ in 0..blocks {
         (none, one, done) = ((none + one) * (1.0 - good), none * good, done + one * good);
@@ -45,13 +45,13 @@ fn two_running(good: f64, blocks: u32) -> f64 {
     done
 }
 
-/// Share of (run, task) in which a learner of 0.65 everywhere moves at all within so many episodes of the run.
-fn promoted(runs: u64, episodes: u32, tasks: &[&str], group_size: u32, spread: Spread) -> f64 {
+/// Share of (run, task) pairs in which a learner with 0.65 success at every level moves within this many episodes.
+fn move_rate(runs: u64, episodes: u32, tasks: &[&str], group_size: u32, spread: Spread) -> f64 {
     let mut moved = 0;
     for seed in 0..runs {
-        let mut run = Simulation { group_size, ..Simulation::new(seed, from_zero(tasks)) };
+        let mut run = TrainingRun { group_size, ..TrainingRun::new(seed, without_placement(tasks)) };
         for _ in 0..episodes / group_size {
-            run.step(&mut |_, chance| spread.draw(chance));
+            run.step(&mut |_, rng| spread.draw(rng));
         }
         moved += tasks.iter().filter(|task| run.moves.iter().any(|made| made.task == **task)).count();
     }
@@ -59,10 +59,14 @@ fn promoted(runs: u64, episodes: u32, tasks: &[&str], group_size: u32, spread: S
 }
 
 #[test]
-fn a_learner_that_never_succeeds_never_rises() {
+fn learner_that_never_succeeds_never_moves_up() {
     for seed in 0..20 {
-        let settings = if seed % 2 == 0 { placed(&[SURVIVAL, ECO]) } else { from_zero(&[SURVIVAL, ECO]) };
-        let mut run = Simulation::new(seed, settings);
+        let settings = if seed % 2 == 0 {
+            with_placement(&[SURVIVAL, ECO])
+        } else {
+            without_placement(&[SURVIVAL, ECO])
+        };
+        let mut run = TrainingRun::new(seed, settings);
         for _ in 0..2000 {
             run.step(&mut |_, _| 0.0);
         }
@@ -72,53 +76,52 @@ fn a_learner_that_never_succeeds_never_rises() {
     }
 }
 
-/// What the rule promises, exactly. A block of a 0.65 learner is good with probability 0.036, two running about once in
-/// 800 pairs: the rate of false promotion grows with the number of blocks, and a bound on it must name that number.
+/// Computes the exact rates of the rule. A block of a learner with 0.65 success is good with probability 0.036, two
+/// consecutive ones about once in 800 pairs. The rate of false promotion grows with the number of blocks, and a bound on
+/// it must name that number.
 #[test]
-fn validate_binomial_rates_of_promotion() {
-    let good = full_block(0.65, 26);
+fn promotion_rates_match_the_binomial_sums() {
+    let good = block_probability(0.65, 26);
     assert!((good - 0.036_249_942).abs() < 1e-9, "{good}");
     // 4 096 single episodes at level 0, half of them contested: 21 blocks for each of three tasks, 64 for one alone.
-    let (three, one) = (two_running(good, 21), two_running(good, 64));
+    let (three, one) = (two_consecutive_probability(good, 21), two_consecutive_probability(good, 64));
     assert!((three - 0.0251).abs() < 1e-4, "{three}");
     assert!((one - 0.0770).abs() < 1e-4, "{one}");
-    // From level 1 on 70 % are at the frontier: 44 blocks for one task alone.
-    let rehearsing = two_running(good, 44);
+    // From level 1 on, 70 % are at the frontier: 44 blocks for one task alone.
+    let rehearsing = two_consecutive_probability(good, 44);
     assert!((rehearsing - 0.0532).abs() < 1e-4, "{rehearsing}");
     // A learner of 0.85 passes within 6 blocks, 192 contested scenarios, in 97 % of runs.
-    let strong = two_running(full_block(0.85, 26), 6);
+    let strong = two_consecutive_probability(block_probability(0.85, 26), 6);
     assert!((strong - 0.9738).abs() < 1e-4, "{strong}");
 }
 
-/// The law: below 5 % over 4 096 episodes. It holds for each task of a run over three, and for groups. A run
-/// over one task alone, in single episodes, has three times the blocks and, by the exact rates above, 5 to 8 %: the
-/// simulation must agree with that.
+/// False promotions stay below 5 % over 4 096 episodes, for each of three tasks and for groups. A run of single episodes
+/// on one task has three times the blocks and, by the exact rates above, 5 to 8 %; the simulation must agree.
 #[test]
-fn a_learner_of_two_thirds_is_hardly_ever_promoted() {
+fn learner_with_0_65_success_is_rarely_promoted() {
     let three = [SURVIVAL, ECO, RENDEZVOUS];
     for spread in [Spread::None, Spread::Full] {
-        let share = promoted(250, 4096, &three, 1, spread);
+        let share = move_rate(250, 4096, &three, 1, spread);
         println!("three tasks, single episodes, {spread:?}: {share}");
         assert!(share < 0.05, "{share}");
     }
     for spread in [Spread::None, Spread::Wide, Spread::Full] {
-        let share = promoted(800, 4096, &[SURVIVAL], 8, spread);
+        let share = move_rate(800, 4096, &[SURVIVAL], 8, spread);
         println!("one task, groups of 8, {spread:?}: {share}");
         assert!(share < 0.05, "{share}");
     }
-    let share = promoted(400, 4096, &[SURVIVAL], 1, Spread::None);
+    let share = move_rate(400, 4096, &[SURVIVAL], 1, Spread::None);
     println!("one task, single episodes: {share}");
-    // Over 400 runs the standard deviation is 0.013: three of them.
+    // Three standard deviations of 0.013 over 400 runs.
     assert!((share - 0.077).abs() < 0.040, "{share}");
 }
 
-/// 95 % of runs promote a 0.85 learner within 192 contested scenarios of the level.
 #[test]
-fn a_learner_of_0_85_is_promoted_within_192_contested_scenarios() {
+fn learner_with_0_85_success_moves_up_within_192_scenarios() {
     let runs = 300;
     let mut needed: Vec<u32> = (0..runs)
         .map(|seed| {
-            let mut run = Simulation::new(seed, from_zero(&[SURVIVAL]));
+            let mut run = TrainingRun::new(seed, without_placement(&[SURVIVAL]));
             while run.moves.is_empty() {
                 run.step(&mut |_, _| 0.85);
             }
@@ -133,9 +136,9 @@ fn a_learner_of_0_85_is_promoted_within_192_contested_scenarios() {
 }
 
 #[test]
-fn a_learner_that_forgets_goes_down() {
+fn learner_that_forgets_moves_down() {
     for seed in 0..20 {
-        let mut run = Simulation::new(seed, from_zero(&[SURVIVAL]));
+        let mut run = TrainingRun::new(seed, without_placement(&[SURVIVAL]));
         for _ in 0..2500 {
             run.step(&mut |_, _| 0.95);
         }
@@ -152,32 +155,35 @@ fn a_learner_that_forgets_goes_down() {
 }
 
 #[test]
-fn no_task_starves_whatever_the_weights() {
-    let mut settings = from_zero(&[SURVIVAL, ECO, RENDEZVOUS]);
+fn no_task_starves_under_extreme_weights() {
+    let mut settings = without_placement(&[SURVIVAL, ECO, RENDEZVOUS]);
     settings.tasks[0].weight = 1e9;
     for strategy in [StrategyKind::Ladder, StrategyKind::Uniform] {
-        let settings = settings.clone().by(strategy);
+        let settings = settings.clone().with_strategy(strategy);
         let mut curriculum = Curriculum::new(5, settings).unwrap();
         let (n, mut eco, mut rendezvous) = (80_000, 0u32, 0u32);
         for _ in 0..n {
-            let (_, proposal) = curriculum.propose();
+            let SequencedProposal { proposal, .. } = curriculum.propose();
             eco += u32::from(proposal.task == ECO);
             rendezvous += u32::from(proposal.task == RENDEZVOUS);
         }
-        // Binomial with mean 4 000 and standard deviation 62: five of them.
+        // Five standard deviations of 62 around a mean of 4 000.
         assert!(eco.abs_diff(4000) < 310 && rendezvous.abs_diff(4000) < 310, "{eco} {rendezvous}");
     }
 }
 
-/// Dropped losses make every learner look perfect. A block of 32 successes counts only with at most 3 losses among
-/// them: 3 in 10 000 blocks at 0.65. A probe of 16 is more easily passed by luck, but then 0.65 is above its bar.
+/// A trainer that reports failures as lost makes every learner look perfect. A block of 32 successes counts only with at
+/// most 3 losses among them: 3 in 10 000 blocks at 0.65. A probe of 16 passes more easily by luck, so its learner has
+/// 0.35.
 #[test]
-fn dropping_losses_as_failed_freezes_promotion_and_warns() {
+fn reporting_failures_as_lost_blocks_promotion_and_warns() {
     for (group_size, seed) in [(1, 0), (1, 1), (8, 2), (8, 3)] {
-        for (settings, ability) in [(from_zero(&[SURVIVAL]), 0.65), (placed(&[SURVIVAL]), 0.35)] {
-            let mut run = Simulation { group_size, ..Simulation::new(seed, settings) };
+        for (settings, ability) in
+            [(without_placement(&[SURVIVAL]), 0.65), (with_placement(&[SURVIVAL]), 0.35)]
+        {
+            let mut run = TrainingRun { group_size, ..TrainingRun::new(seed, settings) };
             for _ in 0..3000 {
-                run.step_with(&mut |_, _| ability, |outcome| {
+                run.step_tampered(&mut |_, _| ability, |outcome| {
                     outcome.failed = outcome.finished - outcome.successes;
                     outcome.finished = outcome.successes;
                 });
@@ -194,18 +200,19 @@ fn dropping_losses_as_failed_freezes_promotion_and_warns() {
 }
 
 #[test]
-fn a_trainer_that_loses_everything_is_warned_before_a_block_is_full() {
-    let mut run = Simulation::new(0, placed(&[SURVIVAL]));
+fn losing_every_episode_warns_before_a_block_is_full() {
+    let mut run = TrainingRun::new(0, with_placement(&[SURVIVAL]));
     for _ in 0..8 {
-        run.step_with(&mut |_, _| 1.0, |outcome| {
+        run.step_tampered(&mut |_, _| 1.0, |outcome| {
             (outcome.finished, outcome.successes, outcome.expired) = (0, 0, 1);
         });
     }
     assert!(run.status(SURVIVAL).warnings[0].contains("8 of the 8 episodes"), "{:?}", run.status(SURVIVAL));
 }
 
-/// A newcomer whose success falls from 0.98 to 0.05 about level `middle`, as look-ahead pilots' does.
-fn curve(middle: u32) -> impl Fn(&Proposal, &mut Draws) -> f64 {
+/// Success of a new agent, which falls from 0.95 to 0.05 around level `middle`. That of the look-ahead policies falls
+/// from 0.98 to 0.05.
+fn success_curve(middle: u32) -> impl Fn(&Proposal, &mut KeyedRng) -> f64 {
     move |proposal, _| match proposal.level.unwrap() {
         level if level < middle => 0.95,
         level if level == middle => 0.75,
@@ -215,12 +222,12 @@ fn curve(middle: u32) -> impl Fn(&Proposal, &mut Draws) -> f64 {
 }
 
 #[test]
-fn placement_finds_a_newcomers_level_within_80_contested_scenarios() {
+fn placement_finds_the_level_within_80_contested_scenarios() {
     let (mut right, mut runs) = (0, 0);
     for middle in 0..10 {
         for seed in 0..40 {
-            let mut run = Simulation::new(seed, placed(&[SURVIVAL]));
-            let mut ability = curve(middle);
+            let mut run = TrainingRun::new(seed, with_placement(&[SURVIVAL]));
+            let mut ability = success_curve(middle);
             while run.moves.is_empty() {
                 run.step(&mut ability);
             }
@@ -237,10 +244,10 @@ fn placement_finds_a_newcomers_level_within_80_contested_scenarios() {
 }
 
 #[test]
-fn placement_never_stalls_however_far_ahead_a_trainer_leases() {
+fn placement_finishes_however_far_ahead_a_trainer_leases() {
     for lag in [1, 15, 16, 17, 40, 300] {
-        let mut run = Simulation { lag, ..Simulation::new(9, placed(&[SURVIVAL])) };
-        let mut ability = curve(6);
+        let mut run = TrainingRun { lag, ..TrainingRun::new(9, with_placement(&[SURVIVAL])) };
+        let mut ability = success_curve(6);
         for _ in 0..(lag as u32 + 16) * 5 {
             run.step(&mut ability);
         }
@@ -253,16 +260,17 @@ fn placement_never_stalls_however_far_ahead_a_trainer_leases() {
 fn target_half_keeps_success_near_one_half() {
     for seed in 0..10 {
         for (group_size, lag) in [(1, 0), (8, 30)] {
-            let settings = Settings { target: Target::Half, ..placed(&[SURVIVAL]) };
-            let mut run = Simulation { group_size, lag, ..Simulation::new(seed, settings) };
+            let settings = Settings { target: Target::Half, ..with_placement(&[SURVIVAL]) };
+            let mut run = TrainingRun { group_size, lag, ..TrainingRun::new(seed, settings) };
             let (mut n, mut sum) = (0, 0.0);
             for step in 0..6000 {
                 // From 1.0 at level 0 down to 0.1 at level 9.
                 let outcome = run.step(&mut |proposal, _| 1.0 - 0.1 * f64::from(proposal.level.unwrap()));
-                let frontier = outcome.filter(|found| found.contested && found.role == Role::Frontier);
+                let frontier =
+                    outcome.filter(|found| found.contested && found.role == ProposalRole::Frontier);
                 if let Some(outcome) = frontier.filter(|_| step >= 1000) {
                     n += 1;
-                    sum += outcome.value().unwrap();
+                    sum += outcome.success_rate().unwrap();
                 }
             }
             let mean = sum / f64::from(n);

@@ -1,4 +1,8 @@
-//! Tests of the curriculum as a whole: rules, laws under simulated learners, and the fold.
+//! Tests of the curriculum as a whole.
+//!
+//! - `rules`: single rules of the ladder, the baselines and the settings.
+//! - `laws`: statistical properties over many seeds.
+//! - `fold`: snapshots and event replay.
 
 mod fold;
 mod laws;
@@ -6,7 +10,7 @@ mod rules;
 
 use std::collections::VecDeque;
 
-use env_core::draws::{Draws, Purpose};
+use env_core::keyed_rng::{KeyedRng, RngPurpose};
 
 use super::*;
 
@@ -14,14 +18,14 @@ pub(super) const SURVIVAL: &str = "kessler/survival";
 pub(super) const ECO: &str = "kessler/eco_station";
 pub(super) const RENDEZVOUS: &str = "kessler/rendezvous";
 
-/// A contested frontier outcome of epoch 0 that is evidence.
+/// A contested frontier outcome of epoch 0 that counts as evidence.
 pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: u32) -> GroupOutcome {
     GroupOutcome {
         proposal: 0,
         task: task.to_owned(),
         level,
         epoch: 0,
-        role: Role::Frontier,
+        role: ProposalRole::Frontier,
         contested: true,
         finished,
         successes,
@@ -30,90 +34,91 @@ pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: 
         evidence: true,
         mean_score: 0.5,
         mean_skill: None,
-        source: Source::Fresh,
+        source: ScenarioSource::Fresh,
         params: Vec::new(),
-        signals: Signals::default(),
+        signals: LearningSignals::default(),
     }
 }
 
-/// The outcome of a proposal.
-fn answer(seq: u64, proposal: &Proposal, finished: u32, successes: u32) -> GroupOutcome {
+/// The outcome of a proposal, whose scenario is contested if the proposal asked for it.
+fn outcome_of(proposed: &SequencedProposal, finished: u32, successes: u32) -> GroupOutcome {
+    let proposal = &proposed.proposal;
     GroupOutcome {
-        proposal: seq,
+        proposal: proposed.seq,
         epoch: proposal.epoch,
         role: proposal.role,
         contested: proposal.contested,
         source: proposal.source.clone(),
         params: if proposal.level.is_none() { proposal.params.clone() } else { Vec::new() },
-        signals: Signals {
+        signals: LearningSignals {
             regret: (finished > 0).then(|| 1.0 - f64::from(successes.min(finished)) / f64::from(finished)),
             panel: Some(0.25),
-            ..Signals::default()
+            ..LearningSignals::default()
         },
         ..outcome(&proposal.task, proposal.level, finished, successes)
     }
 }
 
-/// The ladder over these tasks, from level 0, without placement.
-fn from_zero(tasks: &[&str]) -> Settings {
-    Settings { placement: false, ..placed(tasks) }
+/// A ladder over these tasks that starts at level 0.
+fn without_placement(tasks: &[&str]) -> Settings {
+    Settings { placement: false, ..with_placement(tasks) }
 }
 
-/// The ladder over these tasks, with placement.
-fn placed(tasks: &[&str]) -> Settings {
+/// A ladder over these tasks that starts with a placement.
+fn with_placement(tasks: &[&str]) -> Settings {
     Settings::ladder(tasks.iter().map(|task| TaskPlan::standard(task).unwrap()).collect())
 }
 
 /// A simulated training run.
-struct Simulation {
+struct TrainingRun {
     curriculum: Curriculum,
     group_size: u32,
-    /// Groups leased before the first comes back.
+    /// Number of groups that are leased before the first one is reported.
     lag: usize,
-    chance: Draws,
-    in_flight: VecDeque<(u64, Proposal)>,
-    moves: Vec<Move>,
-    /// Contested scenarios observed.
+    rng: KeyedRng,
+    in_flight: VecDeque<SequencedProposal>,
+    moves: Vec<LevelMove>,
+    /// Number of contested scenarios observed.
     contested: u32,
 }
 
-impl Simulation {
+impl TrainingRun {
     fn new(seed: u64, settings: Settings) -> Self {
         Self {
             curriculum: Curriculum::new(seed, settings).unwrap(),
             group_size: 1,
             lag: 0,
-            chance: Draws::new(Purpose::Course, seed, u64::MAX),
+            rng: KeyedRng::new(RngPurpose::Curriculum, seed, u64::MAX),
             in_flight: VecDeque::new(),
             moves: Vec::new(),
             contested: 0,
         }
     }
 
-    /// One proposal goes out and the oldest in flight comes back; `ability` says, per contested scenario, how likely
-    /// an episode succeeds. What is not contested succeeds by itself.
-    fn step(&mut self, ability: &mut dyn FnMut(&Proposal, &mut Draws) -> f64) -> Option<GroupOutcome> {
-        self.step_with(ability, |_| ())
+    /// Makes one proposal and reports the oldest one in flight. `ability` returns the success probability of an
+    /// episode in a contested scenario; uncontested scenarios always succeed.
+    fn step(&mut self, ability: &mut dyn FnMut(&Proposal, &mut KeyedRng) -> f64) -> Option<GroupOutcome> {
+        self.step_tampered(ability, |_| ())
     }
 
-    /// The same, with a trainer that reports something else than what happened.
-    fn step_with(
+    /// As `step`, with a trainer that alters its reports.
+    fn step_tampered(
         &mut self,
-        ability: &mut dyn FnMut(&Proposal, &mut Draws) -> f64,
+        ability: &mut dyn FnMut(&Proposal, &mut KeyedRng) -> f64,
         tamper: impl Fn(&mut GroupOutcome),
     ) -> Option<GroupOutcome> {
-        let proposed = self.curriculum.propose();
-        self.in_flight.push_back(proposed);
+        self.in_flight.push_back(self.curriculum.propose());
         if self.in_flight.len() <= self.lag {
             return None;
         }
-        let (seq, proposal) = self.in_flight.pop_front().unwrap();
-        let p = if proposal.contested { ability(&proposal, &mut self.chance) } else { 1.0 };
-        let successes = (0..self.group_size).filter(|_| self.chance.chance(p)).count();
-        let mut outcome = answer(seq, &proposal, self.group_size, u32::try_from(successes).unwrap());
+        let proposed = self.in_flight.pop_front().unwrap();
+        let proposal = &proposed.proposal;
+        let p = if proposal.contested { ability(proposal, &mut self.rng) } else { 1.0 };
+        let successes = (0..self.group_size).filter(|_| self.rng.bernoulli(p)).count();
+        let mut outcome = outcome_of(&proposed, self.group_size, u32::try_from(successes).unwrap());
         tamper(&mut outcome);
         self.contested += u32::from(outcome.contested);
-        self.moves.extend(self.curriculum.observe(&outcome).1);
+        self.moves.extend(self.curriculum.observe(&outcome).moves);
         Some(outcome)
     }
 

@@ -1,0 +1,92 @@
+//! Level moves, each with the evidence that caused it.
+
+use serde::{Deserialize, Serialize};
+
+/// Direction of a level move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MoveKind {
+    /// Placement ended and set the first level.
+    Placement,
+    /// The level rose by one.
+    Up,
+    /// The level fell by one.
+    Down,
+}
+
+/// Change of a task's level, with its evidence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LevelMove {
+    /// Id of the task.
+    pub task: String,
+    /// Direction of the move.
+    pub kind: MoveKind,
+    /// Level before the move; `None` if placement had not ended.
+    pub from: Option<u32>,
+    /// Level after the move.
+    pub to: u32,
+    /// Evidence that caused the move.
+    pub evidence: MoveEvidence,
+}
+
+/// Blocks or probes that a move rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MoveEvidence {
+    /// Reason of the move in one sentence.
+    pub sentence: String,
+    /// Full blocks, oldest first; empty for a placement.
+    pub blocks: Vec<BlockSummary>,
+    /// Probes of a placement, in order; empty for other moves.
+    pub probes: Vec<ProbeSummary>,
+}
+
+impl MoveEvidence {
+    /// Seq of the earliest proposal behind the evidence. `None` if there is none, or if a block of an older version
+    /// does not store it.
+    #[must_use]
+    pub fn earliest_proposal(&self) -> Option<u64> {
+        let blocks = self.blocks.iter().map(|block| block.first);
+        let probes = self.probes.iter().map(|probe| probe.first);
+        blocks.chain(probes).collect::<Option<Vec<_>>>()?.into_iter().min()
+    }
+}
+
+/// Summary of a full block of contested scenarios.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BlockSummary {
+    /// Number of contested scenarios.
+    pub n: u32,
+    /// Sum of their success rates.
+    pub sum: f64,
+    /// Mean of their success rates.
+    pub mean: f64,
+    /// 10 % quantile of Beta(1 + sum, 1 + n − sum).
+    pub q10: f64,
+    /// 90 % quantile of the same distribution.
+    pub q90: f64,
+    /// Number of episodes that finished.
+    pub finished: u32,
+    /// Number of episodes that failed or expired.
+    pub lost: u32,
+    /// Seq of the block's earliest proposal; `None` in blocks of older versions, which did not store it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<u64>,
+}
+
+/// Summary of one probed level of a placement.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ProbeSummary {
+    /// Level that was probed.
+    pub level: u32,
+    /// Number of contested scenarios.
+    pub n: u32,
+    /// Sum of their success rates.
+    pub sum: f64,
+    /// Mean of their success rates.
+    pub mean: f64,
+    /// True if the level passed.
+    pub passed: bool,
+    /// Seq of the probe's earliest proposal; `None` in probes of older versions, which did not store it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<u64>,
+}

@@ -1,0 +1,23 @@
+//! Vocabulary and measurements that every strategy shares.
+//!
+//! Nothing here knows a single strategy's rules; those live in `strategies/`, one file or folder each. Start with
+//! `proposal` and `outcome` (what the curriculum returns and receives), then read the trait in `strategy`.
+//!
+//! - `proposal`, `outcome`, `event`: what leaves the curriculum, what returns, and what is stored.
+//! - `evidence`: blocks of outcomes, the posterior over success, and the level moves that rest on them.
+//! - `mastery`: the success rate per task and level, as far as contested scenarios show it.
+//! - `settings`: tasks, level tables, the strategy and its hyperparameters.
+//! - `scale`: the level table as a continuous space. `shares`: how tasks share the proposals.
+//! - `strategy`: the trait. `explanation`: status and rules as text. `snapshot`: the stored form of a curriculum.
+
+pub(crate) mod event;
+pub(crate) mod evidence;
+pub(crate) mod explanation;
+pub(crate) mod mastery;
+pub(crate) mod outcome;
+pub(crate) mod proposal;
+pub(crate) mod scale;
+pub(crate) mod settings;
+pub(crate) mod shares;
+pub(crate) mod snapshot;
+pub(crate) mod strategy;

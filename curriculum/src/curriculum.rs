@@ -1,0 +1,278 @@
+//! The curriculum of a run: a fold over its events.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::core::event::CurriculumEvent;
+use crate::core::evidence::level_move::LevelMove;
+use crate::core::explanation::{Explanation, TaskStatus};
+use crate::core::mastery::{Mastery, MasteryTracker};
+use crate::core::outcome::GroupOutcome;
+use crate::core::proposal::Proposal;
+use crate::core::settings::{Settings, SettingsError, StoredSettings};
+use crate::core::snapshot::{RestoreError, Snapshot};
+use crate::core::strategy::{BackgroundJob, Strategy, StrategyContext};
+use crate::strategies;
+
+/// Strategy, mastery and settings of a run, and the seq of its next event.
+///
+/// Each call of [`propose`](Self::propose), [`observe`](Self::observe) and
+/// [`change_settings`](Self::change_settings) takes one seq and is one [`CurriculumEvent`]. The same events, given in
+/// that order to [`replay_event`](Self::replay_event), lead to the same curriculum. To undo the calls of a transaction
+/// that may fail, clone the curriculum before it and restore the clone.
+pub struct Curriculum {
+    strategy: Box<dyn Strategy>,
+    mastery: MasteryTracker,
+    settings: Settings,
+    run_seed: u64,
+    next_seq: u64,
+    /// Per task, the seq from which proposals follow these settings. Outcomes of earlier proposals belong to another
+    /// meaning of the task and move nothing.
+    since: BTreeMap<String, u64>,
+}
+
+/// Proposal with the seq of its event.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SequencedProposal {
+    /// Seq of the event.
+    pub seq: u64,
+    /// Proposal that the event made.
+    pub proposal: Proposal,
+}
+
+/// Effect of an outcome on a curriculum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservedOutcome {
+    /// Seq of the event.
+    pub seq: u64,
+    /// Level moves that the outcome caused.
+    pub moves: Vec<LevelMove>,
+}
+
+impl Curriculum {
+    /// A curriculum before its first event.
+    ///
+    /// # Errors
+    /// Returns the error of [`Settings::validate`] if the settings are invalid.
+    pub fn new(run_seed: u64, settings: Settings) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        Ok(Self {
+            strategy: strategies::create(&settings),
+            mastery: MasteryTracker::default(),
+            settings,
+            run_seed,
+            next_seq: 0,
+            since: BTreeMap::new(),
+        })
+    }
+
+    /// Restores a curriculum from a snapshot. Events after the snapshot must be replayed next.
+    ///
+    /// # Errors
+    /// Returns [`RestoreError::Settings`] if the stored settings are invalid, [`RestoreError::OtherVersion`] if another
+    /// version of the strategy wrote the snapshot, and [`RestoreError::State`] if the strategy cannot read its state.
+    pub fn restore(run_seed: u64, snapshot: Snapshot) -> Result<Self, RestoreError> {
+        let settings = Settings::try_from(snapshot.settings)?;
+        if snapshot.strategy != settings.strategy {
+            let reason = format!("the settings ask for {}", settings.strategy);
+            return Err(RestoreError::State { strategy: snapshot.strategy, reason });
+        }
+        Ok(Self {
+            strategy: strategies::restore(&settings, snapshot.version, &snapshot.state)?,
+            mastery: MasteryTracker::restore(snapshot.mastery),
+            settings,
+            run_seed,
+            next_seq: snapshot.next_seq,
+            since: snapshot.since,
+        })
+    }
+
+    /// Complete state of the curriculum, except for the run seed.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            strategy: self.settings.strategy,
+            version: self.strategy.version(),
+            state: self.strategy.snapshot(),
+            settings: StoredSettings::from(self.settings.clone()),
+            mastery: self.mastery.store(),
+            since: self.since.clone(),
+            next_seq: self.next_seq,
+        }
+    }
+
+    /// Makes the next proposal.
+    pub fn propose(&mut self) -> SequencedProposal {
+        let ctx = StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+        let proposal = self.strategy.propose(&ctx);
+        SequencedProposal { seq: self.take_seq(), proposal }
+    }
+
+    /// Takes the outcome of a group into account.
+    pub fn observe(&mut self, outcome: &GroupOutcome) -> ObservedOutcome {
+        let moves = if self.is_relevant(outcome) {
+            self.mastery.observe(outcome);
+            let ctx =
+                StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+            self.strategy.observe(outcome, &ctx)
+        } else {
+            Vec::new()
+        };
+        ObservedOutcome { seq: self.take_seq(), moves }
+    }
+
+    /// Puts other settings in force and returns the seq of this event. A task keeps its level and mastery unless it is
+    /// new, or its level table, default params or physics changed. Under another strategy every task restarts and
+    /// keeps its mastery.
+    ///
+    /// # Errors
+    /// Returns the error of [`Settings::validate`] if the settings are invalid; nothing changes then.
+    pub fn change_settings(&mut self, settings: Settings) -> Result<u64, SettingsError> {
+        settings.validate()?;
+        let old = std::mem::replace(&mut self.settings, settings);
+        let restarted: Vec<&str> = (self.settings.tasks.iter())
+            .filter(|plan| !old.task(&plan.task).is_some_and(|before| before.has_same_levels(plan)))
+            .map(|plan| plan.task.as_str())
+            .collect();
+        let old_tasks = old.tasks.iter().map(|plan| plan.task.as_str());
+        let removed = old_tasks.filter(|task| self.settings.task(task).is_none());
+        for task in removed.chain(restarted.iter().copied()) {
+            self.mastery.forget(task);
+        }
+        self.since.retain(|task, _| self.settings.task(task).is_some());
+        // Under other hyperparameters, earlier proposals have another meaning, too.
+        let is_other_strategy = old.strategy != self.settings.strategy;
+        let all_changed = is_other_strategy || old.hyperparameters != self.settings.hyperparameters;
+        for plan in &self.settings.tasks {
+            if all_changed || restarted.contains(&plan.task.as_str()) {
+                self.since.insert(plan.task.clone(), self.next_seq);
+            }
+        }
+        if is_other_strategy {
+            self.strategy = strategies::create(&self.settings);
+        } else {
+            let ctx =
+                StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+            self.strategy.change_settings(&restarted, &ctx);
+        }
+        Ok(self.take_seq())
+    }
+
+    /// Applies a stored event as it was applied when it was stored.
+    ///
+    /// # Errors
+    /// Returns [`RestoreError::OutOfOrder`] if `seq` is not the next one, [`RestoreError::OtherProposal`] if the stored
+    /// proposal differs from the one made now, and [`RestoreError::Settings`] if stored settings are invalid. The
+    /// curriculum must then be dropped.
+    pub fn replay_event(&mut self, seq: u64, event: &CurriculumEvent) -> Result<(), RestoreError> {
+        if seq != self.next_seq {
+            return Err(RestoreError::OutOfOrder { found: seq, wanted: self.next_seq });
+        }
+        match event {
+            CurriculumEvent::Proposed(stored) => {
+                let SequencedProposal { proposal: proposed, .. } = self.propose();
+                if !proposed.is_same_decision(stored) {
+                    let (stored, proposed) = (Box::new(stored.clone()), Box::new(proposed));
+                    return Err(RestoreError::OtherProposal { seq, stored, proposed });
+                }
+            }
+            CurriculumEvent::Outcome(outcome) => {
+                self.observe(outcome);
+            }
+            CurriculumEvent::Settings(stored) => {
+                self.change_settings(Settings::try_from(stored.clone())?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Seq that the next event takes.
+    #[must_use]
+    pub const fn next_seq(&self) -> u64 {
+        self.next_seq
+    }
+
+    /// Settings that are in force.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// True if a proposal made at `seq` is still valid. A later move or change of settings makes it stale; its outcome
+    /// may be reported all the same.
+    #[must_use]
+    pub fn is_current(&self, seq: u64, proposal: &Proposal) -> bool {
+        self.follows_settings(&proposal.task, seq) && proposal.epoch == self.strategy.epoch(&proposal.task)
+    }
+
+    /// Seqs of the proposals whose scenarios may be proposed again and must be kept.
+    #[must_use]
+    pub fn retained_proposals(&self) -> Vec<u64> {
+        self.strategy.retained_proposals()
+    }
+
+    /// Expensive work whose result is due later. Each job is returned once; running it early saves time, and skipping
+    /// it changes no result.
+    #[must_use]
+    pub fn take_background_jobs(&self) -> Vec<Arc<dyn BackgroundJob>> {
+        self.strategy.take_background_jobs()
+    }
+
+    /// Mastery of every task and level with evidence.
+    #[must_use]
+    pub fn mastery(&self) -> Vec<Mastery> {
+        self.mastery.mastery(&self.settings)
+    }
+
+    /// Current state of each task.
+    #[must_use]
+    pub fn status(&self) -> Vec<TaskStatus> {
+        self.strategy.status(&self.settings)
+    }
+
+    /// Rules, current state and last moves as text.
+    #[must_use]
+    pub fn explain(&self) -> Explanation {
+        self.strategy.explain(&self.settings)
+    }
+
+    /// True if an outcome belongs to a task, level and strategy in force.
+    fn is_relevant(&self, outcome: &GroupOutcome) -> bool {
+        let Some(plan) = self.settings.task(&outcome.task) else { return false };
+        outcome.level.is_none_or(|level| level <= plan.hardest_level())
+            && self.follows_settings(&outcome.task, outcome.proposal)
+    }
+
+    /// True if a proposal of the task made at `seq` follows the settings in force.
+    fn follows_settings(&self, task: &str, seq: u64) -> bool {
+        self.settings.task(task).is_some() && self.since.get(task).is_none_or(|&since| seq >= since)
+    }
+
+    const fn take_seq(&mut self) -> u64 {
+        let seq = self.next_seq;
+        self.next_seq += 1;
+        seq
+    }
+}
+
+impl Clone for Curriculum {
+    fn clone(&self) -> Self {
+        Self {
+            strategy: self.strategy.boxed_clone(),
+            mastery: self.mastery.clone(),
+            settings: self.settings.clone(),
+            run_seed: self.run_seed,
+            next_seq: self.next_seq,
+            since: self.since.clone(),
+        }
+    }
+}
+
+impl std::fmt::Debug for Curriculum {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Curriculum")
+            .field("run_seed", &self.run_seed)
+            .field("snapshot", &self.snapshot())
+            .finish()
+    }
+}

@@ -1,0 +1,201 @@
+//! Automatic domain randomisation: each param is drawn between its easiest value and a bound that adapts.
+//!
+//! Follows Akkaya et al. (2019, "Solving Rubik's Cube with a robot hand", section 5 and algorithm 1), with some
+//! changes. A share of the proposals holds one param at its bound and draws the others within theirs. Once a buffer of
+//! these is full, the bound widens if they succeed often, and narrows if they succeed rarely. A bound is a position on
+//! the task's [`LevelScale`], so that one step means about the same for each param; the easy ends are fixed.
+
+use std::collections::BTreeMap;
+
+use env_core::KeyedRng;
+use serde::{Deserialize, Serialize};
+
+use crate::core::evidence::block::{DiscardedBlocks, EvidenceBlock, loss_warnings};
+use crate::core::evidence::level_move::LevelMove;
+use crate::core::explanation::{Explanation, TaskStatus};
+use crate::core::outcome::GroupOutcome;
+use crate::core::proposal::{Proposal, ProposalRole};
+use crate::core::scale::LevelScale;
+use crate::core::settings::hyperparameters::adr::{BOUNDARY, BUFFER, NARROW, STEP, WIDEN};
+use crate::core::settings::{Settings, TaskPlan};
+use crate::core::shares;
+use crate::core::strategy::{Strategy, StrategyContext, StrategyState, drop_stale_tasks};
+
+/// State of ADR: the bounds of each task, one for each axis of its level scale.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(super) struct Adr {
+    tasks: BTreeMap<String, Vec<ParamBound>>,
+}
+
+/// Upper bound of a param.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+struct ParamBound {
+    /// Position of the bound on the level scale.
+    #[serde(rename = "place")]
+    position: f64,
+    /// Number of moves of the bound so far.
+    moves: u32,
+    /// Seq of the last move. Proposals made before it held the param at another position and fill no buffer.
+    since: u64,
+    filling: EvidenceBlock,
+    discarded: DiscardedBlocks,
+    /// Mean success rate of the last full buffer.
+    last: Option<f64>,
+}
+
+impl Strategy for Adr {
+    fn propose(&mut self, ctx: &StrategyContext<'_>) -> Proposal {
+        let mut rng = ctx.rng();
+        let plan = shares::pick_task(ctx.settings, rng.uniform());
+        let scale = LevelScale::new(plan);
+        let boundary_axis = draw_boundary_axis(&mut rng, ctx.settings, scale.len());
+        let bounds = self.tasks.entry(plan.task.clone()).or_insert_with(|| initial_bounds(plan));
+        let mut positions: Vec<f64> = bounds.iter().map(|bound| bound.position * rng.uniform()).collect();
+        let (role, contested, why) = match boundary_axis {
+            Some(axis) => {
+                let (bound, name) = (bounds[axis], scale.names().nth(axis).unwrap_or_default());
+                positions[axis] = bound.position;
+                let why = format!(
+                    "{name} at its bound, {:.1} of {}: {} of {} scenarios are in",
+                    bound.position,
+                    plan.hardest_level(),
+                    bound.filling.n,
+                    ctx.settings.hyperparameters.integer(&BUFFER)
+                );
+                (ProposalRole::Boundary, true, why)
+            }
+            None => {
+                let contested = rng.bernoulli(ctx.settings.contested_share);
+                (ProposalRole::Sample, contested, "each param drawn within its bound".to_owned())
+            }
+        };
+        Proposal { contested, why, params: scale.params(&positions), ..Proposal::fresh(plan, None, role) }
+    }
+
+    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        let Some(plan) = ctx.settings.task(&outcome.task) else { return Vec::new() };
+        if !(outcome.evidence && outcome.contested && outcome.role == ProposalRole::Boundary) {
+            return Vec::new();
+        }
+        let scale = LevelScale::new(plan);
+        // Repeats the proposal's draws up to its axis, which is therefore not stored.
+        let mut rng = StrategyContext { seq: outcome.proposal, ..*ctx }.rng();
+        let _task_draw = rng.uniform();
+        let Some(axis) = draw_boundary_axis(&mut rng, ctx.settings, scale.len()) else { return Vec::new() };
+        let bounds = self.tasks.entry(plan.task.clone()).or_insert_with(|| initial_bounds(plan));
+        let Some(bound) = bounds.get_mut(axis) else { return Vec::new() };
+        if outcome.proposal >= bound.since {
+            bound.observe(outcome, ctx, scale.last_position());
+        }
+        Vec::new()
+    }
+
+    fn change_settings(&mut self, restarted: &[&str], ctx: &StrategyContext<'_>) {
+        drop_stale_tasks(&mut self.tasks, restarted, ctx);
+    }
+
+    fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
+        settings.tasks.iter().map(|plan| self.task_status(plan)).collect()
+    }
+
+    fn explain(&self, settings: &Settings) -> Explanation {
+        let rules = vec![
+            "Tasks share the proposals by weight, each at least 5 %.".to_owned(),
+            format!(
+                "{:.0} % of the proposals hold one param at its bound, on a contested scenario, and draw \
+                 the others within theirs; the rest draw all params within their bounds.",
+                100.0 * settings.hyperparameters.number(&BOUNDARY)
+            ),
+            "A full buffer of such scenarios widens, narrows or keeps the bound. A buffer that lost more \
+             than 10 % of its episodes does not count."
+                .to_owned(),
+        ];
+        let summary =
+            "Each param is drawn between its easiest value and a bound that adapts to the agent's success.";
+        Explanation::without_levels(settings, Self::VERSION, summary, rules, |plan| self.describe_task(plan))
+    }
+}
+
+impl StrategyState for Adr {
+    const VERSION: u32 = 1;
+
+    fn new(_settings: &Settings) -> Self {
+        Self::default()
+    }
+
+    fn resume(self, settings: &Settings) -> Result<Self, String> {
+        for plan in &settings.tasks {
+            let axes = LevelScale::new(plan).len();
+            if self.tasks.get(&plan.task).is_some_and(|bounds| bounds.len() != axes) {
+                return Err(format!("{} has other params than its table", plan.task));
+            }
+        }
+        Ok(self)
+    }
+}
+
+impl Adr {
+    fn bounds(&self, plan: &TaskPlan) -> Vec<ParamBound> {
+        self.tasks.get(&plan.task).cloned().unwrap_or_else(|| initial_bounds(plan))
+    }
+
+    /// Status of a task; its params are those at the bounds.
+    fn task_status(&self, plan: &TaskPlan) -> TaskStatus {
+        let (scale, bounds) = (LevelScale::new(plan), self.bounds(plan));
+        let positions: Vec<f64> = bounds.iter().map(|bound| bound.position).collect();
+        let warnings = bounds.iter().zip(scale.names()).flat_map(|(bound, name)| {
+            loss_warnings("buffer", &format!(" of {name} at its bound"), &bound.discarded, &bound.filling)
+        });
+        TaskStatus {
+            discarded: bounds.iter().map(|bound| bound.discarded.count).sum(),
+            warnings: warnings.collect(),
+            earliest_proposal: bounds.iter().filter_map(|bound| bound.filling.earliest_proposal()).min(),
+            ..TaskStatus::without_levels(&plan.task, scale.params(&positions))
+        }
+    }
+
+    fn describe_task(&self, plan: &TaskPlan) -> String {
+        let scale = LevelScale::new(plan);
+        let describe = |(bound, name): (ParamBound, &str)| {
+            let last = bound.last.map_or_else(String::new, |mean| format!(", last {mean:.2}"));
+            let top = plan.hardest_level();
+            format!("{name} to row {:.1} of {top} ({} moves{last})", bound.position, bound.moves)
+        };
+        self.bounds(plan).into_iter().zip(scale.names()).map(describe).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Bounds at which a task starts: each param at its easiest value.
+fn initial_bounds(plan: &TaskPlan) -> Vec<ParamBound> {
+    vec![ParamBound::default(); LevelScale::new(plan).len()]
+}
+
+/// Draws which axis a proposal holds at its bound, if any. A function of the generator's state alone, so that
+/// `observe` can repeat it.
+fn draw_boundary_axis(rng: &mut KeyedRng, settings: &Settings, axes: usize) -> Option<usize> {
+    let is_boundary = rng.bernoulli(settings.hyperparameters.number(&BOUNDARY));
+    let axis = rng.below(u32::try_from(axes).unwrap_or(u32::MAX)) as usize;
+    (is_boundary && axes > 0).then_some(axis)
+}
+
+impl ParamBound {
+    /// Records an outcome at the bound. A full buffer widens, narrows or keeps the bound, up to `last_position`.
+    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>, last_position: f64) {
+        let hyperparameters = &ctx.settings.hyperparameters;
+        let size = hyperparameters.integer(&BUFFER);
+        let Some(full) = self.filling.record_until_full(outcome, size, &mut self.discarded) else { return };
+        let (mean, step) = (full.mean(), hyperparameters.number(&STEP));
+        self.last = Some(mean);
+        let position = if mean >= hyperparameters.number(&WIDEN) {
+            (self.position + step).min(last_position)
+        } else if mean <= hyperparameters.number(&NARROW) {
+            (self.position - step).max(0.0)
+        } else {
+            self.position
+        };
+        if (position - self.position).abs() > 0.0 {
+            self.moves = self.moves.saturating_add(1);
+            (self.position, self.since, self.discarded) = (position, ctx.seq, DiscardedBlocks::default());
+        }
+    }
+}

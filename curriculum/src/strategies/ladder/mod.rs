@@ -1,0 +1,184 @@
+//! Ladder: moves up and down each task's level table on evidence. The default strategy.
+//!
+//! A placement finds the level at which a task starts ([`placement`]). After it, blocks of contested scenarios at the
+//! current level decide whether the level moves ([`level_stage`]). Half of the proposals must be contested; the others
+//! are used as drawn, so that the agent also learns when not to act. Some proposals rehearse lower levels, because
+//! networks forget what they no longer meet (McCloskey and Cohen 1989) and repeating a little of it helps (Robins
+//! 1995).
+
+mod explain;
+mod level_stage;
+mod placement;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use self::level_stage::LevelStage;
+use self::placement::{PROBE_SIZE, Placement, PlacementStep};
+use crate::core::evidence::level_move::{LevelMove, MoveKind};
+use crate::core::explanation::{Explanation, TaskStatus};
+use crate::core::outcome::GroupOutcome;
+use crate::core::proposal::{Proposal, ProposalRole};
+use crate::core::settings::{Settings, Target, TaskPlan};
+use crate::core::shares;
+use crate::core::strategy::{Strategy, StrategyContext, StrategyState};
+
+/// Number of levels below the current one that are rehearsed.
+const REHEARSED_LEVELS: u32 = 4;
+
+/// State of the ladder: the progress of each task.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct Ladder {
+    tasks: BTreeMap<String, TaskProgress>,
+}
+
+/// Progress of a task.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct TaskProgress {
+    /// Number of moves so far, steps of placement included.
+    epoch: u32,
+    stage: TaskStage,
+    last_move: Option<LevelMove>,
+}
+
+/// Stage of a task: before or after its first level is set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum TaskStage {
+    #[serde(rename = "placing")]
+    Placement(Placement),
+    #[serde(rename = "climbing")]
+    Level(LevelStage),
+}
+
+impl Strategy for Ladder {
+    fn propose(&mut self, ctx: &StrategyContext<'_>) -> Proposal {
+        let mut rng = ctx.rng();
+        let plan = shares::pick_task(ctx.settings, rng.uniform());
+        let progress =
+            (self.tasks.entry(plan.task.clone())).or_insert_with(|| TaskProgress::new(ctx.settings, plan));
+        let epoch = progress.epoch;
+        let (level, role, contested, why) = match &progress.stage {
+            TaskStage::Placement(placement) => {
+                let level = placement.level();
+                let why = format!(
+                    "placement probes level {level}: {} of {PROBE_SIZE} scenarios are in",
+                    placement.filling.n
+                );
+                (level, ProposalRole::Placement, true, why)
+            }
+            TaskStage::Level(stage) => {
+                let contested = rng.bernoulli(ctx.settings.contested_share);
+                let at_frontier = rng.bernoulli(ctx.settings.frontier_share) || stage.level == 0;
+                if at_frontier {
+                    (stage.level, ProposalRole::Frontier, contested, stage.describe_frontier(contested))
+                } else {
+                    let level = stage.level - 1 - rng.below(stage.level.min(REHEARSED_LEVELS));
+                    let why = format!("rehearsal of level {level}, below the current level {}", stage.level);
+                    (level, ProposalRole::Rehearsal, contested, why)
+                }
+            }
+        };
+        Proposal { epoch, contested, why, ..Proposal::fresh(plan, Some(level), role) }
+    }
+
+    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        let task = &outcome.task;
+        let (Some(plan), Some(progress)) = (ctx.settings.task(task), self.tasks.get_mut(task)) else {
+            return Vec::new();
+        };
+        // Uncontested outcomes say little, and outcomes of an earlier epoch belong to another level.
+        if !(outcome.evidence && outcome.contested && outcome.epoch == progress.epoch) {
+            return Vec::new();
+        }
+        progress.observe(outcome, plan, ctx.settings.target).into_iter().collect()
+    }
+
+    fn change_settings(&mut self, restarted: &[&str], ctx: &StrategyContext<'_>) {
+        self.tasks.retain(|task, _| ctx.settings.task(task).is_some());
+        for plan in ctx.settings.tasks.iter().filter(|plan| restarted.contains(&plan.task.as_str())) {
+            self.tasks.insert(plan.task.clone(), TaskProgress::new(ctx.settings, plan));
+        }
+    }
+
+    fn epoch(&self, task: &str) -> u32 {
+        self.tasks.get(task).map_or(0, |progress| progress.epoch)
+    }
+
+    fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
+        let known = settings.tasks.iter().filter_map(|plan| Some((plan, self.tasks.get(&plan.task)?)));
+        known.map(|(plan, progress)| explain::task_status(progress, plan, settings.target)).collect()
+    }
+
+    fn explain(&self, settings: &Settings) -> Explanation {
+        explain::explain(self, settings)
+    }
+}
+
+impl StrategyState for Ladder {
+    const VERSION: u32 = 1;
+
+    fn new(settings: &Settings) -> Self {
+        let start = |plan: &TaskPlan| (plan.task.clone(), TaskProgress::new(settings, plan));
+        Self { tasks: settings.tasks.iter().map(start).collect() }
+    }
+
+    fn resume(self, settings: &Settings) -> Result<Self, String> {
+        for plan in &settings.tasks {
+            let progress = self.tasks.get(&plan.task).ok_or_else(|| format!("{} is missing", plan.task))?;
+            let hardest_level = plan.hardest_level();
+            let fits = match &progress.stage {
+                TaskStage::Placement(placement) => placement.fits(hardest_level),
+                TaskStage::Level(stage) => stage.level <= hardest_level,
+            };
+            if !fits {
+                return Err(format!("{} is above the top of its table, {hardest_level}", plan.task));
+            }
+        }
+        Ok(self)
+    }
+}
+
+impl TaskProgress {
+    fn new(settings: &Settings, plan: &TaskPlan) -> Self {
+        let stage = if settings.placement {
+            TaskStage::Placement(Placement::new(plan.hardest_level()))
+        } else {
+            TaskStage::Level(LevelStage::default())
+        };
+        Self { epoch: 0, stage, last_move: None }
+    }
+
+    /// Records contested evidence of this epoch and returns the move it causes.
+    fn observe(&mut self, outcome: &GroupOutcome, plan: &TaskPlan, target: Target) -> Option<LevelMove> {
+        let (kind, from, to, evidence) = match (&mut self.stage, outcome.role) {
+            (TaskStage::Placement(placement), ProposalRole::Placement)
+                if outcome.level == Some(placement.level()) =>
+            {
+                match placement.observe(outcome) {
+                    PlacementStep::SameLevel => return None,
+                    PlacementStep::NextLevel => {
+                        self.epoch += 1;
+                        return None;
+                    }
+                    PlacementStep::Placed(level) => {
+                        (MoveKind::Placement, None, level, placement.evidence(level))
+                    }
+                }
+            }
+            (TaskStage::Level(stage), ProposalRole::Frontier) if outcome.level == Some(stage.level) => {
+                let from = stage.level;
+                let step = stage.observe(outcome, target, plan.hardest_level())?;
+                let to = if step.kind == MoveKind::Up { from + 1 } else { from - 1 };
+                (step.kind, Some(from), to, step.evidence)
+            }
+            _ => return None,
+        };
+        self.epoch += 1;
+        self.stage = TaskStage::Level(LevelStage { level: to, ..LevelStage::default() });
+        let made = LevelMove { task: plan.task.clone(), kind, from, to, evidence };
+        self.last_move = Some(made.clone());
+        Some(made)
+    }
+}
