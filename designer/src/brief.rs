@@ -1,4 +1,4 @@
-//! What a designer is told: the task and its limits, what the agent fails at, and how earlier layouts fared.
+//! [`DesignBrief`]: everything a designer receives for one request.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,175 +7,175 @@ use env_core::space::Levels;
 use env_core::{Recipe, Scenario, Seed, SeedSpace};
 use serde_json::Value;
 
-use crate::profile::Profile;
+use crate::profile::FailureProfile;
 
-/// Levels to either side of the run's from which a design may take its params.
-const REACH: u32 = 2;
+/// Distance in levels, up or down, from which a design may take values of params.
+const LEVEL_REACH: u32 = 2;
 
-/// What a designer is asked for.
+/// Request to a designer: the task and its limits, what the agent fails at, and the outcomes of earlier layouts.
 #[derive(Debug, Clone)]
-pub struct Brief {
-    /// How many layouts are wanted.
+pub struct DesignBrief {
+    /// Number of layouts to design.
     pub count: usize,
-    /// What its draws follow from: the same brief and seed make the same designs, where no language model takes part.
+    /// Seed of all random draws. The same brief gives the same designs, unless a language model makes them.
     pub seed: u64,
     /// Task, params and physics to design for, without a layout.
-    pub base: Arc<Recipe>,
-    /// The level that the params are of.
+    pub recipe: Arc<Recipe>,
+    /// Level of the params; `None` if they belong to no level.
     pub level: Option<u32>,
-    /// Params that a design may choose, and from what.
-    pub limits: Vec<Limit>,
-    /// What the agent fails at.
-    pub profile: Profile,
-    /// How well it does at this level: none where nothing is known.
-    pub standing: Option<Standing>,
-    /// How earlier layouts fared, the newest first.
-    pub fates: Vec<Past>,
-    /// How long designing may take: whoever designs ends then with what there is. No limit if none.
-    pub patience: Option<Duration>,
+    /// Params that a design may choose.
+    pub param_choices: Vec<ParamChoice>,
+    /// Failures of the agent in this task.
+    pub profile: FailureProfile,
+    /// Mastery of the level; `None` if nothing is known.
+    pub mastery: Option<LevelMastery>,
+    /// Earlier layouts, newest first.
+    pub past_layouts: Vec<PastLayout>,
+    /// Time after which the designer returns the layouts it has; `None` is unlimited.
+    pub time_limit: Option<Duration>,
 }
 
-/// A param that a design may choose.
+/// Param that a design may choose, with its allowed values.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Limit {
-    /// The param.
+pub struct ParamChoice {
+    /// Name of the param.
     pub param: String,
-    /// What it may be, as the levels have it, ascending.
+    /// Allowed values in ascending order.
     pub values: Vec<f64>,
 }
 
-/// Mastery of the level, as the curriculum knows it.
+/// Mastery of a level, as the curriculum estimates it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Standing {
-    /// Contested scenarios it rests on.
+pub struct LevelMastery {
+    /// Number of contested scenarios in the estimate.
     pub n: u32,
-    /// The posterior's mean.
+    /// Mean of the posterior.
     pub mean: f64,
-    /// Its 10 % quantile.
+    /// 10 % quantile of the posterior.
     pub q10: f64,
-    /// Its 90 % quantile.
+    /// 90 % quantile of the posterior.
     pub q90: f64,
 }
 
-/// An earlier layout.
+/// Layout of an earlier request.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Past {
-    /// The design, in its world's language.
+pub struct PastLayout {
+    /// Design in the language of its world.
     pub design: Value,
-    /// The seed of the sky it was put into, where it was let through.
-    pub sky: Option<Seed>,
-    /// What became of it.
-    pub fate: Fate,
+    /// Seed of the scenario; `None` if the gate refused the layout.
+    pub seed: Option<Seed>,
+    /// Outcome of the layout so far.
+    pub outcome: LayoutOutcome,
 }
 
-/// What became of a layout.
+/// Outcome of a layout.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Fate {
+pub enum LayoutOutcome {
     /// The gate refused it.
     Refused {
-        /// Which check ([`crate::gate::CHECKS`]).
+        /// Name of the check, see [`crate::GateCheck::as_str`].
         check: String,
-        /// Why.
+        /// Message of the refusal.
         reason: String,
     },
-    /// It was let through; nobody has flown it yet.
-    Fresh,
-    /// The agent has flown it.
-    Flown {
-        /// Episodes.
+    /// The gate admitted it, and no episode of it has ended.
+    Untested,
+    /// The agent has played episodes of it.
+    Evaluated {
+        /// Number of finished episodes.
         episodes: u32,
-        /// The share of them that succeeded.
-        success: f64,
-        /// The mean of (reference − score)/(reference − floor) within [0, 1]; on decoys of (reference − score)/reference.
+        /// Share of successful episodes.
+        success_rate: f64,
+        /// Mean of (reference − score)/(reference − floor), within [0, 1]; for decoys, of (reference − score)/reference.
         regret: f64,
-        /// Of the criticised episodes in which something went wrong, the share in which the aimed failure mode did; none
-        /// where there is no such episode.
-        as_aimed: Option<f64>,
-        /// Whether it serves no longer.
-        retired: bool,
+        /// Share of the criticised episodes with a failure in which the aimed failure mode occurred; `None` if there is no
+        /// such episode.
+        aimed_share: Option<f64>,
+        /// True if the layout is no longer served.
+        is_retired: bool,
     },
 }
 
-impl Fate {
-    /// What a layout is worth to who looks for failures of the mode it aims at: its regret, as far as that mode is to blame.
-    /// None where nobody has flown it.
+impl LayoutOutcome {
+    /// Returns the regret that the aimed failure mode caused; `None` without episodes. A high value makes the layout a good
+    /// parent of new designs.
     #[must_use]
-    pub fn worth(&self) -> Option<f64> {
+    pub fn aimed_regret(&self) -> Option<f64> {
         match self {
-            Self::Flown { regret, as_aimed, .. } => Some(regret * as_aimed.unwrap_or(1.0)),
-            Self::Refused { .. } | Self::Fresh => None,
+            Self::Evaluated { regret, aimed_share, .. } => Some(regret * aimed_share.unwrap_or(1.0)),
+            Self::Refused { .. } | Self::Untested => None,
         }
     }
 }
 
-impl Brief {
-    /// A brief for a recipe by itself: nothing is known of the agent, and params are fixed.
+impl DesignBrief {
+    /// Creates a brief for a recipe, with fixed params and without knowledge of the agent.
     #[must_use]
-    pub fn new(base: Arc<Recipe>, count: usize, seed: u64) -> Self {
-        let profile = Profile::blank(base.task().id());
+    pub fn new(recipe: Arc<Recipe>, count: usize, seed: u64) -> Self {
+        let profile = FailureProfile::empty(recipe.task().id());
         Self {
             count,
             seed,
-            base,
+            recipe,
             level: None,
-            limits: Vec::new(),
+            param_choices: Vec::new(),
             profile,
-            standing: None,
-            fates: Vec::new(),
-            patience: None,
+            mastery: None,
+            past_layouts: Vec::new(),
+            time_limit: None,
         }
     }
 
-    /// The same for a level of a table: a design may choose among what the levels around it have.
+    /// Sets the level, and lets a design choose params among the values of the levels around it.
     #[must_use]
     pub fn at_level(mut self, levels: &Levels, level: u32) -> Self {
         self.level = Some(level);
-        self.limits = limits(levels, level);
+        self.param_choices = choices_around(levels, level);
         self
     }
 
-    /// A scenario of the recipe under the brief's `number`-th seed: a sky to put a design into.
+    /// Returns the `number`-th base scenario of the brief, in which a design can be built.
     #[must_use]
-    pub fn sky(&self, number: u64) -> Scenario {
+    pub fn base_scenario(&self, number: u64) -> Scenario {
         let mut bits = [0; 8];
         let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 skies of designs");
         hasher.update(&self.seed.to_le_bytes());
         hasher.update(&number.to_le_bytes());
         hasher.finalize_xof().fill(&mut bits);
-        // User seeds: whoever sees a layout may fly it by hand.
-        self.under(Seed::in_space(SeedSpace::User, u64::from_le_bytes(bits)))
+        // User seeds, since people may run layouts by hand.
+        self.scenario(Seed::in_space(SeedSpace::User, u64::from_le_bytes(bits)))
     }
 
-    /// A scenario of the recipe under this seed.
+    /// Returns the scenario of the recipe with a seed.
     #[must_use]
-    pub fn under(&self, seed: Seed) -> Scenario {
-        Scenario::new(Arc::clone(&self.base), seed)
+    pub fn scenario(&self, seed: Seed) -> Scenario {
+        Scenario::new(Arc::clone(&self.recipe), seed)
     }
 
-    /// A param of the base.
+    /// Returns a param of the recipe; 0 if the task does not have it.
     #[must_use]
     pub fn param(&self, name: &str) -> f64 {
-        self.base.param(name).unwrap_or(0.0)
+        self.recipe.param(name).unwrap_or(0.0)
     }
 
-    /// The largest value a param may have: the base's, or more within its limits.
+    /// Returns the largest value that a param can have in a design.
     #[must_use]
-    pub fn most(&self, name: &str) -> f64 {
-        let limit = self.limits.iter().find(|limit| limit.param == name);
-        limit.and_then(|limit| limit.values.last()).copied().unwrap_or(0.0).max(self.param(name))
+    pub fn max_param(&self, name: &str) -> f64 {
+        let choice = self.param_choices.iter().find(|choice| choice.param == name);
+        choice.and_then(|choice| choice.values.last()).copied().unwrap_or(0.0).max(self.param(name))
     }
 }
 
-/// What a design may choose at a level: of each param that changes around it, the values it has there.
-fn limits(levels: &Levels, level: u32) -> Vec<Limit> {
-    let top = u32::try_from(levels.len() - 1).unwrap_or(u32::MAX);
-    let around = level.saturating_sub(REACH)..=level.saturating_add(REACH).min(top);
-    let column = |name: &String| {
-        let of = |level: u32| levels.params(level as usize).find(|(n, _)| n == name).map(|(_, value)| value);
-        let mut values: Vec<f64> = around.clone().filter_map(of).collect();
+/// Returns the params that differ between the levels around `level`, with their values in these levels.
+fn choices_around(levels: &Levels, level: u32) -> Vec<ParamChoice> {
+    let last = u32::try_from(levels.len() - 1).unwrap_or(u32::MAX);
+    let around = level.saturating_sub(LEVEL_REACH)..=level.saturating_add(LEVEL_REACH).min(last);
+    let choice = |name: &String| {
+        let at = |level: u32| levels.params(level as usize).find(|(n, _)| n == name).map(|(_, value)| value);
+        let mut values: Vec<f64> = around.clone().filter_map(at).collect();
         values.sort_by(f64::total_cmp);
         values.dedup();
-        Limit { param: name.clone(), values }
+        ParamChoice { param: name.clone(), values }
     };
-    levels.columns().iter().map(column).filter(|limit| limit.values.len() > 1).collect()
+    levels.columns().iter().map(choice).filter(|choice| choice.values.len() > 1).collect()
 }

@@ -1,40 +1,43 @@
-//! Edits of docking's scenarios. Nobody designs layouts for docking yet: there is no language for them.
+//! Mutations of docking's scenarios. There is no design language for docking, so that it has no designers.
 
 use std::collections::BTreeMap;
 
-use env_core::chance::Seeded;
-use env_core::docking::constants::STATE;
-use env_core::docking::relative::{State, distance, speed_limit};
-use env_core::docking::setup::Setup;
-use env_core::scenario::LayoutMode;
-use env_core::{Draws, Layout, Recipe, Scenario};
+use env_core::docking::constants::STATE_DIM;
+use env_core::docking::relative_motion::{RelativeState, distance, speed_limit};
+use env_core::docking::setup::DockingSetup;
+use env_core::episode_rng::SeededRng;
+use env_core::task::LayoutMode;
+use env_core::{KeyedRng, Layout, Recipe, Scenario};
 
-use crate::brief::Brief;
-use crate::vary::{Varied, beside};
+use crate::brief::DesignBrief;
+use crate::mutation::{Mutation, adjacent_value};
 
-/// Tries at a change that can be.
-const TRIES: u32 = 12;
-/// How far a deputy's start is moved along each axis, as a share of its distance from the chief.
-const MOVED: f64 = 0.15;
-/// How far its velocity is changed along each axis, as a share of the speed limit there.
-const JITTER: f64 = 0.15;
+/// Maximum number of attempts to mutate a scenario.
+const MAX_ATTEMPTS: u32 = 12;
+/// Maximum change of a position along each axis, as a share of the distance to the chief.
+const POSITION_CHANGE: f64 = 0.15;
+/// Maximum change of a velocity along each axis, as a share of the speed limit at its position.
+const VELOCITY_CHANGE: f64 = 0.15;
 
-type Change = fn(&mut Recipe, &mut Vec<State>, &Brief, &mut Draws) -> Option<()>;
+/// Edit of a recipe or of the initial states of the deputies; `None` if it does not apply.
+type Edit = fn(&mut Recipe, &mut [RelativeState], &DesignBrief, &mut KeyedRng) -> Option<()>;
 
-const CHANGES: [(&str, Change); 3] =
-    [("a deputy's place", place), ("a deputy's velocity", velocity), ("a param", param)];
+/// Edits of a scenario. The names are stored with it.
+const EDITS: [(&str, Edit); 3] =
+    [("a deputy's place", move_deputy), ("a deputy's velocity", change_velocity), ("a param", change_param)];
 
-/// A scenario with one or two things changed.
-pub(crate) fn vary(parent: &Scenario, brief: &Brief, draws: &mut Draws) -> Option<Varied> {
-    let setup = Setup::read(parent.recipe()).ok()?;
-    let start = setup.start(&mut Seeded::new(parent.seed())).ok()?;
-    let bare = parent.recipe().as_ref().clone().with_layout(None).ok()?;
-    for _ in 0..TRIES {
-        let (mut recipe, mut states) = (bare.clone(), start.states[..start.deputies].to_vec());
+/// Returns a scenario after one or two edits; `None` if no attempt succeeds.
+pub(crate) fn mutate(parent: &Scenario, brief: &DesignBrief, rng: &mut KeyedRng) -> Option<Mutation> {
+    let setup = DockingSetup::read(parent.recipe()).ok()?;
+    let start = setup.sample_starts(&mut SeededRng::new(parent.seed())).ok()?;
+    let recipe_without_layout = parent.recipe().as_ref().clone().with_layout(None).ok()?;
+    for _ in 0..MAX_ATTEMPTS {
+        let mut recipe = recipe_without_layout.clone();
+        let mut states = start.states[..start.deputies].to_vec();
         let mut changes = Vec::new();
-        for _ in 0..draws.between(1, 2) {
-            let (name, change) = CHANGES[draws.below(CHANGES.len() as u32) as usize];
-            if change(&mut recipe, &mut states, brief, draws).is_some() {
+        for _ in 0..rng.range_inclusive(1, 2) {
+            let (name, edit) = EDITS[rng.below(EDITS.len() as u32) as usize];
+            if edit(&mut recipe, &mut states, brief, rng).is_some() {
                 changes.push(name);
             }
         }
@@ -42,46 +45,64 @@ pub(crate) fn vary(parent: &Scenario, brief: &Brief, draws: &mut Draws) -> Optio
         let bodies = BTreeMap::from([("deputies".to_owned(), rows)]);
         let layout = Layout { mode: LayoutMode::Replace, bodies, provenance: None };
         if let (false, Ok(recipe)) = (changes.is_empty(), recipe.with_layout(Some(layout))) {
-            return Some(Varied { scenario: Scenario::new(recipe, parent.seed()), changes });
+            return Some(Mutation { scenario: Scenario::new(recipe, parent.seed()), changes });
         }
     }
     None
 }
 
-fn pick<'a>(states: &'a mut [State], draws: &mut Draws) -> Option<&'a mut State> {
+/// Returns the state of a random deputy.
+fn pick<'a>(states: &'a mut [RelativeState], rng: &mut KeyedRng) -> Option<&'a mut RelativeState> {
     let count = u32::try_from(states.len()).ok().filter(|count| *count > 0)?;
-    states.get_mut(draws.below(count) as usize)
+    states.get_mut(rng.below(count) as usize)
 }
 
-/// Moves what is at `axes` of a state by up to `by` either way.
-fn jitter(state: &mut State, axes: std::ops::Range<usize>, by: f64, draws: &mut Draws) {
-    for value in &mut state[axes] {
-        *value += by * (2.0 * draws.uniform() - 1.0);
+/// Changes some components of a state by up to `max_change` either way.
+fn jitter(
+    state: &mut RelativeState,
+    components: std::ops::Range<usize>,
+    max_change: f64,
+    rng: &mut KeyedRng,
+) {
+    for value in &mut state[components] {
+        *value += max_change * (2.0 * rng.uniform() - 1.0);
     }
 }
 
-fn place(_: &mut Recipe, states: &mut Vec<State>, _: &Brief, draws: &mut Draws) -> Option<()> {
-    let state = pick(states, draws)?;
-    jitter(state, 0..STATE / 2, MOVED * distance(state), draws);
+fn move_deputy(
+    _: &mut Recipe,
+    states: &mut [RelativeState],
+    _: &DesignBrief,
+    rng: &mut KeyedRng,
+) -> Option<()> {
+    let state = pick(states, rng)?;
+    jitter(state, 0..STATE_DIM / 2, POSITION_CHANGE * distance(state), rng);
     Some(())
 }
 
-fn velocity(_: &mut Recipe, states: &mut Vec<State>, _: &Brief, draws: &mut Draws) -> Option<()> {
-    let state = pick(states, draws)?;
-    jitter(state, STATE / 2..STATE, JITTER * speed_limit(distance(state)), draws);
+fn change_velocity(
+    _: &mut Recipe,
+    states: &mut [RelativeState],
+    _: &DesignBrief,
+    rng: &mut KeyedRng,
+) -> Option<()> {
+    let state = pick(states, rng)?;
+    jitter(state, STATE_DIM / 2..STATE_DIM, VELOCITY_CHANGE * speed_limit(distance(state)), rng);
     Some(())
 }
 
-/// A param beside what it is. How many deputies there are, and where they start, is said by the states.
-fn param(recipe: &mut Recipe, _: &mut Vec<State>, brief: &Brief, draws: &mut Draws) -> Option<()> {
-    let free: Vec<_> = brief
-        .limits
-        .iter()
-        .filter(|limit| matches!(limit.param.as_str(), "time_limit_s" | "thrust_bound"))
-        .collect();
-    let count = u32::try_from(free.len()).ok().filter(|count| *count > 0)?;
-    let limit = free[draws.below(count) as usize];
-    let value = beside(recipe, limit, draws)?;
-    *recipe = recipe.clone().with_param(&limit.param, value).ok()?;
+/// Changes a param to an adjacent value. The states already decide the number of deputies and their initial distances.
+fn change_param(
+    recipe: &mut Recipe,
+    _: &mut [RelativeState],
+    brief: &DesignBrief,
+    rng: &mut KeyedRng,
+) -> Option<()> {
+    let has_effect = |param: &str| matches!(param, "time_limit_s" | "thrust_bound");
+    let choices: Vec<_> = brief.param_choices.iter().filter(|choice| has_effect(&choice.param)).collect();
+    let count = u32::try_from(choices.len()).ok().filter(|count| *count > 0)?;
+    let choice = choices[rng.below(count) as usize];
+    let value = adjacent_value(recipe, choice, rng)?;
+    *recipe = recipe.clone().with_param(&choice.param, value).ok()?;
     Some(())
 }

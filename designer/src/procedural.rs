@@ -1,159 +1,162 @@
-//! The designer without a model: samples designs from the failure profile and edits the best of the archive. Needs no
-//! network and never fails; what another designer cannot do, it does.
+//! [`ProceduralDesigner`]: samples designs from the failure profile and edits successful ones. It needs no network and never
+//! fails, so that it can replace any other designer.
 
-use env_core::Draws;
-use env_core::draws::Purpose;
+use env_core::keyed_rng::RngPurpose;
+use env_core::{KeyedRng, Scenario};
 use serde_json::Value;
 use tokio::time::Instant;
 
-use crate::brief::{Brief, Past};
-use crate::gate::{Gate, Judged, Usage};
-use crate::language::Language;
-use crate::{Designed, Designer, Designing};
+use crate::brief::{DesignBrief, PastLayout};
+use crate::design_language::DesignLanguage;
+use crate::designer::{DesignFuture, DesignOutcome, DesignUsage, Designer, JudgedLayout};
+use crate::gate::Gate;
 
-/// Designs tried for each that is wanted, at most.
-const TRIES: usize = 40;
-/// The share of tries that edit an earlier design, where there are some worth it.
-const EDITED: f64 = 0.5;
+/// Maximum number of attempts per requested layout.
+const ATTEMPTS_PER_LAYOUT: usize = 40;
+/// Share of attempts that edit an earlier design, if there is a suitable one.
+const EDIT_SHARE: f64 = 0.5;
 
-/// Samples and edits.
+/// Designer that samples and edits.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Procedural;
+pub struct ProceduralDesigner;
 
-impl Procedural {
-    /// The first designs it would try for a brief, as they are before the gate has seen any: what would be aimed at.
+impl ProceduralDesigner {
+    /// Returns the designs of the first `count` attempts for a brief, before the gate judges them.
     #[must_use]
-    pub fn ideas(brief: &Brief, language: &dyn Language, count: usize) -> Vec<Value> {
-        let parents = parents(brief, language);
-        let thought = (0..count as u64).filter_map(|number| {
-            let mut draws = Draws::new(Purpose::Design, brief.seed, number);
-            think(brief, language, &parents, number, &mut draws).1
-        });
-        thought.collect()
+    pub fn preview(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize) -> Vec<Value> {
+        let parents = Parents::select(brief, language);
+        (0..count as u64).filter_map(|number| attempt(brief, language, &parents, number).design).collect()
     }
 
-    /// Layouts for a brief: until as many passed as are wanted, or the tries are used up.
+    /// Designs layouts until enough are admitted or the attempts are used up. Ignores the time limit of the brief.
     #[must_use]
-    pub fn layouts(brief: &Brief, gate: &mut Gate) -> Designed {
-        let mut work = Work::new(brief, gate);
-        while work.goes_on() {
-            work.once(brief, gate);
+    pub fn design_layouts(brief: &DesignBrief, gate: &mut Gate) -> DesignOutcome {
+        let mut run = DesignRun::new(brief, gate);
+        while !run.is_finished() {
+            run.attempt(gate);
         }
-        work.designed
+        run.outcome
     }
 
-    /// The same, letting others go first between tries, for as long as the brief has patience.
-    async fn in_time(brief: &Brief, gate: &mut Gate) -> Designed {
-        let begun = Instant::now();
-        let mut work = Work::new(brief, gate);
-        while work.goes_on() {
-            if let Some(patience) = brief.patience.filter(|patience| begun.elapsed() >= *patience) {
-                let words = format!("its time was over after {} s", patience.as_secs());
-                work.designed.troubles.push(words);
+    /// Like [`ProceduralDesigner::design_layouts`], within the time limit of the brief. Yields to other tasks between attempts.
+    async fn design_in_time(brief: &DesignBrief, gate: &mut Gate) -> DesignOutcome {
+        let started = Instant::now();
+        let mut run = DesignRun::new(brief, gate);
+        while !run.is_finished() {
+            if let Some(limit) = brief.time_limit.filter(|limit| started.elapsed() >= *limit) {
+                let warning = format!("its time was over after {} s", limit.as_secs());
+                run.outcome.warnings.push(warning);
                 break;
             }
-            work.once(brief, gate);
+            run.attempt(gate);
             tokio::task::yield_now().await;
         }
-        work.designed
+        run.outcome
     }
 }
 
-/// Designing under way.
-struct Work<'a> {
-    parents: Parents<'a>,
-    designed: Designed,
-    wanted: usize,
-    tried: u64,
-}
-
-impl<'a> Work<'a> {
-    fn new(brief: &'a Brief, gate: &Gate) -> Self {
-        let usage = Usage { rounds: 1, ..Usage::default() };
-        let designed = Designed { usage, ..Designed::default() };
-        Self { parents: parents(brief, gate.language()), designed, wanted: brief.count, tried: 0 }
-    }
-
-    fn goes_on(&self) -> bool {
-        self.designed.admitted() < self.wanted && self.tried < (self.wanted * TRIES) as u64
-    }
-
-    /// One design more.
-    fn once(&mut self, brief: &Brief, gate: &mut Gate) {
-        let number = self.tried;
-        self.tried += 1;
-        let mut draws = Draws::new(Purpose::Design, brief.seed, number);
-        let (sky, design) = think(brief, gate.language(), &self.parents, number, &mut draws);
-        let Some(mut design) = design else { return };
-        name(&mut design, number);
-        let verdict = gate.judge(brief, &design, [sky]);
-        let name = design.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
-        self.designed.judged.push(Judged { name, design: Some(design), round: 1, verdict });
-    }
-}
-
-impl Designer for Procedural {
+impl Designer for ProceduralDesigner {
     fn name(&self) -> &'static str {
         "procedural"
     }
 
-    fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a> {
-        Box::pin(async move { Ok(Self::in_time(brief, gate).await) })
+    fn design<'a>(&'a mut self, brief: &'a DesignBrief, gate: &'a mut Gate) -> DesignFuture<'a> {
+        Box::pin(async move { Ok(Self::design_in_time(brief, gate).await) })
     }
 }
 
-/// Earlier designs worth editing, with their weights: one over the rank of regret × novelty.
+/// Progress on one brief.
+struct DesignRun<'a> {
+    brief: &'a DesignBrief,
+    parents: Parents<'a>,
+    outcome: DesignOutcome,
+    attempts: u64,
+}
+
+impl<'a> DesignRun<'a> {
+    fn new(brief: &'a DesignBrief, gate: &Gate) -> Self {
+        let usage = DesignUsage { rounds: 1, ..DesignUsage::default() };
+        let outcome = DesignOutcome { usage, ..DesignOutcome::default() };
+        Self { brief, parents: Parents::select(brief, gate.language()), outcome, attempts: 0 }
+    }
+
+    fn is_finished(&self) -> bool {
+        let count = self.brief.count;
+        self.outcome.admitted() >= count || self.attempts >= (count * ATTEMPTS_PER_LAYOUT) as u64
+    }
+
+    /// Makes one design and lets the gate judge it.
+    fn attempt(&mut self, gate: &mut Gate) {
+        let number = self.attempts;
+        self.attempts += 1;
+        let Attempt { base, design } = attempt(self.brief, gate.language(), &self.parents, number);
+        let Some(mut design) = design else { return };
+        set_default_name(&mut design, number);
+        let verdict = gate.judge(self.brief, &design, [base]);
+        let name = design.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
+        self.outcome.judged.push(JudgedLayout { name, design: Some(design), round: 1, verdict });
+    }
+}
+
+/// Earlier layouts that are worth editing, with the weight of each.
 struct Parents<'a> {
-    past: Vec<&'a Past>,
+    layouts: Vec<&'a PastLayout>,
     weights: Vec<f64>,
 }
 
-fn parents<'a>(brief: &'a Brief, language: &dyn Language) -> Parents<'a> {
-    let mut parents = Parents { past: Vec::new(), weights: Vec::new() };
-    for (at, past) in brief.fates.iter().enumerate() {
-        let Some(regret) = past.fate.worth() else { continue };
-        let others = brief.fates.iter().enumerate().filter(|(other, _)| *other != at);
-        let distances = others.map(|(_, other)| language.distance(&past.design, &other.design));
-        let novelty = distances.fold(1.0, f64::min);
-        let worth = regret * novelty;
-        if worth > 0.0 {
-            parents.past.push(past);
-            parents.weights.push(worth);
+impl<'a> Parents<'a> {
+    /// Selects the layouts with regret. Their weight is 1/rank by regret × novelty, since regrets are similar once a designer
+    /// has learned what works (Jiang et al. 2021, section 3).
+    fn select(brief: &'a DesignBrief, language: &dyn DesignLanguage) -> Self {
+        let (mut layouts, mut values) = (Vec::new(), Vec::new());
+        for (index, past) in brief.past_layouts.iter().enumerate() {
+            let Some(regret) = past.outcome.aimed_regret() else { continue };
+            let others = brief.past_layouts.iter().enumerate().filter(|(other, _)| *other != index);
+            let distances = others.map(|(_, other)| language.distance(&past.design, &other.design));
+            let novelty = distances.fold(1.0, f64::min);
+            let value = regret * novelty;
+            if value > 0.0 {
+                layouts.push(past);
+                values.push(value);
+            }
         }
+        let rank = |value: &f64| 1 + values.iter().filter(|other| *other > value).count();
+        let weights = values.iter().map(|value| 1.0 / rank(value) as f64).collect();
+        Self { layouts, weights }
     }
-    // By rank, as regrets lie close together once a designer knows what to do (Jiang et al. 2021, section 3).
-    let worth = std::mem::take(&mut parents.weights);
-    let rank = |of: &f64| 1 + worth.iter().filter(|other| *other > of).count();
-    parents.weights = worth.iter().map(|of| 1.0 / rank(of) as f64).collect();
-    parents
 }
 
-fn think(
-    brief: &Brief,
-    language: &dyn Language,
+/// Result of one attempt: the base scenario, and the design if one was found.
+struct Attempt {
+    base: Scenario,
+    design: Option<Value>,
+}
+
+/// Makes the `number`-th design of a brief: an edit of a parent, or a new sample.
+fn attempt(
+    brief: &DesignBrief,
+    language: &dyn DesignLanguage,
     parents: &Parents<'_>,
     number: u64,
-    draws: &mut Draws,
-) -> (env_core::Scenario, Option<Value>) {
-    let edits = draws.chance(EDITED);
-    match draws.weighted(&parents.weights).map(|at| parents.past[at]).filter(|_| edits) {
-        Some(parent) => {
-            let sky = parent.sky.map_or_else(|| brief.sky(number), |seed| brief.under(seed));
-            let design = language.edit(&parent.design, brief, &sky, draws);
-            (sky, design)
-        }
-        None => {
-            let sky = brief.sky(number);
-            let design = language.sample(brief, &sky, draws);
-            (sky, design)
-        }
+) -> Attempt {
+    let mut rng = KeyedRng::new(RngPurpose::Design, brief.seed, number);
+    let is_edit = rng.bernoulli(EDIT_SHARE);
+    let parent = rng.weighted_index(&parents.weights).map(|index| parents.layouts[index]);
+    if let Some(parent) = parent.filter(|_| is_edit) {
+        let base = parent.seed.map_or_else(|| brief.base_scenario(number), |seed| brief.scenario(seed));
+        let design = language.edit(&parent.design, brief, &base, &mut rng);
+        Attempt { base, design }
+    } else {
+        let base = brief.base_scenario(number);
+        let design = language.sample(brief, &base, &mut rng);
+        Attempt { base, design }
     }
 }
 
-/// A name for people where the design has none.
-fn name(design: &mut Value, number: u64) {
+/// Names a design that has no name after its failure mode and its number.
+fn set_default_name(design: &mut Value, number: u64) {
     let mode = design.pointer("/aim/mode").and_then(Value::as_str).unwrap_or("layout").to_owned();
-    if let Some(named) = design.get_mut("name").filter(|name| name.as_str() == Some("")) {
-        *named = Value::String(format!("{mode} {}", number + 1));
+    if let Some(name) = design.get_mut("name").filter(|name| name.as_str() == Some("")) {
+        *name = Value::String(format!("{mode} {}", number + 1));
     }
 }

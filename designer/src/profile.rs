@@ -1,130 +1,130 @@
-//! What is known of an agent's failures: the failure profile that the service collects, in the form it is shown in
-//! (`GET /v1/runs/{run}/failures`), so that a saved answer is a profile to design from.
+//! [`FailureProfile`]: which failures an agent has, and how often. Its JSON is that of `GET /v1/runs/{run}/failures`, so that
+//! a saved response can be used as input of a designer.
 
-use env_core::critique::SECTORS;
+use env_core::critique::BEARING_SECTORS;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Why a task's episodes lose score. Weights fade with time; fields that designers do not use are skipped.
+/// Failures of an agent in one task. Weights decay with time. Fields of the API that designers do not use are ignored.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Profile {
-    /// The task.
+pub struct FailureProfile {
+    /// Id of the task, such as `kessler/survival`.
     pub task: String,
-    /// Episodes criticised: what everything below is counted over.
+    /// Number of criticised episodes, over which everything below is counted.
     pub criticised: u64,
-    /// What these episodes weigh together.
+    /// Sum of the weights of these episodes.
     #[serde(default)]
     pub weight: f64,
-    /// The failure modes.
+    /// Failure modes that occurred.
     pub modes: Vec<ModeProfile>,
 }
 
-/// A failure mode.
+/// Failures of one mode.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ModeProfile {
-    /// Its name.
+    /// Name of the failure mode.
     pub mode: String,
-    /// How often it occurred.
+    /// Number of failures without decay.
     pub count: u64,
-    /// What that weighs now.
+    /// Sum of the decayed weights of the failures.
     pub weight: f64,
-    /// Where it occurred; empty cells are left out.
+    /// Failures by bearing and relative speed, without empty cells.
     #[serde(default)]
-    pub cells: Vec<Cell>,
-    /// The same failures by where it came from in the inertial frame (sector 0 is centred on +X); empty in a world without
-    /// one.
+    pub cells: Vec<FailureCell>,
+    /// The same failures by bearing in the inertial frame (sector 0 is centred on +X); empty in a world without this frame.
     #[serde(default)]
     pub inertial: Vec<SectorWeight>,
 }
 
-/// Failures of one mode from one sector, in the radial/in-track frame, at one band of speed.
+/// Failures of one mode in one bearing sector of the radial/in-track frame and one band of relative speed.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Cell {
-    /// The bearing sector; none where nothing was met.
+pub struct FailureCell {
+    /// Bearing sector; `None` for a failure without an encounter.
     pub sector: Option<u32>,
-    /// The speed band; none where nothing was met.
+    /// Speed band; `None` for a failure without an encounter.
     pub band: Option<u32>,
-    /// How many.
+    /// Number of failures without decay.
     pub count: u64,
-    /// What they weigh now.
+    /// Sum of the decayed weights.
     pub weight: f64,
-    /// The share that acting in time would have avoided.
+    /// Share of the failures that were avoidable.
     #[serde(default)]
     pub avoidable_share: Option<f64>,
-    /// Mean steps that were left to act.
+    /// Mean number of steps that were left to act.
     #[serde(default)]
     pub mean_steps_left: Option<f64>,
 }
 
-/// Failures from one sector.
+/// Failures from one bearing sector.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct SectorWeight {
-    /// The sector.
+    /// Number of the sector.
     pub sector: u32,
-    /// How many.
+    /// Number of failures without decay.
     pub count: u64,
-    /// What they weigh now.
+    /// Sum of the decayed weights.
     pub weight: f64,
 }
 
-/// Weights of the twelve sectors.
-pub type Rose = [f64; SECTORS as usize];
+/// Weight of each bearing sector.
+pub type SectorWeights = [f64; BEARING_SECTORS as usize];
 
-/// A file that is no profile.
+/// Reason why a text is no usable failure profile.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
-    /// Not the JSON of one.
+    /// The text is not the JSON of a profile.
     #[error("it is no failure profile: {0}")]
-    Form(#[from] serde_json::Error),
-    /// A profile of several tasks, none of which is the one asked for.
-    #[error("it holds no profile of {wanted}; it holds {held}")]
-    Task {
-        /// The task asked for.
+    Json(#[from] serde_json::Error),
+    /// The profile does not contain the requested task.
+    #[error("it holds no profile of {wanted}; it holds {available}")]
+    MissingTask {
+        /// Id of the requested task.
         wanted: String,
-        /// Those it holds.
-        held: String,
+        /// Tasks of the profile, separated by commas.
+        available: String,
     },
-    /// A number that cannot be.
+    /// A number is out of range.
     #[error("{0}")]
     Value(String),
 }
 
-/// The service's answer: a profile a task.
+/// Response of the API, with one profile per task.
 #[derive(Deserialize)]
-struct Answer {
-    tasks: Vec<Profile>,
+struct ProfileResponse {
+    tasks: Vec<FailureProfile>,
 }
 
-impl Profile {
-    /// A profile of a task of which nothing is known.
+impl FailureProfile {
+    /// Creates a profile of a task without failures.
     #[must_use]
-    pub fn blank(task: &str) -> Self {
+    pub fn empty(task: &str) -> Self {
         Self { task: task.to_owned(), ..Self::default() }
     }
 
-    /// Reads a profile: one by itself, or the service's answer with one a task. Without a task the one with the most
-    /// failures is taken.
+    /// Parses a profile, or the response of the API with one profile per task. If `task` is `None`, the profile with the
+    /// largest weight of failures is returned.
     ///
     /// # Errors
-    /// What is wrong with it.
-    pub fn read(json: &str, task: Option<&str>) -> Result<Self, ProfileError> {
-        let form: Value = serde_json::from_str(json)?;
-        let all = match form.get("tasks") {
-            Some(_) => serde_json::from_value::<Answer>(form)?.tasks,
-            None => vec![serde_json::from_value(form)?],
+    /// Returns [`ProfileError::Json`] if the text is no profile, [`ProfileError::MissingTask`] if it lacks the task, and
+    /// [`ProfileError::Value`] if a weight or a sector is out of range.
+    pub fn parse(json: &str, task: Option<&str>) -> Result<Self, ProfileError> {
+        let value: Value = serde_json::from_str(json)?;
+        let all = match value.get("tasks") {
+            Some(_) => serde_json::from_value::<ProfileResponse>(value)?.tasks,
+            None => vec![serde_json::from_value(value)?],
         };
-        let held = all.iter().map(|profile| profile.task.as_str()).collect::<Vec<_>>().join(", ");
+        let available = all.iter().map(|profile| profile.task.as_str()).collect::<Vec<_>>().join(", ");
         let found = match task {
             Some(task) => all.into_iter().find(|profile| profile.task == task),
-            None => all.into_iter().max_by(|a, b| a.failures().total_cmp(&b.failures())),
+            None => all.into_iter().max_by(|a, b| a.total_weight().total_cmp(&b.total_weight())),
         };
         let wanted = task.unwrap_or("any task").to_owned();
-        let profile = found.ok_or(ProfileError::Task { wanted, held })?;
-        profile.check()?;
+        let profile = found.ok_or(ProfileError::MissingTask { wanted, available })?;
+        profile.validate()?;
         Ok(profile)
     }
 
-    fn check(&self) -> Result<(), ProfileError> {
+    fn validate(&self) -> Result<(), ProfileError> {
         let fault = |what: &str, number: String| ProfileError::Value(format!("{what} cannot be {number}"));
         for mode in &self.modes {
             let cells = mode.cells.iter().map(|cell| (cell.weight, cell.sector.unwrap_or(0)));
@@ -133,7 +133,7 @@ impl Profile {
                 if !(weight.is_finite() && weight >= 0.0) {
                     return Err(fault("a weight", weight.to_string()));
                 }
-                if sector >= SECTORS {
+                if sector >= BEARING_SECTORS {
                     return Err(fault("a sector", sector.to_string()));
                 }
             }
@@ -141,34 +141,35 @@ impl Profile {
         Ok(())
     }
 
-    /// What all failures weigh.
+    /// Returns the sum of the weights of all failures.
     #[must_use]
-    pub fn failures(&self) -> f64 {
+    pub fn total_weight(&self) -> f64 {
         self.modes.iter().map(|mode| mode.weight).sum()
     }
 
-    /// A mode by its name.
+    /// Returns the failures of a mode.
     #[must_use]
     pub fn mode(&self, name: &str) -> Option<&ModeProfile> {
         self.modes.iter().find(|mode| mode.mode == name)
     }
 
-    /// How different two profiles are: half the sum of the differences of their shares by mode and sector, 0 to 1 (total
-    /// variation). Two without failures are the same.
+    /// Returns the total variation distance of two profiles, 0 to 1: half the sum of the differences of their shares by mode
+    /// and sector. The distance of two profiles without failures is 0.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
-        let (of, than) = (self.shares(), other.shares());
-        let of_all = of.iter().map(|(key, share)| {
-            let there = than.iter().find(|(k, _)| k == key).map_or(0.0, |(_, share)| *share);
-            (share - there).abs()
+        let (own, others) = (self.shares(), other.shares());
+        let differences = own.iter().map(|(key, share)| {
+            let other = others.iter().find(|(k, _)| k == key).map_or(0.0, |(_, share)| *share);
+            (share - other).abs()
         });
-        let only_there =
-            than.iter().filter(|(key, _)| !of.iter().any(|(k, _)| k == key)).map(|(_, share)| *share);
-        0.5 * (of_all.sum::<f64>() + only_there.sum::<f64>())
+        let only_other =
+            others.iter().filter(|(key, _)| !own.iter().any(|(k, _)| k == key)).map(|(_, share)| *share);
+        0.5 * (differences.sum::<f64>() + only_other.sum::<f64>())
     }
 
+    /// Share of each pair of mode and sector in all failures.
     fn shares(&self) -> Vec<((&str, Option<u32>), f64)> {
-        let all = self.failures();
+        let all = self.total_weight();
         if all <= 0.0 {
             return vec![(("", None), 1.0)];
         }
@@ -187,22 +188,21 @@ impl Profile {
 }
 
 impl ModeProfile {
-    /// Weights by sector, in the radial/in-track frame.
+    /// Returns the weights by sector of the radial/in-track frame.
     #[must_use]
-    pub fn rose(&self) -> Rose {
-        let met = self.cells.iter().filter_map(|cell| Some((cell.sector?, cell.weight)));
-        gather(met)
+    pub fn sector_weights(&self) -> SectorWeights {
+        sum_by_sector(self.cells.iter().filter_map(|cell| Some((cell.sector?, cell.weight))))
     }
 
-    /// Weights by sector, in the inertial frame.
+    /// Returns the weights by sector of the inertial frame.
     #[must_use]
-    pub fn inertial_rose(&self) -> Rose {
-        gather(self.inertial.iter().map(|sector| (sector.sector, sector.weight)))
+    pub fn inertial_sector_weights(&self) -> SectorWeights {
+        sum_by_sector(self.inertial.iter().map(|sector| (sector.sector, sector.weight)))
     }
 
-    /// Weights by speed band, `bands` of them.
+    /// Returns the weights of the first `bands` speed bands.
     #[must_use]
-    pub fn speeds(&self, bands: usize) -> Vec<f64> {
+    pub fn band_weights(&self, bands: usize) -> Vec<f64> {
         let mut weights = vec![0.0; bands];
         for cell in &self.cells {
             if let Some(weight) = cell.band.and_then(|band| weights.get_mut(band as usize)) {
@@ -213,12 +213,12 @@ impl ModeProfile {
     }
 }
 
-fn gather(weights: impl Iterator<Item = (u32, f64)>) -> Rose {
-    let mut rose = Rose::default();
+fn sum_by_sector(weights: impl Iterator<Item = (u32, f64)>) -> SectorWeights {
+    let mut sums = SectorWeights::default();
     for (sector, weight) in weights {
-        if let Some(held) = rose.get_mut(sector as usize) {
+        if let Some(held) = sums.get_mut(sector as usize) {
             *held += weight;
         }
     }
-    rose
+    sums
 }

@@ -1,123 +1,130 @@
-//! The designer that reads layouts from a file: `{"layouts": [{"name": "…", "scenario": {…}}, …]}`, each scenario in the
-//! wire form, complete with its seed.
+//! [`ReplayDesigner`]: reads layouts from a file `{"layouts": [{"name": "…", "scenario": {…}}, …]}`. Each scenario is in its
+//! JSON form, with its seed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use env_core::{Scenario, ScenarioError};
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::{Brief, DesignError, Designed, Designer, Designing, Gate, Judged, Usage};
+use crate::brief::DesignBrief;
+use crate::designer::{DesignError, DesignFuture, DesignOutcome, DesignUsage, Designer, JudgedLayout};
+use crate::gate::Gate;
 
-/// Largest file read, bytes.
-const MAX_FILE: u64 = 64 * 1024 * 1024;
+/// Size limit of a file, in bytes.
+const MAX_FILE_BYTES: u64 = 64 * 1024 * 1024;
 
-/// Reads layouts from a file, in its order, from where the brief before ended.
+/// Designer that reads layouts from a file, in order. Each brief continues after the last layout of the previous one.
 #[derive(Debug)]
-pub struct Replay {
+pub struct ReplayDesigner {
     path: PathBuf,
-    read: Option<Vec<Draft>>,
+    /// Layouts of the file; `None` before it is read.
+    layouts: Option<Vec<StoredLayout>>,
+    /// Index of the next layout.
     next: usize,
 }
 
-/// A layout of a file.
+/// Layout of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Draft {
-    /// Its name, for people.
+pub struct StoredLayout {
+    /// Name of the layout, for display.
     pub name: String,
-    /// The scenario it makes.
+    /// Scenario of the layout.
     pub scenario: Scenario,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
-    layouts: Vec<Entry>,
+struct LayoutFile {
+    layouts: Vec<LayoutEntry>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
+struct LayoutEntry {
     name: String,
     scenario: Value,
 }
 
-impl Replay {
-    /// The layouts of this file.
+impl ReplayDesigner {
+    /// Creates a designer for a file. The file is read with the first layout.
     #[must_use]
     pub const fn new(path: PathBuf) -> Self {
-        Self { path, read: None, next: 0 }
+        Self { path, layouts: None, next: 0 }
     }
 
-    /// The layouts of the file that are of a task, or all.
+    /// Returns up to `count` further layouts of a task, or of any task if it is `None`.
     ///
     /// # Errors
-    /// A file that cannot be read, or holds something else.
-    pub fn drafts(&mut self, task: Option<&str>, count: usize) -> Result<Vec<Draft>, DesignError> {
-        let all = match &self.read {
+    /// Returns [`DesignError::File`] if the file cannot be read or parsed, and [`DesignError::Layout`] if a scenario is invalid.
+    pub fn next_layouts(
+        &mut self,
+        task: Option<&str>,
+        count: usize,
+    ) -> Result<Vec<StoredLayout>, DesignError> {
+        let all = match &self.layouts {
             Some(all) => all,
-            None => self.read.insert(read(&self.path)?),
+            None => self.layouts.insert(read_layouts(&self.path)?),
         };
-        let mut drafts = Vec::new();
-        while drafts.len() < count && self.next < all.len() {
-            let draft = &all[self.next];
+        let mut layouts = Vec::new();
+        while layouts.len() < count && self.next < all.len() {
+            let layout = &all[self.next];
             self.next += 1;
-            if task.is_none_or(|task| task == draft.scenario.task().id()) {
-                drafts.push(draft.clone());
+            if task.is_none_or(|task| task == layout.scenario.task().id()) {
+                layouts.push(layout.clone());
             }
         }
-        Ok(drafts)
+        Ok(layouts)
     }
 
-    /// How many layouts of the file have not been given, of whatever task.
+    /// Returns the number of layouts after the last returned one, of any task.
     #[must_use]
-    pub fn left(&self) -> usize {
-        self.read.as_ref().map_or(0, |all| all.len() - self.next.min(all.len()))
+    pub fn remaining(&self) -> usize {
+        self.layouts.as_ref().map_or(0, |all| all.len() - self.next.min(all.len()))
     }
 
-    fn layouts(&mut self, brief: &Brief, gate: &mut Gate) -> Result<Designed, DesignError> {
-        let drafts = self.drafts(Some(brief.base.task().id()), brief.count)?;
-        let judged = drafts.into_iter().map(|Draft { name, scenario }| {
+    fn judge_layouts(&mut self, brief: &DesignBrief, gate: &mut Gate) -> Result<DesignOutcome, DesignError> {
+        let layouts = self.next_layouts(Some(brief.recipe.task().id()), brief.count)?;
+        let judged = layouts.into_iter().map(|StoredLayout { name, scenario }| {
             let design = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
-            Judged { name, design, round: 1, verdict: gate.judge_scenario(&scenario) }
+            JudgedLayout { name, design, round: 1, verdict: gate.judge_scenario(&scenario) }
         });
-        let usage = Usage { rounds: 1, ..Usage::default() };
-        Ok(Designed { judged: judged.collect(), usage, ..Designed::default() })
+        let usage = DesignUsage { rounds: 1, ..DesignUsage::default() };
+        Ok(DesignOutcome { judged: judged.collect(), usage, ..DesignOutcome::default() })
     }
 }
 
-impl Designer for Replay {
+impl Designer for ReplayDesigner {
     fn name(&self) -> &'static str {
         "replay"
     }
 
-    fn design<'a>(&'a mut self, brief: &'a Brief, gate: &'a mut Gate) -> Designing<'a> {
-        let layouts = self.layouts(brief, gate);
-        Box::pin(std::future::ready(layouts))
+    fn design<'a>(&'a mut self, brief: &'a DesignBrief, gate: &'a mut Gate) -> DesignFuture<'a> {
+        let outcome = self.judge_layouts(brief, gate);
+        Box::pin(std::future::ready(outcome))
     }
 }
 
-fn read(path: &std::path::Path) -> Result<Vec<Draft>, DesignError> {
-    let fault = |reason: String| DesignError::Source { what: path.display().to_string(), reason };
-    let size = std::fs::metadata(path).map_err(|error| fault(error.to_string()))?.len();
-    if size > MAX_FILE {
-        return Err(fault(format!("{size} bytes; at most {MAX_FILE} are read")));
+fn read_layouts(path: &Path) -> Result<Vec<StoredLayout>, DesignError> {
+    let file_error = |reason: String| DesignError::File { file: path.display().to_string(), reason };
+    let size = std::fs::metadata(path).map_err(|error| file_error(error.to_string()))?.len();
+    if size > MAX_FILE_BYTES {
+        return Err(file_error(format!("has {size} bytes; at most {MAX_FILE_BYTES} are read")));
     }
-    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-    let file: File =
-        serde_json::from_str(&text).map_err(|error| fault(format!("not a file of layouts: {error}")))?;
-    let draft = |(at, entry): (usize, Entry)| {
-        let scenario = Scenario::from_json(&entry.scenario).and_then(user_seed);
-        match scenario {
-            Ok(scenario) => Ok(Draft { name: entry.name, scenario }),
-            Err(fault) => Err(DesignError::Layout { number: at + 1, name: entry.name, fault }),
-        }
+    let text = std::fs::read_to_string(path).map_err(|error| file_error(error.to_string()))?;
+    let file: LayoutFile =
+        serde_json::from_str(&text).map_err(|error| file_error(format!("not a file of layouts: {error}")))?;
+    let layout = |(index, entry): (usize, LayoutEntry)| match Scenario::from_json(&entry.scenario)
+        .and_then(require_user_seed)
+    {
+        Ok(scenario) => Ok(StoredLayout { name: entry.name, scenario }),
+        Err(error) => Err(DesignError::Layout { number: index + 1, name: entry.name, error }),
     };
-    file.layouts.into_iter().enumerate().map(draft).collect()
+    file.layouts.into_iter().enumerate().map(layout).collect()
 }
 
-/// Designs are made by people and programs: only seeds of the user's space.
-fn user_seed(scenario: Scenario) -> Result<Scenario, ScenarioError> {
+/// Rejects seeds outside the user space, since layouts are made by users.
+fn require_user_seed(scenario: Scenario) -> Result<Scenario, ScenarioError> {
     env_core::Seed::user(scenario.seed().get())?;
     Ok(scenario)
 }
@@ -125,16 +132,17 @@ fn user_seed(scenario: Scenario) -> Result<Scenario, ScenarioError> {
 #[cfg(test)]
 mod tests {
     use std::io::Write;
+    use std::sync::Arc;
 
     use env_core::Recipe;
-
+    use env_core::kessler::threat_placement::{Threat, place_threat};
     use serde_json::json;
 
     use super::*;
-    use crate::{Refusal, language};
+    use crate::{Refusal, design_language};
 
     fn gate() -> Gate {
-        Gate::new(language(env_core::task("kessler/survival").unwrap()).unwrap(), Vec::new())
+        Gate::new(design_language(env_core::task("kessler/survival").unwrap()).unwrap(), Vec::new())
     }
 
     fn file(text: &str) -> tempfile::NamedTempFile {
@@ -143,45 +151,45 @@ mod tests {
         file
     }
 
-    /// A head-on body for satellite 0 at step 8, found by the world's own planting; and an empty sky.
-    fn layouts() -> serde_json::Value {
-        use env_core::kessler::plant::{Threat, plant};
-        let bare = Scenario::from_json(&json!({
+    /// A file with a threat that the gate admits, and a scenario without debris.
+    fn layouts() -> Value {
+        let empty = Scenario::from_json(&json!({
             "task": "kessler/survival", "params": {"debris": 0, "fuel": 20}, "seed": 5
         }))
         .unwrap();
         let hit = (0..32).find_map(|i| {
             let threat = Threat { satellite: 0, step: 6, direction: f64::from(i) * 0.2, speed: 4.0 };
-            plant(&bare, threat).ok().filter(|s| gate().judge_scenario(s).is_ok())
+            place_threat(&empty, threat).ok().filter(|s| gate().judge_scenario(s).is_ok())
         });
         json!({"layouts": [
             {"name": "head-on", "scenario": hit.expect("one of 32 directions is contested").to_json()},
-            {"name": "empty", "scenario": bare.to_json()},
+            {"name": "empty", "scenario": empty.to_json()},
         ]})
     }
 
     #[test]
-    fn layouts_come_in_order_and_are_gated() {
+    fn layouts_are_judged_in_file_order() {
         let file = file(&layouts().to_string());
-        let mut replay = Replay::new(file.path().to_owned());
+        let mut replay = ReplayDesigner::new(file.path().to_owned());
         let recipe = Recipe::new(env_core::task("kessler/survival").unwrap()).unwrap();
         let mut gate = gate();
-        let mut brief = Brief::new(std::sync::Arc::new(recipe), 1, 0);
-        let first = replay.layouts(&brief, &mut gate).unwrap();
+        let mut brief = DesignBrief::new(Arc::new(recipe), 1, 0);
+        let first = replay.judge_layouts(&brief, &mut gate).unwrap();
         assert_eq!(first.judged[0].name, "head-on");
         let admitted = first.judged[0].verdict.as_ref().unwrap();
-        let flown = env_core::rollout::replay(admitted.scenario(), &admitted.bracket().witness).unwrap();
-        assert_eq!(flown, admitted.bracket().reference);
+        let bracket = admitted.bracket();
+        let replayed = env_core::rollout::replay(admitted.scenario(), &bracket.reference_plan).unwrap();
+        assert_eq!(replayed, bracket.reference);
         brief.count = 9;
-        let rest = replay.layouts(&brief, &mut gate).unwrap();
+        let rest = replay.judge_layouts(&brief, &mut gate).unwrap();
         assert_eq!((rest.judged.len(), rest.admitted()), (1, 0));
         let refusal = Refusal::Uncontested { blind: 16, most: 8, panel: 16, gap: 0.0 };
         assert_eq!(rest.judged[0].verdict, Err(refusal));
-        assert!(replay.layouts(&brief, &mut gate).unwrap().judged.is_empty());
+        assert!(replay.judge_layouts(&brief, &mut gate).unwrap().judged.is_empty());
     }
 
     #[test]
-    fn what_is_no_layout_is_a_clear_error() {
+    fn invalid_file_is_a_clear_error() {
         for (text, part) in [
             ("not json", "not a file of layouts"),
             (
@@ -194,9 +202,9 @@ mod tests {
             ),
         ] {
             let file = file(text);
-            let error = Replay::new(file.path().to_owned()).drafts(None, 1).unwrap_err().to_string();
-            assert!(error.contains(part), "{error}");
+            let error = ReplayDesigner::new(file.path().to_owned()).next_layouts(None, 1).unwrap_err();
+            assert!(error.to_string().contains(part), "{error}");
         }
-        assert!(Replay::new("/no/such/file".into()).drafts(None, 1).is_err());
+        assert!(ReplayDesigner::new("/no/such/file".into()).next_layouts(None, 1).is_err());
     }
 }

@@ -1,129 +1,160 @@
-//! Designs with one thing changed: what evolution works by.
+//! Edits of designs: small random changes, which evolution of layouts is made of.
 
-use env_core::{Draws, Scenario};
+use env_core::{KeyedRng, Scenario};
 
-use super::language::{Design, Encounter, MAX_ENCOUNTERS, SATELLITE, SPEED, STEP};
-use super::sample::turned;
-use super::sky::Sky;
-use super::speak::rogues;
-use crate::brief::Brief;
+use super::aim::allows_rogues;
+use super::coast::CoastPaths;
+use super::design::{Design, Encounter};
+use super::placement::can_place;
+use super::vocabulary::{Bound, KindSpec, MAX_ENCOUNTERS, SATELLITE, SPEED, STEP, rotate_bearing};
+use crate::brief::DesignBrief;
 
-/// Tries at a change that can be.
-const TRIES: u32 = 12;
+/// Maximum number of attempts to edit a design.
+const MAX_ATTEMPTS: u32 = 12;
 
-/// What may be changed.
-const CHANGES: [fn(&mut Design, &Brief, &mut Draws) -> bool; 9] =
-    [turn, retime, rephase, speed_up, nearer, add, remove, other_satellite, other_param];
+/// Edit of a design. Returns false if it does not apply.
+type Edit = fn(&mut Design, &DesignBrief, &mut KeyedRng) -> bool;
 
-/// A design with a few things changed, as it can be under this sky.
-pub(super) fn edit(design: &Design, brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option<Design> {
-    let sky = Sky::of(sky)?;
-    for _ in 0..TRIES {
+/// Edits of a design, each as likely as the others.
+const EDITS: [Edit; 9] = [
+    rotate_all,
+    shift_one,
+    shift_all,
+    change_speed,
+    change_miss_distance,
+    duplicate_encounter,
+    remove_encounter,
+    change_satellite,
+    change_param,
+];
+
+/// Returns a design after two to four edits, if all its encounters are possible in the base scenario; `None` if no attempt
+/// succeeds.
+pub(super) fn edit_design(
+    design: &Design,
+    brief: &DesignBrief,
+    base: &Scenario,
+    rng: &mut KeyedRng,
+) -> Option<Design> {
+    let coast = CoastPaths::of_scenario(base)?;
+    for _ in 0..MAX_ATTEMPTS {
         let mut child = design.clone();
         child.name.clear();
-        let changes = draws.between(2, 4);
-        let changed = (0..changes).filter(|_| {
-            let change = CHANGES[draws.between(0, CHANGES.len() as u32 - 1) as usize];
-            change(&mut child, brief, draws)
+        let count = rng.range_inclusive(2, 4);
+        let applied = (0..count).filter(|_| {
+            let edit = EDITS[rng.range_inclusive(0, EDITS.len() as u32 - 1) as usize];
+            edit(&mut child, brief, rng)
         });
-        if changed.count() == 0 || child.encounters == design.encounters && child.params == design.params {
+        if applied.count() == 0 || child.encounters == design.encounters && child.params == design.params {
             continue;
         }
-        let distinct = child.encounters.iter().enumerate().all(|(at, e)| !child.encounters[..at].contains(e));
-        if distinct && child.encounters.iter().all(|e| sky.takes(e, child.frame)) {
+        let frame = child.frame;
+        if all_distinct(&child.encounters) && child.encounters.iter().all(|e| can_place(e, frame, &coast)) {
             return Some(child);
         }
     }
     None
 }
 
-pub(super) fn pick<'a>(design: &'a mut Design, draws: &mut Draws) -> Option<&'a mut Encounter> {
+/// Returns true if no encounter occurs twice.
+pub(super) fn all_distinct(encounters: &[Encounter]) -> bool {
+    encounters.iter().enumerate().all(|(index, encounter)| !encounters[..index].contains(encounter))
+}
+
+/// Returns a random encounter; `None` if there is none.
+pub(super) fn pick<'a>(design: &'a mut Design, rng: &mut KeyedRng) -> Option<&'a mut Encounter> {
     let last = u32::try_from(design.encounters.len()).ok()?.checked_sub(1)?;
-    design.encounters.get_mut(draws.between(0, last) as usize)
+    design.encounters.get_mut(rng.range_inclusive(0, last) as usize)
 }
 
-/// A whole number, some steps off, within bounds.
-fn jittered(number: u32, by: u32, min: u32, max: u32, draws: &mut Draws) -> u32 {
-    (number + draws.between(0, 2 * by)).saturating_sub(by).clamp(min, max)
+/// Changes a number by up to `max_change` either way, within its bounds.
+fn jitter(number: u32, max_change: u32, bound: Bound, rng: &mut KeyedRng) -> u32 {
+    let raised = number + rng.range_inclusive(0, 2 * max_change);
+    raised.saturating_sub(max_change).clamp(bound.min, bound.max)
 }
 
-/// The whole design comes from some degrees on, its aim with it.
-fn turn(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
-    let by = f64::from(draws.between(0, 24)) - 12.0;
-    let on = |bearing: u32| turned(f64::from(bearing), by);
-    design.aim.bearing_deg = design.aim.bearing_deg.map(on);
-    design.encounters.iter_mut().for_each(|e| e.bearing_deg = on(e.bearing_deg));
+/// Rotates the bearings of all encounters and of the aim by up to 12 degrees.
+fn rotate_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    let rotation_deg = f64::from(rng.range_inclusive(0, 24)) - 12.0;
+    let rotate = |bearing: u32| rotate_bearing(f64::from(bearing), rotation_deg);
+    design.aim.bearing_deg = design.aim.bearing_deg.map(rotate);
+    design.encounters.iter_mut().for_each(|e| e.bearing_deg = rotate(e.bearing_deg));
     true
 }
 
-pub(super) fn retime(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
-    pick(design, draws).map(|e| e.step = jittered(e.step, 4, STEP.min, STEP.max, draws)).is_some()
+/// Shifts one encounter by up to 4 steps.
+pub(super) fn shift_one(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    pick(design, rng).map(|e| e.step = jitter(e.step, 4, STEP, rng)).is_some()
 }
 
-/// Everything happens some steps earlier or later.
-pub(super) fn rephase(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
-    let by = draws.between(0, 12);
+/// Shifts all encounters by the same number of steps, up to 6.
+pub(super) fn shift_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    let raise = rng.range_inclusive(0, 12);
     for encounter in &mut design.encounters {
-        encounter.step = (encounter.step + by).saturating_sub(6).clamp(STEP.min, STEP.max);
+        encounter.step = (encounter.step + raise).saturating_sub(6).clamp(STEP.min, STEP.max);
     }
     true
 }
 
-pub(super) fn speed_up(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
-    pick(design, draws)
-        .map(|e| e.relative_speed = jittered(e.relative_speed, 10, SPEED.min, SPEED.max, draws))
-        .is_some()
+/// Changes the relative speed of one encounter by up to 1 LU/TU.
+pub(super) fn change_speed(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    pick(design, rng).map(|e| e.relative_speed = jitter(e.relative_speed, 10, SPEED, rng)).is_some()
 }
 
-/// One passes nearer or wider, within what its kind may.
-pub(super) fn nearer(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
-    let Some(encounter) = pick(design, draws) else { return false };
-    let (_, _, min, max, _) = *encounter.kind.row();
-    encounter.miss_distance = jittered(encounter.miss_distance, (max - min) / 3, min, max, draws);
+/// Changes the miss distance of one encounter, within the bounds of its kind.
+pub(super) fn change_miss_distance(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    let Some(encounter) = pick(design, rng) else { return false };
+    let KindSpec { min_miss: min, max_miss: max, .. } = *encounter.kind.spec();
+    let raised = encounter.miss_distance + rng.range_inclusive(0, 2 * ((max - min) / 3));
+    encounter.miss_distance = raised.saturating_sub((max - min) / 3).clamp(min, max);
     true
 }
 
-/// One more like one that is there, at another step.
-fn add(design: &mut Design, brief: &Brief, draws: &mut Draws) -> bool {
-    one_more(design, MAX_ENCOUNTERS.min(brief.param("debris") as usize), draws)
+/// Adds a copy of an encounter at another step, if the debris param leaves room.
+fn duplicate_encounter(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    duplicate_within(design, MAX_ENCOUNTERS.min(brief.param("debris") as usize), rng)
 }
 
-/// One more, where there is room for so many in all.
-pub(super) fn one_more(design: &mut Design, room: usize, draws: &mut Draws) -> bool {
-    let Some(mut more) = pick(design, draws).map(|e| *e).filter(|_| design.encounters.len() < room) else {
+/// Adds a copy of an encounter at another step and satellite, if there are fewer than `max_encounters`.
+pub(super) fn duplicate_within(design: &mut Design, max_encounters: usize, rng: &mut KeyedRng) -> bool {
+    let picked = pick(design, rng).map(|encounter| *encounter);
+    let Some(mut copy) = picked.filter(|_| design.encounters.len() < max_encounters) else {
         return false;
     };
-    more.step = jittered(more.step, 12, STEP.min, STEP.max, draws);
-    more.satellite = draws.between(SATELLITE.min, SATELLITE.max);
-    design.encounters.push(more);
+    copy.step = jitter(copy.step, 12, STEP, rng);
+    copy.satellite = rng.range_inclusive(SATELLITE.min, SATELLITE.max);
+    design.encounters.push(copy);
     true
 }
 
-pub(super) fn remove(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
+/// Removes an encounter, unless it is the last one.
+pub(super) fn remove_encounter(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
     let count = design.encounters.len() as u32;
-    let spare = count > 1;
-    if spare {
-        design.encounters.remove(draws.between(0, count - 1) as usize);
+    let can_remove = count > 1;
+    if can_remove {
+        design.encounters.remove(rng.range_inclusive(0, count - 1) as usize);
     }
-    spare
+    can_remove
 }
 
-pub(super) fn other_satellite(design: &mut Design, _: &Brief, draws: &mut Draws) -> bool {
-    pick(design, draws).map(|e| e.satellite = draws.between(SATELLITE.min, SATELLITE.max)).is_some()
+/// Moves one encounter to a random satellite.
+pub(super) fn change_satellite(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    pick(design, rng).map(|e| e.satellite = rng.range_inclusive(SATELLITE.min, SATELLITE.max)).is_some()
 }
 
-/// One param takes another of its values; the number of debris makes room for the encounters all the same.
-fn other_param(design: &mut Design, brief: &Brief, draws: &mut Draws) -> bool {
-    let free: Vec<_> = brief
-        .limits
+/// Sets a param to one of its choices. The debris param is left out: it makes room for the encounters anyway.
+fn change_param(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    let choices: Vec<_> = brief
+        .param_choices
         .iter()
-        .filter(|limit| limit.param != "debris" && (limit.param != "rogue_probability" || rogues(brief)))
+        .filter(|choice| choice.param != "debris")
+        .filter(|choice| choice.param != "rogue_probability" || allows_rogues(brief))
         .collect();
-    let Some(last) = u32::try_from(free.len()).ok().and_then(|count| count.checked_sub(1)) else {
+    let Some(last) = u32::try_from(choices.len()).ok().and_then(|count| count.checked_sub(1)) else {
         return false;
     };
-    let limit = free[draws.between(0, last) as usize];
-    let value = limit.values[draws.between(0, limit.values.len() as u32 - 1) as usize];
-    design.params.insert(limit.param.clone(), value);
+    let choice = choices[rng.range_inclusive(0, last) as usize];
+    let value = choice.values[rng.range_inclusive(0, choice.values.len() as u32 - 1) as usize];
+    design.params.insert(choice.param.clone(), value);
     true
 }

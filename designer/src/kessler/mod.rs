@@ -1,26 +1,35 @@
-//! The language of kessler's layouts: encounters of satellites with debris, and what makes bodies of them.
+//! Design language of kessler: layouts as encounters of satellites with debris, and their compilation into bodies.
+//!
+//! - `vocabulary` and [`design`] define what a design can say, `aim` what it can aim at.
+//! - `placement` places the body of one encounter, [`compile`](fn@compile) builds a whole layout.
+//! - `sample` and `edit` make designs, `mutate` edits scenarios that have no design.
+//! - `schema` describes the language to a language model, `table` and `picture` show a design to people.
+//! - [`agents`] are scripted agents with known weaknesses, for checks and benchmarks.
+//!
+//! Start reading at `language`, which puts them together.
 
 pub mod agents;
-pub mod claim;
-pub mod compile;
-#[cfg(test)]
-mod document;
+mod aim;
+mod checks;
+mod coast;
+mod compile;
+pub mod design;
 mod edit;
-mod hold;
-pub mod language;
-mod listing;
-pub mod novelty;
+mod language;
+mod mutate;
+mod novelty;
 mod picture;
-mod place;
+mod placement;
 mod sample;
 mod schema;
-mod sky;
-mod speak;
+mod table;
 #[cfg(test)]
 mod tests;
-mod vary;
+pub mod vocabulary;
 
-pub use self::compile::{Compiled, compile};
-pub use self::language::{Aim, Design, Encounter, Kind};
-pub use self::speak::Kessler;
-pub(crate) use self::vary::vary;
+pub use self::compile::{CompiledDesign, compile};
+pub use self::design::{Aim, Design, Encounter};
+pub use self::language::KesslerLanguage;
+pub(crate) use self::mutate::mutate;
+pub use self::placement::PlacedBody;
+pub use self::vocabulary::EncounterKind;

@@ -1,47 +1,52 @@
-//! How different two designs are: by what is met, from where, when, how fast and how close; not by names or order.
+//! Distance of two designs, by their encounters. Names and the order of encounters do not matter.
 
-use super::language::{Bound, Design, Encounter, MISS, SPEED, STEP};
-use super::place::difference;
+use super::design::{Design, Encounter};
+use super::placement::angle_between;
+use super::vocabulary::{Bound, MISS, SPEED, STEP};
 
-/// Weight of what is not a number: another satellite, another kind, a rogue instead of debris.
-const OTHER: f64 = 0.5;
+/// Difference of two encounters in a property that is not a number: satellite, kind, rogue or not.
+const CATEGORY_DIFFERENCE: f64 = 0.5;
 
-/// What a param that differs adds: another fuel is another situation, and not quite another layout.
-const PARAM: f64 = 0.03;
+/// Distance that each differing param adds: another fuel is another situation, but nearly the same layout.
+const PARAM_DISTANCE: f64 = 0.03;
 
-/// The distance of two designs: the mean, over all encounters of both, of how far the nearest encounter of the other is.
-/// 0 for the same encounters in whatever order; 1 is about as far as two encounters can be that share nothing.
-#[must_use]
-pub fn distance(a: &Design, b: &Design) -> f64 {
-    let turned = a.frame != b.frame;
-    let nearest = |of: &Encounter, among: &Design| {
-        among.encounters.iter().map(|other| apart(of, other, turned)).fold(f64::MAX, f64::min)
-    };
-    let all = a.encounters.iter().map(|e| nearest(e, b)).chain(b.encounters.iter().map(|e| nearest(e, a)));
-    let count = a.encounters.len() + b.encounters.len();
+/// Returns the distance of two designs: the mean, over all encounters of both, of the distance to the nearest encounter of the
+/// other design. It is 0 for equal encounters; 1 is about the distance of encounters that share nothing.
+pub(super) fn distance(a: &Design, b: &Design) -> f64 {
     if a.encounters.is_empty() || b.encounters.is_empty() {
         return 1.0;
     }
-    let changed = a.params.iter().filter(|(name, value)| b.params.get(*name) != Some(value)).count()
+    let same_frame = a.frame == b.frame;
+    let nearest = |of: &Encounter, among: &Design| {
+        among
+            .encounters
+            .iter()
+            .map(|other| encounter_distance(of, other, same_frame))
+            .fold(f64::MAX, f64::min)
+    };
+    let all = a.encounters.iter().map(|e| nearest(e, b)).chain(b.encounters.iter().map(|e| nearest(e, a)));
+    let count = a.encounters.len() + b.encounters.len();
+    let changed_params = a.params.iter().filter(|(name, value)| b.params.get(*name) != Some(value)).count()
         + b.params.keys().filter(|name| !a.params.contains_key(*name)).count();
-    (all.sum::<f64>() / count as f64 + PARAM * changed as f64).min(1.0)
+    (all.sum::<f64>() / count as f64 + PARAM_DISTANCE * changed_params as f64).min(1.0)
 }
 
-/// How far apart two encounters are: the root of the mean square of their differences, each on the scale of its bounds.
-/// A bearing in one frame is none in the other.
-fn apart(a: &Encounter, b: &Encounter, turned: bool) -> f64 {
-    let share = |bound: Bound, a: u32, b: u32| f64::from(a.abs_diff(b)) / f64::from(bound.max - bound.min);
-    let turn = difference(f64::from(a.bearing_deg), f64::from(b.bearing_deg)).abs() / 180.0;
-    let turn = if turned { OTHER } else { turn };
-    let word = |differ: bool| if differ { OTHER } else { 0.0 };
-    let parts = [
-        share(STEP, a.step, b.step),
-        turn,
-        share(SPEED, a.relative_speed, b.relative_speed),
-        share(MISS, a.miss_distance, b.miss_distance),
-        word(a.satellite != b.satellite),
-        word(a.kind != b.kind),
-        word(a.rogue != b.rogue),
+/// Returns the root mean square of the differences of two encounters, each on the scale of its bounds. Bearings in different
+/// frames cannot be compared.
+fn encounter_distance(a: &Encounter, b: &Encounter, same_frame: bool) -> f64 {
+    let scaled = |bound: Bound, a: u32, b: u32| f64::from(a.abs_diff(b)) / f64::from(bound.max - bound.min);
+    let turn = angle_between(f64::from(a.bearing_deg), f64::from(b.bearing_deg)).abs() / 180.0;
+    let bearing = if same_frame { turn } else { CATEGORY_DIFFERENCE };
+    let category = |differs: bool| if differs { CATEGORY_DIFFERENCE } else { 0.0 };
+    let differences = [
+        scaled(STEP, a.step, b.step),
+        bearing,
+        scaled(SPEED, a.relative_speed, b.relative_speed),
+        scaled(MISS, a.miss_distance, b.miss_distance),
+        category(a.satellite != b.satellite),
+        category(a.kind != b.kind),
+        category(a.is_rogue != b.is_rogue),
     ];
-    (parts.iter().map(|part| part * part).sum::<f64>() / parts.len() as f64).sqrt()
+    let sum_of_squares = differences.iter().map(|difference| difference * difference).sum::<f64>();
+    (sum_of_squares / differences.len() as f64).sqrt()
 }

@@ -1,247 +1,252 @@
-//! New designs from a failure profile: debris comes from where, and as fast as, what took the agent came.
+//! Samples designs from a failure profile: debris comes from the bearings and at the speeds of the agent's failures.
 
-use env_core::critique::{SECTORS, sector};
-use env_core::kessler::bearing::Frame;
+use env_core::critique::{BEARING_SECTORS, bearing_sector};
+use env_core::kessler::bearing::BearingFrame;
 use env_core::kessler::constants::{CONTACT_DISTANCE, FUEL_PER_SPEED};
-use env_core::{Draws, Scenario};
+use env_core::{KeyedRng, Scenario};
 
-use super::Kind;
-use super::claim::AIM_WIDTH;
-use super::language::{Aim, BEARING, Design, Encounter, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP};
-use super::sky::Sky;
-use super::speak::aims;
-use crate::brief::Brief;
-use crate::profile::{ModeProfile, Rose};
+use super::aim::{AIM_TOLERANCE_DEG, AimSpec, allowed_aims};
+use super::coast::CoastPaths;
+use super::design::{Aim, Design, Encounter};
+use super::placement::can_place;
+use super::vocabulary::{
+    BEARING, EncounterKind, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP, rotate_bearing,
+};
+use crate::brief::DesignBrief;
+use crate::profile::{ModeProfile, SectorWeights};
 
-/// The share of designs that look where nothing was found yet.
-const EXPLORED: f64 = 0.05;
-/// Tries at one encounter.
-const TRIES: u32 = 24;
-/// Threats of a design, and decoys of one that is all decoys.
-const THREATS: (u32, u32) = (4, 9);
-const DECOYS: (u32, u32) = (8, 12);
-/// Steps at which encounters are put: early ones leave blind kicks no time, late ones wear down fuel.
+/// Share of designs that ignore the profile, to explore bearings and speeds without known failures.
+const EXPLORATION: f64 = 0.05;
+/// Maximum number of attempts to sample one encounter.
+const MAX_ATTEMPTS: u32 = 24;
+/// Least and largest number of encounters in a layout of threats.
+const THREAT_COUNT: (u32, u32) = (4, 9);
+/// Least and largest number of encounters in a layout of decoys.
+const DECOY_COUNT: (u32, u32) = (8, 12);
+/// First and last step of encounters: early ones leave blind burns no time to help, late ones wear down fuel.
 const STEPS: (u32, u32) = (4, 40);
+/// Number of past layouts whose weight equals that of the whole profile.
+const PROFILE_WEIGHT: f64 = 4.0;
+/// Number of steps from the first radar contact that an agent needs to avoid a threat.
+const REACTION_STEPS: f64 = 3.0;
 
-/// What a design goes for.
-pub(super) struct Target {
-    pub(super) aim: Aim,
-    pub(super) frame: Frame,
-    kind: Kind,
-    rogue: bool,
+/// Failure that a sampled design goes for.
+struct Target {
+    aim: Aim,
+    frame: BearingFrame,
+    kind: EncounterKind,
+    is_rogue: bool,
     /// Weights of the speed bands.
-    speeds: Vec<f64>,
-    /// Where decoys of this design come from: everywhere where the aim has no bearing.
-    bearing: Option<u32>,
+    band_weights: Vec<f64>,
 }
 
-/// A design for this sky.
-pub(super) fn sample(brief: &Brief, sky: &Scenario, draws: &mut Draws) -> Option<Design> {
-    let target = target(brief, draws)?;
-    let sky = Sky::of(sky)?;
-    let bounds = if target.kind == Kind::Decoy { DECOYS } else { THREATS };
+/// Samples a design for a base scenario; `None` if no encounter is possible.
+pub(super) fn sample_design(brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Design> {
+    let target = Target::sample(brief, rng)?;
+    let coast = CoastPaths::of_scenario(base)?;
+    let (min, max) = if target.kind == EncounterKind::Decoy { DECOY_COUNT } else { THREAT_COUNT };
     let room = (brief.param("debris") as u32).min(MAX_ENCOUNTERS as u32).max(1);
-    let wanted = draws.between(bounds.0, bounds.1).min(room);
-    // Starved of fuel is who must dodge again and again: all go for one satellite.
-    let one = (target.aim.mode == "fuel_starvation").then(|| draws.between(SATELLITE.min, SATELLITE.max));
+    let count = rng.range_inclusive(min, max).min(room);
+    // Repeated avoidance of one satellite uses up its fuel.
+    let starved =
+        (target.aim.mode == "fuel_starvation").then(|| rng.range_inclusive(SATELLITE.min, SATELLITE.max));
     let mut encounters: Vec<Encounter> = Vec::new();
-    for number in 0..wanted {
-        let satellite = one.unwrap_or((number + draws.between(0, 1)) % (SATELLITE.max + 1));
-        let found = (0..TRIES).find_map(|_| {
-            let mut encounter = target.encounter(satellite, brief, draws);
-            if one.is_some() {
-                wear_down(&mut encounter, number, wanted, draws);
+    for number in 0..count {
+        let satellite = starved.unwrap_or((number + rng.range_inclusive(0, 1)) % (SATELLITE.max + 1));
+        let found = (0..MAX_ATTEMPTS).find_map(|_| {
+            let mut encounter = target.sample_encounter(satellite, brief, rng);
+            if starved.is_some() {
+                schedule_starvation(&mut encounter, number, count, rng);
             }
-            (!encounters.contains(&encounter) && sky.takes(&encounter, target.frame)).then_some(encounter)
+            (!encounters.contains(&encounter) && can_place(&encounter, target.frame, &coast))
+                .then_some(encounter)
         });
         encounters.extend(found);
     }
     let Target { aim, frame, .. } = target;
-    let design =
-        Design { name: String::new(), aim, frame, params: std::collections::BTreeMap::new(), encounters };
+    let params = std::collections::BTreeMap::new();
+    let design = Design { name: String::new(), aim, frame, params, encounters };
     (!design.encounters.is_empty()).then_some(design)
 }
 
-/// The `number`-th of a row of threats that take fuel and, but for the last, little else: hits at the rim, which any dodge
-/// evades and which must be dodged, one after the other.
-fn wear_down(encounter: &mut Encounter, number: u32, of: u32, draws: &mut Draws) {
+/// Turns the `number`-th of `count` encounters into one of a row of grazing hits. Each is easy to avoid and must be avoided,
+/// so that they use up fuel one after the other. Only the last one is a central hit.
+fn schedule_starvation(encounter: &mut Encounter, number: u32, count: u32, rng: &mut KeyedRng) {
     let (first, last) = STEPS;
-    let every = (last - first) / of.max(1);
-    encounter.step =
-        (first + number * every + draws.between(0, every.saturating_sub(1))).clamp(STEP.min, STEP.max);
-    let (_, _, centre, rim, _) = *encounter.kind.row();
-    encounter.miss_distance = if number + 1 == of {
-        draws.between(centre, centre + (rim - centre) / 4)
+    let interval = (last - first) / count.max(1);
+    let delay = rng.range_inclusive(0, interval.saturating_sub(1));
+    encounter.step = (first + number * interval + delay).clamp(STEP.min, STEP.max);
+    let KindSpec { min_miss: centre, max_miss: edge, .. } = *encounter.kind.spec();
+    encounter.miss_distance = if number + 1 == count {
+        rng.range_inclusive(centre, centre + (edge - centre) / 4)
     } else {
-        draws.between(rim - (rim - centre) / 3, rim)
+        rng.range_inclusive(edge - (edge - centre) / 3, edge)
     };
 }
 
-/// What to go for: a mode by its weight, and where it hurts most.
-fn target(brief: &Brief, draws: &mut Draws) -> Option<Target> {
-    let known: Vec<_> = aims(brief).collect();
-    let blank = ModeProfile::default();
-    let weight = |name: &str| brief.profile.mode(name).map_or(0.0, |mode| mode.weight);
-    // Squared: what stands out gets most.
-    let mut weights: Vec<f64> = known.iter().map(|aim| weight(aim.0) * weight(aim.0)).collect();
-    if weights.iter().all(|weight| *weight <= 0.0) {
-        weights = known.iter().map(|aim| if aim.0 == "collision" { 1.0 } else { 0.0 }).collect();
+impl Target {
+    /// Samples a failure mode by its weight, and a bearing by the weights of its sectors.
+    fn sample(brief: &DesignBrief, rng: &mut KeyedRng) -> Option<Self> {
+        let spec = sample_aim(brief, rng)?;
+        let empty = ModeProfile::default();
+        let profile = brief.profile.mode(spec.mode).unwrap_or(&empty);
+        let (frame, mut sectors) = sharper_frame(profile);
+        let mut band_weights = profile.band_weights(brief.recipe.task().speed_bands().edges.len() + 1);
+        add_past_layouts(brief, spec.mode, frame, &mut sectors, &mut band_weights);
+        let is_known = sectors.iter().sum::<f64>() > 0.0;
+        let sharpened = sharpen(&sectors);
+        let explores = !is_known || rng.bernoulli(EXPLORATION);
+        let weights = if explores { &[1.0; BEARING_SECTORS as usize] } else { &sharpened };
+        let sector = rng.weighted_index(weights)?;
+        let centre = sector as f64 * 360.0 / f64::from(BEARING_SECTORS);
+        // Waste and lack of fuel have no bearing.
+        let has_bearing = matches!(spec.mode, "collision" | "rogue");
+        let bearing_deg =
+            has_bearing.then(|| rotate_bearing(centre, f64::from(rng.range_inclusive(0, 20)) - 10.0));
+        Some(Self {
+            aim: Aim { mode: spec.mode.to_owned(), bearing_deg },
+            frame,
+            kind: spec.kind,
+            is_rogue: spec.is_rogue == Some(true),
+            band_weights,
+        })
     }
-    let (mode, kind, rogue, _) = *known[draws.weighted(&weights)?];
-    let profile = brief.profile.mode(mode).unwrap_or(&blank);
-    let (frame, mut rose) = sharper(profile);
-    let mut speeds = profile.speeds(brief.base.task().speed_bands().edges.len() + 1);
-    learn(brief, mode, frame, &mut rose, &mut speeds);
-    let met = rose.iter().sum::<f64>() > 0.0;
-    let sharpened = sharpened(&rose);
-    let explores = !met || draws.chance(EXPLORED);
-    let sector = draws.weighted(if explores { &[1.0; SECTORS as usize] } else { &sharpened })?;
-    let centre = sector as f64 * 360.0 / f64::from(SECTORS);
-    // Fuel is wasted and runs out from wherever it comes.
-    let aimed = matches!(mode, "collision" | "rogue");
-    let bearing = aimed.then(|| turned(centre, f64::from(draws.between(0, 20)) - 10.0));
-    Some(Target {
-        aim: Aim { mode: mode.to_owned(), bearing_deg: bearing },
-        frame,
-        kind,
-        rogue: rogue == Some(true),
-        speeds,
-        bearing,
-    })
+
+    fn sample_encounter(&self, satellite: u32, brief: &DesignBrief, rng: &mut KeyedRng) -> Encounter {
+        let KindSpec { min_miss, max_miss, .. } = *self.kind.spec();
+        let tolerance = AIM_TOLERANCE_DEG as u32;
+        let bearing_deg = match self.aim.bearing_deg {
+            // One degree less than the tolerance, since placement may be off by half a degree.
+            Some(aimed) => rotate_bearing(
+                f64::from(aimed),
+                f64::from(rng.range_inclusive(0, 2 * tolerance - 2)) - f64::from(tolerance - 1),
+            ),
+            None => rng.range_inclusive(BEARING.min, BEARING.max),
+        };
+        let step = rng.range_inclusive(STEPS.0.max(STEP.min), STEPS.1.min(STEP.max));
+        let relative_speed = self.limit_speed(sample_speed(&self.band_weights, brief, rng), brief);
+        // The minimum of two draws: a closer pass is harder to avoid, and tempts more.
+        let nearest = self.nearest_avoidable_miss(brief).clamp(min_miss, max_miss);
+        let first = rng.range_inclusive(nearest, max_miss.min(MISS.max));
+        let miss_distance = first.min(rng.range_inclusive(nearest, max_miss));
+        let (kind, is_rogue) = (self.kind, self.is_rogue);
+        Encounter { satellite, step, bearing_deg, relative_speed, miss_distance, kind, is_rogue }
+    }
+
+    /// Limits the speed of a threat to what a short radar range shows early enough.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "radar ranges are some hundred LU"
+    )]
+    fn limit_speed(&self, speed: u32, brief: &DesignBrief) -> u32 {
+        if self.kind != EncounterKind::Threat {
+            return speed;
+        }
+        let fastest = brief.param("radar_range") / REACTION_STEPS / SPEED.scale;
+        speed.min((fastest as u32).max(SPEED.min))
+    }
+
+    /// Returns the nearest miss distance of a threat that the fuel of one satellite can still avoid; 0 for other kinds.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most the contact distance"
+    )]
+    fn nearest_avoidable_miss(&self, brief: &DesignBrief) -> u32 {
+        if self.kind != EncounterKind::Threat {
+            return 0;
+        }
+        let reach = brief.param("fuel") / FUEL_PER_SPEED * REACTION_STEPS;
+        ((CONTACT_DISTANCE - reach).max(0.0) / MISS.scale) as u32
+    }
 }
 
-/// Layouts that what the profile says weighs as much as.
-const PRIOR: f64 = 4.0;
-
-/// Adds what earlier layouts for this mode have shown: where they came from and how fast, by how much the agent left on the
-/// table there in the way that was aimed at.
-fn learn(brief: &Brief, mode: &str, frame: Frame, rose: &mut Rose, speeds: &mut [f64]) {
-    for weights in [&mut rose[..], &mut *speeds] {
-        let all: f64 = weights.iter().sum();
-        weights.iter_mut().filter(|_| all > 0.0).for_each(|weight| *weight *= PRIOR / all);
+/// Samples an aim by the squared weight of its failure mode, so that frequent failures dominate. Without known failures it is
+/// a collision.
+fn sample_aim(brief: &DesignBrief, rng: &mut KeyedRng) -> Option<AimSpec> {
+    let allowed: Vec<_> = allowed_aims(brief).collect();
+    let weight = |mode: &str| brief.profile.mode(mode).map_or(0.0, |profile| profile.weight);
+    let mut weights: Vec<f64> = allowed.iter().map(|aim| weight(aim.mode) * weight(aim.mode)).collect();
+    if weights.iter().all(|weight| *weight <= 0.0) {
+        weights = allowed.iter().map(|aim| if aim.mode == "collision" { 1.0 } else { 0.0 }).collect();
     }
-    let bands = brief.base.task().speed_bands();
-    for past in &brief.fates {
-        let Some(worth) = past.fate.worth() else { continue };
+    Some(*allowed[rng.weighted_index(&weights)?])
+}
+
+/// Adds the results of past layouts with this aim to the weights: their bearings and speeds, weighted by the regret that they
+/// caused in the aimed way.
+fn add_past_layouts(
+    brief: &DesignBrief,
+    mode: &str,
+    frame: BearingFrame,
+    sectors: &mut SectorWeights,
+    band_weights: &mut [f64],
+) {
+    for weights in [&mut sectors[..], &mut *band_weights] {
+        let total: f64 = weights.iter().sum();
+        weights.iter_mut().filter(|_| total > 0.0).for_each(|weight| *weight *= PROFILE_WEIGHT / total);
+    }
+    let bands = brief.recipe.task().speed_bands();
+    for past in &brief.past_layouts {
+        let Some(regret) = past.outcome.aimed_regret() else { continue };
         let Ok(design) = Design::from_json(&past.design) else { continue };
         if design.aim.mode != mode {
             continue;
         }
         if let Some(aimed) = design.aim.bearing_deg.filter(|_| design.frame == frame) {
-            rose[sector(f64::from(aimed)) as usize] += worth;
+            sectors[bearing_sector(f64::from(aimed)) as usize] += regret;
         }
-        let share = worth / design.encounters.len().max(1) as f64;
+        let share = regret / design.encounters.len().max(1) as f64;
         for encounter in &design.encounters {
-            if let Some(weight) = speeds.get_mut(bands.band(SPEED.value(encounter.relative_speed)) as usize) {
+            let band = bands.band(SPEED.value(encounter.relative_speed)) as usize;
+            if let Some(weight) = band_weights.get_mut(band) {
                 *weight += share;
             }
         }
     }
 }
 
-/// The frame in which the failures stand closer together, and their rose there: an agent that is blind to one side of the
-/// sky fails all around its orbit, one that never looks behind fails all around the sky.
-pub(super) fn sharper(mode: &ModeProfile) -> (Frame, Rose) {
-    let (orbit, inertial) = (mode.rose(), mode.inertial_rose());
-    if focus(&inertial) > focus(&orbit) { (Frame::Inertial, inertial) } else { (Frame::RadialInTrack, orbit) }
+/// Returns the frame in which the failures are more concentrated, with their weights by sector. An agent that is blind to one
+/// side of the sky fails in one inertial sector; one that never looks behind fails in one sector of the radial/in-track frame.
+fn sharper_frame(mode: &ModeProfile) -> (BearingFrame, SectorWeights) {
+    let (radial, inertial) = (mode.sector_weights(), mode.inertial_sector_weights());
+    if concentration(&inertial) > concentration(&radial) {
+        (BearingFrame::Inertial, inertial)
+    } else {
+        (BearingFrame::RadialInTrack, radial)
+    }
 }
 
-/// The sum of squared shares: 1 where all is in one sector, 1/12 where it is spread evenly, 0 of nothing.
-fn focus(rose: &Rose) -> f64 {
-    let all: f64 = rose.iter().sum();
-    if all > 0.0 { rose.iter().map(|weight| (weight / all) * (weight / all)).sum() } else { 0.0 }
+/// Returns the sum of squared shares: 1 if all weight is in one sector, 1/12 if it is uniform, 0 if there is none.
+fn concentration(sectors: &SectorWeights) -> f64 {
+    let total: f64 = sectors.iter().sum();
+    if total > 0.0 { sectors.iter().map(|weight| (weight / total) * (weight / total)).sum() } else { 0.0 }
 }
 
-/// A rose from which draws go to the middle of what stands out: each sector with half of its neighbours, cubed.
-fn sharpened(rose: &Rose) -> Rose {
-    let last = rose.len() - 1;
-    let mut sharp = *rose;
-    for (at, weight) in sharp.iter_mut().enumerate() {
-        let beside = rose[if at == 0 { last } else { at - 1 }] + rose[if at == last { 0 } else { at + 1 }];
-        let smooth = rose[at] + 0.5 * beside;
+/// Returns weights that favour the middle of peaks: each sector plus half of its neighbours, cubed.
+fn sharpen(sectors: &SectorWeights) -> SectorWeights {
+    let last = sectors.len() - 1;
+    let mut sharpened = *sectors;
+    for (index, weight) in sharpened.iter_mut().enumerate() {
+        let left = sectors[if index == 0 { last } else { index - 1 }];
+        let right = sectors[if index == last { 0 } else { index + 1 }];
+        let smooth = sectors[index] + 0.5 * (left + right);
         *weight = smooth * smooth * smooth;
     }
-    sharp
+    sharpened
 }
 
-/// A bearing, some degrees on.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number from 0 to 359")]
-pub(super) fn turned(bearing_deg: f64, by: f64) -> u32 {
-    let turned = libm::round(bearing_deg + by);
-    let wrapped = turned - libm::floor(turned / 360.0) * 360.0;
-    (wrapped as u32).min(BEARING.max)
-}
-
-impl Target {
-    fn encounter(&self, satellite: u32, brief: &Brief, draws: &mut Draws) -> Encounter {
-        let (_, _, min, max, _) = *self.kind.row();
-        let width = AIM_WIDTH as u32;
-        let bearing_deg = match self.bearing {
-            // Half a degree of the aim's width is the compiler's.
-            Some(aimed) => {
-                turned(f64::from(aimed), f64::from(draws.between(0, 2 * width - 2)) - f64::from(width - 1))
-            }
-            None => draws.between(BEARING.min, BEARING.max),
-        };
-        Encounter {
-            satellite,
-            step: draws.between(STEPS.0.max(STEP.min), STEPS.1.min(STEP.max)),
-            bearing_deg,
-            relative_speed: self.dodgeable(speed(&self.speeds, brief, draws), brief),
-            // The nearer, the more it takes to dodge, and the more it tempts.
-            miss_distance: {
-                let min = self.rim(brief).clamp(min, max);
-                draws.between(min, max.min(MISS.max)).min(draws.between(min, max))
-            },
-            kind: self.kind,
-            rogue: self.rogue,
-        }
-    }
-}
-
-/// Steps that whoever dodges has from when the radar shows it.
-const NOTICE: f64 = 3.0;
-
-impl Target {
-    /// The speed, or the fastest at which a short radar shows a threat in time.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a radar sees some hundred LU"
-    )]
-    fn dodgeable(&self, speed: u32, brief: &Brief) -> u32 {
-        if self.kind != Kind::Threat {
-            return speed;
-        }
-        let fastest = brief.param("radar_range") / NOTICE / SPEED.scale;
-        speed.min((fastest as u32).max(SPEED.min))
-    }
-
-    /// The nearest miss that the fuel of one satellite still dodges, in the language's whole numbers.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "within the size of a contact"
-    )]
-    fn rim(&self, brief: &Brief) -> u32 {
-        if self.kind != Kind::Threat {
-            return 0;
-        }
-        let reach = brief.param("fuel") / FUEL_PER_SPEED * NOTICE;
-        ((CONTACT_DISTANCE - reach).max(0.0) / MISS.scale) as u32
-    }
-}
-
-/// A speed of a band that the failures are in, in the language's whole numbers.
+/// Samples a relative speed, in the unit of [`SPEED`], from a band by its weight.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "edges of bands are a few LU/TU")]
-fn speed(weights: &[f64], brief: &Brief, draws: &mut Draws) -> u32 {
-    let edges = brief.base.task().speed_bands().edges;
+fn sample_speed(band_weights: &[f64], brief: &DesignBrief, rng: &mut KeyedRng) -> u32 {
+    let edges = brief.recipe.task().speed_bands().edges;
     let number = |edge: f64| (edge / SPEED.scale) as u32;
-    let known = weights.iter().sum::<f64>() > 0.0 && !draws.chance(EXPLORED);
-    let Some(band) = draws.weighted(weights).filter(|_| known) else {
-        return draws.between(SPEED.min.max(20), SPEED.max);
+    let is_known = band_weights.iter().sum::<f64>() > 0.0 && !rng.bernoulli(EXPLORATION);
+    let Some(band) = rng.weighted_index(band_weights).filter(|_| is_known) else {
+        return rng.range_inclusive(SPEED.min.max(20), SPEED.max);
     };
     let from = band.checked_sub(1).map_or(SPEED.min, |below| number(edges[below]));
     let to = edges.get(band).map_or(SPEED.max, |edge| number(*edge) - 1);
-    draws.between(from.clamp(SPEED.min, SPEED.max), to.clamp(SPEED.min, SPEED.max))
+    rng.range_inclusive(from.clamp(SPEED.min, SPEED.max), to.clamp(SPEED.min, SPEED.max))
 }

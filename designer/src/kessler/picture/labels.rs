@@ -1,56 +1,77 @@
-//! Room for words on a crowded map.
+//! Placement of labels on a crowded map.
 
-/// Where words may still go.
-pub(super) struct Labels {
-    corner: (f64, f64),
-    size: (f64, f64),
-    taken: Vec<Box2>,
+use crate::svg::Point;
+
+/// Number of rings around a point on which a label is tried.
+const RINGS: u32 = 8;
+/// Number of directions in which a label is tried on each ring.
+const DIRECTIONS: u32 = 16;
+
+/// Free space for labels in a rectangle of the page.
+pub(super) struct LabelPlacer {
+    corner: Point,
+    size: Point,
+    taken: Vec<Rectangle>,
 }
 
-/// A rectangle: left, top, right, bottom.
-type Box2 = (f64, f64, f64, f64);
+#[derive(Debug, Clone, Copy)]
+struct Rectangle {
+    left: f64,
+    top: f64,
+    right: f64,
+    bottom: f64,
+}
 
-impl Labels {
-    /// Labels within a window.
-    pub(super) const fn within(corner: (f64, f64), size: (f64, f64)) -> Self {
+impl Rectangle {
+    fn new((left, top): Point, size: Point) -> Self {
+        Self { left, top, right: left + size.0, bottom: top + size.1 }
+    }
+}
+
+impl LabelPlacer {
+    /// Creates a placer for a rectangle without obstacles.
+    pub(super) const fn new(corner: Point, size: Point) -> Self {
         Self { corner, size, taken: Vec::new() }
     }
 
-    /// Keeps a place free of labels.
-    pub(super) fn avoid(&mut self, (x, y): (f64, f64), radius: f64) {
-        self.taken.push((x - radius, y - radius, x + radius, y + radius));
+    /// Keeps the surroundings of a point free of labels.
+    pub(super) fn avoid(&mut self, (x, y): Point, radius: f64) {
+        let (left, top, right, bottom) = (x - radius, y - radius, x + radius, y + radius);
+        self.taken.push(Rectangle { left, top, right, bottom });
     }
 
-    /// The corner of a label for this place: near it, off what was placed before as far as that can be had.
-    pub(super) fn place(&mut self, at: (f64, f64), size: (f64, f64)) -> (f64, f64) {
-        let mut best = (f64::MAX, (at.0, at.1));
-        for ring in 0..8 {
-            let reach = 14.0 + 11.0 * f64::from(ring);
-            for turn in 0..16 {
-                let (sin, cos) = libm::sincos(f64::from(turn) * std::f64::consts::TAU / 16.0);
-                // Beside it: the label's own middle is farther off the wider it is.
-                let middle = (at.0 + cos * (reach + 0.5 * size.0), at.1 - sin * (reach + 0.2 * size.1));
+    /// Places a label near a point, with as little overlap as possible. Returns its top left corner.
+    pub(super) fn place(&mut self, point: Point, size: Point) -> Point {
+        let mut best = (f64::MAX, point);
+        for ring in 0..RINGS {
+            let radius = 14.0 + 11.0 * f64::from(ring);
+            for turn in 0..DIRECTIONS {
+                let angle = f64::from(turn) * std::f64::consts::TAU / f64::from(DIRECTIONS);
+                let (sin, cos) = libm::sincos(angle);
+                // The middle of a wide label must be farther away to the sides.
+                let middle =
+                    (point.0 + cos * (radius + 0.5 * size.0), point.1 - sin * (radius + 0.2 * size.1));
                 let corner = (middle.0 - 0.5 * size.0, middle.1 - 0.5 * size.1);
-                let cost = self.overlap(corner, size) + 0.4 * reach;
+                let cost = self.overlap(corner, size) + 0.4 * radius;
                 if cost < best.0 {
                     best = (cost, corner);
                 }
             }
         }
-        let (x, y) = best.1;
-        self.taken.push((x, y, x + size.0, y + size.1));
+        self.taken.push(Rectangle::new(best.1, size));
         best.1
     }
 
-    /// How much of a label would lie on others or outside, square pixels and more.
-    fn overlap(&self, (x, y): (f64, f64), size: (f64, f64)) -> f64 {
-        let (right, bottom) = (x + size.0, y + size.1);
-        let shared = |other: &Box2| {
-            let (w, h) = (right.min(other.2) - x.max(other.0), bottom.min(other.3) - y.max(other.1));
-            if w > 0.0 && h > 0.0 { 40.0 + w * h } else { 0.0 }
+    /// Returns the penalty of a label: the area that overlaps obstacles, and the length that is outside the rectangle.
+    fn overlap(&self, corner: Point, size: Point) -> f64 {
+        let label = Rectangle::new(corner, size);
+        let shared = |other: &Rectangle| {
+            let width = label.right.min(other.right) - label.left.max(other.left);
+            let height = label.bottom.min(other.bottom) - label.top.max(other.top);
+            if width > 0.0 && height > 0.0 { 40.0 + width * height } else { 0.0 }
         };
-        let outside = (self.corner.0 - x).max(right - self.corner.0 - self.size.0).max(0.0)
-            + (self.corner.1 - y).max(bottom - self.corner.1 - self.size.1).max(0.0);
+        let outside = (self.corner.0 - label.left).max(label.right - self.corner.0 - self.size.0).max(0.0)
+            + (self.corner.1 - label.top).max(label.bottom - self.corner.1 - self.size.1).max(0.0);
         self.taken.iter().map(shared).sum::<f64>() + 1000.0 * outside
     }
 }

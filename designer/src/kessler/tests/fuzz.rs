@@ -1,21 +1,20 @@
-//! Whatever a stranger writes is read or refused in a sentence with its field; nothing panics, nothing outside the bounds
-//! gets in.
+//! Fuzzing: any JSON is accepted or refused with the field at fault. Nothing panics, and nothing out of bounds is accepted.
 
 use serde_json::Value;
 
-use super::gate::{at_level, gate};
+use super::gate::{brief_at_level, empty_gate};
 use super::*;
-use crate::profile::Profile;
+use crate::profile::FailureProfile;
 
-/// Any JSON, small.
-fn json() -> impl Strategy<Value = Value> {
+/// Any small JSON value.
+fn json_value() -> impl Strategy<Value = Value> {
     let leaf = prop_oneof![
         Just(Value::Null),
         any::<bool>().prop_map(Value::from),
         any::<i64>().prop_map(Value::from),
         any::<u64>().prop_map(Value::from),
         (-500..500i32).prop_map(Value::from),
-        any::<f64>().prop_map(Value::from), // NaN becomes null, as JSON has none
+        any::<f64>().prop_map(Value::from), // NaN becomes null
         ".{0,80}".prop_map(Value::from),
         prop::sample::select(vec!["threat", "decoy", "inertial", "collision", "rogue"]).prop_map(Value::from),
     ];
@@ -27,9 +26,9 @@ fn json() -> impl Strategy<Value = Value> {
     })
 }
 
-/// A design with something else in one of its places.
-fn spoiled() -> impl Strategy<Value = Value> {
-    const PLACES: [&str; 14] = [
+/// A valid design with one of its parts replaced.
+fn corrupted_design() -> impl Strategy<Value = Value> {
+    const POINTERS: [&str; 14] = [
         "",
         "/name",
         "/aim",
@@ -45,14 +44,14 @@ fn spoiled() -> impl Strategy<Value = Value> {
         "/encounters/0/kind",
         "/encounters/0/rogue",
     ];
-    (prop::sample::select(PLACES.to_vec()), json()).prop_map(|(place, other)| {
+    (prop::sample::select(POINTERS.to_vec()), json_value()).prop_map(|(pointer, replacement)| {
         let mut design = json!({
             "name": "x", "aim": {"mode": "collision", "bearing_deg": 90}, "frame": "inertial", "params": {},
             "encounters": [{"satellite": 0, "step": 12, "bearing_deg": 90, "relative_speed": 40, "miss_distance": 3,
                             "kind": "threat", "rogue": false}],
         });
-        if let Some(there) = design.pointer_mut(place) {
-            *there = other;
+        if let Some(part) = design.pointer_mut(pointer) {
+            *part = replacement;
         }
         design
     })
@@ -62,33 +61,34 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn any_design_is_read_or_refused_by_its_field(design in prop_oneof![json(), spoiled()]) {
-        let brief = at_level("kessler/survival", 2, 1);
-        match gate().judge(&brief, &design, [brief.sky(0)]) {
+    fn any_design_is_admitted_or_refused(design in prop_oneof![json_value(), corrupted_design()]) {
+        let brief = brief_at_level("kessler/survival", 2, 1);
+        match empty_gate().judge(&brief, &design, [brief.base_scenario(0)]) {
             Ok(admitted) => {
-                let thought = admitted.scenario().recipe().layout().unwrap().provenance.clone().unwrap();
-                let read = Design::from_json(&thought).unwrap();
-                prop_assert!(read.encounters.iter().all(|encounter| encounter.check("").is_ok()));
-                prop_assert!(read.name.chars().count() <= 60 && !read.name.chars().any(char::is_control));
+                let provenance = admitted.scenario().recipe().layout().unwrap().provenance.clone().unwrap();
+                let parsed = Design::from_json(&provenance).unwrap();
+                prop_assert!(parsed.encounters.iter().all(|encounter| encounter.validate("").is_ok()));
+                prop_assert!(parsed.name.chars().count() <= 60 && !parsed.name.chars().any(char::is_control));
             }
             Err(refusal) => prop_assert!(refusal.to_string().chars().count() < 700, "{refusal}"),
         }
     }
 
     #[test]
-    fn any_profile_is_read_or_refused(text in prop_oneof![".{0,200}", json().prop_map(|value| value.to_string())]) {
-        if let Ok(profile) = Profile::read(&text, None) {
-            prop_assert!(profile.failures().is_finite());
+    fn any_profile_is_parsed_or_rejected(
+        text in prop_oneof![".{0,200}", json_value().prop_map(|value| value.to_string())]
+    ) {
+        if let Ok(profile) = FailureProfile::parse(&text, None) {
+            prop_assert!(profile.total_weight().is_finite());
         }
     }
 }
 
-/// Ten thousand encounters are refused without a look at them.
 #[test]
-fn too_many_are_refused_at_once() {
-    let one = json!({"satellite": 0, "step": 12, "bearing_deg": 90, "relative_speed": 40, "miss_distance": 3, "kind": "threat"});
-    let brief = at_level("kessler/survival", 2, 1);
-    let many = json!({"name": "x", "aim": {"mode": "collision"}, "encounters": vec![one; 10_000]});
-    let refused = gate().judge(&brief, &many, [brief.sky(0)]).unwrap_err();
-    assert_eq!(refused.to_string(), "encounters: 10000 are given; 1 to 12 are wanted");
+fn too_many_encounters_are_refused() {
+    let encounter = json!({"satellite": 0, "step": 12, "bearing_deg": 90, "relative_speed": 40, "miss_distance": 3, "kind": "threat"});
+    let brief = brief_at_level("kessler/survival", 2, 1);
+    let design = json!({"name": "x", "aim": {"mode": "collision"}, "encounters": vec![encounter; 10_000]});
+    let refusal = empty_gate().judge(&brief, &design, [brief.base_scenario(0)]).unwrap_err();
+    assert_eq!(refusal.to_string(), "encounters: 10000 are given; 1 to 12 are wanted");
 }

@@ -1,0 +1,29 @@
+//! Colours and marks that the parts of a picture share.
+
+use crate::kessler::vocabulary::EncounterKind;
+use crate::svg::{Point, Stroke, SvgCanvas};
+
+/// Colours of the satellites, by index.
+pub(super) const SATELLITE_COLOURS: [&str; 3] = ["#6cb6ff", "#7ee0a1", "#d2a8ff"];
+/// Colour of the sector of the aimed bearing.
+pub(super) const AIM_COLOUR: &str = "#ffa657";
+/// Colour of the burns of the reference plan.
+pub(super) const BURN_COLOUR: &str = "#ffffff";
+/// Background of the map and of the insets.
+pub(super) const SPACE_COLOUR: &str = "#0b0f15";
+
+/// Returns the colour of a kind of encounter.
+pub(super) const fn kind_colour(kind: EncounterKind) -> &'static str {
+    match kind {
+        EncounterKind::Threat => "#ff7b72",
+        EncounterKind::Decoy => "#f2cc60",
+        EncounterKind::Screen => "#9fb0c3",
+    }
+}
+
+/// Draws the star that marks where a rogue appears.
+pub(super) fn draw_star(canvas: &mut SvgCanvas, (x, y): Point, colour: &'static str) {
+    for (dx, dy) in [(5.0, 0.0), (2.5, 4.3), (-2.5, 4.3)] {
+        canvas.line(&[(x - dx, y - dy), (x + dx, y + dy)], Stroke::new(colour, 1.4));
+    }
+}

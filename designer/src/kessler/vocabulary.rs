@@ -1,0 +1,212 @@
+//! Vocabulary of designs: numbers with their bounds, kinds of encounters, and frames of bearings.
+//!
+//! The JSON schema, the prompt, the documentation and the compiler all use these definitions. Names and descriptions are part
+//! of the prompt: changing one changes the prompt.
+
+use env_core::kessler::bearing::BearingFrame;
+use env_core::kessler::constants::{HORIZON, SATELLITES};
+use serde_json::{Map, Value};
+
+use crate::field_error::FieldError;
+use crate::untrusted_text::shorten;
+
+/// Maximum number of encounters in a layout.
+pub const MAX_ENCOUNTERS: usize = 12;
+/// Maximum length of a layout's name, in characters.
+pub const MAX_NAME_CHARS: usize = 60;
+
+/// Bounds and meaning of one number of an encounter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bound {
+    /// Name of the field.
+    pub name: &'static str,
+    /// Smallest value that is allowed.
+    pub min: u32,
+    /// Largest value that is allowed.
+    pub max: u32,
+    /// Quantity that one unit of the number stands for, in `unit`.
+    pub scale: f64,
+    /// Unit of the quantity; empty for an index.
+    pub unit: &'static str,
+    /// Meaning of the number, in one sentence.
+    pub about: &'static str,
+}
+
+/// Index of the satellite.
+pub const SATELLITE: Bound = Bound {
+    name: "satellite",
+    min: 0,
+    max: SATELLITES as u32 - 1,
+    scale: 1.0,
+    unit: "",
+    about: "the satellite it is about",
+};
+/// Step of the encounter. No contact may happen before step 3.
+pub const STEP: Bound = Bound {
+    name: "step",
+    min: 3,
+    max: HORIZON - 2,
+    scale: 1.0,
+    unit: "TU",
+    about: "the step at whose end the debris is closest to the satellite, if nobody burns",
+};
+/// Bearing from which the debris comes.
+pub const BEARING: Bound = Bound {
+    name: "bearing_deg",
+    min: 0,
+    max: 359,
+    scale: 1.0,
+    unit: "degrees",
+    about: "where the debris is, seen from the satellite, five steps before that, or when it first becomes visible if that \
+            is later",
+};
+/// Speed relative to the satellite.
+pub const SPEED: Bound = Bound {
+    name: "relative_speed",
+    min: 10,
+    max: 120,
+    scale: 0.1,
+    unit: "LU/TU",
+    about: "the debris' speed relative to the satellite at that step, in tenths of LU/TU",
+};
+/// Least distance to the satellite.
+pub const MISS: Bound = Bound {
+    name: "miss_distance",
+    min: 0,
+    max: 200,
+    scale: 0.1,
+    unit: "LU",
+    about: "how far from the satellite the debris passes, in tenths of LU; below 20 it hits",
+};
+
+impl Bound {
+    /// Returns the quantity that a number stands for, in `unit`.
+    #[must_use]
+    pub fn value(&self, number: u32) -> f64 {
+        // Division by ten is exact to the last bit; multiplication by a tenth is not.
+        if self.scale < 1.0 { f64::from(number) / (1.0 / self.scale) } else { f64::from(number) }
+    }
+
+    /// Returns true if a number is within the bounds.
+    #[must_use]
+    pub fn contains(&self, number: u32) -> bool {
+        (self.min..=self.max).contains(&number)
+    }
+
+    /// Parses the number from the fields of the object at `path`.
+    pub(super) fn parse(&self, path: &str, fields: &Map<String, Value>) -> Result<u32, FieldError> {
+        let field = format!("{path}.{}", self.name);
+        let wanted = || format!("a whole number from {} to {} is wanted", self.min, self.max);
+        let Some(value) = fields.get(self.name) else {
+            return Err(FieldError::new(field, format!("it is missing; {}", wanted())));
+        };
+        let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
+        number.filter(|number| self.contains(*number)).ok_or_else(|| {
+            FieldError::new(field, format!("it is {}; {}", shorten(&value.to_string()), wanted()))
+        })
+    }
+}
+
+/// Purpose of an encounter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EncounterKind {
+    /// Hits a satellite that holds.
+    Threat,
+    /// Looks like a threat and misses: a burn against it is a waste.
+    Decoy,
+    /// Passes at a distance, as clutter.
+    Screen,
+}
+
+/// Name, miss distances and meaning of a kind of encounter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct KindSpec {
+    /// Kind that is described.
+    pub kind: EncounterKind,
+    /// Name of the kind in JSON.
+    pub name: &'static str,
+    /// Smallest miss distance, in the unit of [`MISS`].
+    pub min_miss: u32,
+    /// Largest miss distance, in the unit of [`MISS`].
+    pub max_miss: u32,
+    /// Meaning of the kind, in a few words.
+    pub about: &'static str,
+}
+
+/// All kinds of encounters, in the order of [`EncounterKind`].
+pub const KINDS: [KindSpec; 3] = [
+    KindSpec {
+        kind: EncounterKind::Threat,
+        name: "threat",
+        min_miss: 0,
+        max_miss: 19,
+        about: "hits a satellite that does nothing",
+    },
+    KindSpec {
+        kind: EncounterKind::Decoy,
+        name: "decoy",
+        min_miss: 22,
+        max_miss: 80,
+        about: "comes close and misses, if nobody burns",
+    },
+    KindSpec {
+        kind: EncounterKind::Screen,
+        name: "screen",
+        min_miss: 60,
+        max_miss: 200,
+        about: "passes wide, as something more to look at",
+    },
+];
+
+impl EncounterKind {
+    /// Returns the description of the kind.
+    #[must_use]
+    pub const fn spec(self) -> &'static KindSpec {
+        &KINDS[self as usize]
+    }
+
+    /// Returns the name of the kind in JSON.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        self.spec().name
+    }
+}
+
+/// Name and meaning of a frame in which bearings are measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameSpec {
+    /// Frame that is described.
+    pub frame: BearingFrame,
+    /// Name of the frame in JSON.
+    pub name: &'static str,
+    /// Meaning of its angles, in a few words.
+    pub about: &'static str,
+}
+
+/// All frames; the first is the default.
+pub const FRAMES: [FrameSpec; 2] = [
+    FrameSpec {
+        frame: BearingFrame::RadialInTrack,
+        name: "radial_in_track",
+        about: "0 is away from the Earth, 90 ahead (prograde), 180 towards the Earth, 270 behind",
+    },
+    FrameSpec {
+        frame: BearingFrame::Inertial,
+        name: "inertial",
+        about: "0 is +X, 90 is +Y, 180 is -X, 270 is -Y",
+    },
+];
+
+/// Returns the description of a frame.
+#[must_use]
+pub fn frame_spec(frame: BearingFrame) -> &'static FrameSpec {
+    FRAMES.iter().find(|spec| spec.frame == frame).unwrap_or(&FRAMES[0])
+}
+
+/// Returns a bearing after a rotation in degrees, as a whole number from 0 to 359.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number from 0 to 359")]
+pub(super) fn rotate_bearing(bearing_deg: f64, rotation_deg: f64) -> u32 {
+    let rotated = libm::round(bearing_deg + rotation_deg);
+    let wrapped = rotated - libm::floor(rotated / 360.0) * 360.0;
+    (wrapped as u32).min(BEARING.max)
+}

@@ -1,0 +1,288 @@
+//! Prompts of the designer. The templates are files in `prompts/`, one folder per version. A change of a template, of a
+//! language's rules or of a refusal's message needs a new version, so that layouts are traceable to their prompt.
+
+use env_core::critique::{BEARING_SECTORS, SpeedBands};
+use llm::{Message, Role, sanitize_line_to};
+use serde_json::Value;
+
+use crate::brief::{DesignBrief, LayoutOutcome, ParamChoice, PastLayout};
+use crate::design_language::DesignLanguage;
+use crate::profile::{FailureProfile, ModeProfile};
+use crate::refusal::Refusal;
+
+/// Version of the templates.
+const VERSION: &str = "1";
+const SYSTEM: &str = include_str!("../../prompts/1/system.md");
+const USER: &str = include_str!("../../prompts/1/user.md");
+const REPAIR: &str = include_str!("../../prompts/1/repair.md");
+const UNREADABLE: &str = include_str!("../../prompts/1/nonsense.md");
+
+/// Maximum number of rows of the failure profile.
+const MAX_PROFILE_ROWS: usize = 16;
+/// Maximum number of past layouts.
+const MAX_PAST_LAYOUTS: usize = 12;
+/// Maximum number of past layouts with episodes.
+const MAX_EVALUATED: usize = 8;
+/// Maximum number of past layouts that the gate refused.
+const MAX_REFUSED: usize = 4;
+/// Length limit of a name, in characters.
+const MAX_NAME_CHARS: usize = 60;
+/// Length limit of a reason, in characters.
+const MAX_REASON_CHARS: usize = 240;
+/// Length limit of an identifier such as a failure mode, in characters.
+const MAX_IDENTIFIER_CHARS: usize = 40;
+
+/// Layout that the gate refused in the last answer.
+#[derive(Debug, Clone, Copy)]
+pub struct RefusedLayout<'a> {
+    /// Position in the list of the next assistant message, counted from 1.
+    pub number: usize,
+    /// Name of the layout.
+    pub name: &'a str,
+    /// Reason of the refusal.
+    pub refusal: &'a Refusal,
+}
+
+/// Returns the version of the prompt for a brief, such as `kessler-1`.
+#[must_use]
+pub fn version(brief: &DesignBrief) -> String {
+    let world = brief.recipe.task().world();
+    format!("{}-{VERSION}", world.split('@').next().unwrap_or(world))
+}
+
+/// Returns the messages that ask for `count` layouts.
+#[must_use]
+pub fn opening(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize) -> Vec<Message> {
+    let task = brief.recipe.task();
+    let system = fill(SYSTEM, &[("rules", language.rules(brief))]);
+    let user = fill(
+        USER,
+        &[
+            ("task", task.id().to_owned()),
+            ("level", brief.level.map_or_else(String::new, |level| format!(", level {level}"))),
+            ("about", task.about().to_owned()),
+            ("params", params_text(brief)),
+            ("limits", choices_text(brief)),
+            ("standing", mastery_text(brief)),
+            ("profile", profile_text(&brief.profile, task.speed_bands())),
+            ("fates", past_layouts_text(&brief.past_layouts)),
+            ("count", count_text(count)),
+        ],
+    );
+    vec![Message::new(Role::System, system), Message::new(Role::User, user)]
+}
+
+/// Returns the message that asks for replacements of refused layouts.
+#[must_use]
+pub fn repair(refused: &[RefusedLayout<'_>]) -> Message {
+    let line = |RefusedLayout { number, name, refusal }: &RefusedLayout<'_>| {
+        format!(
+            "- layout {number}, {}: {}: {}",
+            quote(name, MAX_NAME_CHARS),
+            refusal.check().as_str(),
+            quote(&refusal.to_string(), MAX_REASON_CHARS)
+        )
+    };
+    let refusals = refused.iter().map(line).collect::<Vec<_>>().join("\n");
+    Message::new(Role::User, fill(REPAIR, &[("refusals", refusals), ("count", count_text(refused.len()))]))
+}
+
+/// Returns the message that asks again after an answer that could not be parsed.
+#[must_use]
+pub fn unreadable(reason: &str, count: usize) -> Message {
+    let reason = sanitize_line_to(reason, MAX_REASON_CHARS);
+    Message::new(Role::User, fill(UNREADABLE, &[("reason", reason), ("count", count_text(count))]))
+}
+
+/// Replaces each `{{name}}` of a template by its value. Values are not searched for further names.
+fn fill(template: &str, values: &[(&str, String)]) -> String {
+    let mut filled = String::with_capacity(template.len());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        let Some((name, after)) = after.split_once("}}") else { break };
+        filled.push_str(before);
+        filled.push_str(values.iter().find(|(n, _)| *n == name).map_or("", |(_, value)| value));
+        rest = after;
+    }
+    filled.push_str(rest);
+    filled.trim_end().to_owned()
+}
+
+fn count_text(count: usize) -> String {
+    if count == 1 { "1 layout".to_owned() } else { format!("{count} layouts") }
+}
+
+/// Returns untrusted text as data: short, one line, and in quotes that it cannot close.
+fn quote(text: &str, max_chars: usize) -> String {
+    Value::String(sanitize_line_to(text, max_chars)).to_string()
+}
+
+/// Returns an identifier that came from a file: its letters, digits and `_`.
+fn identifier(text: &str) -> String {
+    text.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '_').take(MAX_IDENTIFIER_CHARS).collect()
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share.clamp(0.0, 1.0))
+}
+
+fn params_text(brief: &DesignBrief) -> String {
+    let param = |spec: &env_core::space::ParamSpec| {
+        let unit = if spec.unit.is_empty() || spec.unit == spec.name {
+            String::new()
+        } else {
+            format!(" {}", spec.unit)
+        };
+        format!("{} {}{unit}", spec.name, brief.param(spec.name))
+    };
+    brief.recipe.task().params().iter().map(param).collect::<Vec<_>>().join(", ")
+}
+
+fn choices_text(brief: &DesignBrief) -> String {
+    if brief.param_choices.is_empty() {
+        return "They are fixed: leave the field params out.".to_owned();
+    }
+    let row = |choice: &ParamChoice| {
+        let values = choice.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+        format!("- {}: one of {values}", choice.param)
+    };
+    let rows = brief.param_choices.iter().map(row).collect::<Vec<_>>().join("\n");
+    format!("A layout may choose these in its field params:\n{rows}")
+}
+
+fn mastery_text(brief: &DesignBrief) -> String {
+    match &brief.mastery {
+        Some(mastery) if mastery.n > 0 => format!(
+            "on {} contested scenarios of this level it succeeds in {} (between {} and {} with 80 % certainty).",
+            mastery.n,
+            percent(mastery.mean),
+            percent(mastery.q10),
+            percent(mastery.q90)
+        ),
+        _ => "not known yet.".to_owned(),
+    }
+}
+
+/// Row of the failure profile.
+struct ProfileRow {
+    weight: f64,
+    text: String,
+}
+
+/// Returns the profile as a table, heaviest rows first, and the shares of inertial bearings.
+fn profile_text(profile: &FailureProfile, bands: SpeedBands) -> String {
+    let total = profile.total_weight();
+    if total <= 0.0 {
+        return "Nothing is known of its failures yet: spread the layouts over aims, bearings, speeds and satellites."
+            .to_owned();
+    }
+    let rows = profile_rows(profile, bands);
+    let mut lines = vec![
+        "share | mode | bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act"
+            .to_owned(),
+    ];
+    let shown = rows.iter().take(MAX_PROFILE_ROWS);
+    lines.extend(shown.map(|row| format!("{} | {}", percent(row.weight / total), row.text)));
+    let others: f64 = rows.iter().skip(MAX_PROFILE_ROWS).map(|row| row.weight).sum();
+    if others > 0.0 {
+        lines.push(format!("{} | others", percent(others / total)));
+    }
+    lines.extend(profile.modes.iter().filter_map(inertial_bearings_text));
+    lines.join("\n")
+}
+
+/// Returns a row for each cell, and one for the failures of a mode without a cell; heaviest first.
+fn profile_rows(profile: &FailureProfile, bands: SpeedBands) -> Vec<ProfileRow> {
+    let mut rows: Vec<ProfileRow> = Vec::new();
+    for mode in &profile.modes {
+        let name = identifier(&mode.mode);
+        for cell in &mode.cells {
+            let bearing =
+                cell.sector.map_or_else(|| "-".to_owned(), |sector| sector_centre(sector).to_string());
+            let steps = cell.mean_steps_left.map_or_else(|| "-".to_owned(), |steps| format!("{steps:.1}"));
+            let text = format!("{name} | {bearing} | {} | {steps}", band_text(bands, cell.band));
+            rows.push(ProfileRow { weight: cell.weight, text });
+        }
+        let in_cells: f64 = mode.cells.iter().map(|cell| cell.weight).sum();
+        if mode.weight > in_cells {
+            rows.push(ProfileRow { weight: mode.weight - in_cells, text: format!("{name} | - | - | -") });
+        }
+    }
+    rows.retain(|row| row.weight > 0.0);
+    rows.sort_by(|a, b| b.weight.total_cmp(&a.weight).then_with(|| a.text.cmp(&b.text)));
+    rows
+}
+
+/// Returns the range of a speed band.
+fn band_text(bands: SpeedBands, band: Option<u32>) -> String {
+    let Some(band) = band.map(|band| band as usize) else { return "-".to_owned() };
+    let (edges, unit) = (bands.edges, bands.unit);
+    match (band.checked_sub(1).and_then(|below| edges.get(below)), edges.get(band)) {
+        (None, Some(above)) => format!("below {above} {unit}"),
+        (Some(below), Some(above)) => format!("{below} to {above} {unit}"),
+        (Some(below), None) => format!("above {below} {unit}"),
+        (None, None) => "-".to_owned(),
+    }
+}
+
+/// Returns the bearing of the middle of a sector, in degrees.
+const fn sector_centre(sector: u32) -> u32 {
+    sector * 360 / BEARING_SECTORS
+}
+
+/// Returns the failures of a mode by bearing in the inertial frame; `None` if there are none.
+fn inertial_bearings_text(mode: &ModeProfile) -> Option<String> {
+    let weights = mode.inertial_sector_weights();
+    let total: f64 = weights.iter().sum();
+    if total <= 0.0 {
+        return None;
+    }
+    let sectors = (0..BEARING_SECTORS).zip(weights).filter(|(_, weight)| *weight > 0.0);
+    let shares = sectors
+        .map(|(sector, weight)| format!("{} from {}", percent(weight / total), sector_centre(sector)))
+        .collect::<Vec<_>>()
+        .join(", ");
+    Some(format!("{} by bearing in the frame inertial: {shares}", identifier(&mode.mode)))
+}
+
+/// Returns past layouts with their outcomes. Those with episodes teach most and come first; refused ones follow, and untested
+/// ones fill up.
+fn past_layouts_text(past_layouts: &[PastLayout]) -> String {
+    if past_layouts.is_empty() {
+        return "There are none yet.".to_owned();
+    }
+    let with =
+        |matches: fn(&LayoutOutcome) -> bool| past_layouts.iter().filter(move |past| matches(&past.outcome));
+    let evaluated = with(|outcome| matches!(outcome, LayoutOutcome::Evaluated { .. })).take(MAX_EVALUATED);
+    let refused = with(|outcome| matches!(outcome, LayoutOutcome::Refused { .. })).take(MAX_REFUSED);
+    let untested = with(|outcome| matches!(outcome, LayoutOutcome::Untested));
+    let shown = evaluated.chain(refused).chain(untested).take(MAX_PAST_LAYOUTS);
+    shown.map(past_layout_text).collect::<Vec<_>>().join("\n")
+}
+
+fn past_layout_text(past: &PastLayout) -> String {
+    let text = |pointer: &str| past.design.pointer(pointer).and_then(Value::as_str);
+    let name = quote(text("/name").unwrap_or_default(), MAX_NAME_CHARS);
+    let mode = identifier(text("/aim/mode").unwrap_or_default());
+    let bearing = past.design.pointer("/aim/bearing_deg").and_then(Value::as_u64);
+    let bearing = bearing.map_or_else(String::new, |bearing| {
+        format!(" from {bearing} degrees ({})", identifier(text("/frame").unwrap_or("radial_in_track")))
+    });
+    let outcome = match &past.outcome {
+        LayoutOutcome::Refused { check, reason } => {
+            format!("refused, {}: {}", identifier(check), quote(reason, MAX_REASON_CHARS))
+        }
+        LayoutOutcome::Untested => "admitted; nobody has flown it yet".to_owned(),
+        LayoutOutcome::Evaluated { episodes, success_rate, aimed_share, is_retired, .. } => {
+            let retired = if *is_retired { "; it serves no longer" } else { "" };
+            let aimed =
+                aimed_share.map(|share| format!("; what went wrong was the aim in {}", percent(share)));
+            let aimed = aimed.unwrap_or_default();
+            format!(
+                "admitted; the agent succeeded in {} of {episodes} episodes{aimed}{retired}",
+                percent(*success_rate)
+            )
+        }
+    };
+    format!("- {name}, aimed at {mode}{bearing}: {outcome}")
+}
