@@ -1,93 +1,120 @@
-//! Time as a parameter: the service asks its clock, tests bring their own.
+//! Time as a parameter: the service reads its [`Clock`], and tests move a manual one.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Milliseconds since 1970 UTC.
+use parking_lot::Mutex;
+
+/// Milliseconds since 1970-01-01 UTC, or a duration in milliseconds.
 pub type Millis = i64;
 
-/// A clock of the day that moves more than this between two looks otherwise than the processor's has jumped: somebody set it, or the
-/// machine slept.
+/// If the system time and the processor's clock drift apart by more than this between two reads, milliseconds, the system time has
+/// jumped: a user set it, or the machine slept.
 const JUMP_MS: Millis = 2_000;
 
-/// Where the service reads the time.
+/// Clock of the service.
 #[derive(Clone)]
 pub struct Clock {
-    day: Arc<dyn Fn() -> Millis + Send + Sync>,
-    /// What is told does not jump before [`Clock::adopt`] is asked to; none of a clock that tests move.
-    steady: Option<Arc<Mutex<Steady>>>,
+    /// Reads the system time.
+    system_time: Arc<dyn Fn() -> Millis + Send + Sync>,
+    /// Hides jumps of the system time until [`Clock::adopt`] is called; none for a manual clock.
+    steady: Option<Arc<Mutex<SteadyTime>>>,
 }
 
-/// Time that goes on as the processor's clock does.
+/// The last time that was returned, and when by the processor's clock.
 #[derive(Debug, Clone, Copy)]
-struct Steady {
-    told: Millis,
+struct SteadyTime {
+    returned: Millis,
     at: Instant,
 }
 
-impl Steady {
-    /// The time by a clock of the day that says `day`, `passed` after the last look; and how far that has jumped, if it has.
-    fn look(self, day: Millis, passed: Duration) -> (Millis, Option<Millis>) {
-        let expected = self.told.saturating_add(i64::try_from(passed.as_millis()).unwrap_or(i64::MAX));
-        let apart = day.saturating_sub(expected);
-        if apart.abs() <= JUMP_MS { (day, None) } else { (expected, Some(apart)) }
+/// A reading of the clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Reading {
+    /// The time to return.
+    time: Millis,
+    /// Size of a jump of the system time, if there was one.
+    jump: Option<Millis>,
+}
+
+/// A clock that stands still, for tests.
+#[derive(Debug, Clone)]
+pub struct ManualClock {
+    /// The clock, to be passed on.
+    pub clock: Clock,
+    /// Time that the clock returns.
+    pub time: Arc<AtomicI64>,
+}
+
+impl SteadyTime {
+    /// The reading for a system time, `elapsed` after the last reading.
+    fn read(self, system_time: Millis, elapsed: Duration) -> Reading {
+        let elapsed = i64::try_from(elapsed.as_millis()).unwrap_or(i64::MAX);
+        let expected = self.returned.saturating_add(elapsed);
+        let difference = system_time.saturating_sub(expected);
+        if difference.abs() <= JUMP_MS {
+            Reading { time: system_time, jump: None }
+        } else {
+            Reading { time: expected, jump: Some(difference) }
+        }
     }
 }
 
 impl Clock {
-    /// The system's clock. It does not jump by itself: while the clock of the day has, it goes on as before.
+    /// The system's clock. After a jump of the system time it continues as if there was none, until [`Clock::adopt`] is called.
     #[must_use]
     pub fn system() -> Self {
         #[expect(clippy::disallowed_methods, reason = "the one place where the clock is read")]
-        let day = || jiff::Timestamp::now().as_millisecond();
-        let steady = Steady { told: day(), at: Instant::now() };
-        Self { day: Arc::new(day), steady: Some(Arc::new(Mutex::new(steady))) }
+        let system_time = || jiff::Timestamp::now().as_millisecond();
+        let steady = SteadyTime { returned: system_time(), at: Instant::now() };
+        Self { system_time: Arc::new(system_time), steady: Some(Arc::new(Mutex::new(steady))) }
     }
 
-    /// A clock that stands still until it is moved.
+    /// A clock that stands still until the caller changes its time.
     #[must_use]
-    pub fn manual(start: Millis) -> (Self, Arc<AtomicI64>) {
-        let hand = Arc::new(AtomicI64::new(start));
-        let read = Arc::clone(&hand);
-        (Self { day: Arc::new(move || read.load(Ordering::SeqCst)), steady: None }, hand)
+    pub fn manual(start: Millis) -> ManualClock {
+        let time = Arc::new(AtomicI64::new(start));
+        let read = Arc::clone(&time);
+        let clock = Self { system_time: Arc::new(move || read.load(Ordering::SeqCst)), steady: None };
+        ManualClock { clock, time }
     }
 
-    /// Now.
+    /// The current time of the clock.
     #[must_use]
     pub fn now(&self) -> Millis {
-        self.look().0
+        self.read().time
     }
 
-    /// How far the clock of the day has jumped, if it has.
+    /// Size of the jump of the system time since it was last adopted, milliseconds; `None` if it has not jumped.
     #[must_use]
     pub fn jumped(&self) -> Option<Millis> {
-        self.look().1
+        self.read().jump
     }
 
-    /// Goes by the clock of the day again, which has jumped so far. Whoever calls this has moved what waits for a time.
-    pub fn adopt(&self, jumped: Millis) {
+    /// Follows the system time again after a jump of `jump` milliseconds. The caller must have shifted all deadlines.
+    pub fn adopt(&self, jump: Millis) {
         if let Some(steady) = &self.steady {
-            let mut steady = steady.lock().unwrap_or_else(PoisonError::into_inner);
-            steady.told = steady.told.saturating_add(jumped);
+            let mut steady = steady.lock();
+            steady.returned = steady.returned.saturating_add(jump);
         }
     }
 
-    fn look(&self) -> (Millis, Option<Millis>) {
-        let day = (self.day)();
-        let Some(steady) = &self.steady else { return (day, None) };
-        let mut steady = steady.lock().unwrap_or_else(PoisonError::into_inner);
+    fn read(&self) -> Reading {
+        let system_time = (self.system_time)();
+        let Some(steady) = &self.steady else { return Reading { time: system_time, jump: None } };
+        let mut steady = steady.lock();
         let now = Instant::now();
-        let passed = now.saturating_duration_since(steady.at);
-        let (told, jumped) = steady.look(day, passed);
-        // Whole milliseconds are told: what is left of one is not lost.
-        let at = if jumped.is_none() {
+        let elapsed = now.saturating_duration_since(steady.at);
+        let reading = steady.read(system_time, elapsed);
+        // After a jump only whole milliseconds are returned: the rest of one counts for the next reading.
+        let at = if reading.jump.is_none() {
             now
         } else {
-            now - Duration::from_nanos(u64::from(passed.subsec_nanos() % 1_000_000))
+            now - Duration::from_nanos(u64::from(elapsed.subsec_nanos() % 1_000_000))
         };
-        *steady = Steady { told, at };
-        (told, jumped)
+        *steady = SteadyTime { returned: reading.time, at };
+        reading
     }
 }
 
@@ -97,7 +124,7 @@ impl std::fmt::Debug for Clock {
     }
 }
 
-/// A time as people and programs read it: RFC 3339, UTC, always with milliseconds.
+/// Formats a time by RFC 3339, in UTC and with three digits for milliseconds.
 #[must_use]
 pub fn rfc3339(at: Millis) -> String {
     jiff::Timestamp::from_millisecond(at).map_or_else(|_| at.to_string(), |t| format!("{t:.3}"))
@@ -108,19 +135,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_that_is_set_does_not_jump_and_one_that_drifts_is_followed() {
-        let steady = Steady { told: 1_000_000, at: Instant::now() };
-        let look = |day, ms| steady.look(day, Duration::from_millis(ms));
-        assert_eq!(look(1_000_500, 500), (1_000_500, None));
-        assert_eq!(look(1_002_400, 500), (1_002_400, None), "a second or two of drift");
-        assert_eq!(look(1_000_100, 500), (1_000_100, None));
-        assert_eq!(look(90_000_000, 500), (1_000_500, Some(88_999_500)));
-        assert_eq!(look(0, 500), (1_000_500, Some(-1_000_500)));
-        assert_eq!(look(i64::MAX, u64::MAX).0, i64::MAX, "whatever it says");
+    fn jump_is_hidden_and_drift_is_followed() {
+        let steady = SteadyTime { returned: 1_000_000, at: Instant::now() };
+        let read = |system_time, ms| {
+            let Reading { time, jump } = steady.read(system_time, Duration::from_millis(ms));
+            (time, jump)
+        };
+        assert_eq!(read(1_000_500, 500), (1_000_500, None));
+        assert_eq!(read(1_002_400, 500), (1_002_400, None), "a drift of two seconds");
+        assert_eq!(read(1_000_100, 500), (1_000_100, None));
+        assert_eq!(read(90_000_000, 500), (1_000_500, Some(88_999_500)));
+        assert_eq!(read(0, 500), (1_000_500, Some(-1_000_500)));
+        assert_eq!(read(i64::MAX, u64::MAX).0, i64::MAX, "extreme values do not overflow");
     }
 
     #[test]
-    fn times_have_one_length() {
+    fn formatted_times_have_one_length() {
         assert_eq!(rfc3339(0), "1970-01-01T00:00:00.000Z");
         assert_eq!(rfc3339(1_490), "1970-01-01T00:00:01.490Z");
     }

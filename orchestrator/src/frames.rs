@@ -1,4 +1,4 @@
-//! An episode flown again and looked at step by step.
+//! Frames of an episode: its replay, step by step, as JSON.
 
 use std::io;
 
@@ -6,104 +6,100 @@ use env_core::task::{Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError};
 use serde_json::{Value, json};
 
-/// Bytes of JSON that the frames of one episode may be: as much as a request may be.
-pub const MOST_BYTES: usize = 16 << 20;
+/// Largest size of the frames of one episode as JSON, bytes: as large as a request may be.
+pub const MAX_FRAME_BYTES: usize = 16 << 20;
 
-/// What a frame shows beside actions, reward and the whole state.
+/// Content of a frame beside actions, reward and the whole state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Show {
-    /// Nothing.
+pub enum FrameContent {
+    /// Nothing beside these three.
     State,
-    /// What the agents saw, as they are told it: `observation`.
+    /// The `observation` that the agents received.
     Telemetry,
 }
 
-/// An episode that cannot be shown.
+/// Range of an episode's frames, with a limit on their size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRange {
+    /// First step to show. Step 0 is the start of the episode.
+    pub first: u32,
+    /// Last step to show. The last frame of the episode is shown if the episode ends earlier.
+    pub last: u32,
+    /// Largest size of all frames as JSON, bytes.
+    pub max_bytes: usize,
+}
+
+impl FrameRange {
+    /// All frames of an episode, up to a size in bytes.
+    #[must_use]
+    pub const fn all(max_bytes: usize) -> Self {
+        Self { first: 0, last: u32::MAX, max_bytes }
+    }
+}
+
+/// Why an episode cannot be shown.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FramesError {
-    /// It cannot start.
+    /// The scenario cannot start.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// An action is refused.
+    /// An action is invalid.
     #[error("step {step}: {source}")]
     Step {
-        /// At which step, counted from 1.
+        /// Number of the step, from 1.
         step: u32,
-        /// Why.
+        /// Why the action is invalid.
         source: StepError,
     },
-    /// There is more to show than is shown.
+    /// The frames are larger than the limit.
     #[error(
         "the frames up to step {step} are more than {} MiB of JSON; ask for fewer bodies, or without telemetry",
-        most >> 20
+        max_bytes >> 20
     )]
     TooLarge {
-        /// The step that was too much.
+        /// The step at which the limit was exceeded.
         step: u32,
-        /// What is shown at most, bytes.
-        most: usize,
+        /// The limit in bytes.
+        max_bytes: usize,
     },
 }
 
-/// The start, then one frame a step: `step`, `actions`, `reward`, `done`, and `state`, the whole truth, hidden bodies
-/// included; with [`Show::Telemetry`] also `observation`. Past the end of a log that stopped, nobody acts.
+/// Replays an episode and returns its frames: the start, then one frame for each step.
+///
+/// A frame has `step`, `actions`, `reward`, `done` and `state`, which is the whole state with hidden bodies. With
+/// [`FrameContent::Telemetry`] it also has `observation`. After the end of a log that stopped early, the agents do nothing.
 ///
 /// # Errors
-/// A scenario that cannot start, a log that is not one of it, or more than `most` bytes of JSON.
+/// Returns [`FramesError::Scenario`] if the scenario cannot start, [`FramesError::Step`] if an action is invalid, and
+/// [`FramesError::TooLarge`] if the frames exceed the limit of `range`.
 pub fn frames(
     scenario: &Scenario,
     log: &ActionLog,
-    show: Show,
-    most: usize,
+    content: FrameContent,
+    range: FrameRange,
 ) -> Result<Vec<Value>, FramesError> {
-    frames_of(scenario, log, show, (most, 0, u32::MAX))
-}
-
-/// The same from the frame of step `first` up to that of step `last`, or to the end where that comes before: the last frame is always there.
-///
-/// # Errors
-/// As of [`frames`].
-pub fn frames_of(
-    scenario: &Scenario,
-    log: &ActionLog,
-    show: Show,
-    (most, first, last): (usize, u32, u32),
-) -> Result<Vec<Value>, FramesError> {
+    let FrameRange { first, last, max_bytes } = range;
     let mut episode = scenario.task().start(scenario)?;
     let mut report = StepReport::default();
     let mut bytes = 0;
     let mut frames = Vec::new();
-    let mut keep = |frame: Value, step: u32| {
-        bytes += size(&frame);
+    let mut push = |frame: Value, step: u32| {
+        bytes += json_bytes(&frame);
         frames.push(frame);
-        if bytes > most { Err(FramesError::TooLarge { step, most }) } else { Ok(()) }
+        if bytes > max_bytes { Err(FramesError::TooLarge { step, max_bytes }) } else { Ok(()) }
     };
     if first == 0 {
-        keep(frame(&*episode, &json!([]), &report, show), 0)?;
+        push(frame(&*episode, &json!([]), &report, content), 0)?;
     }
     while !episode.done() && episode.steps() < last {
         let step = episode.steps();
         let action = log.step(step as usize);
         episode.step(action, &mut report).map_err(|source| FramesError::Step { step: step + 1, source })?;
         if step + 1 >= first || episode.done() {
-            keep(frame(&*episode, &wire_step(log, action), &report, show), step + 1)?;
+            push(frame(&*episode, &wire_step(log, action), &report, content), step + 1)?;
         }
     }
     Ok(frames)
-}
-
-fn frame(episode: &dyn Episode, actions: &Value, report: &StepReport, show: Show) -> Value {
-    let mut frame = json!({
-        "step": episode.steps(),
-        "actions": actions,
-        "reward": report.reward,
-        "done": report.done,
-        "state": episode.truth(),
-    });
-    if show == Show::Telemetry {
-        frame["observation"] = episode.telemetry();
-    }
-    frame
 }
 
 /// One step of a log in the wire form: a list of `[agent, value, …]`.
@@ -116,10 +112,24 @@ pub fn wire_step(log: &ActionLog, action: JointAction<'_>) -> Value {
     Value::Array(entries.map(entry).collect())
 }
 
-/// Bytes of a value as JSON.
-fn size(value: &Value) -> usize {
-    struct Count(usize);
-    impl io::Write for Count {
+fn frame(episode: &dyn Episode, actions: &Value, report: &StepReport, content: FrameContent) -> Value {
+    let mut frame = json!({
+        "step": episode.steps(),
+        "actions": actions,
+        "reward": report.reward,
+        "done": report.done,
+        "state": episode.truth(),
+    });
+    if content == FrameContent::Telemetry {
+        frame["observation"] = episode.telemetry();
+    }
+    frame
+}
+
+/// Size of a value as JSON, bytes.
+fn json_bytes(value: &Value) -> usize {
+    struct ByteCounter(usize);
+    impl io::Write for ByteCounter {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0 += bytes.len();
             Ok(bytes.len())
@@ -128,33 +138,34 @@ fn size(value: &Value) -> usize {
             Ok(())
         }
     }
-    let mut count = Count(0);
-    match serde_json::to_writer(&mut count, value) {
-        Ok(()) => count.0,
-        Err(_) => usize::MAX / 2, // a value that cannot be written is not shown; there is none
+    let mut counter = ByteCounter(0);
+    match serde_json::to_writer(&mut counter, value) {
+        Ok(()) => counter.0,
+        Err(_) => usize::MAX / 2, // larger than any limit: a value that cannot be written is not shown
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use env_core::rollout::fly;
+    use env_core::rollout::roll_out;
 
     use super::*;
 
-    fn flown(params: &Value) -> (Scenario, ActionLog) {
+    fn rollout(params: &Value) -> (Scenario, ActionLog) {
         let scenario = json!({"task": "kessler/survival", "seed": 5, "params": params,
                               "physics": {"warnings": "exact"}});
         let scenario = Scenario::from_json(&scenario).unwrap();
         let mut pilot = scenario.task().policy("heuristic", &scenario, 0).unwrap();
-        let (_, log) = fly(&scenario, &mut *pilot).unwrap();
+        let log = roll_out(&scenario, &mut *pilot).unwrap().log;
         (scenario, log)
     }
 
     #[test]
-    fn telemetry_is_what_the_agents_saw_and_the_state_is_the_truth() {
-        let (scenario, log) = flown(&json!({"debris": 60, "radar_range": 20}));
-        let plain = frames(&scenario, &log, Show::State, MOST_BYTES).unwrap();
-        let mut shown = frames(&scenario, &log, Show::Telemetry, MOST_BYTES).unwrap();
+    fn telemetry_adds_only_what_the_agents_observed() {
+        let (scenario, log) = rollout(&json!({"debris": 60, "radar_range": 20}));
+        let plain = frames(&scenario, &log, FrameContent::State, FrameRange::all(MAX_FRAME_BYTES)).unwrap();
+        let mut shown =
+            frames(&scenario, &log, FrameContent::Telemetry, FrameRange::all(MAX_FRAME_BYTES)).unwrap();
         assert_eq!((plain.len(), shown.len()), (51, 51));
         let count = |frame: &Value, what: &str| frame[what]["radar_debris"].as_array().unwrap().len();
         assert!(shown.iter().any(|frame| count(frame, "observation") < count(frame, "state")));
@@ -162,17 +173,19 @@ mod tests {
         for frame in &mut shown {
             frame.as_object_mut().unwrap().remove("observation");
         }
-        assert_eq!(plain, shown, "asking for telemetry changes nothing else");
+        assert_eq!(plain, shown, "telemetry changes nothing else");
     }
 
     #[test]
-    fn what_is_too_much_is_said_so_and_not_shown() {
-        let (scenario, log) = flown(&json!({"debris": 1000}));
-        let all = frames(&scenario, &log, Show::Telemetry, MOST_BYTES).unwrap();
-        let bytes: usize = all.iter().map(size).sum();
-        assert!(bytes > 4 << 20 && bytes <= MOST_BYTES, "{bytes}");
-        assert_eq!(frames(&scenario, &log, Show::Telemetry, bytes).unwrap().len(), 51);
-        let error = frames(&scenario, &log, Show::Telemetry, 1 << 20).unwrap_err();
+    fn frames_above_the_limit_are_refused() {
+        let (scenario, log) = rollout(&json!({"debris": 1000}));
+        let telemetry =
+            |max_bytes| frames(&scenario, &log, FrameContent::Telemetry, FrameRange::all(max_bytes));
+        let all = telemetry(MAX_FRAME_BYTES).unwrap();
+        let bytes: usize = all.iter().map(json_bytes).sum();
+        assert!(bytes > 4 << 20 && bytes <= MAX_FRAME_BYTES, "{bytes}");
+        assert_eq!(telemetry(bytes).unwrap().len(), 51);
+        let error = telemetry(1 << 20).unwrap_err();
         let FramesError::TooLarge { step, .. } = error else { panic!("{error}") };
         assert!((1..20).contains(&step), "{error}");
         assert!(error.to_string().contains("more than 1 MiB"), "{error}");

@@ -1,57 +1,57 @@
-//! Pools of threads that compute, each at the priority that its work has against that of others.
+//! Thread pools for computation, each with a scheduling priority.
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-/// How far a thread stands back. Where the system has priorities for threads (Linux); elsewhere all are alike.
+/// Scheduling priority of a thread. Only Linux has priorities for single threads; on other systems all threads are equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Priority {
-    /// Somebody waits for it with an agent at a standstill.
-    Usual,
-    /// It comes in bulk: behind whoever answers, leases scenarios or commits, but far before what nobody waits for.
+pub enum ThreadPriority {
+    /// A client waits for the result, with its agent at a standstill.
+    Normal,
+    /// Bulk work: after threads that answer requests, lease scenarios or commit, but before background work.
     Bulk,
-    /// Nobody waits for it.
+    /// Background work: no client waits for it.
     Background,
 }
 
-impl Priority {
-    /// The nice value: 5 makes a thread's share of a core a third of another's, 19 makes it a sixty-fifth.
+impl ThreadPriority {
+    /// The nice value. Beside a thread of normal priority, 5 gives a third of its share of a core, and 19 a sixty-fifth.
     const fn nice(self) -> i32 {
         match self {
-            Self::Usual => 0,
+            Self::Normal => 0,
             Self::Bulk => 5,
             Self::Background => 19,
         }
     }
 
-    /// Gives this thread its priority.
-    pub fn take(self) {
+    /// Applies the priority to the current thread.
+    pub fn apply(self) {
         #[cfg(target_os = "linux")]
-        if self != Self::Usual
+        if self != Self::Normal
             && let Err(error) = rustix::process::nice(self.nice())
         {
-            tracing::debug!(error = %error, "A thread that should stand back runs at the usual priority.");
+            tracing::debug!(error = %error, "The priority of a thread could not be lowered.");
         }
     }
 }
 
-/// Threads of this name; as many as there are cores if 0.
+/// Creates a pool of `threads` threads with a name prefix, or of as many as there are cores if `threads` is 0.
 ///
 /// # Errors
-/// A system that gives no threads.
+/// Returns an error if the system cannot create the threads.
 pub fn pool(
     name: &'static str,
     threads: usize,
-    priority: Priority,
+    priority: ThreadPriority,
 ) -> Result<ThreadPool, ThreadPoolBuildError> {
     ThreadPoolBuilder::new()
         .num_threads(threads)
         .thread_name(move |i| format!("{name}-{i}"))
-        .start_handler(move |_| priority.take())
+        .start_handler(move |_| priority.apply())
         .build()
 }
 
-/// Half as many threads as there are cores, or one.
+/// Half of the number of cores, rounded up.
 #[must_use]
-pub fn half() -> usize {
+pub fn half_of_cores() -> usize {
     std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2))
 }

@@ -1,18 +1,27 @@
-//! What a policy is worth, so that it can be defended: frozen suites, what was flown on them, and what may be said of it.
+//! Evaluations of policies on frozen suites of held-out scenarios.
 //!
-//! - [`suite`]: frozen sets of held-out scenarios.
-//! - [`fly`]: built-in policies on a suite; [`Flown`] is what any policy did there.
-//! - [`bootstrap`]: means with intervals. [`compare`]: two policies on the same scenarios. [`tail`]: the worst of them.
-//!   [`seeds`]: several trainings of the same kind.
+//! Statistics, which know neither database nor server:
+//! - [`suite`]: frozen sets of held-out scenarios, and their file format.
+//! - [`results`]: measures of a policy's episodes; [`suite_rollout`] produces them for built-in policies.
+//! - [`bootstrap`]: means with confidence intervals; [`compare`]: two policies on the same scenarios; [`tail`]: the worst
+//!   tenth of the scenarios; [`seeds`]: several trainings that differ by their seed.
+//! - [`report`]: all of them for one evaluation. Start reading there.
+//!
+//! Use cases of the service, which store evaluations: [`begin`], [`cancel`], [`lease`], [`fill`] and [`read`].
 
+pub mod begin;
 pub mod bootstrap;
+pub mod cancel;
 pub mod compare;
-pub mod flown;
-pub mod fly;
+pub mod fill;
+pub mod lease;
+pub mod read;
 pub mod report;
+pub mod results;
 pub mod seeds;
 pub mod suite;
+pub mod suite_rollout;
 pub mod tail;
 
-pub use flown::{Flown, Measures};
-pub use report::Report;
+pub use self::report::EvaluationReport;
+pub use self::results::{EpisodeMeasures, PolicyResults};

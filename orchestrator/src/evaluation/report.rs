@@ -1,122 +1,132 @@
-//! The numbers of an evaluation.
+//! The report of an evaluation: estimates for each policy on each part of each task, and comparisons.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::bootstrap::{CONFIDENCE, Estimate, RESAMPLES, estimates, share};
-use super::compare::{Compared, compare};
-use super::flown::Flown;
-use super::suite::{Entry, Part, Suite};
+use super::bootstrap::{CONFIDENCE, Estimate, RESAMPLES, estimate_means, with_exact_interval};
+use super::compare::{PolicyComparison, compare_policies};
+use super::results::{MEASURES, PolicyResults};
+use super::suite::{Suite, SuiteEntry, SuitePart};
 use super::tail::cvar;
 
-/// Options by task's id, then by name.
-pub type ByTask = BTreeMap<&'static str, BTreeMap<String, String>>;
+/// Physics options by task id and name.
+pub type TaskOptions = BTreeMap<&'static str, BTreeMap<String, String>>;
 
-/// The word for all tasks of a world.
-pub const ALL: &str = "all";
-const PARTS: [(&str, Option<Part>); 3] =
-    [("contested", Some(Part::Contested)), ("as_they_come", Some(Part::AsTheyCome)), (ALL, None)];
+/// Label of all tasks of a world, and of all parts of a suite.
+pub const ALL_LABEL: &str = "all";
+/// Labels of the parts; `None` stands for all of them.
+const PARTS: [(&str, Option<SuitePart>); 3] = [
+    ("contested", Some(SuitePart::Contested)),
+    ("as_they_come", Some(SuitePart::AsTheyCome)),
+    (ALL_LABEL, None),
+];
 
-/// Everything an evaluation found; its JSON form is documented in `sparring eval --help`.
+/// Report of an evaluation; `sparring eval --help` documents its JSON form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
-    /// The suite.
+pub struct EvaluationReport {
+    /// Name of the suite.
     pub suite: String,
-    /// Its hash.
+    /// Hash of the suite.
     pub suite_hash: String,
-    /// The planner that made its brackets.
+    /// Version of the planner that made the suite's brackets.
     pub planner: u32,
-    /// Options that were flown under instead of the suite's.
-    pub physics: ByTask,
-    /// Whether it compares with other reports of the suite.
+    /// Physics options that replaced those of the suite.
+    pub physics: TaskOptions,
+    /// True if the report can be compared with other reports of the suite.
     pub comparable: bool,
-    /// Why not, in words.
+    /// Reason why the report is not comparable.
     pub note: Option<String>,
-    /// What policies with chance in them and the resamples drew from.
+    /// Seed of stochastic policies and of the resamples.
     pub seed: u64,
-    /// How often policies with chance in them flew each scenario.
+    /// Number of episodes of a stochastic policy on each scenario.
     pub rollouts: u32,
-    /// What share of resampled means an interval holds.
+    /// Share of the resampled means that lie in an interval.
     pub confidence: f64,
-    /// How often scenarios were drawn again.
+    /// Number of bootstrap resamples.
     pub resamples: usize,
-    /// Scenarios of the suite.
+    /// Number of scenarios in the suite.
     pub scenarios: usize,
-    /// Each policy on each part of each task.
+    /// Estimates for each policy on each part of each task.
     pub rows: Vec<ReportRow>,
-    /// What policies are compared with, if with any.
+    /// Policy that the others are compared with.
     pub against: Option<String>,
-    /// Each policy against that one.
+    /// Comparison of each other policy with `against`.
     pub comparisons: Vec<ComparisonRow>,
 }
 
-/// One policy on one part of one task.
+/// Estimates for one policy on one part of one task.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReportRow {
-    /// The task, or `all`.
+    /// Id of the task, or `all`.
     pub task: String,
-    /// `contested`, `as_they_come` or `all`.
+    /// Part of the suite: `contested`, `as_they_come` or `all`.
     pub part: &'static str,
-    /// The policy.
+    /// Name of the policy.
     pub policy: String,
-    /// Scenarios.
+    /// Number of scenarios in the section.
     pub scenarios: usize,
-    /// The world's score.
+    /// Score of the world.
     pub score: Option<Estimate>,
-    /// The share of successes.
+    /// Share of successful episodes.
     pub success: Option<Estimate>,
-    /// Skill, where defined.
+    /// Skill on the scenarios that define it.
     pub skill: Option<Estimate>,
-    /// The share of agents lost.
+    /// Share of agents lost.
     pub lost: Option<Estimate>,
     /// Fuel used by all agents together.
     pub fuel_used: Option<Estimate>,
-    /// The mean score over the worst tenth of the scenarios ([`cvar`]).
+    /// Mean score over the worst tenth of the scenarios ([`cvar`]).
     pub cvar10: Option<Estimate>,
 }
 
-/// One policy against another on one part of one task.
+/// Comparison of two policies on one part of one task.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ComparisonRow {
-    /// The task, or `all`.
+    /// Id of the task, or `all`.
     pub task: String,
-    /// `contested`, `as_they_come` or `all`.
+    /// Part of the suite: `contested`, `as_they_come` or `all`.
     pub part: &'static str,
-    /// The policy.
+    /// Name of the policy.
     pub policy: String,
-    /// Scenarios.
+    /// Number of scenarios in the section.
     pub scenarios: usize,
-    /// What it did against the other.
+    /// Comparison with the report's `against`.
     #[serde(flatten)]
-    pub compared: Compared,
+    pub comparison: PolicyComparison,
 }
 
-/// How an evaluation was made.
+/// Settings of an evaluation.
 #[derive(Debug, Clone, Default)]
-pub struct Terms {
-    /// What policies with chance in them and the resamples draw from.
+pub struct ReportSettings {
+    /// Seed of stochastic policies and of the resamples.
     pub seed: u64,
-    /// How often policies with chance in them fly each scenario.
+    /// Number of episodes of a stochastic policy on each scenario.
     pub rollouts: u32,
-    /// What policies are compared with.
+    /// Policy that the others are compared with.
     pub against: Option<String>,
 }
 
-impl Report {
-    /// Of what policies did on a suite.
+impl EvaluationReport {
+    /// Creates the report of policies' results on a suite.
     #[must_use]
-    pub fn new(suite: &Suite, suite_hash: String, terms: &Terms, flown: &[Flown]) -> Self {
-        let blocks = blocks(suite, flown);
-        let rows = blocks.par_iter().flat_map_iter(|block| {
-            flown.iter().map(|flown| block.row(flown, terms.seed)).collect::<Vec<_>>()
+    pub fn new(
+        suite: &Suite,
+        suite_hash: String,
+        settings: &ReportSettings,
+        results: &[PolicyResults],
+    ) -> Self {
+        let sections = sections(suite, results);
+        let rows = sections.par_iter().flat_map_iter(|section| {
+            results.iter().map(|results| section.row(results, settings.seed)).collect::<Vec<_>>()
         });
-        let other = terms.against.as_ref().and_then(|name| flown.iter().find(|flown| flown.policy == *name));
-        let comparisons = blocks.par_iter().flat_map_iter(|block| {
-            let others = flown.iter().filter(|flown| other.is_some_and(|other| other.policy != flown.policy));
-            let rows = others.zip(other.into_iter().cycle());
-            rows.map(|(one, other)| block.comparison(one, other, terms.seed)).collect::<Vec<_>>()
+        let against =
+            settings.against.as_ref().and_then(|name| results.iter().find(|other| other.policy == *name));
+        let comparisons = sections.par_iter().flat_map_iter(|section| {
+            let Some(against) = against else { return Vec::new() };
+            let others = results.iter().filter(|results| results.policy != against.policy);
+            others.map(|results| section.comparison(results, against, settings.seed)).collect()
         });
         Self {
             suite: suite.name.clone(),
@@ -124,81 +134,85 @@ impl Report {
             planner: suite.planner,
             comparable: true,
             note: None,
-            physics: ByTask::default(),
-            seed: terms.seed,
-            rollouts: terms.rollouts,
+            physics: TaskOptions::default(),
+            seed: settings.seed,
+            rollouts: settings.rollouts,
             confidence: CONFIDENCE,
             resamples: RESAMPLES,
             scenarios: suite.entries().count(),
             rows: rows.collect(),
-            against: other.map(|other| other.policy.clone()),
+            against: against.map(|against| against.policy.clone()),
             comparisons: comparisons.collect(),
         }
     }
 }
 
-/// Some scenarios of a suite.
-struct Block {
+/// Scenarios of one part of one task.
+struct Section {
     task: String,
     part: &'static str,
-    picked: Vec<bool>,
+    /// True for each scenario of the suite that belongs to the section.
+    mask: Vec<bool>,
 }
 
-/// All tasks together where they are of one world, then each; each part of them, as far as all policies flew it.
-fn blocks(suite: &Suite, flown: &[Flown]) -> Vec<Block> {
-    let by_all = |place: usize| {
-        flown.iter().all(|flown| flown.episodes.get(place).is_some_and(|episodes| !episodes.is_empty()))
+/// Returns the sections that all policies have episodes on: all tasks together if they are of one world, then each task.
+fn sections(suite: &Suite, results: &[PolicyResults]) -> Vec<Section> {
+    let has_episodes = |index: usize| {
+        results.iter().all(|results| results.episodes.get(index).is_some_and(|episodes| !episodes.is_empty()))
     };
-    let entries: Vec<(bool, &Entry)> =
-        suite.entries().enumerate().map(|(place, entry)| (by_all(place), entry)).collect();
-    let any = |task: &str| entries.iter().any(|(flown, entry)| *flown && entry.scenario.task().id() == task);
+    let entries: Vec<(bool, &SuiteEntry)> =
+        suite.entries().enumerate().map(|(index, entry)| (has_episodes(index), entry)).collect();
     let mut tasks = suite.tasks();
-    tasks.retain(|task| any(task.id()));
-    // Scores, agents and fuel of different worlds are no one quantity: no mean is made of them.
+    tasks.retain(|task| {
+        entries.iter().any(|(has_episodes, entry)| *has_episodes && entry.scenario.task().id() == task.id())
+    });
+    // Scores, agents and fuel of different worlds are different quantities, without a common mean.
     let worlds: BTreeSet<&str> = tasks.iter().map(|task| task.world()).collect();
-    let all = (worlds.len() == 1).then_some(ALL);
-    let mut blocks = Vec::new();
+    let all = (worlds.len() == 1).then_some(ALL_LABEL);
+    let mut sections = Vec::new();
     for task in all.into_iter().chain(tasks.iter().map(|task| task.id())) {
-        for (part, of) in PARTS {
-            let belongs = |(flown, entry): &(bool, &Entry)| {
-                *flown
-                    && (task == ALL || entry.scenario.task().id() == task)
-                    && of.is_none_or(|of| entry.part == of)
+        for (label, part) in PARTS {
+            let belongs = |(has_episodes, entry): &(bool, &SuiteEntry)| {
+                *has_episodes
+                    && (task == ALL_LABEL || entry.scenario.task().id() == task)
+                    && part.is_none_or(|part| entry.part == part)
             };
-            let picked: Vec<bool> = entries.iter().map(belongs).collect();
-            if picked.contains(&true) {
-                blocks.push(Block { task: task.to_owned(), part, picked });
+            let mask: Vec<bool> = entries.iter().map(belongs).collect();
+            if mask.contains(&true) {
+                sections.push(Section { task: task.to_owned(), part: label, mask });
             }
         }
     }
-    blocks
+    sections
 }
 
-impl Block {
-    fn row(&self, flown: &Flown, seed: u64) -> ReportRow {
-        let flown = flown.on(&self.picked);
-        let [score, success, skill, lost, fuel_used] = estimates(&flown.means(), seed);
+impl Section {
+    fn row(&self, results: &PolicyResults, seed: u64) -> ReportRow {
+        let results = results.select(&self.mask);
+        let means: Vec<[Option<f64>; MEASURES]> =
+            results.scenario_means().into_iter().map(Into::into).collect();
+        let [score, success, skill, lost, fuel_used] = estimate_means(&means, seed);
         ReportRow {
             task: self.task.clone(),
             part: self.part,
-            scenarios: flown.episodes.len(),
+            scenarios: results.episodes.len(),
             score,
-            success: success.map(share),
+            success: success.map(with_exact_interval),
             skill,
             lost,
             fuel_used,
-            cvar10: cvar(&flown, seed),
-            policy: flown.policy,
+            cvar10: cvar(&results, seed),
+            policy: results.policy,
         }
     }
 
-    fn comparison(&self, one: &Flown, other: &Flown, seed: u64) -> ComparisonRow {
-        let (one, other) = (one.on(&self.picked), other.on(&self.picked));
+    fn comparison(&self, one: &PolicyResults, other: &PolicyResults, seed: u64) -> ComparisonRow {
+        let (one, other) = (one.select(&self.mask), other.select(&self.mask));
         ComparisonRow {
             task: self.task.clone(),
             part: self.part,
             scenarios: one.episodes.len(),
-            compared: compare(&one, &other, seed),
+            comparison: compare_policies(&one, &other, seed),
             policy: one.policy,
         }
     }

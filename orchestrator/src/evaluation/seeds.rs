@@ -1,48 +1,51 @@
-//! Several trainings of the same kind that differ by their seed: what may be said of the kind.
+//! Estimates over several trainings that differ only by their seed.
 //!
-//! Each training is one observation: its mean over the suite's scenarios. These are few and have outliers, so that their
-//! interquartile mean is told, with an interval by resampling trainings (Agarwal et al. 2021, "Deep RL at the edge of the
-//! statistical precipice", section 4.3). Scenarios are never trimmed: the hard ones are what a suite is for.
+//! Each training is one observation: its mean over the suite's scenarios. Trainings are few and have outliers. The estimate
+//! is their interquartile mean, with an interval by resampling trainings (Agarwal et al. 2021, "Deep RL at the edge of the
+//! statistical precipice", section 4.3). Scenarios are never trimmed: a suite exists for its hard ones.
 
 use serde::Serialize;
 
-use super::bootstrap::{Estimate, estimate_by};
-use super::flown::Flown;
+use super::bootstrap::{Estimate, estimate_statistic};
+use super::results::{EpisodeMeasures, PolicyResults};
 
-/// What trainings of one kind came to.
+/// Minimum number of trainings for an estimate.
+pub const MIN_TRAININGS: usize = 3;
+
+/// Estimates over trainings. Their field `scenarios` has the number of trainings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct AcrossSeeds {
-    /// Trainings.
+    /// Number of trainings in the estimate.
     pub trainings: usize,
-    /// Interquartile mean of their mean scores; the number of scenarios in it is that of trainings.
+    /// Interquartile mean of the trainings' mean scores.
     pub score: Option<Estimate>,
-    /// The same of the shares of success.
+    /// Interquartile mean of the trainings' shares of success.
     pub success: Option<Estimate>,
-    /// The same of skill.
+    /// Interquartile mean of the trainings' mean skill.
     pub skill: Option<Estimate>,
 }
 
-/// Trainings from which on something is said of their kind.
-pub const FEWEST: usize = 3;
-
-/// The interquartile means over trainings, of three at least, with 95 % percentile bootstrap intervals over them.
+/// Estimates the interquartile means over [`MIN_TRAININGS`] trainings or more, with 95 % percentile bootstrap intervals.
 #[must_use]
-pub fn across(trainings: &[&Flown], seed: u64) -> AcrossSeeds {
-    let means: Vec<[Option<f64>; 5]> = trainings
-        .iter()
-        .map(|flown| super::bootstrap::column_means(flown.means().iter()).map(|(mean, _)| mean))
-        .collect();
-    let of = |column: usize| {
-        let values: Vec<f64> = means.iter().filter_map(|means| means[column]).collect();
-        if values.len() < FEWEST {
-            return None; // resampling so few gives what lies between the least and the most, at best
+pub fn estimate_across_seeds(trainings: &[&PolicyResults], seed: u64) -> AcrossSeeds {
+    let means: Vec<EpisodeMeasures> =
+        trainings.iter().map(|results| EpisodeMeasures::mean_of(&results.scenario_means())).collect();
+    let estimate = |measure: fn(&EpisodeMeasures) -> Option<f64>| {
+        let values: Vec<f64> = means.iter().filter_map(measure).collect();
+        if values.len() < MIN_TRAININGS {
+            return None; // resamples of so few values only span their minimum and maximum
         }
-        estimate_by(&values, seed, |drawn| interquartile_mean(drawn.collect()))
+        estimate_statistic(&values, seed, |resample| interquartile_mean(resample.collect()))
     };
-    AcrossSeeds { trainings: trainings.len(), score: of(0), success: of(1), skill: of(2) }
+    AcrossSeeds {
+        trainings: trainings.len(),
+        score: estimate(|means| means.score),
+        success: estimate(|means| means.success),
+        skill: estimate(|means| means.skill),
+    }
 }
 
-/// The mean of the middle half: a quarter of the weight is taken away at each end, in part of a value where it must be.
+/// Returns the mean of the middle half: a quarter of the total weight is cut at each end, partial values included.
 fn interquartile_mean(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -60,29 +63,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn validate_the_interquartile_mean() {
+    fn validate_interquartile_mean() {
         let iqm = |values: &[f64]| interquartile_mean(values.to_vec()).unwrap();
         assert_eq!(iqm(&[1.0, 2.0, 3.0, 100.0]), 2.5);
         assert_eq!(iqm(&[7.0]), 7.0);
-        // Of five, the middle one and three quarters of its neighbours: (0.75·2 + 3 + 0.75·4)/2.5.
+        // For five values, the middle one and three quarters of its neighbours: (0.75·2 + 3 + 0.75·4)/2.5.
         assert!((iqm(&[-50.0, 2.0, 3.0, 4.0, 90.0]) - 3.0).abs() < 1e-12);
         assert_eq!(interquartile_mean(Vec::new()), None);
     }
 
     #[test]
-    fn trainings_are_resampled_and_scenarios_are_not() {
-        let flown = |score: f64| Flown {
+    fn only_trainings_are_resampled() {
+        let episode = |score: f64| EpisodeMeasures { score: Some(score), ..EpisodeMeasures::default() };
+        let results = |score: f64| PolicyResults {
             policy: "one".to_owned(),
-            chance: false,
-            episodes: [0.0, 1.0]
-                .map(|other| vec![[Some(0.5 * (score + other)), None, None, None, None]])
-                .to_vec(),
+            is_stochastic: false,
+            episodes: [0.0, 1.0].map(|other| vec![episode(0.5 * (score + other))]).to_vec(),
         };
-        let same = [flown(0.4), flown(0.4), flown(0.4)];
-        let found = across(&same.iter().collect::<Vec<_>>(), 0);
-        let score = found.score.unwrap();
-        // Scenarios differ and trainings do not: there is no interval.
+        let trainings = [results(0.4), results(0.4), results(0.4)];
+        let estimates = estimate_across_seeds(&trainings.iter().collect::<Vec<_>>(), 0);
+        let score = estimates.score.unwrap();
+        // Scenarios differ and trainings do not: the interval has no width.
         assert!((score.mean - 0.45).abs() < 1e-12 && (score.high - score.low).abs() < 1e-12, "{score:?}");
-        assert_eq!((found.trainings, found.success), (3, None));
+        assert_eq!((estimates.trainings, estimates.success), (3, None));
     }
 }

@@ -1,107 +1,129 @@
-//! The worst of it: the mean score over the tenth of the scenarios on which a policy does worst (conditional value at risk).
+//! The tail of the scores: the mean score over the tenth of the scenarios with the lowest scores (conditional value at
+//! risk).
 //!
-//! Where a policy's episodes differ by chance, the scenarios with the lowest means are in part those with the worst luck, and their
-//! mean says too little of the policy. So scenarios are ranked by one half of their episodes and the other half is reported; then
-//! the other way round, and the mean of both.
+//! If a policy is stochastic, the scenarios with the lowest means are partly those with bad luck, and their mean
+//! underestimates the policy. Scenarios are therefore ranked by one half of their episodes and scored by the other half,
+//! then the other way round, and the mean of both is the estimate.
 
-use super::bootstrap::{Estimate, estimate_by};
-use super::flown::{Flown, Measures};
+use super::bootstrap::{Estimate, estimate_statistic};
+use super::results::{EpisodeMeasures, PolicyResults};
 
-/// The share of scenarios that are the worst.
-pub const TAIL: f64 = 0.1;
-/// Episodes of a scenario without which nothing is said where they differ by chance: four in each half.
-pub const LEAST: usize = 8;
+/// Share of the scenarios in the tail.
+pub const TAIL_SHARE: f64 = 0.1;
+/// Minimum number of episodes on each scenario for a stochastic policy: four in each half.
+pub const MIN_EPISODES: usize = 8;
 
-/// The mean score over the worst tenth of the scenarios, with a 95 % percentile bootstrap interval over scenarios; none where a
-/// policy with chance in it flew fewer than eight episodes of some.
+/// Scores of the two halves of a scenario's episodes.
+#[derive(Debug, Clone, Copy)]
+struct HalfScores {
+    /// Mean score of the half that ranks the scenario.
+    rank: f64,
+    /// Mean score of the half that is reported.
+    score: f64,
+}
+
+impl HalfScores {
+    /// Exchanges the two halves.
+    const fn swapped(self) -> Self {
+        Self { rank: self.score, score: self.rank }
+    }
+}
+
+/// Estimates the mean score over the tail, with a 95 % percentile bootstrap interval over scenarios.
+///
+/// `None` without episodes on some scenario, or with fewer than [`MIN_EPISODES`] of a stochastic policy.
 #[must_use]
-pub fn cvar(flown: &Flown, seed: u64) -> Option<Estimate> {
-    let enough =
-        |episodes: &Vec<Measures>| !episodes.is_empty() && (!flown.chance || episodes.len() >= LEAST);
-    if flown.episodes.is_empty() || !flown.episodes.iter().all(enough) {
+pub fn cvar(results: &PolicyResults, seed: u64) -> Option<Estimate> {
+    let min_episodes = if results.is_stochastic { MIN_EPISODES } else { 1 };
+    if results.episodes.is_empty() || results.episodes.iter().any(|episodes| episodes.len() < min_episodes) {
         return None;
     }
-    let halves: Vec<(f64, f64)> = flown.episodes.iter().map(|episodes| halves(episodes)).collect();
-    estimate_by(&halves, seed, |drawn| Some(0.5 * (worst(drawn.clone()) + worst(drawn.map(|(a, b)| (b, a))))))
+    let halves: Vec<HalfScores> = results.episodes.iter().map(|episodes| half_scores(episodes)).collect();
+    estimate_statistic(&halves, seed, |resample| {
+        Some(0.5 * (tail_mean(resample.clone()) + tail_mean(resample.map(HalfScores::swapped))))
+    })
 }
 
-/// The mean scores of the two halves; the same twice of a single episode.
-fn halves(episodes: &[Measures]) -> (f64, f64) {
-    let mean = |of: &mut dyn Iterator<Item = &Measures>| {
-        let (sum, n) =
-            of.filter_map(|measures| measures[0]).fold((0.0, 0u32), |(sum, n), score| (sum + score, n + 1));
+/// Returns the mean scores of the episodes with even and with odd indices; a single episode is in both halves.
+fn half_scores(episodes: &[EpisodeMeasures]) -> HalfScores {
+    let mean = |half: &mut dyn Iterator<Item = &EpisodeMeasures>| {
+        let scores = half.filter_map(|measures| measures.score);
+        let (sum, n) = scores.fold((0.0, 0u32), |(sum, n), score| (sum + score, n + 1));
         (n > 0).then(|| sum / f64::from(n))
     };
-    let even = mean(&mut episodes.iter().step_by(2));
+    let even = mean(&mut episodes.iter().step_by(2)).unwrap_or(0.0);
     let odd = mean(&mut episodes.iter().skip(1).step_by(2));
-    let even = even.unwrap_or(0.0);
-    (even, odd.unwrap_or(even))
+    HalfScores { rank: even, score: odd.unwrap_or(even) }
 }
 
-/// The mean of the second numbers of the tenth with the lowest first ones; ties share their places.
-fn worst(scenarios: impl Iterator<Item = (f64, f64)>) -> f64 {
-    let all: Vec<(f64, f64)> = scenarios.collect();
-    let mut scores: Vec<f64> = all.iter().map(|(score, _)| *score).collect();
-    // A part of a scenario counts in part.
-    let places = TAIL * all.len() as f64;
+/// Returns the mean score of the scenarios with the lowest ranks. Scenarios at the edge of the tail share its last places.
+fn tail_mean(scenarios: impl Iterator<Item = HalfScores>) -> f64 {
+    let scenarios: Vec<HalfScores> = scenarios.collect();
+    let mut ranks: Vec<f64> = scenarios.iter().map(|scenario| scenario.rank).collect();
+    // The last scenario may count partly.
+    let places = TAIL_SHARE * scenarios.len() as f64;
     let Some(last) = (places.ceil() as usize).checked_sub(1) else { return 0.0 };
-    let (_, &mut edge, _) = scores.select_nth_unstable_by(last, f64::total_cmp);
-    let of = |which: &dyn Fn(f64) -> bool| {
-        let told = all.iter().filter(|(score, _)| which(*score)).map(|(_, told)| told);
-        told.fold((0.0, 0.0), |(sum, n), told| (sum + told, n + 1.0))
+    let (_, &mut edge, _) = ranks.select_nth_unstable_by(last, f64::total_cmp);
+    let sum_where = |matches: &dyn Fn(f64) -> bool| {
+        let scores =
+            scenarios.iter().filter(|scenario| matches(scenario.rank)).map(|scenario| scenario.score);
+        scores.fold((0.0, 0.0), |(sum, n), score| (sum + score, n + 1.0))
     };
-    let ((below, n), (tied, ties)) = (of(&|score| score < edge), of(&|score| score == edge));
+    let (below, n) = sum_where(&|rank| rank < edge);
+    let (tied, ties) = sum_where(&|rank| rank == edge);
     let share = (places - n) / ties;
     (below + share * tied) / places
 }
 
 #[cfg(test)]
 mod tests {
-    use env_core::Draws;
-    use env_core::draws::Purpose;
+    use env_core::KeyedRng;
+    use env_core::keyed_rng::RngPurpose;
 
     use super::*;
 
-    fn flown(chance: bool, scores: Vec<Vec<f64>>) -> Flown {
-        let episode = |score: f64| [Some(score), None, None, None, None];
-        let episodes = scores.into_iter().map(|of| of.into_iter().map(episode).collect()).collect();
-        Flown { policy: "one".to_owned(), chance, episodes }
+    fn results(is_stochastic: bool, scores: Vec<Vec<f64>>) -> PolicyResults {
+        let episode = |score: f64| EpisodeMeasures { score: Some(score), ..EpisodeMeasures::default() };
+        let episodes = scores.into_iter().map(|scores| scores.into_iter().map(episode).collect()).collect();
+        PolicyResults { policy: "one".to_owned(), is_stochastic, episodes }
     }
 
     #[test]
-    fn validate_without_chance_it_is_the_mean_of_the_lowest_tenth() {
+    fn validate_deterministic_tail_is_the_lowest_tenth() {
         let scores = (0..50).map(|n| vec![f64::from(n) / 50.0]).collect();
-        let found = cvar(&flown(false, scores), 0).unwrap();
-        assert!((found.mean - (0.0 + 1.0 + 2.0 + 3.0 + 4.0) / 250.0).abs() < 1e-12, "{found:?}");
-        assert!(found.low <= found.mean && found.mean <= found.high);
-        // Two and a half scenarios of 25: the third counts half.
+        let estimate = cvar(&results(false, scores), 0).unwrap();
+        assert!((estimate.mean - (0.0 + 1.0 + 2.0 + 3.0 + 4.0) / 250.0).abs() < 1e-12, "{estimate:?}");
+        assert!(estimate.low <= estimate.mean && estimate.mean <= estimate.high);
+        // The tail of 25 scenarios is two and a half of them: the third counts half.
         let scores = (0..25).map(|n| vec![f64::from(n)]).collect();
-        assert!((cvar(&flown(false, scores), 0).unwrap().mean - (0.0 + 1.0 + 0.5 * 2.0) / 2.5).abs() < 1e-12);
+        let mean = cvar(&results(false, scores), 0).unwrap().mean;
+        assert!((mean - (0.0 + 1.0 + 0.5 * 2.0) / 2.5).abs() < 1e-12);
     }
 
-    /// All scenarios are alike and only luck differs: the worst tenth is as good as all. Ranked and reported by the same episodes it
-    /// would seem worse by 1.75 standard deviations of the mean of eight, 0.31 here (the mean of the lowest tenth of a normal).
+    /// All scenarios are alike and differ by chance only, so that the tail is as good as the mean. Ranked and scored by the
+    /// same episodes it would be lower by 1.75 standard deviations of the mean of eight, which is 0.31 (the mean of the
+    /// lowest tenth of a normal distribution).
     #[test]
-    fn luck_is_not_taken_for_weakness() {
-        let mut draws = Draws::new(Purpose::Synthetic, 1, 2);
+    fn bad_luck_does_not_lower_the_tail() {
+        let mut draws = KeyedRng::new(RngPurpose::Simulation, 1, 2);
         let scores: Vec<Vec<f64>> =
-            (0..400).map(|_| (0..8).map(|_| f64::from(u8::from(draws.chance(0.5)))).collect()).collect();
+            (0..400).map(|_| (0..8).map(|_| f64::from(u8::from(draws.bernoulli(0.5)))).collect()).collect();
         let naive = {
-            let mut means: Vec<f64> = scores.iter().map(|of| of.iter().sum::<f64>() / 8.0).collect();
+            let mut means: Vec<f64> = scores.iter().map(|scores| scores.iter().sum::<f64>() / 8.0).collect();
             means.sort_by(f64::total_cmp);
             means[..40].iter().sum::<f64>() / 40.0
         };
-        let found = cvar(&flown(true, scores), 0).unwrap();
+        let estimate = cvar(&results(true, scores), 0).unwrap();
         assert!(naive < 0.25, "{naive}");
-        // 40 scenarios of four episodes, twice: a standard deviation of 0.5/√320 = 0.028, three of them.
-        assert!((found.mean - 0.5).abs() < 0.085, "{found:?}");
-        assert!(found.low <= 0.5 && 0.5 <= found.high, "{found:?}");
+        // 40 scenarios of four episodes, twice: three standard deviations of 0.5/√320 = 0.028.
+        assert!((estimate.mean - 0.5).abs() < 0.085, "{estimate:?}");
+        assert!(estimate.low <= 0.5 && 0.5 <= estimate.high, "{estimate:?}");
     }
 
     #[test]
-    fn too_few_episodes_say_nothing() {
-        assert_eq!(cvar(&flown(true, vec![vec![0.5; 7]; 30]), 0), None);
-        assert!(cvar(&flown(true, vec![vec![0.5; 8]; 30]), 0).is_some());
-        assert_eq!(cvar(&flown(false, Vec::new()), 0), None);
+    fn too_few_episodes_give_no_estimate() {
+        assert_eq!(cvar(&results(true, vec![vec![0.5; 7]; 30]), 0), None);
+        assert!(cvar(&results(true, vec![vec![0.5; 8]; 30]), 0).is_some());
+        assert_eq!(cvar(&results(false, Vec::new()), 0), None);
     }
 }

@@ -7,7 +7,7 @@ use serde::de::{self, DeserializeOwned, IgnoredAny, SeqAccess, Visitor};
 
 use super::extract::Form;
 use super::problem::Problem;
-use crate::training::columns::MAX_GROUPS;
+use crate::leases::columns::MAX_COLUMN_GROUPS;
 
 /// One number an episode.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,7 +118,7 @@ impl<'de, T: Entry> Visitor<'de> for Reader<T> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Column<T>, A::Error> {
-        let most = MAX_GROUPS as usize;
+        let most = MAX_COLUMN_GROUPS as usize;
         let mut column = Vec::with_capacity(items.size_hint().unwrap_or(0).min(most));
         loop {
             let at = column.len();
@@ -146,8 +146,8 @@ impl<'de, T: Entry> Visitor<'de> for Reader<T> {
         if left != 0 {
             return Err(E::custom(format!("it has {} bytes, and an entry has {}", bytes.len(), T::BYTES)));
         }
-        if entries > MAX_GROUPS as usize {
-            return Err(E::custom(format!("it has more than {MAX_GROUPS} entries")));
+        if entries > MAX_COLUMN_GROUPS as usize {
+            return Err(E::custom(format!("it has more than {MAX_COLUMN_GROUPS} entries")));
         }
         Ok(Column(bytes.chunks_exact(T::BYTES).filter_map(T::packed).collect()))
     }
@@ -194,9 +194,9 @@ pub(super) fn read<T: DeserializeOwned>(form: Form, body: &[u8]) -> Result<T, Pr
             Ok(read) => return Ok(read),
             Err(error) => (error.to_string(), serde_json::from_slice::<IgnoredAny>(body).is_err()),
         },
-        Form::MessagePack => match crate::reading::packed(body) {
+        Form::MessagePack => match crate::input::from_messagepack(body) {
             Ok(read) => return Ok(read),
-            Err(error) => (error.to_string(), crate::reading::packed::<IgnoredAny>(body).is_err()),
+            Err(error) => (error.to_string(), crate::input::from_messagepack::<IgnoredAny>(body).is_err()),
         },
     };
     // What serde_json adds about lines and columns says nothing to whoever sent numbers.
@@ -218,8 +218,8 @@ fn keys(words: &str) -> Problem {
     let named = |begin: &str| words.strip_prefix(begin)?.split_once('`');
     if let Some((name, known)) = named("unknown field `") {
         let known = known.trim_start_matches(", expected one of ").replace('`', "");
-        let fault = crate::reading::Fault::unknown(name, &known);
-        return Problem::invalid(fault.field, fault.words);
+        let fault = crate::input::FieldError::unknown(name, &known);
+        return Problem::invalid(fault.field, fault.reason);
     }
     match named("missing field `") {
         Some((name, _)) => Problem::invalid(name, "it is missing"),

@@ -6,7 +6,7 @@ use axum::response::{Html, IntoResponse, Redirect, Response};
 use axum::routing::get;
 use rust_embed::{EmbeddedFile, RustEmbed};
 
-use crate::service::App;
+use crate::http::state::AppState;
 
 /// What npm built; nothing where it did not.
 #[derive(RustEmbed)]
@@ -21,7 +21,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 /// Files that are named by what is in them never change.
 const FOR_EVER: &str = "public, max-age=31536000, immutable";
 
-pub(super) fn routes() -> axum::Router<App> {
+pub(super) fn routes() -> axum::Router<AppState> {
     axum::Router::new()
         .route("/dashboard", get(|| async { Redirect::permanent("/dashboard/") }))
         .route("/dashboard/", get(index))

@@ -64,7 +64,7 @@ pub(super) fn name_roles(document: &mut OpenApi) {
             else {
                 continue;
             };
-            declared.security = Some(vec![SecurityRequirement::new(TOKEN, [role.word()])]);
+            declared.security = Some(vec![SecurityRequirement::new(TOKEN, [role.as_str()])]);
             refuse(declared, "401", "No token, or one that is not known, expired or revoked.");
             refuse(declared, "403", "The token's role may not do this.");
             refuse(declared, "429", "Asked more often than may be; see Retry-After.");

@@ -9,7 +9,7 @@ use axum::http::{StatusCode, header};
 use serde::de::DeserializeOwned;
 
 use super::problem::Problem;
-use crate::reading::{self, Fault, Unread};
+use crate::input::{self, FieldError, InputError};
 
 /// How a body is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,12 +82,12 @@ impl<T: DeserializeOwned> Json<T> {
     /// From a body that was read.
     pub(super) fn of(Bytes(form, body): Bytes) -> Result<Self, Problem> {
         let value = match form {
-            Form::Json => reading::value(&body),
-            Form::MessagePack => reading::packed_value(&body),
+            Form::Json => input::parse_json(&body),
+            Form::MessagePack => input::parse_messagepack(&body),
         };
         let value = value.map_err(|error| match error {
-            Unread::Twice(fault) => invalid(fault),
-            Unread::Malformed(why) => Problem::malformed(form, &why),
+            InputError::DuplicateKey(fault) => invalid(fault),
+            InputError::Malformed(why) => Problem::malformed(form, &why),
         })?;
         read(value).map(Self)
     }
@@ -116,12 +116,12 @@ impl Problem {
 
 /// A body that was read, as `T`.
 pub(super) fn read<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Problem> {
-    reading::read(value).map_err(invalid)
+    input::from_value(value).map_err(invalid)
 }
 
-fn invalid(fault: Fault) -> Problem {
+fn invalid(fault: FieldError) -> Problem {
     let field = if fault.field.is_empty() { BODY.to_owned() } else { fault.field };
-    Problem::invalid(field, fault.words)
+    Problem::invalid(field, fault.reason)
 }
 
 fn unread(rejection: BytesRejection) -> Problem {
@@ -192,6 +192,6 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
         let axum::extract::Query(pairs) = pairs.map_err(|_| {
             bad("The query cannot be read: it is name=value&name=value, percent-encoded.").at("query")
         })?;
-        reading::read_words(pairs).map(Self).map_err(|fault| bad(&fault.words).at(fault.field))
+        input::from_query_pairs(pairs).map(Self).map_err(|fault| bad(&fault.reason).at(fault.field))
     }
 }

@@ -13,10 +13,10 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::problem::Problem;
-use crate::service::App;
-use crate::training::TrainingError;
+use crate::http::state::AppState;
+use crate::engine::error::ServiceError;
 
-pub(super) fn routes() -> OpenApiRouter<App> {
+pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(livez)).routes(routes!(readyz))
 }
 
@@ -44,23 +44,23 @@ async fn livez() -> axum::Json<Health> {
 }
 
 /// Why nothing can be written. The database's own words are for the log.
-fn unwritable(error: &TrainingError) -> String {
+fn unwritable(error: &ServiceError) -> String {
     tracing::warn!(error = %error, "The server is not ready.");
-    let why = match (error, error.trouble()) {
-        (_, Some(trouble)) => trouble.to_string(),
-        (TrainingError::Busy | TrainingError::Stopping, _) => error.to_string(),
+    let why = match (error, error.outage()) {
+        (_, Some(outage)) => outage.to_string(),
+        (ServiceError::Busy | ServiceError::Stopping, _) => error.to_string(),
         _ => "the server's log says why".to_owned(),
     };
     format!("The database cannot be written: {why}.")
 }
 
 /// Whether the database can be written; why not.
-pub(super) async fn writable(app: &App) -> Result<(), String> {
+pub(super) async fn writable(app: &AppState) -> Result<(), String> {
     let mut looked = app.looked.0.lock().await;
     let said = match looked.take().filter(|(at, _)| at.elapsed() < LOOK) {
         Some(looked) => looked,
         None => {
-            let pinged = app.writer.change(crate::training::status::Ping).await;
+            let pinged = app.writer.change(crate::engine::write_probe::WriteProbe).await;
             (Instant::now(), pinged.map_err(|error| unwritable(&error)))
         }
     };
@@ -73,7 +73,7 @@ pub(super) async fn writable(app: &App) -> Result<(), String> {
     get, path = "/readyz", tag = "health",
     responses((status = 200, body = Health), (status = 503, body = Problem, description = "Not ready; the detail says why."))
 )]
-async fn readyz(State(app): State<App>) -> Result<axum::Json<Health>, Problem> {
+async fn readyz(State(app): State<AppState>) -> Result<axum::Json<Health>, Problem> {
     let not_ready = |why: String| Problem::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", why);
     if app.stopping.load(Ordering::SeqCst) {
         return Err(not_ready("The server is going down.".to_owned()));

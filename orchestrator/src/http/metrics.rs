@@ -13,10 +13,10 @@ use utoipa_axum::routes;
 
 use super::health;
 use super::problem::Problem;
-use crate::counts;
-use crate::service::App;
-use crate::store::{critiques, survey};
-use crate::training::status::{Gauge, Gauges};
+use crate::metrics;
+use crate::http::state::AppState;
+use crate::store::{critiques, integrity};
+use crate::queries::mastery_gauges::{MasteryGauge, MasteryGaugesQuery};
 
 /// Seconds that requests and commits take, from what a reader needs to what is cut off.
 const SECONDS: [f64; 14] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, 60.0];
@@ -37,17 +37,17 @@ pub fn begin() {
             .map(PrometheusBuilder::build_recorder);
         let handle = recorder.ok().and_then(|recorder| {
             let handle = recorder.handle();
-            metrics::set_global_recorder(recorder).ok().map(|()| handle)
+            ::metrics::set_global_recorder(recorder).ok().map(|()| handle)
         });
         if handle.is_none() {
             tracing::warn!("Nothing is counted for /metrics: somebody else counts in this process.");
         }
-        counts::describe();
+        metrics::register();
         handle
     });
 }
 
-pub(super) fn routes() -> OpenApiRouter<App> {
+pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(show))
 }
 
@@ -59,7 +59,7 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         (status = 503, body = Problem, description = "Nothing can be counted now; the detail says why.")
     )
 )]
-async fn show(State(app): State<App>) -> Result<Response, Problem> {
+async fn show(State(app): State<AppState>) -> Result<Response, Problem> {
     let Some(Some(handle)) = COUNTED.get() else {
         return Err(Problem::new(
             axum::http::StatusCode::SERVICE_UNAVAILABLE,
@@ -68,19 +68,19 @@ async fn show(State(app): State<App>) -> Result<Response, Problem> {
         ));
     };
     // A database that cannot be written is what somebody who watches wants to see: the rest is told all the same.
-    counts::writable(health::writable(&app).await.is_ok());
-    for Gauge { run, task, level, mastery } in app.writer.change(Gauges).await.unwrap_or_default() {
-        counts::standing(&run, &task, level, mastery);
+    metrics::set_writable(health::writable(&app).await.is_ok());
+    for MasteryGauge { run, task, level, mastery } in app.writer.query(MasteryGaugesQuery).await.unwrap_or_default() {
+        metrics::set_task(&run, &task, level, mastery);
     }
-    let (urgent, bulk) = app.writer.waiting();
-    counts::waiting(urgent, bulk);
-    counts::sessions(app.sessions.active(), app.sessions.limits().most);
+    let crate::engine::writer::QueueLengths { urgent, bulk } = app.writer.queue_lengths();
+    metrics::set_writer_queue(urgent, bulk);
+    metrics::set_sessions(app.sessions.active(), app.sessions.limits().max_sessions);
     if let Ok(mut conn) = app.readers.acquire().await {
-        if let Ok(waiting) = critiques::waiting(&mut conn).await {
-            counts::critiques(waiting.iter().map(|(_, episodes)| episodes).sum());
+        if let Ok(waiting) = critiques::waiting_by_run(&mut conn).await {
+            metrics::set_critique_waiting(waiting.values().sum());
         }
-        if let Ok((bytes, free)) = survey::bytes(&mut conn).await {
-            counts::database(bytes, free);
+        if let Ok(pages) = integrity::page_bytes(&mut conn).await {
+            metrics::set_database_bytes(pages.all, pages.free);
         }
     }
     handle.run_upkeep();
@@ -93,6 +93,6 @@ pub(super) async fn measured(request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
     let (method, begun) = (request.method().clone(), Instant::now());
     let response = next.run(request).await;
-    counts::request(&method, route, response.status(), begun.elapsed());
+    metrics::record_request(&method, route, response.status(), begun.elapsed());
     response
 }

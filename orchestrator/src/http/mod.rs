@@ -16,6 +16,7 @@ mod polls;
 mod problem;
 mod room;
 mod socket;
+pub mod state;
 mod turns;
 mod v1;
 
@@ -43,8 +44,8 @@ pub use self::polls::Polls;
 pub use self::problem::Problem;
 pub use self::room::Room;
 pub use self::turns::AllTurns;
-use crate::service::App;
-use crate::tokens::scrubbed;
+use self::state::AppState;
+use crate::tokens::redact;
 
 /// Largest request body, bytes.
 const MAX_BODY: usize = 16 * 1024 * 1024;
@@ -88,7 +89,7 @@ pub enum Surface {
     OpenEnv,
 }
 
-fn parts(surface: Surface) -> (Router<App>, utoipa::openapi::OpenApi) {
+fn parts(surface: Surface) -> (Router<AppState>, utoipa::openapi::OpenApi) {
     let always = OpenApiRouter::with_openapi(Document::openapi()).merge(health::routes());
     let routes = match surface {
         Surface::Whole => always.merge(metrics::routes()).nest("/v1", v1::routes()),
@@ -108,7 +109,7 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 }
 
 /// Its routes.
-pub fn router(app: App, gate: Arc<Gate>, surface: Surface) -> Router {
+pub fn router(app: AppState, gate: Arc<Gate>, surface: Surface) -> Router {
     let (routes, mut document) = parts(surface);
     if surface == Surface::OpenEnv {
         let shown = ["openenv", "health"];
@@ -182,7 +183,7 @@ fn span(request: &Request) -> tracing::Span {
     let id = request.headers().get("x-request-id").and_then(|v| v.to_str().ok()).unwrap_or("");
     let path = request.uri().path();
     let run = path.strip_prefix("/v1/runs/").and_then(|rest| rest.split('/').next());
-    let (path, run) = (scrubbed(path), run.map(scrubbed));
+    let (path, run) = (redact(path), run.map(redact));
     tracing::info_span!("request", method = %request.method(), %path, run = run.as_deref(), request_id = id)
 }
 

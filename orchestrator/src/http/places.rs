@@ -12,7 +12,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
-use crate::counts;
+use crate::metrics;
 
 /// Connections by address.
 type Taken = Arc<Mutex<HashMap<IpAddr, usize>>>;
@@ -73,13 +73,13 @@ impl Drop for Place {
 pub(super) struct Held {
     stream: TcpStream,
     _place: Place,
-    _connected: counts::Connected,
+    _connected: metrics::ConnectionGuard,
 }
 
 impl Held {
     /// Counts from here on.
     pub(super) fn new(stream: TcpStream, place: Place) -> Self {
-        Self { stream, _place: place, _connected: counts::Connected::begin() }
+        Self { stream, _place: place, _connected: metrics::ConnectionGuard::new() }
     }
 
     /// Waits for its first byte: false where none comes in this time, or before the service stops. From there on the library looks.

@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::training::TrainingError;
+use crate::engine::error::ServiceError;
 
 /// What went wrong, for programs and for people.
 #[derive(Debug, Clone, Serialize, ToSchema)]
@@ -125,13 +125,13 @@ impl Problem {
 
 impl Problem {
     /// The store failed. What is for a while is told, and to be tried again; else the log alone has the words.
-    fn of_store(error: &TrainingError) -> Self {
+    fn of_store(error: &ServiceError) -> Self {
         tracing::error!(error = %error, "A request failed.");
         let unavailable =
             |code, detail: String| Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail).again_in(5);
-        match (error.trouble(), error) {
-            (Some(trouble), _) => unavailable("unavailable", format!("Nothing was changed: {trouble}.")),
-            (None, TrainingError::NotCommitted { .. }) => {
+        match (error.outage(), error) {
+            (Some(outage), _) => unavailable("unavailable", format!("Nothing was changed: {outage}.")),
+            (None, ServiceError::NotCommitted { .. }) => {
                 let detail = "The change could not be written and was undone; the server's log says why.";
                 unavailable("not_committed", detail.to_owned())
             }
@@ -156,9 +156,9 @@ impl IntoResponse for Problem {
     }
 }
 
-impl From<TrainingError> for Problem {
-    fn from(error: TrainingError) -> Self {
-        use TrainingError as E;
+impl From<ServiceError> for Problem {
+    fn from(error: ServiceError) -> Self {
+        use ServiceError as E;
         let detail = error.to_string();
         let problem = |status, code| Self::new(status, code, detail.clone());
         match error {
@@ -193,13 +193,13 @@ impl From<TrainingError> for Problem {
 
 impl From<crate::store::StoreError> for Problem {
     fn from(error: crate::store::StoreError) -> Self {
-        TrainingError::from(error).into()
+        ServiceError::from(error).into()
     }
 }
 
 impl From<sqlx::Error> for Problem {
     fn from(error: sqlx::Error) -> Self {
-        TrainingError::from(error).into()
+        ServiceError::from(error).into()
     }
 }
 

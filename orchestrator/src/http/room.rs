@@ -8,7 +8,7 @@ use tokio::sync::{Semaphore, SemaphorePermit};
 
 use super::extract::{BODY, Bytes};
 use super::problem::Problem;
-use crate::training::TrainingError;
+use crate::engine::error::ServiceError;
 
 /// Bytes up to which a body is read beside any number of others.
 const SMALL: u64 = 1 << 20;
@@ -32,7 +32,7 @@ impl Room {
     pub(super) async fn body(&self, request: Request) -> Result<(Bytes, SemaphorePermit<'_>), Problem> {
         let length = request.headers().get(header::CONTENT_LENGTH);
         let length = length.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-        let stopping = |_| Problem::from(TrainingError::Stopping);
+        let stopping = |_| Problem::from(ServiceError::Stopping);
         let _large = match length {
             Some(length) if length <= SMALL => None,
             _ => Some(self.reading.acquire().await.map_err(stopping)?),
@@ -49,5 +49,5 @@ where
     F: FnOnce() -> Result<T, Problem> + Send + 'static,
 {
     let done = tokio::task::spawn_blocking(work).await;
-    done.map_err(|error| Problem::from(TrainingError::invalid(BODY, error.to_string())))?
+    done.map_err(|error| Problem::from(ServiceError::invalid(BODY, error.to_string())))?
 }

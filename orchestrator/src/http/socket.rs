@@ -5,7 +5,7 @@ use std::time::Duration;
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
 
-use crate::sessions::Ending;
+use crate::sessions::CloseReason;
 
 /// Largest frame of text that is read, bytes.
 pub(super) const MAX_FRAME: usize = 4 * 1024 * 1024;
@@ -33,7 +33,7 @@ pub(super) enum Received {
     /// Nothing for too long.
     Idle,
     /// The service stops, or the client may not stay.
-    Stop(Ending),
+    Stop(CloseReason),
     /// The client said goodbye.
     Left,
     /// The client is gone.

@@ -1,45 +1,47 @@
-//! Judges of single steps, from −1 to 1: the deterministic one, and a language model. What they say changes what a client is
-//! told (reward, score so far, an alert); what is stored of an episode, and what the curriculum learns from it, is what the
-//! world says.
+//! Judges of single steps: the world's deterministic rules, and a language model. Scores range from −1 to 1.
+//!
+//! A verdict changes what a client of a session receives (reward, score so far, an alert). It never changes what is stored
+//! of an episode or what the curriculum learns from it. Start reading at [`Judges::judge`]; [`agreement`] compares both
+//! judges on the same steps.
 
 pub mod agreement;
 mod model;
 mod prompt;
+#[cfg(test)]
+mod tests;
+mod verdict;
 
 use std::sync::Arc;
 
-use env_core::critique::Judged;
+use env_core::critique::Judgement;
 use env_core::{ActionLog, Scenario};
+use openenv_wire::wire_format;
 use serde::{Deserialize, Serialize};
 use tokio::sync::Semaphore;
 use utoipa::ToSchema;
 
-pub use self::model::{ModelJudge, Said, Sentence};
-use crate::policy::Seen;
+pub use self::model::{ModelJudge, ModelVerdict};
+pub use self::verdict::StepVerdict;
+use crate::policy::TimeStep;
 
-/// The share of the wire's reward that a judge moves, either way: reward/1.2·(1 + 0.2·score), as the public kessler-env has it.
-const WEIGHT: f64 = 0.2;
-/// Characters of a judge's words in an alert.
-const ALERT: usize = 300;
-
-/// Who judges the steps of sessions.
+/// Kind of judge that scores the steps of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Judge {
-    /// Nobody.
+    /// No judge: rewards are the world's.
     #[default]
     Off,
-    /// Rules: what the step was worth if nobody acted after it.
+    /// Rules of the world: the value of the step if no agent acted after it.
     Deterministic,
-    /// A language model, with the rules beside it.
+    /// A language model; the rules judge the same steps for comparison.
     Llm,
 }
 
 impl Judge {
-    /// Reads a word: `off`, `deterministic`, `llm`, or, as `ENABLE_JUDGE` of the public kessler-env, a truth value.
+    /// Parses `off`, `deterministic`, `llm`, or a truth value as in `ENABLE_JUDGE` of the public kessler-env.
     ///
     /// # Errors
-    /// Another word.
+    /// Returns a message with the accepted words for any other word.
     pub fn parse(word: &str) -> Result<Self, String> {
         match word.trim().to_ascii_lowercase().as_str() {
             "off" | "false" | "0" | "no" | "" => Ok(Self::Off),
@@ -50,78 +52,61 @@ impl Judge {
     }
 }
 
-/// A step that was taken.
+/// A step to be judged.
 #[derive(Debug, Clone, Copy)]
-pub struct Step<'a> {
-    /// The run, where it is flown for one.
+pub struct JudgedStep<'a> {
+    /// Id of the run that the episode belongs to, if any.
     pub run: Option<&'a str>,
-    /// What the episode is called.
+    /// Id of the episode.
     pub episode: &'a str,
-    /// What is flown.
+    /// Scenario of the episode.
     pub scenario: &'a Scenario,
-    /// What was done until now, this step the last.
+    /// Actions of the episode; the judged step is the last one.
     pub log: &'a ActionLog,
-    /// What was seen before; none unless a model judges.
-    pub before: Option<&'a Seen>,
-    /// What is seen now; none unless a model judges.
-    pub after: Option<&'a Seen>,
+    /// Observation before the step; `None` unless a model judges.
+    pub before: Option<&'a TimeStep>,
+    /// Observation after the step; `None` unless a model judges.
+    pub after: Option<&'a TimeStep>,
 }
 
-/// A judge's word on a step.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Word {
-    /// From −1 to 1.
-    pub score: f64,
-    /// Why, in words.
-    pub reasoning: String,
-}
-
-impl Word {
-    /// The reward that a client is told.
-    #[must_use]
-    pub fn reward(&self, reward: f64) -> f64 {
-        reward / (1.0 + WEIGHT) * (1.0 + WEIGHT * self.score)
-    }
-
-    /// The alert that a client is told.
-    #[must_use]
-    pub fn alert(&self) -> String {
-        let said: String = self.reasoning.split_whitespace().collect::<Vec<_>>().join(" ");
-        let short: String = said.chars().take(ALERT).collect();
-        let more = if short.len() < said.len() { "…" } else { "" };
-        format!("[JUDGE]: {short}{more} (Score: {:.2})", self.score)
+impl JudgedStep<'_> {
+    /// Returns the action of the step in its wire form.
+    fn action_text(&self) -> String {
+        let action = self.log.step(self.log.len().saturating_sub(1));
+        wire_format(self.scenario.task()).write_action(action)
     }
 }
 
-/// Both judges' words on a step.
+/// Verdicts of both judges on one step.
 #[derive(Debug, Clone)]
-pub struct Words {
-    /// The model's; none where none was asked.
-    pub model: Option<Said>,
-    /// The rules'; none where a single step counts for nothing.
-    pub rules: Option<Judged>,
+pub struct StepVerdicts {
+    /// Verdict of the model; `None` if no model was asked.
+    pub model: Option<ModelVerdict>,
+    /// Verdict of the rules; `None` if the world does not value single steps.
+    pub rules: Option<Judgement>,
 }
 
-impl Words {
-    /// The word that counts.
+impl StepVerdicts {
+    /// Returns the verdict that counts: the model's if a model was asked, the rules' otherwise.
     #[must_use]
-    pub fn word(&self) -> Option<Word> {
+    pub fn effective(&self) -> Option<StepVerdict> {
         match &self.model {
-            Some(said) => {
-                said.answer.as_ref().ok().map(|s| Word { score: s.score, reasoning: s.reasoning.clone() })
-            }
-            None => self.rules.as_ref().map(|j| Word { score: j.value, reasoning: j.words.clone() }),
+            Some(model) => model.result.as_ref().ok().cloned(),
+            None => self
+                .rules
+                .as_ref()
+                .map(|rules| StepVerdict { score: rules.value, reasoning: rules.words.clone() }),
         }
     }
 }
 
-/// The judges of a service.
+/// Judges of a server.
 #[derive(Debug, Clone)]
 pub struct Judges {
-    usual: Judge,
+    default_judge: Judge,
     model: Option<ModelJudge>,
-    /// The rules fly each step's episode to its end: not more at once than there are processors.
-    turns: Arc<Semaphore>,
+    /// Limits how many judgements by the rules run at once: each one simulates the rest of an episode.
+    rule_slots: Arc<Semaphore>,
 }
 
 impl Default for Judges {
@@ -131,36 +116,36 @@ impl Default for Judges {
 }
 
 impl Judges {
-    /// Judges; `usual` is for whoever says nothing, and nobody where it is a model that is not there.
+    /// Creates the judges of a server. Sessions without a setting of their own use `default_judge`.
     #[must_use]
-    pub fn new(usual: Judge, model: Option<ModelJudge>) -> Self {
+    pub fn new(default_judge: Judge, model: Option<ModelJudge>) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        Self { usual, model, turns: Arc::new(Semaphore::new(processors)) }
+        Self { default_judge, model, rule_slots: Arc::new(Semaphore::new(processors)) }
     }
 
-    /// Whether there is a model.
+    /// Returns true if a model can judge.
     #[must_use]
     pub const fn has_model(&self) -> bool {
         self.model.is_some()
     }
 
-    /// The model.
+    /// Returns the model that judges, if there is one.
     #[must_use]
     pub const fn model(&self) -> Option<&ModelJudge> {
         self.model.as_ref()
     }
 
-    /// Who judges where this is said; the rules where a model is meant that is not there.
+    /// Returns the judge of a session: the requested one or the default, and the rules instead of a missing model.
     #[must_use]
-    pub fn meant(&self, said: Option<Judge>) -> Judge {
-        match said.unwrap_or(self.usual) {
+    pub fn resolve(&self, requested: Option<Judge>) -> Judge {
+        match requested.unwrap_or(self.default_judge) {
             Judge::Llm if self.model.is_none() => Judge::Deterministic,
             judge => judge,
         }
     }
 
-    /// What the judges say of a step.
-    pub async fn judge(&self, judge: Judge, step: Step<'_>) -> Words {
+    /// Judges a step by the rules and, for [`Judge::Llm`], by the model at the same time.
+    pub async fn judge(&self, judge: Judge, step: JudgedStep<'_>) -> StepVerdicts {
         let model = async {
             match (judge, &self.model, step.before, step.after) {
                 (Judge::Llm, Some(model), Some(before), Some(after)) => {
@@ -173,15 +158,15 @@ impl Judges {
             if judge == Judge::Off {
                 return None;
             }
-            self.by_rules(step.scenario.clone(), step.log.clone()).await
+            self.judge_by_rules(step.scenario.clone(), step.log.clone()).await
         };
         let (model, rules) = tokio::join!(model, rules);
-        Words { model, rules }
+        StepVerdicts { model, rules }
     }
 
-    async fn by_rules(&self, scenario: Scenario, log: ActionLog) -> Option<Judged> {
-        // Never closed; were it, more at once is all that follows.
-        let _turn = self.turns.acquire().await.ok();
+    async fn judge_by_rules(&self, scenario: Scenario, log: ActionLog) -> Option<Judgement> {
+        // The semaphore is never closed; if it were, only the limit would be lost.
+        let _slot = self.rule_slots.acquire().await.ok();
         let judged = tokio::task::spawn_blocking(move || scenario.task().judge_step(&scenario, &log)).await;
         match judged {
             Ok(Ok(judged)) => judged,
@@ -196,11 +181,3 @@ impl Judges {
         }
     }
 }
-
-/// The last action of a log in the wire form.
-fn action(scenario: &Scenario, log: &ActionLog) -> String {
-    scenario.task().wire().write_action(log.step(log.len().saturating_sub(1)))
-}
-
-#[cfg(test)]
-mod tests;

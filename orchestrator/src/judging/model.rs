@@ -1,26 +1,30 @@
-//! A language model as a judge: asked once a step, for no longer than its patience, never twice for the same.
+//! A language model as a judge: one call for each step, with a deadline, and a cache of its verdicts.
 
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
-use designer::llm::{Ask, Bill, Call, Llm, LlmConfig, LlmError, Message, Role, meant, values};
+use llm::{
+    ChatCall, ChatRequest, LlmClient, LlmConfig, LlmError, Message, Role, TokenUsage, json_values,
+    strip_reasoning,
+};
 use moka::future::Cache;
 use serde_json::{Value, json};
 use tokio::time::Instant;
 
-use super::{Step, prompt};
-use crate::policy::Seen;
+use super::verdict::StepVerdict;
+use super::{JudgedStep, prompt};
+use crate::policy::TimeStep;
 
-/// Verdicts that are remembered.
-const REMEMBERED: u64 = 10_000;
-/// Between the end of a call and the end of patience.
-const MOMENT: Duration = Duration::from_millis(250);
-/// Tokens of an answer.
-const MOST_TOKENS: u32 = 300;
-/// Characters of a reasoning that are kept.
-const KEPT: usize = 1000;
-/// Whose tokens those are that nobody flies a run for.
-const NOBODY: &str = "openenv";
+/// Maximum number of cached verdicts.
+const MAX_CACHED_VERDICTS: u64 = 10_000;
+/// Time between the timeout of a call and the deadline of its verdict.
+const DEADLINE_MARGIN: Duration = Duration::from_millis(250);
+/// Maximum number of tokens of a reply.
+const MAX_TOKENS: u32 = 300;
+/// Maximum length of a stored reasoning, in characters.
+const MAX_REASONING_CHARS: usize = 1000;
+/// Payer of the tokens for episodes that belong to no run.
+const NO_RUN_PAYER: &str = "openenv";
 
 static SCHEMA: LazyLock<Arc<Value>> = LazyLock::new(|| {
     Arc::new(json!({
@@ -34,151 +38,154 @@ static SCHEMA: LazyLock<Arc<Value>> = LazyLock::new(|| {
     }))
 });
 
-/// A model that judges. Clones share it.
+/// Language model that judges steps. Clones share its connections and its cache.
 #[derive(Clone)]
 pub struct ModelJudge {
-    llm: Llm,
-    patience: Duration,
-    /// By all that it is told.
-    cache: Cache<[u8; 32], Sentence>,
+    llm: LlmClient,
+    /// Maximum duration of one verdict.
+    timeout: Duration,
+    /// Verdicts by the hash of both messages.
+    cache: Cache<[u8; 32], StepVerdict>,
 }
 
-/// What a model says of a step.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sentence {
-    /// From −1 to 1.
-    pub score: f64,
-    /// Why.
-    pub reasoning: String,
-}
-
-/// What came of asking.
+/// Result of one question to the model.
 #[derive(Debug, Clone)]
-pub struct Said {
-    /// What it says, or why it says nothing.
-    pub answer: Result<Sentence, String>,
-    /// The same was asked before.
-    pub cached: bool,
-    /// What the call came to.
-    pub bill: Bill,
-    /// How long that took.
+pub struct ModelVerdict {
+    /// The verdict, or the reason why there is none.
+    pub result: Result<StepVerdict, String>,
+    /// True if the verdict came from the cache or from a simultaneous call with the same messages.
+    pub is_cached: bool,
+    /// Tokens and cost of the call.
+    pub usage: TokenUsage,
+    /// Time until the result.
     pub latency: Duration,
-    /// The model.
+    /// Name of the model.
     pub model: String,
-    /// The version of the words it was told.
-    pub prompt: &'static str,
+    /// Version of the prompt.
+    pub prompt_version: &'static str,
 }
 
-/// A call without a verdict.
+/// Reason why a call gave no verdict.
 #[derive(Debug)]
-struct Failed(String);
+struct NoVerdict(String);
 
 impl std::fmt::Debug for ModelJudge {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ModelJudge").field("llm", &self.llm).field("patience", &self.patience).finish()
+        f.debug_struct("ModelJudge").field("llm", &self.llm).field("timeout", &self.timeout).finish()
     }
 }
 
 impl ModelJudge {
-    /// A judge that has as long for each verdict as one call of the model may take, and a moment more: an endpoint that is
-    /// late is then seen to be, and one that is late in a row is left alone.
+    /// Creates a judge. A verdict may take as long as one call of the client, and 250 ms more, so that the
+    /// client sees the timeout of a slow endpoint and its circuit breaker counts it.
     #[must_use]
-    pub fn new(llm: Llm) -> Self {
-        let patience = llm.config().timeout + MOMENT;
-        Self { llm, patience, cache: Cache::new(REMEMBERED) }
+    pub fn new(llm: LlmClient) -> Self {
+        let timeout = llm.config().timeout + DEADLINE_MARGIN;
+        Self { llm, timeout, cache: Cache::new(MAX_CACHED_VERDICTS) }
     }
 
-    /// The endpoint.
+    /// Returns the client of the endpoint.
     #[must_use]
-    pub const fn llm(&self) -> &Llm {
+    pub const fn llm(&self) -> &LlmClient {
         &self.llm
     }
 
-    /// Whose budget verdicts on episodes of this run are of.
+    /// Returns the name under which verdicts are charged to the budget: the run's id, or `openenv` without a run.
     #[must_use]
     pub fn payer(run: Option<&str>) -> &str {
-        run.unwrap_or(NOBODY)
+        run.unwrap_or(NO_RUN_PAYER)
     }
 
-    /// What it says of a step.
-    pub(super) async fn judge(&self, step: &Step<'_>, before: &Seen, after: &Seen) -> Said {
+    /// Judges a step, from the cache if possible.
+    pub(super) async fn judge(
+        &self,
+        step: &JudgedStep<'_>,
+        before: &TimeStep,
+        after: &TimeStep,
+    ) -> ModelVerdict {
         let (system, user) = (prompt::system(step), prompt::user(step, before, after));
-        let key = *blake3::Hasher::new_derive_key("sparring 2026 judge")
-            .update(&(system.len() as u64).to_le_bytes())
-            .update(system.as_bytes())
-            .update(user.as_bytes())
-            .finalize()
-            .as_bytes();
-        let begun = Instant::now();
-        let mut bill = Bill::default();
-        let asking = async {
+        let key = cache_key(&system, &user);
+        let started = Instant::now();
+        let mut usage = TokenUsage::default();
+        let call = async {
             let messages = vec![Message::new(Role::System, system), Message::new(Role::User, user)];
-            self.ask(Self::payer(step.run), messages, begun + self.patience, &mut bill).await
+            self.call(Self::payer(step.run), messages, started + self.timeout, &mut usage).await
         };
-        // Who asks the same at the same time waits for the one answer.
-        let entry = self.cache.entry(key).or_try_insert_with(asking);
-        let entry = match tokio::time::timeout(self.patience, entry).await {
-            Ok(entry) => entry.map_err(|failed| failed.0.clone()),
-            Err(_) => Err(format!("there was no verdict within {} s", self.patience.as_secs_f64())),
+        // Simultaneous calls with the same messages share one reply.
+        let entry = self.cache.entry(key).or_try_insert_with(call);
+        let entry = match tokio::time::timeout(self.timeout, entry).await {
+            Ok(entry) => entry.map_err(|error| error.0.clone()),
+            Err(_) => Err(format!("there was no verdict within {} s", self.timeout.as_secs_f64())),
         };
-        if let Err(why) = &entry {
-            tracing::warn!(run = step.run, episode = step.episode, why, "The judge gave no verdict.");
+        if let Err(reason) = &entry {
+            tracing::warn!(run = step.run, episode = step.episode, reason, "The judge gave no verdict.");
         }
-        Said {
-            cached: entry.as_ref().is_ok_and(|entry| !entry.is_fresh()),
-            answer: entry.map(moka::Entry::into_value),
-            bill,
-            latency: begun.elapsed(),
+        ModelVerdict {
+            is_cached: entry.as_ref().is_ok_and(|entry| !entry.is_fresh()),
+            result: entry.map(moka::Entry::into_value),
+            usage,
+            latency: started.elapsed(),
             model: self.llm.config().model.clone(),
-            prompt: prompt::VERSION,
+            prompt_version: prompt::JUDGE_PROMPT_VERSION,
         }
     }
 
-    async fn ask(
+    async fn call(
         &self,
         run: &str,
         messages: Vec<Message>,
-        until: Instant,
-        bill: &mut Bill,
-    ) -> Result<Sentence, Failed> {
-        let ask = Ask {
+        deadline: Instant,
+        usage: &mut TokenUsage,
+    ) -> Result<StepVerdict, NoVerdict> {
+        let request = ChatRequest {
             messages,
             schema: Arc::clone(&SCHEMA),
-            name: "verdict",
-            max_tokens: MOST_TOKENS.min(self.llm.config().max_tokens),
+            schema_name: "verdict",
+            max_tokens: MAX_TOKENS.min(self.llm.config().max_tokens),
             temperature: Some(0.0),
         };
-        let call = Call { run, ask: &ask, until: Some(until) };
-        let reply = self.llm.ask(&call, bill).await.map_err(|error: LlmError| Failed(error.to_string()))?;
-        read(&reply.text, self.llm.config())
-            .map_err(|reason| Failed(format!("its answer is no verdict: {reason}")))
+        let call = ChatCall { run, request: &request, deadline: Some(deadline) };
+        let response = self.llm.complete(&call, usage).await;
+        let response = response.map_err(|error: LlmError| NoVerdict(error.to_string()))?;
+        parse_verdict(&response.text, self.llm.config())
+            .map_err(|reason| NoVerdict(format!("its answer is no verdict: {reason}")))
     }
 }
 
-/// The verdict of an answer: the last one there is.
+/// Hashes both messages of a question.
+fn cache_key(system: &str, user: &str) -> [u8; 32] {
+    *blake3::Hasher::new_derive_key("sparring 2026 judge")
+        .update(&(system.len() as u64).to_le_bytes())
+        .update(system.as_bytes())
+        .update(user.as_bytes())
+        .finalize()
+        .as_bytes()
+}
+
+/// Parses the last verdict in a reply.
 ///
 /// # Errors
-/// Why there is none.
-pub(super) fn read(text: &str, config: &LlmConfig) -> Result<Sentence, String> {
-    if text.len() > designer::llm::MAX_TEXT {
+/// Returns the reason why the reply has no valid verdict.
+pub(super) fn parse_verdict(text: &str, config: &LlmConfig) -> Result<StepVerdict, String> {
+    if text.len() > llm::MAX_ANSWER_BYTES {
         return Err(format!("it is {} bytes long", text.len()));
     }
-    let said = values(meant(text.trim())).filter(|value| value.get("score").is_some()).last();
-    let mut said = said.ok_or("it holds no JSON object with a score")?;
-    // Some endpoints repeat our key.
-    config.scrub_value(&mut said);
-    let score = said["score"].as_f64().filter(|score| score.is_finite());
+    let verdicts = json_values(strip_reasoning(text.trim())).filter(|value| value.get("score").is_some());
+    let mut verdict = verdicts.last().ok_or("it holds no JSON object with a score")?;
+    // Some endpoints repeat the API key.
+    config.redact_key_in(&mut verdict);
+    let score = verdict["score"].as_f64().filter(|score| score.is_finite());
     let score = score.ok_or_else(|| {
-        format!("its score is no number: {}", designer::llm::one_line(&said["score"].to_string()))
+        format!("its score is no number: {}", llm::sanitize_line(&verdict["score"].to_string()))
     })?;
     if !(-1.0..=1.0).contains(&score) {
         return Err(format!("its score is {score}, outside -1 to 1"));
     }
-    // What could steer a terminal is no reason.
-    let words: Option<String> = said["reasoning"]
+    // Control characters could steer a terminal.
+    let reasoning: Option<String> = verdict["reasoning"]
         .as_str()
-        .map(|words| words.chars().filter(|c| !c.is_control() || *c == '\n').collect());
-    let reasoning = words.as_deref().map(str::trim).filter(|words| !words.is_empty());
+        .map(|text| text.chars().filter(|c| !c.is_control() || *c == '\n').collect());
+    let reasoning = reasoning.as_deref().map(str::trim).filter(|text| !text.is_empty());
     let reasoning = reasoning.ok_or("it says no reason")?;
-    Ok(Sentence { score, reasoning: reasoning.chars().take(KEPT).collect() })
+    Ok(StepVerdict { score, reasoning: reasoning.chars().take(MAX_REASONING_CHARS).collect() })
 }

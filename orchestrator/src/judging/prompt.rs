@@ -1,28 +1,28 @@
-//! What a judge is told. The words are files in `prompts/`, one folder a version.
+//! Prompts of the model judge. The texts are files in `prompts/`, one folder for each version.
 
-use super::{Step, action};
-use crate::policy::{Seen, prompt};
+use super::JudgedStep;
+use crate::policy::{TimeStep, prompt};
 
-/// The version of the words.
-pub(super) const VERSION: &str = "judge-1";
-const SYSTEM: &str = include_str!("../../prompts/judge-1/system.md");
-const USER: &str = include_str!("../../prompts/judge-1/user.md");
+/// Version of the prompt texts.
+pub(super) const JUDGE_PROMPT_VERSION: &str = "judge-1";
+const JUDGE_SYSTEM_TEMPLATE: &str = include_str!("../../prompts/judge-1/system.md");
+const JUDGE_USER_TEMPLATE: &str = include_str!("../../prompts/judge-1/user.md");
 
-/// The rules, and how to judge.
-pub(super) fn system(step: &Step<'_>) -> String {
-    let rules = prompt::rules(step.scenario.task());
-    prompt::fill(SYSTEM, &[("rules", rules)]).trim_end().to_owned()
+/// Returns the system message: the rules of the task, and how to judge.
+pub(super) fn system(step: &JudgedStep<'_>) -> String {
+    let rules = prompt::task_rules(step.scenario.task());
+    prompt::fill_template(JUDGE_SYSTEM_TEMPLATE, &[("rules", rules)]).trim_end().to_owned()
 }
 
-/// The step.
-pub(super) fn user(step: &Step<'_>, before: &Seen, after: &Seen) -> String {
+/// Returns the user message: the action with the observations before and after it.
+pub(super) fn user(step: &JudgedStep<'_>, before: &TimeStep, after: &TimeStep) -> String {
     let task = step.scenario.task();
-    let of = [
+    let values = [
         ("step", step.log.len().to_string()),
-        ("before", prompt::compact(task, before)),
-        ("action", action(step.scenario, step.log)),
+        ("before", prompt::compact_observation(task, before)),
+        ("action", step.action_text()),
         ("reward", format!("{:.4}", after.reward)),
-        ("after", prompt::compact(task, after)),
+        ("after", prompt::compact_observation(task, after)),
     ];
-    prompt::fill(USER, &of).trim_end().to_owned()
+    prompt::fill_template(JUDGE_USER_TEMPLATE, &values).trim_end().to_owned()
 }

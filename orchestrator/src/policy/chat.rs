@@ -1,245 +1,256 @@
-//! The policy: an observation in, an action out, by asking a model.
+//! [`ChatPolicy`]: chooses the action of each step by a call of a language model.
 
 use std::time::Duration;
 
-use designer::llm::{Ask, Bill, Call, Llm, LlmError, Message, Role, Tokens};
+use llm::{
+    ChatCall, ChatRequest, ChatResponse, LlmClient, LlmError, Message, Role, TokenDetails, TokenUsage,
+};
 use serde::Serialize;
 use serde_json::Value;
 use tokio::time::Instant;
 
-use super::answer;
-use super::history::History;
-use super::prompt::Briefing;
+use super::history::ChatHistory;
+use super::prompt::TaskPrompt;
+use super::reply::parse_action;
+use super::time_step::TimeStep;
 
-/// Characters of a bad answer that the model is shown again.
-const SHOWN_AGAIN: usize = 400;
+/// Maximum length of an invalid reply that the repair conversation repeats, in characters.
+const MAX_REPEATED_CHARS: usize = 400;
+/// Calls of one step: the first one, and one repair.
+const MAX_CALLS: usize = 2;
 
-/// How a model is asked.
+/// Settings of a chat policy.
 #[derive(Debug, Clone)]
 pub struct ChatSettings {
-    /// Whose budget the tokens are of.
+    /// Id of the run whose token budget pays for the calls.
     pub run: String,
-    /// Exchanges that the model is told again, at most.
+    /// Maximum number of previous exchanges in the conversation.
     pub history: usize,
-    /// How freely the model chooses its words; where nothing is said, the endpoint decides.
+    /// Sampling temperature; `None` uses the endpoint's default.
     pub temperature: Option<f64>,
-    /// Tokens of one answer, at most.
+    /// Maximum number of tokens of one reply.
     pub max_tokens: u32,
 }
 
-/// What is seen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
-    /// The observation in the wire form, with or without reward and end.
-    pub observation: Value,
-    /// The reward of the last step.
-    pub reward: f64,
-    /// The episode is over.
-    pub done: bool,
-}
-
-impl Seen {
-    /// The observation with reward and end in it.
-    #[must_use]
-    pub fn whole(&self) -> Value {
-        let mut whole = self.observation.clone();
-        if let Some(fields) = whole.as_object_mut() {
-            fields.insert("reward".to_owned(), self.reward.into());
-            fields.insert("done".to_owned(), self.done.into());
-        }
-        whole
-    }
-}
-
-/// One call of the model, as it was.
+/// One call of the model, with its reply.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Completion {
-    /// The conversation it was asked with.
+    /// Messages that were sent.
     pub messages: Vec<Message>,
-    /// What it said, to the letter; none where it said nothing.
+    /// Text of the reply, unchanged; `None` if the call failed.
     pub text: Option<String>,
-    /// It was cut off at the most tokens it may have.
+    /// True if the reply was cut off at the maximum number of tokens.
     pub cut: bool,
-    /// What was wrong with it.
+    /// Error of the call, or the reason why the reply is not an action.
     pub error: Option<String>,
-    /// Tokens read.
+    /// Number of prompt tokens.
     pub tokens_in: u64,
-    /// Tokens written.
+    /// Number of completion tokens.
     pub tokens_out: u64,
-    /// How long it took, further tries included.
+    /// Duration of the call with its retries, in milliseconds.
     pub latency_ms: u64,
-    /// Its tokens, where the endpoint was asked for them and tells.
+    /// Token ids and log-probabilities, if they were requested and the endpoint returns them.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub tokens: Option<Tokens>,
+    pub tokens: Option<TokenDetails>,
 }
 
-/// Why a model gave no action.
+/// Reason why the model chose no action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lack {
-    /// What it said is none, even when asked again.
-    NoAction,
-    /// The same, and the last answer was cut off for its length.
+pub enum ActionFailure {
+    /// The reply is not an action, even after the repair.
+    Invalid,
+    /// The reply is not an action and was cut off at the maximum number of tokens.
     CutOff,
-    /// Its answer did not come in time.
-    Late,
-    /// The endpoint's answer was no chat completion.
-    Nonsense,
+    /// The reply did not arrive in time.
+    Timeout,
+    /// The endpoint's response was not a chat completion.
+    MalformedResponse,
 }
 
-/// One step: what was decided, and how that came about.
+/// One step of a chat policy: the action, and the calls that led to it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Turn {
-    /// Which, counted from 1.
+pub struct ChatTurn {
+    /// Number of the step, counted from 1.
     pub step: u32,
-    /// The action; doing nothing where the model gave none.
+    /// Chosen action; *hold* if the model chose none.
     pub action: Value,
-    /// Why the model gave none.
+    /// Error message if the model chose no action.
     pub error: Option<String>,
-    /// The same as a word; none where it gave one.
+    /// Category of `error`; `None` if the model chose an action.
     #[serde(skip)]
-    pub lack: Option<Lack>,
-    /// How many of its answers were no action.
+    pub failure: Option<ActionFailure>,
+    /// Number of replies that were not an action.
     pub invalid: u32,
-    /// The calls: one, or two where the first answer was repaired.
+    /// Calls of the step: one, or two if the first reply was repaired.
     pub completions: Vec<Completion>,
 }
 
-impl Turn {
-    /// What its calls came to: tokens in, tokens out, time.
+/// Sums over the calls of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TurnUsage {
+    /// Number of prompt tokens.
+    pub tokens_in: u64,
+    /// Number of completion tokens.
+    pub tokens_out: u64,
+    /// Time that the calls took.
+    pub latency: Duration,
+}
+
+impl ChatTurn {
+    /// Returns an empty turn of a step.
+    const fn new(step: u32) -> Self {
+        Self { step, action: Value::Null, error: None, failure: None, invalid: 0, completions: Vec::new() }
+    }
+
+    /// Sums the tokens and the latency of all calls.
     #[must_use]
-    pub fn came_to(&self) -> (u64, u64, Duration) {
+    pub fn usage(&self) -> TurnUsage {
         let sum = |of: fn(&Completion) -> u64| self.completions.iter().map(of).fold(0, u64::saturating_add);
-        (sum(|c| c.tokens_in), sum(|c| c.tokens_out), Duration::from_millis(sum(|c| c.latency_ms)))
+        TurnUsage {
+            tokens_in: sum(|call| call.tokens_in),
+            tokens_out: sum(|call| call.tokens_out),
+            latency: Duration::from_millis(sum(|call| call.latency_ms)),
+        }
     }
 }
 
-/// A model that flies one episode.
+/// Policy of one episode that asks a language model for every action.
 #[derive(Debug)]
 pub struct ChatPolicy {
-    llm: Llm,
+    llm: LlmClient,
     settings: ChatSettings,
-    briefing: Briefing,
-    history: History,
+    prompt: TaskPrompt,
+    history: ChatHistory,
+    /// Number of steps that were decided.
     steps: u32,
 }
 
+/// ModelReply of the model: its text, and the action in it or the reason why there is none.
+struct ModelReply {
+    text: String,
+    action: Result<Value, String>,
+}
+
 impl ChatPolicy {
-    /// A model at the start of an episode.
+    /// Creates the policy at the start of an episode.
     #[must_use]
-    pub fn new(llm: Llm, briefing: Briefing, settings: ChatSettings) -> Self {
-        let history = History::new(settings.history);
-        Self { llm, settings, briefing, history, steps: 0 }
+    pub fn new(llm: LlmClient, prompt: TaskPrompt, settings: ChatSettings) -> Self {
+        let history = ChatHistory::new(settings.history);
+        Self { llm, settings, prompt, history, steps: 0 }
     }
 
-    /// What the model is told of the task.
+    /// Returns the prompt of the task.
     #[must_use]
-    pub const fn briefing(&self) -> &Briefing {
-        &self.briefing
+    pub const fn prompt(&self) -> &TaskPrompt {
+        &self.prompt
     }
 
-    /// Decides a step. An answer that is no action is repaired once; a model that gives none even then, is too late, or
-    /// whose answer makes no sense, does nothing, and the turn says why: that is the agent's doing.
+    /// Chooses the action of the next step. A reply that is not an action is repaired once.
+    ///
+    /// If the repair fails too, the model times out, or the endpoint's response is malformed, then the action is *hold* and
+    /// the turn has the error: such a failure counts as the agent's.
     ///
     /// # Errors
-    /// An endpoint that cannot be used: the episode cannot be flown by it.
-    pub async fn act(&mut self, seen: &Seen) -> Result<Turn, LlmError> {
-        let step = self.steps + 1;
-        let asked = self.briefing.user(step, seen);
-        let mut messages = vec![Message::new(Role::System, self.briefing.system())];
+    /// Returns every other [`LlmError`]: the endpoint cannot be used, and the episode cannot go on.
+    pub async fn act(&mut self, time_step: &TimeStep) -> Result<ChatTurn, LlmError> {
+        let mut turn = ChatTurn::new(self.steps + 1);
+        let request = self.prompt.user(turn.step, time_step);
+        let mut messages = vec![Message::new(Role::System, self.prompt.system())];
         messages.extend(self.history.messages());
-        messages.push(Message::new(Role::User, &asked));
-        let mut turn =
-            Turn { step, action: Value::Null, error: None, lack: None, invalid: 0, completions: Vec::new() };
+        messages.push(Message::new(Role::User, &request));
         let action = match self.decide(messages, &mut turn).await {
             Ok(action) => action,
-            // The model's own: everything else is the endpoint's.
-            Err(error @ (LlmError::Timeout { .. } | LlmError::Nonsense { .. })) => {
+            Err(error @ (LlmError::Timeout { .. } | LlmError::InvalidResponse { .. })) => {
                 turn.error = Some(error.to_string());
-                let late = matches!(error, LlmError::Timeout { .. });
-                turn.lack = Some(if late { Lack::Late } else { Lack::Nonsense });
+                let is_timeout = matches!(error, LlmError::Timeout { .. });
+                let failure =
+                    if is_timeout { ActionFailure::Timeout } else { ActionFailure::MalformedResponse };
+                turn.failure = Some(failure);
                 None
             }
             Err(error) => return Err(error),
         };
-        self.steps = step;
-        turn.action = action.unwrap_or_else(|| self.briefing.actions().hold());
-        self.history.push(asked, self.briefing.actions().text(&turn.action));
+        self.steps = turn.step;
+        turn.action = action.unwrap_or_else(|| self.prompt.codec().hold());
+        self.history.push(request, self.prompt.codec().to_text(&turn.action));
         Ok(turn)
     }
 
-    /// Asks, and once more with what was wrong.
-    async fn decide(&self, mut messages: Vec<Message>, turn: &mut Turn) -> Result<Option<Value>, LlmError> {
-        for _ in 0..2 {
-            let (text, read) = self.ask(messages.clone(), turn).await?;
-            let reason = match read {
+    /// Asks for an action, and asks once more with the reason if the reply is not one.
+    async fn decide(
+        &self,
+        mut messages: Vec<Message>,
+        turn: &mut ChatTurn,
+    ) -> Result<Option<Value>, LlmError> {
+        for _ in 0..MAX_CALLS {
+            let ModelReply { text, action } = self.call(messages.clone(), turn).await?;
+            let reason = match action {
                 Ok(action) => {
-                    (turn.error, turn.lack) = (None, None);
+                    (turn.error, turn.failure) = (None, None);
                     return Ok(Some(action));
                 }
                 Err(reason) => reason,
             };
             turn.invalid += 1;
             turn.error = Some(format!("the answer is no action: {reason}"));
-            let cut = turn.completions.last().is_some_and(|completion| completion.cut);
-            turn.lack = Some(if cut { Lack::CutOff } else { Lack::NoAction });
-            let shown: String = text.chars().take(SHOWN_AGAIN).collect();
-            // Some endpoints refuse a message without words.
-            let shown = if shown.trim().is_empty() { "(nothing)".to_owned() } else { shown };
-            messages.push(Message::new(Role::Assistant, shown));
-            messages.push(Message::new(Role::User, self.briefing.repair(&reason)));
+            let is_cut = turn.completions.last().is_some_and(|completion| completion.cut);
+            turn.failure = Some(if is_cut { ActionFailure::CutOff } else { ActionFailure::Invalid });
+            let repeated: String = text.chars().take(MAX_REPEATED_CHARS).collect();
+            // Some endpoints reject an empty message.
+            let repeated = if repeated.trim().is_empty() { "(nothing)".to_owned() } else { repeated };
+            messages.push(Message::new(Role::Assistant, repeated));
+            messages.push(Message::new(Role::User, self.prompt.repair(&reason)));
         }
         Ok(None)
     }
 
-    /// One call: what was said, and the action in it or what is wrong with it.
-    async fn ask(
-        &self,
-        messages: Vec<Message>,
-        turn: &mut Turn,
-    ) -> Result<(String, Result<Value, String>), LlmError> {
-        let actions = self.briefing.actions();
-        let ask = Ask {
+    /// Sends one call and records it in `turn`.
+    async fn call(&self, messages: Vec<Message>, turn: &mut ChatTurn) -> Result<ModelReply, LlmError> {
+        let codec = self.prompt.codec();
+        let request = ChatRequest {
             messages,
-            schema: actions.schema().clone(),
-            name: "action",
+            schema: codec.schema().clone(),
+            schema_name: "action",
             max_tokens: self.settings.max_tokens,
             temperature: self.settings.temperature,
         };
-        let (begun, mut bill) = (Instant::now(), Bill::default());
-        let call = Call { run: &self.settings.run, ask: &ask, until: None };
-        let answer = self.llm.ask(&call, &mut bill).await;
-        let latency_ms = u64::try_from(begun.elapsed().as_millis()).unwrap_or(u64::MAX);
-        let Bill { tokens_in, tokens_out, .. } = bill;
+        let (started, mut usage) = (Instant::now(), TokenUsage::default());
+        let call = ChatCall { run: &self.settings.run, request: &request, deadline: None };
+        let result = self.llm.complete(&call, &mut usage).await;
         let mut completion = Completion {
-            messages: ask.messages,
+            messages: request.messages,
             text: None,
             cut: false,
             error: None,
-            tokens_in,
-            tokens_out,
-            latency_ms,
+            tokens_in: usage.tokens_in,
+            tokens_out: usage.tokens_out,
+            latency_ms: u64::try_from(started.elapsed().as_millis()).unwrap_or(u64::MAX),
             tokens: None,
         };
-        match answer {
-            Ok(reply) => {
-                let read = answer::read(&reply.text, actions, self.llm.config()).map_err(|reason| {
-                    if reply.cut { format!("{reason}; it was cut off for its length") } else { reason }
-                });
-                completion.cut = reply.cut;
-                completion.tokens = reply.tokens;
-                if let (Some(last), Some(appended)) = (completion.messages.last_mut(), reply.appended) {
-                    last.content.push_str(&appended);
-                }
-                completion.error = read.as_ref().err().cloned();
-                completion.text = Some(reply.text.clone());
-                turn.completions.push(completion);
-                Ok((reply.text, read))
-            }
+        let reply = match result {
+            Ok(response) => Ok(self.record_response(response, &mut completion)),
             Err(error) => {
                 completion.error = Some(error.to_string());
-                turn.completions.push(completion);
                 Err(error)
             }
+        };
+        turn.completions.push(completion);
+        reply
+    }
+
+    /// Records a response in its completion and parses the action in it.
+    fn record_response(&self, response: ChatResponse, completion: &mut Completion) -> ModelReply {
+        let is_cut = response.is_truncated;
+        let action = parse_action(&response.text, self.prompt.codec(), self.llm.config()).map_err(|reason| {
+            if is_cut { format!("{reason}; it was cut off for its length") } else { reason }
+        });
+        completion.cut = is_cut;
+        completion.tokens = response.token_details;
+        if let (Some(last), Some(schema)) = (completion.messages.last_mut(), response.appended_schema) {
+            last.content.push_str(&schema);
         }
+        completion.error = action.as_ref().err().cloned();
+        completion.text = Some(response.text.clone());
+        ModelReply { text: response.text, action }
     }
 }

@@ -2,34 +2,41 @@
 
 use std::collections::VecDeque;
 
-use designer::llm::{Message, Role};
+use llm::{Message, Role};
 
-/// A window of exchanges, the newest last.
+/// Window of the last exchanges, oldest first.
 #[derive(Debug, Clone, Default)]
-pub(super) struct History {
-    exchanges: VecDeque<(String, String)>,
-    most: usize,
+pub(super) struct ChatHistory {
+    exchanges: VecDeque<Exchange>,
+    max_exchanges: usize,
 }
 
-impl History {
-    /// A window of so many exchanges.
-    pub(super) fn new(most: usize) -> Self {
-        Self { exchanges: VecDeque::new(), most }
+/// One message of the user and the action that answered it.
+#[derive(Debug, Clone)]
+struct Exchange {
+    request: String,
+    action: String,
+}
+
+impl ChatHistory {
+    /// Creates an empty window of up to `max_exchanges` exchanges.
+    pub(super) fn new(max_exchanges: usize) -> Self {
+        Self { exchanges: VecDeque::new(), max_exchanges }
     }
 
-    /// What was asked, and the action that was taken.
-    pub(super) fn push(&mut self, asked: String, done: String) {
-        self.exchanges.push_back((asked, done));
-        while self.exchanges.len() > self.most {
+    /// Appends an exchange and drops the oldest ones beyond the window.
+    pub(super) fn push(&mut self, request: String, action: String) {
+        self.exchanges.push_back(Exchange { request, action });
+        while self.exchanges.len() > self.max_exchanges {
             self.exchanges.pop_front();
         }
     }
 
-    /// The conversation so far, as far as it is remembered.
+    /// Returns the messages of the window, oldest first.
     pub(super) fn messages(&self) -> impl Iterator<Item = Message> {
-        self.exchanges
-            .iter()
-            .flat_map(|(asked, done)| [Message::new(Role::User, asked), Message::new(Role::Assistant, done)])
+        self.exchanges.iter().flat_map(|exchange| {
+            [Message::new(Role::User, &exchange.request), Message::new(Role::Assistant, &exchange.action)]
+        })
     }
 }
 
@@ -38,13 +45,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_are_remembered() {
-        for (most, left) in [(0, ""), (1, "c3"), (2, "b2c3"), (9, "a1b2c3")] {
-            let mut history = History::new(most);
-            for (asked, done) in [("a", "1"), ("b", "2"), ("c", "3")] {
-                history.push(asked.to_owned(), done.to_owned());
+    fn newest_exchanges_are_kept() {
+        for (max_exchanges, expected) in [(0, ""), (1, "c3"), (2, "b2c3"), (9, "a1b2c3")] {
+            let mut history = ChatHistory::new(max_exchanges);
+            for (request, action) in [("a", "1"), ("b", "2"), ("c", "3")] {
+                history.push(request.to_owned(), action.to_owned());
             }
-            assert_eq!(history.messages().map(|message| message.content).collect::<String>(), left);
+            assert_eq!(history.messages().map(|message| message.content).collect::<String>(), expected);
         }
     }
 }

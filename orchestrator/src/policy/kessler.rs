@@ -1,189 +1,209 @@
-//! What a language model is told of kessler: debris as it threatens each satellite instead of a raw list.
+//! Observations of kessler as text for a language model: threats to each satellite instead of a raw list of debris.
 
 use std::fmt::Write;
 
 use env_core::TaskSpec;
 use env_core::kessler::constants::{CONTACT_DISTANCE, FORMATION_SIDE, HORIZON};
 use env_core::kessler::kernel::{Body, Gravity};
-use env_core::kessler::telemetry::{DebrisTelemetry, SatelliteTelemetry, Telemetry};
+use env_core::kessler::telemetry::{DebrisTelemetry, KesslerTelemetry, SatelliteTelemetry};
 use serde_json::Value;
 
-/// Steps foreseen, by the plain dynamics and under hold.
-const LOOK_AHEAD: u32 = 10;
-/// Debris told of per satellite, at most.
-const THREATS: usize = 4;
-/// Debris that does not come nearer than this, LU, is not told of.
-const NEAR: f64 = 10.0;
-/// Conjunction warnings told, at most.
-const WARNINGS: usize = 12;
+/// Number of steps in a kessler episode.
+pub(super) const STEPS: u32 = HORIZON;
+/// Description of an action for the system message.
+pub(super) const ACTION_FORM: &str = "It is {\"burns\": [...]}, with at most one burn a satellite: {\"satellite_id\": number, \
+                               \"delta_vx\": number, \"delta_vy\": number}. {\"burns\": []} does nothing.";
+/// Number of steps over which threats are predicted, by the plain dynamics and under *hold*.
+const THREAT_LOOK_AHEAD: u32 = 10;
+/// Maximum number of threats listed for each satellite.
+const MAX_THREATS: usize = 4;
+/// Debris is a threat if it comes nearer than this, in LU.
+const THREAT_DISTANCE: f64 = 10.0;
+/// Maximum number of conjunction warnings that are listed.
+const MAX_WARNINGS: usize = 12;
 
-/// Whether a task is of this world.
-pub(super) fn flies(task: &dyn TaskSpec) -> bool {
-    task.world() == env_core::kessler::WORLD
+/// Returns true if a task belongs to kessler.
+pub(super) fn is_kessler(task: &dyn TaskSpec) -> bool {
+    task.world() == env_core::kessler::WORLD_ID
 }
 
-/// Steps of an episode.
-pub(super) const STEPS: u32 = HORIZON;
-
-/// What an action looks like, in words.
-pub(super) const FORM: &str = "It is {\"burns\": [...]}, with at most one burn a satellite: {\"satellite_id\": number, \
-                               \"delta_vx\": number, \"delta_vy\": number}. {\"burns\": []} does nothing.";
-
-/// An observation as tables; none where it is not one of this world.
-pub(super) fn compact(seen: &Value) -> Option<String> {
-    let seen: Telemetry = serde_json::from_value(seen.clone()).ok()?;
+/// Formats an observation as tables; `None` if it is not an observation of kessler.
+pub(super) fn format_observation(observation: &Value) -> Option<String> {
+    let telemetry: KesslerTelemetry = serde_json::from_value(observation.clone()).ok()?;
     let mut text =
         "Satellites (r: orbit radius; out: unit vector away from the Earth; ahead: prograde):\n".to_owned();
     text.push_str("satellite, x, y, vx, vy, r, out, ahead, fuel\n");
-    for satellite in &seen.satellites {
-        row(satellite, &mut text);
+    for satellite in &telemetry.satellites {
+        write_satellite(satellite, &mut text);
     }
-    goal(&seen, &mut text);
-    threats(&seen, &mut text);
-    warnings(&seen, &mut text);
-    if !seen.critical_alerts.is_empty() {
-        let _ = write!(text, "\nIn the last step: {}", seen.critical_alerts.join(" "));
+    write_goal(&telemetry, &mut text);
+    write_threats(&telemetry, &mut text);
+    write_warnings(&telemetry, &mut text);
+    if !telemetry.critical_alerts.is_empty() {
+        let _ = write!(text, "\nIn the last step: {}", telemetry.critical_alerts.join(" "));
     }
     Some(text)
 }
 
-/// A number with so many decimals; zero has no sign.
-fn n(value: f64, decimals: usize) -> String {
+/// Formats a number with `decimals` decimals; zero has no sign.
+fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     if text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.')) { text.replace('-', "") } else { text }
 }
 
-/// A vector.
-fn v((x, y): (f64, f64)) -> String {
-    format!("({} {})", n(x, 2), n(y, 2))
+/// Formats a vector with two decimals.
+fn vector(vector: (f64, f64)) -> String {
+    format!("({} {})", fixed(vector.0, 2), fixed(vector.1, 2))
 }
 
-// Writing to a string cannot fail.
-fn row(satellite: &SatelliteTelemetry, text: &mut String) {
+// The results of `write!` are ignored below: writing to a string cannot fail.
+
+/// Writes the row of one satellite.
+fn write_satellite(satellite: &SatelliteTelemetry, text: &mut String) {
     let SatelliteTelemetry { id, x, y, vx, vy, fuel, .. } = satellite;
-    if !satellite.active() {
+    if !satellite.is_active() {
         let _ = writeln!(text, "{id}, destroyed");
         return;
     }
     let body = satellite.body();
-    let (out, ahead) = body.frame();
-    let [x, y] = [*x, *y].map(|value| n(value, 1));
-    let [vx, vy] = [*vx, *vy].map(|value| n(value, 2));
-    let _ =
-        write!(text, "{id}, {x}, {y}, {vx}, {vy}, {:.1}, {}, {}, {fuel:.1}", body.radius(), v(out), v(ahead));
+    let (out, ahead) = body.local_axes();
+    let [x, y] = [*x, *y].map(|value| fixed(value, 1));
+    let [vx, vy] = [*vx, *vy].map(|value| fixed(value, 2));
+    let (out, ahead) = (vector(out), vector(ahead));
+    let _ = write!(text, "{id}, {x}, {y}, {vx}, {vy}, {:.1}, {out}, {ahead}, {fuel:.1}", body.radius());
     let survives = satellite.survival_probability.map(|p| format!(", survives with probability {p:.3}"));
     let _ = writeln!(text, "{}", survives.unwrap_or_default());
 }
 
-fn goal(seen: &Telemetry, text: &mut String) {
-    let flying = |id: usize| seen.satellites.get(id).filter(|satellite| satellite.active());
-    if let Some(satellite) = flying(0).filter(|_| seen.target_radius > 0.0) {
+/// Writes how far the satellites are from the task's target radius or separation.
+fn write_goal(telemetry: &KesslerTelemetry, text: &mut String) {
+    let active = |id: usize| telemetry.satellites.get(id).filter(|satellite| satellite.is_active());
+    if let Some(satellite) = active(0).filter(|_| telemetry.target_radius > 0.0) {
         let body = satellite.body();
-        let ((ox, oy), (ax, ay)) = body.frame();
+        let ((ox, oy), (ax, ay)) = body.local_axes();
         let (out, ahead) = (body.vx * ox + body.vy * oy, body.vx * ax + body.vy * ay);
         let _ = writeln!(
             text,
             "Target radius of satellite 0: {:.0}; it is at {:.1}, its speed {} out and {} ahead.",
-            seen.target_radius,
+            telemetry.target_radius,
             body.radius(),
-            n(out, 2),
-            n(ahead, 2)
+            fixed(out, 2),
+            fixed(ahead, 2)
         );
     }
-    if seen.target_separation > 0.0 {
+    if telemetry.target_separation > 0.0 {
         let pairs = [(0, 1), (0, 2), (1, 2)].into_iter().filter_map(|(a, b)| {
-            let (first, second) = (flying(a)?.body(), flying(b)?.body());
-            let apart = libm::hypot(first.x - second.x, first.y - second.y);
-            Some(format!("{a}-{b} {apart:.1}"))
+            let (first, second) = (active(a)?.body(), active(b)?.body());
+            let distance = libm::hypot(first.x - second.x, first.y - second.y);
+            Some(format!("{a}-{b} {distance:.1}"))
         });
-        let told: Vec<String> = pairs.collect();
-        let _ = writeln!(text, "Distances, {FORMATION_SIDE:.0} is wanted: {}.", told.join(", "));
+        let distances: Vec<String> = pairs.collect();
+        let _ = writeln!(text, "Distances, {FORMATION_SIDE:.0} is wanted: {}.", distances.join(", "));
     }
 }
 
-/// Debris where it comes nearest to a satellite, both under hold.
+/// Closest approach of one piece of debris to one satellite under *hold*.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Threat {
     satellite: u32,
     debris: u32,
-    now: f64,
-    nearest: f64,
+    /// Distance now, in LU.
+    distance: f64,
+    /// Distance at the closest approach, in LU.
+    min_distance: f64,
+    /// Number of steps until the closest approach.
     step: u32,
-    /// Unit vector from the satellite to the debris then.
-    side: (f64, f64),
-    /// Relative speed then.
+    /// Unit vector from the satellite to the debris at the closest approach.
+    direction: (f64, f64),
+    /// Relative speed at the closest approach.
     speed: f64,
 }
 
-fn threats(seen: &Telemetry, text: &mut String) {
-    let mut told: Vec<Threat> = Vec::new();
-    for satellite in seen.satellites.iter().filter(|satellite| satellite.active()) {
-        let all = seen.radar_debris.iter().map(|debris| foreseen(satellite, debris));
-        let mut near: Vec<Threat> = all.filter(|threat| threat.nearest < NEAR).collect();
-        near.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        told.extend(near.into_iter().take(THREATS));
+/// Writes the nearest threats to each satellite.
+fn write_threats(telemetry: &KesslerTelemetry, text: &mut String) {
+    let mut threats: Vec<Threat> = Vec::new();
+    for satellite in telemetry.satellites.iter().filter(|satellite| satellite.is_active()) {
+        let all = telemetry.radar_debris.iter().map(|debris| predict_threat(satellite, debris));
+        let mut near: Vec<Threat> = all.filter(|threat| threat.min_distance < THREAT_DISTANCE).collect();
+        near.sort_by(|a, b| a.min_distance.total_cmp(&b.min_distance));
+        threats.extend(near.into_iter().take(MAX_THREATS));
     }
-    let range = if seen.radar_range > 0.0 {
-        format!(", radar sees {:.0} far", seen.radar_range)
+    let range = if telemetry.radar_range > 0.0 {
+        format!(", radar sees {:.0} far", telemetry.radar_range)
     } else {
         String::new()
     };
-    let pieces = seen.radar_debris.len();
-    if told.is_empty() {
+    let pieces = telemetry.radar_debris.len();
+    if threats.is_empty() {
         let _ = writeln!(
             text,
-            "Debris: {pieces} pieces in sight{range}; within {LOOK_AHEAD} steps none comes nearer than {NEAR:.0} if \
-             nobody burns."
+            "Debris: {pieces} pieces in sight{range}; within {THREAT_LOOK_AHEAD} steps none comes nearer than \
+             {THREAT_DISTANCE:.0} if nobody burns."
         );
         return;
     }
     let _ = writeln!(
         text,
-        "Debris: {pieces} pieces in sight{range}; what comes nearer than {NEAR:.0} within {LOOK_AHEAD} steps if nobody \
-         burns (side: unit vector from the satellite to where it is nearest):\n\
+        "Debris: {pieces} pieces in sight{range}; what comes nearer than {THREAT_DISTANCE:.0} within {THREAT_LOOK_AHEAD} steps \
+         if nobody burns (side: unit vector from the satellite to where it is nearest):\n\
          satellite, debris, distance now, nearest, in steps, side, relative speed"
     );
-    for threat in told {
-        let Threat { satellite, debris, now, nearest, step, side, speed } = threat;
-        let hit = if nearest < CONTACT_DISTANCE { " HIT" } else { "" };
+    for threat in threats {
+        let Threat { satellite, debris, distance, min_distance, step, direction, speed } = threat;
+        let hit = if min_distance < CONTACT_DISTANCE { " HIT" } else { "" };
         let _ = writeln!(
             text,
-            "{satellite}, {debris}, {now:.1}, {nearest:.1}{hit}, {step}, {}, {speed:.1}",
-            v(side)
+            "{satellite}, {debris}, {distance:.1}, {min_distance:.1}{hit}, {step}, {}, {speed:.1}",
+            vector(direction)
         );
     }
 }
 
-fn foreseen(satellite: &SatelliteTelemetry, debris: &DebrisTelemetry) -> Threat {
-    let (mut own, mut other) = (satellite.body(), debris.body());
-    let apart = |own: &Body, other: &Body| libm::hypot(other.x - own.x, other.y - own.y);
-    let now = apart(&own, &other);
-    let mut nearest: Option<(f64, u32, Body, Body)> = None;
-    for step in 1..=LOOK_AHEAD {
-        (own, other) = (own.coasted(Gravity::Point), other.coasted(Gravity::Point));
-        let distance = apart(&own, &other);
-        if nearest.is_none_or(|(least, ..)| distance < least) {
-            nearest = Some((distance, step, own, other));
+/// State of a satellite and a piece of debris at one step of the prediction.
+#[derive(Clone, Copy)]
+struct Approach {
+    distance: f64,
+    step: u32,
+    satellite: Body,
+    debris: Body,
+}
+
+/// Predicts the closest approach within [`THREAT_LOOK_AHEAD`] steps.
+fn predict_threat(satellite: &SatelliteTelemetry, debris: &DebrisTelemetry) -> Threat {
+    let at = |step: u32, satellite: Body, debris: Body| {
+        let distance = libm::hypot(debris.x - satellite.x, debris.y - satellite.y);
+        Approach { distance, step, satellite, debris }
+    };
+    let start = at(0, satellite.body(), debris.body());
+    let mut last = start;
+    let mut closest: Option<Approach> = None;
+    for step in 1..=THREAT_LOOK_AHEAD {
+        last = at(step, last.satellite.coast(Gravity::Point), last.debris.coast(Gravity::Point));
+        if closest.is_none_or(|closest| last.distance < closest.distance) {
+            closest = Some(last);
         }
     }
-    let (nearest, step, own, other) = nearest.unwrap_or((now, 0, own, other));
-    let length = nearest.max(1e-9);
+    let Approach { distance, step, satellite: own, debris: other } = closest.unwrap_or(start);
+    let length = distance.max(1e-9);
     Threat {
         satellite: satellite.id,
         debris: debris.id,
-        now,
-        nearest,
+        distance: start.distance,
+        min_distance: distance,
         step,
-        side: ((other.x - own.x) / length, (other.y - own.y) / length),
+        direction: ((other.x - own.x) / length, (other.y - own.y) / length),
         speed: libm::hypot(other.vx - own.vx, other.vy - own.vy),
     }
 }
 
-fn warnings(seen: &Telemetry, text: &mut String) {
-    let Some(warnings) = seen.conjunctions.as_ref().filter(|warnings| !warnings.is_empty()) else { return };
+/// Writes the operator's conjunction warnings, if the observation has any.
+fn write_warnings(telemetry: &KesslerTelemetry, text: &mut String) {
+    let Some(warnings) = telemetry.conjunctions.as_ref().filter(|warnings| !warnings.is_empty()) else {
+        return;
+    };
     let _ =
         writeln!(text, "Warnings of the operator:\nsatellite, debris, in, miss, probability of a collision");
-    for warning in warnings.iter().take(WARNINGS) {
+    for warning in warnings.iter().take(MAX_WARNINGS) {
         let _ = writeln!(
             text,
             "{}, {}, {:.1}, {:.1}, {:.1e}",

@@ -1,18 +1,22 @@
-//! The chat policy: a language model flies. What it sees becomes a message ([`prompt`]), what it says an action
-//! ([`Actions`]); what was said and what it took is kept for each step ([`Turn`]).
+//! The chat policy: a language model chooses the actions of an episode.
 //!
-//! Nothing here knows where the episode is flown, prints or writes: the command line flies one on a server with it, a
-//! background worker may fly one of its own. Policies without a model live in env-core.
+//! [`prompt`] turns an observation into a message, [`ActionCodec`] turns the reply into an action, and [`ChatPolicy`] keeps
+//! the conversation and records every step as a [`ChatTurn`]. Start reading at [`ChatPolicy::act`].
+//!
+//! This module does not know where the episode runs, and it neither prints nor writes files: the command line uses it
+//! against a server, and a background worker uses it for rollouts. Built-in policies without a model live in env-core.
 
-mod actions;
-mod answer;
+mod action_codec;
 mod chat;
 mod history;
 mod kessler;
 pub mod prompt;
+mod reply;
 #[cfg(test)]
 mod tests;
+mod time_step;
 
-pub use self::actions::Actions;
-pub use self::chat::{ChatPolicy, ChatSettings, Completion, Lack, Seen, Turn};
-pub use self::prompt::{Briefing, Telemetry};
+pub use self::action_codec::ActionCodec;
+pub use self::chat::{ActionFailure, ChatPolicy, ChatSettings, ChatTurn, Completion, TurnUsage};
+pub use self::prompt::{ObservationFormat, TaskPrompt};
+pub use self::time_step::TimeStep;

@@ -1,133 +1,138 @@
-//! What a model is told. The words are files in `prompts/`, one folder a version; whatever changes there gets a new
-//! version, so that episodes can be told apart by the prompt that led to them.
+//! Prompts of the chat policy. The texts are files in `prompts/`, one folder for each version. A changed text gets a new
+//! version, so that every episode can be traced to the prompt that led to it.
 
 use env_core::TaskSpec;
 use serde_json::{Number, Value};
 
-use super::actions::Actions;
-use super::chat::Seen;
+use super::action_codec::ActionCodec;
 use super::kessler;
+use super::time_step::TimeStep;
 
-/// The version of the words.
-const VERSION: &str = "1";
-const SYSTEM: &str = include_str!("../../prompts/1/system.md");
-const USER: &str = include_str!("../../prompts/1/user.md");
-const REPAIR: &str = include_str!("../../prompts/1/repair.md");
-const OTHER: &str = include_str!("../../prompts/1/other.md");
-const KESSLER: &str = include_str!("../../prompts/1/kessler.md");
-const GOALS: [(&str, &str); 4] = [
+/// Version of the prompt texts.
+const PROMPT_VERSION: &str = "1";
+const SYSTEM_TEMPLATE: &str = include_str!("../../prompts/1/system.md");
+const USER_TEMPLATE: &str = include_str!("../../prompts/1/user.md");
+const REPAIR_TEMPLATE: &str = include_str!("../../prompts/1/repair.md");
+const OTHER_RULES: &str = include_str!("../../prompts/1/other.md");
+const KESSLER_RULES: &str = include_str!("../../prompts/1/kessler.md");
+const KESSLER_GOALS: [(&str, &str); 4] = [
     ("kessler/survival", include_str!("../../prompts/1/kessler-survival.md")),
     ("kessler/eco_station", include_str!("../../prompts/1/kessler-eco_station.md")),
     ("kessler/rendezvous", include_str!("../../prompts/1/kessler-rendezvous.md")),
     ("kessler/formation", include_str!("../../prompts/1/kessler-formation.md")),
 ];
 /// Significant digits of numbers in a compact observation of a world without tables.
-const DIGITS: usize = 4;
+const SIGNIFICANT_DIGITS: usize = 4;
 
-/// How observations are told.
+/// Format of the observations in a prompt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Telemetry {
-    /// As tables of what matters; of a world without tables as JSON with fewer digits.
+pub enum ObservationFormat {
+    /// Tables of the relevant values, or JSON with fewer digits if the world has no tables.
     Compact,
-    /// As JSON, as the environment says it.
+    /// JSON as the environment sends it.
     Raw,
 }
 
-/// What a model is told of one task.
+/// Prompt texts of one task.
 #[derive(Debug, Clone)]
-pub struct Briefing {
-    actions: Actions,
-    telemetry: Telemetry,
+pub struct TaskPrompt {
+    codec: ActionCodec,
+    format: ObservationFormat,
     system: String,
+    /// Name of the world without its version.
     world: &'static str,
-    tables: bool,
+    /// True if the world's observations are formatted as tables.
+    has_tables: bool,
 }
 
-impl Briefing {
-    /// A briefing on the task with these actions.
+impl TaskPrompt {
+    /// Creates the prompt of the codec's task.
     #[must_use]
-    pub fn new(actions: Actions, telemetry: Telemetry) -> Self {
-        let task = actions.task();
-        let tables = kessler::flies(task);
-        let form = if tables {
-            kessler::FORM.to_owned()
+    pub fn new(codec: ActionCodec, format: ObservationFormat) -> Self {
+        let task = codec.task();
+        let has_tables = kessler::is_kessler(task);
+        let form = if has_tables {
+            kessler::ACTION_FORM.to_owned()
         } else {
-            format!("It keeps to this JSON schema: {}", actions.schema())
+            format!("It keeps to this JSON schema: {}", codec.schema())
         };
-        let system = fill(SYSTEM, &[("rules", rules(task)), ("form", form)]);
+        let system = fill_template(SYSTEM_TEMPLATE, &[("rules", task_rules(task)), ("form", form)]);
         let world = task.world().split('@').next().unwrap_or_default();
-        Self { actions, telemetry, system: system.trim_end().to_owned(), world, tables }
+        Self { codec, format, system: system.trim_end().to_owned(), world, has_tables }
     }
 
-    /// The version of the words, as `kessler-1`; `kessler-1-raw` where observations are raw.
+    /// Returns the version of the prompt: `kessler-1`, or `kessler-1-raw` with raw observations.
     #[must_use]
     pub fn version(&self) -> String {
-        let raw = if self.telemetry == Telemetry::Raw { "-raw" } else { "" };
-        format!("{}-{VERSION}{raw}", self.world)
+        let raw = if self.format == ObservationFormat::Raw { "-raw" } else { "" };
+        format!("{}-{PROMPT_VERSION}{raw}", self.world)
     }
 
-    /// The task's actions.
+    /// Returns the codec of the task's actions.
     #[must_use]
-    pub const fn actions(&self) -> &Actions {
-        &self.actions
+    pub const fn codec(&self) -> &ActionCodec {
+        &self.codec
     }
 
-    /// The rules.
+    /// Returns the system message: the rules and the form of an action.
     #[must_use]
     pub fn system(&self) -> &str {
         &self.system
     }
 
-    /// What a step, counted from 1, looks like.
+    /// Returns the user message of a step, counted from 1.
     #[must_use]
-    pub fn user(&self, step: u32, seen: &Seen) -> String {
-        let of = if self.tables { format!(" of {}", kessler::STEPS) } else { String::new() };
-        let telemetry = match self.telemetry {
-            Telemetry::Raw => seen.observation.to_string(),
-            Telemetry::Compact => {
-                let score = seen.observation["total_score"].as_f64().filter(|_| self.tables);
+    pub fn user(&self, step: u32, time_step: &TimeStep) -> String {
+        let of = if self.has_tables { format!(" of {}", kessler::STEPS) } else { String::new() };
+        let telemetry = match self.format {
+            ObservationFormat::Raw => time_step.observation.to_string(),
+            ObservationFormat::Compact => {
+                let score = time_step.observation["total_score"].as_f64().filter(|_| self.has_tables);
                 let score = score.map_or_else(String::new, |score| format!("Score so far: {score:.3}. "));
-                score + &compact(self.actions.task(), seen)
+                score + &compact_observation(self.codec.task(), time_step)
             }
         };
-        let of = [
+        let values = [
             ("step", step.to_string()),
             ("of", of),
-            ("reward", format!("{:.4}", seen.reward)),
+            ("reward", format!("{:.4}", time_step.reward)),
             ("telemetry", telemetry.trim_end().to_owned()),
         ];
-        fill(USER, &of).trim_end().to_owned()
+        fill_template(USER_TEMPLATE, &values).trim_end().to_owned()
     }
 
-    /// What is said of an answer that was no action.
+    /// Returns the user message that follows a reply that was not an action.
     #[must_use]
     pub fn repair(&self, reason: &str) -> String {
-        let of = [("reason", reason.to_owned()), ("hold", self.actions.hold().to_string())];
-        fill(REPAIR, &of).trim_end().to_owned()
+        let values = [("reason", reason.to_owned()), ("hold", self.codec.hold().to_string())];
+        fill_template(REPAIR_TEMPLATE, &values).trim_end().to_owned()
     }
 }
 
-/// What a task is about, and by which rules it is flown.
-pub(crate) fn rules(task: &dyn TaskSpec) -> String {
-    let rules = if kessler::flies(task) {
-        let goal = GOALS.iter().find(|(id, _)| *id == task.id()).map_or(task.about(), |(_, goal)| goal);
-        let goal = fill(goal.trim_end(), &[("steps", kessler::STEPS.to_string())]);
-        fill(KESSLER, &[("goal", goal)])
+/// Returns the goal and the rules of a task.
+pub(crate) fn task_rules(task: &dyn TaskSpec) -> String {
+    let rules = if kessler::is_kessler(task) {
+        let goal =
+            KESSLER_GOALS.iter().find(|(id, _)| *id == task.id()).map_or(task.about(), |(_, goal)| goal);
+        let goal = fill_template(goal.trim_end(), &[("steps", kessler::STEPS.to_string())]);
+        fill_template(KESSLER_RULES, &[("goal", goal)])
     } else {
-        fill(OTHER, &[("about", task.about().to_owned())])
+        fill_template(OTHER_RULES, &[("about", task.about().to_owned())])
     };
     rules.trim_end().to_owned()
 }
 
-/// An observation as tables; of a world without tables, or where it is none of its world, as JSON with fewer digits.
-pub(crate) fn compact(task: &dyn TaskSpec, seen: &Seen) -> String {
-    let tables = kessler::flies(task).then(|| kessler::compact(&seen.whole())).flatten();
-    let told = tables.unwrap_or_else(|| rounded(&seen.observation).to_string());
-    told.trim_end().to_owned()
+/// Formats an observation as tables, or as JSON with fewer digits if the world has no tables or did not produce it.
+pub(crate) fn compact_observation(task: &dyn TaskSpec, time_step: &TimeStep) -> String {
+    let tables = kessler::is_kessler(task)
+        .then(|| kessler::format_observation(&time_step.with_reward_and_done()))
+        .flatten();
+    let text = tables.unwrap_or_else(|| round_numbers(&time_step.observation).to_string());
+    text.trim_end().to_owned()
 }
 
-/// Puts values in the places of their names, once: what a value says is never a place.
-pub(crate) fn fill(template: &str, values: &[(&str, String)]) -> String {
+/// Replaces each `{{name}}` by its value in one pass: names inside values are not replaced.
+pub(crate) fn fill_template(template: &str, values: &[(&str, String)]) -> String {
     let mut text = String::with_capacity(template.len());
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -149,17 +154,18 @@ pub(crate) fn fill(template: &str, values: &[(&str, String)]) -> String {
     text + rest
 }
 
-/// A value with its fractions in so many significant digits.
-fn rounded(value: &Value) -> Value {
+/// Rounds every fraction in a value to [`SIGNIFICANT_DIGITS`].
+fn round_numbers(value: &Value) -> Value {
     match value {
         Value::Number(number) if number.is_f64() => {
-            let short = number.as_f64().and_then(|number| format!("{number:.*e}", DIGITS - 1).parse().ok());
-            short.and_then(Number::from_f64).map_or_else(|| value.clone(), Value::Number)
+            let digits = SIGNIFICANT_DIGITS - 1;
+            let rounded = number.as_f64().and_then(|number| format!("{number:.digits$e}").parse().ok());
+            rounded.and_then(Number::from_f64).map_or_else(|| value.clone(), Value::Number)
         }
-        Value::Array(items) => items.iter().map(rounded).collect(),
+        Value::Array(items) => items.iter().map(round_numbers).collect(),
         Value::Object(fields) => fields
             .iter()
-            .map(|(name, value)| (name.clone(), rounded(value)))
+            .map(|(name, value)| (name.clone(), round_numbers(value)))
             .collect::<serde_json::Map<_, _>>()
             .into(),
         other => other.clone(),

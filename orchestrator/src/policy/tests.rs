@@ -1,10 +1,10 @@
-//! What a model is told and how its words are read. How it flies is tested by the whole-system tests, over a real socket.
+//! Tests of prompts and of the actions read from replies. The whole-system tests run episodes over a real socket.
 
 use std::fmt::Write;
 
-use designer::llm::{LlmConfig, WallClock};
 use env_core::task::StepReport;
 use env_core::{JointAction, Recipe, Scenario, Seed, TaskSpec};
+use llm::{LlmConfig, WallClock};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -12,8 +12,8 @@ use super::*;
 
 const TASKS: [&str; 3] = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
 
-/// What a task looks like after so many steps of holding.
-fn seen(task: &'static dyn TaskSpec, seed: u64, steps: u32) -> Seen {
+/// Returns the time step of a task after `steps` steps of *hold*.
+fn time_step_after(task: &'static dyn TaskSpec, seed: u64, steps: u32) -> TimeStep {
     let scenario = Scenario::new(Recipe::new(task).unwrap(), Seed::user(seed).unwrap());
     let mut episode = task.start(&scenario).unwrap();
     let mut report = StepReport::default();
@@ -22,75 +22,77 @@ fn seen(task: &'static dyn TaskSpec, seed: u64, steps: u32) -> Seen {
     }
     let mut observation = episode.telemetry();
     observation.as_object_mut().unwrap().retain(|name, _| name != "reward" && name != "done");
-    Seen { observation, reward: report.reward, done: report.done }
+    TimeStep { observation, reward: report.reward, done: report.done }
 }
 
-fn kessler(id: &str, telemetry: Telemetry) -> Briefing {
+fn prompt_of(id: &str, format: ObservationFormat) -> TaskPrompt {
     let task = env_core::task(id).unwrap();
-    Briefing::new(Actions::new(task), telemetry)
+    TaskPrompt::new(ActionCodec::new(task), format)
 }
 
-fn docking() -> Actions {
-    Actions::new(env_core::task("docking/single").unwrap())
+fn docking() -> ActionCodec {
+    ActionCodec::new(env_core::task("docking/single").unwrap())
 }
 
-fn read(text: &str, actions: &Actions) -> Result<Value, String> {
+fn read(text: &str, codec: &ActionCodec) -> Result<Value, String> {
     let mut config = LlmConfig::new("http://127.0.0.1:1/v1", "m", WallClock::new(|| 0));
     config.key = Some("sk-secret".to_owned().into());
-    answer::read(text, actions, &config)
+    reply::parse_action(text, codec, &config)
 }
 
 #[test]
-fn a_model_is_told_the_rules_and_what_is_seen() {
+fn prompts_hold_the_rules_and_the_observation() {
     for (id, steps) in [(TASKS[0], 0), (TASKS[1], 6), (TASKS[2], 3), ("kessler/formation", 1)] {
-        let briefing = kessler(id, Telemetry::Compact);
-        let user = briefing.user(steps + 1, &seen(env_core::task(id).unwrap(), 1, steps));
+        let prompt = prompt_of(id, ObservationFormat::Compact);
+        let user = prompt.user(steps + 1, &time_step_after(env_core::task(id).unwrap(), 1, steps));
         let name = id.split('/').next_back().unwrap();
         insta::assert_snapshot!(
-            format!("told_{name}"),
-            format!("{}\n\n{}\n\n=====\n\n{user}", briefing.version(), briefing.system())
+            format!("prompt_{name}"),
+            format!("{}\n\n{}\n\n=====\n\n{user}", prompt.version(), prompt.system())
         );
     }
     let task = env_core::task("docking/single").unwrap();
-    let briefing = Briefing::new(docking(), Telemetry::Compact);
-    let user = briefing.user(1, &seen(task, 1, 0));
-    insta::assert_snapshot!("told_docking", format!("{}\n\n=====\n\n{user}", briefing.system()));
-    insta::assert_snapshot!(briefing.repair("burns is missing"), @r#"That is no action: burns is missing. Answer with one JSON object and nothing else; {"thrusts":[]} does nothing."#);
+    let prompt = TaskPrompt::new(docking(), ObservationFormat::Compact);
+    let user = prompt.user(1, &time_step_after(task, 1, 0));
+    insta::assert_snapshot!("prompt_docking", format!("{}\n\n=====\n\n{user}", prompt.system()));
+    insta::assert_snapshot!(prompt.repair("burns is missing"), @r#"That is no action: burns is missing. Answer with one JSON object and nothing else; {"thrusts":[]} does nothing."#);
 }
 
 #[test]
-fn raw_telemetry_is_what_the_server_said() {
+fn raw_format_repeats_the_servers_observation() {
     let task = env_core::task(TASKS[0]).unwrap();
-    let seen = seen(task, 3, 2);
-    let briefing = kessler(TASKS[0], Telemetry::Raw);
-    assert!(briefing.user(3, &seen).contains(&seen.observation.to_string()));
-    assert_eq!(briefing.version(), "kessler-1-raw");
-    // An observation that is none of its world is told as it is, in fewer digits.
-    let odd = Seen { observation: json!({"x": [1.234_567_8, {"n": 7}]}), reward: 0.0, done: false };
-    assert!(kessler(TASKS[0], Telemetry::Compact).user(1, &odd).contains(r#"{"x":[1.235,{"n":7}]}"#));
+    let time_step = time_step_after(task, 3, 2);
+    let prompt = prompt_of(TASKS[0], ObservationFormat::Raw);
+    assert!(prompt.user(3, &time_step).contains(&time_step.observation.to_string()));
+    assert_eq!(prompt.version(), "kessler-1-raw");
+    // An observation of another world is formatted as JSON with fewer digits.
+    let odd = TimeStep { observation: json!({"x": [1.234_567_8, {"n": 7}]}), reward: 0.0, done: false };
+    assert!(
+        prompt_of(TASKS[0], ObservationFormat::Compact).user(1, &odd).contains(r#"{"x":[1.235,{"n":7}]}"#)
+    );
 }
 
-/// Names within values are no places.
+/// Placeholders inside values are not replaced.
 #[test]
-fn what_a_server_says_stays_text() {
-    let odd = Seen { observation: json!({"a": "{{step}} {{telemetry}} {{"}), reward: 0.0, done: false };
-    let user = kessler(TASKS[0], Telemetry::Compact).user(4, &odd);
+fn placeholders_in_observations_stay_text() {
+    let odd = TimeStep { observation: json!({"a": "{{step}} {{telemetry}} {{"}), reward: 0.0, done: false };
+    let user = prompt_of(TASKS[0], ObservationFormat::Compact).user(4, &odd);
     assert!(user.contains("{{step}} {{telemetry}} {{") && user.starts_with("Step 4 of 50."), "{user}");
 }
 
-/// The mean length of a message over the first steps of an episode and over seeds, compact and raw: as docs/play.md tells it.
+/// docs/play.md lists the mean length of a message over 20 seeds, after five steps, in both formats.
 #[test]
-fn the_docs_tell_how_much_shorter_compact_is() {
+fn docs_list_the_length_of_both_formats() {
     let mut table = String::new();
     for id in TASKS {
         let task = env_core::task(id).unwrap();
-        let mean = |telemetry| {
-            let briefing = kessler(id, telemetry);
-            let all: usize = (0..20).map(|seed| briefing.user(6, &seen(task, seed, 5)).chars().count()).sum();
-            all / 20
+        let mean = |format| {
+            let prompt = prompt_of(id, format);
+            let length = |seed| prompt.user(6, &time_step_after(task, seed, 5)).chars().count();
+            (0..20).map(length).sum::<usize>() / 20
         };
-        let (compact, raw) = (mean(Telemetry::Compact), mean(Telemetry::Raw));
-        let system = kessler(id, Telemetry::Compact).system().chars().count();
+        let (compact, raw) = (mean(ObservationFormat::Compact), mean(ObservationFormat::Raw));
+        let system = prompt_of(id, ObservationFormat::Compact).system().chars().count();
         assert!(2 * compact < raw, "{id}: {compact} and {raw}");
         writeln!(table, "| {id} | {system} | {compact} | {raw} | {:.1} |", raw as f64 / compact as f64)
             .unwrap();
@@ -100,10 +102,10 @@ fn the_docs_tell_how_much_shorter_compact_is() {
 }
 
 #[test]
-fn actions_are_found_wherever_they_are() {
-    let actions = Actions::new(env_core::task(TASKS[0]).unwrap());
+fn actions_are_found_in_any_reply_form() {
+    let codec = ActionCodec::new(env_core::task(TASKS[0]).unwrap());
     let burn = r#"{"satellite_id": 1, "delta_vx": 0.5, "delta_vy": -0.25}"#;
-    let wanted = json!({"burns": [{"satellite_id": 1, "delta_vx": 0.5, "delta_vy": -0.25}]});
+    let expected = json!({"burns": [{"satellite_id": 1, "delta_vx": 0.5, "delta_vy": -0.25}]});
     for text in [
         format!(r#"{{"burns": [{burn}]}}"#),
         format!(r#"{{"action": {{"burns": [{burn}]}}}}"#),
@@ -114,42 +116,42 @@ fn actions_are_found_wherever_they_are() {
         format!(r#"<think>{{"burns": [9]}} no…</think>{{"thought": "up", "burns": [{burn}]}}"#),
         r#"{"burns": [{"satellite_id": 1.0, "delta_vx": "0.5", "delta_vy": -0.25, "why": "up"}]}"#.to_owned(),
     ] {
-        assert_eq!(read(&text, &actions).as_ref(), Ok(&wanted), "{text}");
+        assert_eq!(read(&text, &codec).as_ref(), Ok(&expected), "{text}");
     }
-    assert_eq!(read("[]", &actions).unwrap(), actions.hold());
-    assert_eq!(actions.hold(), json!({"burns": []}));
-    // Written as whoever is held to the schema writes it.
+    assert_eq!(read("[]", &codec).unwrap(), codec.hold());
+    assert_eq!(codec.hold(), json!({"burns": []}));
+    // The text has its fields in the order of the schema.
     let text = r#"{"burns":[{"satellite_id":1,"delta_vx":0.5,"delta_vy":-0.25}]}"#;
-    assert_eq!(actions.text(&wanted), text);
-    // As the environments clamp it.
-    let far = read(r#"{"burns":[{"satellite_id":0,"delta_vx":-7,"delta_vy":1e300}]}"#, &actions).unwrap();
+    assert_eq!(codec.to_text(&expected), text);
+    // Numbers are clamped as the environments clamp them.
+    let far = read(r#"{"burns":[{"satellite_id":0,"delta_vx":-7,"delta_vy":1e300}]}"#, &codec).unwrap();
     assert_eq!(far, json!({"burns": [{"satellite_id": 0, "delta_vx": -1.0, "delta_vy": 1.0}]}));
     let thrust = r#"{"thrusts":[{"deputy_id":0,"thrust_x":0.5,"thrust_y":0.0,"thrust_z":-1.0}]}"#;
     assert_eq!(read(thrust, &docking()).unwrap(), serde_json::from_str::<Value>(thrust).unwrap());
 }
 
 #[test]
-fn what_is_no_action_says_why() {
-    let actions = Actions::new(env_core::task(TASKS[0]).unwrap());
-    let of = |text: &str| read(text, &actions).unwrap_err();
+fn invalid_actions_name_the_reason() {
+    let codec = ActionCodec::new(env_core::task(TASKS[0]).unwrap());
+    let error_of = |text: &str| read(text, &codec).unwrap_err();
     let many =
         json!({"burns": vec![json!({"satellite_id": 0, "delta_vx": 0, "delta_vy": 0}); 65]}).to_string();
     insta::assert_snapshot!(
         [
-            of(""),
-            of("I hold."),
-            of("42"),
-            of(r#"{"burn": []}"#),
-            of(r#"{"burns": {}}"#),
-            of(r#"{"burns": "none"}"#),
-            of(&many),
-            of(r#"{"burns": [{"satellite_id": 3, "delta_vx": 0, "delta_vy": 0}]}"#),
-            of(r#"{"burns": [{"satellite_id": 0.5, "delta_vx": 0, "delta_vy": 0}]}"#),
-            of(r#"{"burns": [{"satellite_id": 0, "delta_vx": "sk-s\u0065cret", "delta_vy": 0}]}"#),
-            of(r#"{"burns": [{"satellite_id": 0, "delta_vx": NaN, "delta_vy": 0}]}"#),
-            of(r#"{"burns": [{"satellite_id": 0, "delta_vx": 0}]}"#),
-            of(r#"{"burns": [{"satellite_id": 0, "delta_vx": 0.1, "delta_vy"#),
-            of(&"x".repeat(300_000)),
+            error_of(""),
+            error_of("I hold."),
+            error_of("42"),
+            error_of(r#"{"burn": []}"#),
+            error_of(r#"{"burns": {}}"#),
+            error_of(r#"{"burns": "none"}"#),
+            error_of(&many),
+            error_of(r#"{"burns": [{"satellite_id": 3, "delta_vx": 0, "delta_vy": 0}]}"#),
+            error_of(r#"{"burns": [{"satellite_id": 0.5, "delta_vx": 0, "delta_vy": 0}]}"#),
+            error_of(r#"{"burns": [{"satellite_id": 0, "delta_vx": "sk-s\u0065cret", "delta_vy": 0}]}"#),
+            error_of(r#"{"burns": [{"satellite_id": 0, "delta_vx": NaN, "delta_vy": 0}]}"#),
+            error_of(r#"{"burns": [{"satellite_id": 0, "delta_vx": 0}]}"#),
+            error_of(r#"{"burns": [{"satellite_id": 0, "delta_vx": 0.1, "delta_vy"#),
+            error_of(&"x".repeat(300_000)),
             read(r#"{"thrusts": [{"deputy_id": "a"}]}"#, &docking()).unwrap_err(),
             read(r#"{"thrust": [1, 0, 0]}"#, &docking()).unwrap_err(),
         ]
@@ -158,29 +160,29 @@ fn what_is_no_action_says_why() {
 }
 
 #[test]
-fn steps_of_a_log_are_said_as_the_world_says_them() {
+fn log_steps_are_encoded_in_the_worlds_form() {
     let action = JointAction { agents: &[2], values: &[0.5, -0.25, 7.0] };
     assert_eq!(
-        docking().value(action),
+        docking().encode(action),
         json!({"thrusts": [{"deputy_id": 2, "thrust_x": 0.5, "thrust_y": -0.25, "thrust_z": 1.0}]})
     );
-    assert_eq!(docking().value(JointAction::HOLD), docking().hold());
+    assert_eq!(docking().encode(JointAction::HOLD), docking().hold());
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// Whatever a model says, what is read from it is an action, and doing nothing always is one.
+    /// Any action that is read from a reply is read again as the same action, and *hold* always is an action.
     #[test]
-    fn whatever_is_said_is_read_or_refused(text in r#"[{}\[\]":,0-9a-z_. \\\-]{0,80}"#, cut in 0usize..90) {
-        let actions = Actions::new(env_core::task(TASKS[0]).unwrap());
+    fn parsed_actions_are_stable(text in r#"[{}\[\]":,0-9a-z_. \\\-]{0,80}"#, cut in 0usize..90) {
+        let codec = ActionCodec::new(env_core::task(TASKS[0]).unwrap());
         let burns = r#"{"burns": [{"satellite_id": 1, "delta_vx": 0.5, "delta_vy": -0.25}]} "#;
         let mixed = format!("{}{text}", burns.chars().take(cut).collect::<String>());
         for text in [&text, &mixed] {
-            if let Ok(action) = read(text, &actions) {
-                prop_assert_eq!(actions.meant(action.clone()), Some(Ok(action)));
+            if let Ok(action) = read(text, &codec) {
+                prop_assert_eq!(codec.extract(action.clone()), Some(Ok(action)));
             }
         }
-        prop_assert_eq!(actions.meant(actions.hold()), Some(Ok(actions.hold())));
+        prop_assert_eq!(codec.extract(codec.hold()), Some(Ok(codec.hold())));
     }
 }

@@ -1,279 +1,318 @@
-//! One environment, reset and stepped from elsewhere.
+//! [`Session`]: one environment that a client resets and steps.
 
 use std::sync::Arc;
 
 use env_core::log::Precision;
 use env_core::task::{Episode, StepReport};
-use env_core::wire::WireFault;
 use env_core::{ActionLog, Scenario, ScenarioError, StepError};
+use openenv_wire::ValidationError;
 use serde_json::Value;
 use uuid::Uuid;
 
-use super::judged::{self, Standard};
-use super::leased::{Leased, Ticket, for_no_runs};
-use super::seat::{Seat, Who};
-use super::wish::Wished;
-use crate::judging::{Judge, Judges, Step};
-use crate::policy::Seen;
-use crate::training::TrainingError;
-use crate::training::receipt::Receipt;
+use super::client::ClientIdentity;
+use super::judged_score::{JudgedScore, observation_without_reward, verdict_row};
+use super::quota::QuotaPermit;
+use super::session_leases::{EpisodeReservation, SessionLeases, runs_not_allowed};
+use super::session_request::EpisodeSource;
+use crate::engine::error::ServiceError;
+use crate::judging::{Judge, JudgedStep, Judges};
+use crate::policy::TimeStep;
+use crate::results::receipt::Receipt;
 
-/// Why a session does not do what is asked.
+/// Error of a reset or a step.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// The action is none of this task.
+    /// The action is not an action of the task.
     #[error("the action cannot be read")]
-    Action(Vec<WireFault>),
-    /// The environment does not take it.
+    Action(Vec<ValidationError>),
+    /// The environment rejects the action.
     #[error(transparent)]
     Refused(#[from] StepError),
-    /// Nothing flies yet.
-    #[error("nothing flies yet: reset first")]
+    /// The session was not reset yet.
+    #[error("no episode is running: reset first")]
     NotStarted,
-    /// The episode is over.
-    #[error("the episode is over: reset to begin another")]
+    /// The episode has ended.
+    #[error("the episode is over: reset to start another")]
     Over,
-    /// It cannot start.
+    /// The scenario cannot start.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// The run, its lease, or the store.
+    /// The run, its lease or the store rejects the request.
     #[error(transparent)]
-    Training(#[from] TrainingError),
+    Service(#[from] ServiceError),
 }
 
-/// A session: at most one episode at a time.
+/// Session with at most one episode at a time.
 #[derive(Debug)]
 pub struct Session {
     id: String,
-    leased: Arc<Leased>,
+    leases: Arc<SessionLeases>,
     judges: Arc<Judges>,
+    /// Name of the episode, or a random one before the first reset.
     episode_id: String,
     resets: u64,
-    flying: Option<Flying>,
-    /// Whose it is.
-    who: Who,
-    _seat: Seat,
+    running: Option<RunningEpisode>,
+    client: ClientIdentity,
+    _permit: QuotaPermit,
 }
 
-struct Flying {
+/// Episode since the last reset; it may have ended.
+struct RunningEpisode {
     scenario: Scenario,
     episode: Box<dyn Episode>,
     log: ActionLog,
     report: StepReport,
-    ticket: Option<Ticket>,
-    reported: Option<Report>,
-    /// What judges say; none where nobody judges.
-    standard: Option<Standard>,
+    reservation: Option<EpisodeReservation>,
+    outcome: Option<ReportOutcome>,
+    /// Reward and score under the judge; `None` without a judge.
+    judged: Option<JudgedScore>,
 }
 
-/// What became of an outcome that was reported to a run.
+/// Result of the report of an episode to its run.
 #[derive(Debug, Clone)]
-pub enum Report {
-    /// It was answered.
-    Told(Receipt),
-    /// It could not be told.
-    Lost(String),
+pub enum ReportOutcome {
+    /// The server acknowledged the episode.
+    Acknowledged(Receipt),
+    /// The report failed with this error.
+    Failed(String),
 }
 
-/// What a session shows after a reset or a step.
-pub struct Stepped<'a> {
-    /// The environment.
+/// State of the environment after a reset or a step.
+pub struct StepView<'a> {
+    /// Environment of the episode.
     pub episode: &'a dyn Episode,
-    /// The team's reward of the last step, as a judge has it where one judges; 0 after a reset.
+    /// Team reward of the last step, as the judge changed it; 0 after a reset.
     pub reward: f64,
-    /// The episode is over.
+    /// True if the episode has ended.
     pub done: bool,
-    /// What every agent that was there before the last step is told; nothing after a reset.
+    /// Report for every agent that was there before the last step; empty after a reset.
     pub report: &'a StepReport,
-    /// What a judge changes of it; none where nobody judges.
-    pub judged: Option<&'a Standard>,
+    /// Reward and score under the judge; `None` without a judge.
+    pub judged: Option<&'a JudgedScore>,
 }
 
-impl Stepped<'_> {
-    /// What the agents see, without reward and end, as a judge has it where one judges.
+impl StepView<'_> {
+    /// Returns the observation without reward and end, as the judge changed it.
     #[must_use]
     pub fn observation(&self) -> Value {
-        let mut observation = judged::plain(self.episode);
-        if let Some(standard) = self.judged {
-            standard.amend(&mut observation);
+        let mut observation = observation_without_reward(self.episode);
+        if let Some(judged) = self.judged {
+            judged.amend(&mut observation);
         }
         observation
     }
 }
 
-/// Where a session stands.
+/// Status of a session.
 #[derive(Debug, Clone)]
-pub struct Standing<'a> {
-    /// What the episode is called.
+pub struct SessionStatus<'a> {
+    /// Name of the episode.
     pub episode_id: &'a str,
-    /// Steps taken.
+    /// Number of steps taken.
     pub steps: u32,
-    /// What it flies; none before the first reset.
+    /// Scenario of the episode; `None` before the first reset.
     pub scenario: Option<&'a Scenario>,
-    /// The run that it flies for.
+    /// Run that receives the outcome, if any.
     pub run: Option<&'a str>,
-    /// What became of its outcome.
-    pub reported: Option<&'a Report>,
-}
-
-impl std::fmt::Debug for Flying {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Flying").field("scenario", &self.scenario.id()).field("ticket", &self.ticket).finish()
-    }
+    /// Result of the report to the run; `None` before the end of the episode.
+    pub outcome: Option<&'a ReportOutcome>,
 }
 
 impl Session {
-    pub(super) fn new((seat, who): (Seat, Who), leased: Arc<Leased>, judges: Arc<Judges>) -> Self {
-        let id = Uuid::new_v4().to_string();
-        let episode_id = Uuid::new_v4().to_string();
-        Self { id, leased, judges, episode_id, resets: 0, flying: None, who, _seat: seat }
+    /// Creates a session of a client without an episode.
+    pub(super) fn new(
+        permit: QuotaPermit,
+        client: ClientIdentity,
+        leases: Arc<SessionLeases>,
+        judges: Arc<Judges>,
+    ) -> Self {
+        Self {
+            id: Uuid::new_v4().to_string(),
+            leases,
+            judges,
+            episode_id: Uuid::new_v4().to_string(),
+            resets: 0,
+            running: None,
+            client,
+            _permit: permit,
+        }
     }
 
-    /// What it is called, from its beginning to its end.
+    /// Returns the id of the session, which never changes.
     #[must_use]
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Whose it is.
+    /// Returns the client that opened the session.
     #[must_use]
-    pub const fn who(&self) -> &Who {
-        &self.who
+    pub const fn client(&self) -> &ClientIdentity {
+        &self.client
     }
 
-    /// How often it was reset.
+    /// Returns the number of successful resets.
     #[must_use]
     pub const fn resets(&self) -> u64 {
         self.resets
     }
 
-    /// Begins an episode. What flew before is given up; where that was for a run, its episode is given back.
+    /// Starts an episode named `name`. An unfinished episode of a run is returned to its lease.
     ///
     /// # Errors
-    /// A scenario that cannot start, a run or lease that has no episode to fly. What flew before flies on then, unless it was of the
-    /// very lease that was wished for: where one has no other episode, its own was given back first.
-    pub async fn reset(&mut self, wished: Wished, name: Option<String>) -> Result<Stepped<'_>, SessionError> {
-        let (ticket, scenario) = match wished {
-            Wished::Free(scenario) => (None, scenario),
-            wished => {
-                let (ticket, scenario) = self.take(wished).await?;
-                (Some(ticket), scenario)
+    /// Returns an error if the scenario cannot start, or the run or lease has no free episode. The previous episode goes on
+    /// then, unless it belongs to the requested lease: it was returned first, since it may be the only free one.
+    pub async fn reset(
+        &mut self,
+        source: EpisodeSource,
+        name: Option<String>,
+    ) -> Result<StepView<'_>, SessionError> {
+        let (reservation, scenario) = match source {
+            EpisodeSource::Scenario(scenario) => (None, scenario),
+            source => {
+                let reservation = self.reserve(source).await?;
+                let scenario = reservation.scenario.clone();
+                (Some(reservation), scenario)
             }
         };
         let episode = scenario.task().start(&scenario)?;
-        let ours = ticket.as_ref().map(|ticket| ticket.episode.to_string());
-        self.episode_id = name.or(ours).unwrap_or_else(|| Uuid::new_v4().to_string());
+        let leased_id = reservation.as_ref().map(|reservation| reservation.episode.to_string());
+        self.episode_id = name.or(leased_id).unwrap_or_else(|| Uuid::new_v4().to_string());
         self.resets += 1;
-        let log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
-        let report = StepReport::default();
-        let judge = self.judges.meant(ticket.as_ref().and_then(|ticket| ticket.judge));
-        let standard = (judge != Judge::Off).then(|| Standard::new(judge));
-        let flying = Flying { scenario, episode, log, report, ticket, reported: None, standard };
-        Ok(self.flying.insert(flying).shown())
+        let judge = self.judges.resolve(reservation.as_ref().and_then(|reservation| reservation.judge));
+        let running = RunningEpisode {
+            log: ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64),
+            scenario,
+            episode,
+            report: StepReport::default(),
+            reservation,
+            outcome: None,
+            judged: (judge != Judge::Off).then(|| JudgedScore::new(judge)),
+        };
+        Ok(self.running.insert(running).view())
     }
 
-    /// An episode of a run. Of the lease that it flies for now a session may begin the very episode that it gives up.
-    async fn take(&mut self, wished: Wished) -> Result<(Ticket, Scenario), TrainingError> {
-        let flown = self.flying.as_ref().and_then(|flying| flying.ticket.as_ref());
-        if flown.is_some_and(|ticket| ticket.is_of(&wished)) {
-            self.flying = None;
-        }
-        if !self.who.runs {
-            return Err(for_no_runs());
-        }
-        self.leased.take(wished).await
-    }
-
-    /// One step with an action in the task's wire form. Where the episode is flown for a run, the last step is answered once
-    /// its outcome is on disk.
+    /// Takes one step with an action in the task's wire form. The last step of a leased episode returns after its outcome is
+    /// committed.
     ///
     /// # Errors
-    /// An action that cannot be taken (nothing has moved then), or no episode that goes on.
-    pub async fn step(&mut self, action: &Value) -> Result<Stepped<'_>, SessionError> {
-        let flying = self.flying.as_mut().ok_or(SessionError::NotStarted)?;
-        if flying.episode.done() {
+    /// Returns an error if no episode is running or the action is rejected. A rejected action changes nothing.
+    pub async fn step(&mut self, action: &Value) -> Result<StepView<'_>, SessionError> {
+        let running = self.running.as_mut().ok_or(SessionError::NotStarted)?;
+        if running.episode.done() {
             return Err(SessionError::Over);
         }
-        let wire = flying.scenario.task().wire();
-        wire.read_action(action, &mut flying.log).map_err(SessionError::Action)?;
-        flying.log.keep_agents(flying.scenario.task().agents(flying.scenario.recipe()));
-        let at = flying.episode.steps() as usize;
-        let before = flying.standard.as_ref().and_then(|standard| standard.look(&*flying.episode));
-        if let Err(refused) = flying.episode.step(flying.log.step(at), &mut flying.report) {
-            flying.log.truncate(at);
-            return Err(refused.into());
+        let wire_format = openenv_wire::wire_format(running.scenario.task());
+        wire_format.read_action(action, &mut running.log).map_err(SessionError::Action)?;
+        running.log.keep_agents(running.scenario.task().agents(running.scenario.recipe()));
+        let index = running.episode.steps() as usize;
+        let before = running.judged.as_ref().and_then(|judged| judged.capture(&*running.episode));
+        if let Err(error) = running.episode.step(running.log.step(index), &mut running.report) {
+            running.log.truncate(index);
+            return Err(error.into());
         }
-        if let Some(ticket) = &mut flying.ticket {
-            if flying.episode.done() {
-                flying.reported = Some(match ticket.report(&flying.log).await {
-                    Ok(receipt) => Report::Told(receipt),
-                    Err(error) => Report::Lost(error.to_string()),
-                });
-            } else {
-                ticket.renew().await;
-            }
-        }
-        flying.judge(&self.judges, &self.leased, &self.episode_id, before).await;
-        Ok(flying.shown())
+        running.report_or_renew().await;
+        running.judge(&self.judges, &self.leases, &self.episode_id, before).await;
+        Ok(running.view())
     }
 
-    /// Renews its lease where a third of its time is over.
-    pub(super) async fn renew(&mut self) {
-        if let Some(ticket) = self.flying.as_mut().and_then(|flying| flying.ticket.as_mut()) {
-            ticket.renew().await;
+    /// Renews the lease of the episode if a third of its time is over.
+    pub(super) async fn renew_lease(&mut self) {
+        if let Some(reservation) = self.running.as_ref().and_then(|running| running.reservation.as_ref()) {
+            reservation.renew_lease().await;
         }
     }
 
-    /// What the agents see now.
+    /// Returns the current state of the environment.
     ///
     /// # Errors
-    /// Nothing flies yet.
-    pub fn shown(&self) -> Result<Stepped<'_>, SessionError> {
-        self.flying.as_ref().map(Flying::shown).ok_or(SessionError::NotStarted)
+    /// Returns [`SessionError::NotStarted`] before the first reset.
+    pub fn view(&self) -> Result<StepView<'_>, SessionError> {
+        self.running.as_ref().map(RunningEpisode::view).ok_or(SessionError::NotStarted)
     }
 
-    /// Where it stands.
+    /// Returns the status of the session.
     #[must_use]
-    pub fn standing(&self) -> Standing<'_> {
-        let flying = self.flying.as_ref();
-        Standing {
+    pub fn status(&self) -> SessionStatus<'_> {
+        let running = self.running.as_ref();
+        let reservation = running.and_then(|running| running.reservation.as_ref());
+        SessionStatus {
             episode_id: &self.episode_id,
-            steps: flying.map_or(0, |flying| flying.episode.steps()),
-            scenario: flying.map(|flying| &flying.scenario),
-            run: flying.and_then(|flying| flying.ticket.as_ref()).map(|ticket| ticket.run.as_str()),
-            reported: flying.and_then(|flying| flying.reported.as_ref()),
+            steps: running.map_or(0, |running| running.episode.steps()),
+            scenario: running.map(|running| &running.scenario),
+            run: reservation.map(|reservation| reservation.run.as_str()),
+            outcome: running.and_then(|running| running.outcome.as_ref()),
         }
+    }
+
+    /// Reserves an episode of a run. The current episode is returned first if it belongs to the same lease, so that the
+    /// session may reserve it again.
+    async fn reserve(&mut self, source: EpisodeSource) -> Result<EpisodeReservation, ServiceError> {
+        let current = self.running.as_ref().and_then(|running| running.reservation.as_ref());
+        if current.is_some_and(|reservation| reservation.overlaps(&source)) {
+            self.running = None;
+        }
+        if !self.client.may_use_runs {
+            return Err(runs_not_allowed());
+        }
+        self.leases.reserve(source).await
     }
 }
 
-impl Flying {
-    fn shown(&self) -> Stepped<'_> {
-        let judged = self.standard.as_ref();
-        Stepped {
+impl RunningEpisode {
+    fn view(&self) -> StepView<'_> {
+        let judged = self.judged.as_ref();
+        StepView {
             episode: &*self.episode,
-            reward: judged.map_or(self.report.reward, Standard::reward),
+            reward: judged.map_or(self.report.reward, JudgedScore::reward),
             done: self.episode.done(),
             report: &self.report,
             judged,
         }
     }
 
-    /// Asks who judges. What the run was told stays what the world says.
-    async fn judge(&mut self, judges: &Judges, leased: &Leased, episode: &str, before: Option<Seen>) {
-        let Some(standard) = &mut self.standard else { return };
-        let after = standard.look(&*self.episode);
-        let step = Step {
-            run: self.ticket.as_ref().map(|ticket| ticket.run.as_str()),
-            episode,
+    /// Reports a leased episode that has ended, or renews its lease.
+    async fn report_or_renew(&mut self) {
+        let Some(reservation) = &mut self.reservation else { return };
+        if !self.episode.done() {
+            return reservation.renew_lease().await;
+        }
+        self.outcome = Some(match reservation.report(&self.log).await {
+            Ok(receipt) => ReportOutcome::Acknowledged(receipt),
+            Err(error) => ReportOutcome::Failed(error.to_string()),
+        });
+    }
+
+    /// Judges the last step and stores the verdict of a model. The report to the run does not depend on it.
+    async fn judge(
+        &mut self,
+        judges: &Judges,
+        leases: &SessionLeases,
+        episode_id: &str,
+        before: Option<TimeStep>,
+    ) {
+        let Some(judged) = &mut self.judged else { return };
+        let after = judged.capture(&*self.episode);
+        let step = JudgedStep {
+            run: self.reservation.as_ref().map(|reservation| reservation.run.as_str()),
+            episode: episode_id,
             scenario: &self.scenario,
             log: &self.log,
             before: before.as_ref(),
             after: after.as_ref(),
         };
-        let words = judges.judge(standard.judge(), step).await;
-        standard.count(self.report.reward, &words);
-        if let Some(row) = judged::row(&step, &words) {
-            leased.keep(row).await;
+        let verdicts = judges.judge(judged.judge(), step).await;
+        judged.add_step(self.report.reward, &verdicts);
+        if let Some(row) = verdict_row(&step, &verdicts) {
+            leases.store_verdict(row).await;
         }
+    }
+}
+
+impl std::fmt::Debug for RunningEpisode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RunningEpisode")
+            .field("scenario", &self.scenario.id())
+            .field("reservation", &self.reservation)
+            .finish_non_exhaustive()
     }
 }

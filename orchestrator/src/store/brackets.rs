@@ -1,72 +1,74 @@
-//! Brackets, keyed by scenario and planner version.
+//! Brackets of scenarios, by scenario and planner version. Table `brackets`.
 
 use std::collections::HashMap;
 
-use env_core::{ActionLog, Bracket, Flown};
+use env_core::{ActionLog, Bracket, EpisodeOutcome};
 use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::pack::{pack, unpack};
-use super::{ROWS, StoreError, hex_list, to_json};
+use super::{MAX_ROWS, StoreError, hex_list, to_json};
 
-/// How a plan or an episode fared, as stored and sent.
+/// Result of one episode or plan, as it is stored and sent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct StoredFlown {
-    /// The world's score.
+#[schema(as = StoredFlown)]
+pub struct StoredOutcome {
+    /// Score that the world computed.
     pub score: f64,
-    /// The sum of rewards, as the wire shows it.
+    /// Sum of the rewards.
     pub total: f64,
-    /// Steps flown.
+    /// Number of its steps.
     pub steps: u32,
-    /// Agents lost.
+    /// Number of agents lost.
     pub lost: u32,
-    /// How well the task's goal was held towards the end, where it has one.
+    /// Quality of holding the goal towards the end, from 0 to 1; `None` for tasks without a goal.
     pub goal: Option<f64>,
     /// Fuel spent by all agents.
     pub fuel_used: f64,
 }
 
-impl From<Flown> for StoredFlown {
-    fn from(f: Flown) -> Self {
-        let Flown { score, total, steps, lost, goal, fuel_used } = f;
+impl From<EpisodeOutcome> for StoredOutcome {
+    fn from(outcome: EpisodeOutcome) -> Self {
+        let EpisodeOutcome { score, total, steps, lost, goal, fuel_used } = outcome;
         Self { score, total, steps, lost, goal, fuel_used }
     }
 }
 
-impl From<StoredFlown> for Flown {
-    fn from(f: StoredFlown) -> Self {
-        let StoredFlown { score, total, steps, lost, goal, fuel_used } = f;
+impl From<StoredOutcome> for EpisodeOutcome {
+    fn from(outcome: StoredOutcome) -> Self {
+        let StoredOutcome { score, total, steps, lost, goal, fuel_used } = outcome;
         Self { score, total, steps, lost, goal, fuel_used }
     }
 }
 
+/// JSON of the `body` column.
 #[derive(Serialize, Deserialize)]
-struct Body {
+struct BracketBody {
     floor: f64,
-    panel: Vec<StoredFlown>,
-    reference: StoredFlown,
+    panel: Vec<StoredOutcome>,
+    reference: StoredOutcome,
 }
 
-/// Stores brackets of scenarios, once each.
+/// Stores brackets by the ids of their scenarios. A bracket that is stored already stays as it is.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)]) -> Result<(), StoreError> {
     let body = |bracket: &Bracket| {
-        let json = to_json(&Body {
+        let json = to_json(&BracketBody {
             floor: bracket.floor,
-            panel: bracket.panel.iter().map(|f| (*f).into()).collect(),
+            panel: bracket.panel.iter().map(|outcome| (*outcome).into()).collect(),
             reference: bracket.reference.into(),
         })?;
         Ok::<_, StoreError>(pack(json.into_bytes()))
     };
-    for rows in brackets.chunks(ROWS) {
+    for rows in brackets.chunks(MAX_ROWS) {
         let rows = rows.iter().map(|(scenario, bracket)| Ok((*scenario, bracket, body(bracket)?)));
         let rows = rows.collect::<Result<Vec<_>, StoreError>>()?;
         let mut statement = QueryBuilder::new("INSERT INTO brackets (scenario, planner, body, witness) ");
         statement.push_values(&rows, |mut values, (scenario, bracket, body)| {
-            values.push_bind(*scenario).push_bind(i64::from(bracket.planner)).push_bind(body);
-            values.push_bind(pack(bracket.witness.encode()));
+            values.push_bind(*scenario).push_bind(i64::from(bracket.planner_version)).push_bind(body);
+            values.push_bind(pack(bracket.reference_plan.encode()));
         });
         let statement = statement.push(" ON CONFLICT (scenario, planner) DO NOTHING").build();
         statement.execute(&mut *conn).await?;
@@ -74,18 +76,18 @@ pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)])
     Ok(())
 }
 
-/// The newest bracket of a scenario.
+/// Reads the bracket of a scenario by the newest planner.
 ///
 /// # Errors
-/// The database's, or a bracket that cannot be read.
+/// Returns [`StoreError::Database`] if the query fails, and [`StoreError::Corrupt`] if the bracket cannot be decoded.
 pub async fn newest(conn: &mut SqliteConnection, scenario: &[u8]) -> Result<Option<Bracket>, StoreError> {
     Ok(newest_of(conn, &[scenario]).await?.remove(scenario))
 }
 
-/// The newest brackets of scenarios, by their ids, in one statement however many they are.
+/// Reads the brackets of scenarios by the newest planner, by scenario id, in one statement.
 ///
 /// # Errors
-/// The database's, or a bracket that cannot be read.
+/// Returns [`StoreError::Database`] if the query fails, and [`StoreError::Corrupt`] if a bracket cannot be decoded.
 pub async fn newest_of<T: AsRef<[u8]>>(
     conn: &mut SqliteConnection,
     scenarios: &[T],
@@ -98,17 +100,17 @@ pub async fn newest_of<T: AsRef<[u8]>>(
     )
     .fetch_all(conn)
     .await?;
-    let read = rows.into_iter().map(|row| {
-        let body: Body = serde_json::from_slice(&unpack("a bracket", &row.body)?)
-            .map_err(|error| StoreError::unreadable("a bracket", error))?;
+    let brackets = rows.into_iter().map(|row| {
+        let body: BracketBody = serde_json::from_slice(&unpack("a bracket", &row.body)?)
+            .map_err(|error| StoreError::corrupt("a bracket", error))?;
         let bracket = Bracket {
-            planner: super::small(row.planner),
+            planner_version: super::to_u32(row.planner),
             panel: body.panel.into_iter().map(Into::into).collect(),
             floor: body.floor,
             reference: body.reference.into(),
-            witness: ActionLog::decode(&unpack("a witness", &row.witness)?)?,
+            reference_plan: ActionLog::decode(&unpack("a reference plan", &row.witness)?)?,
         };
         Ok((row.scenario, bracket))
     });
-    read.collect() // of each scenario the last one stays: the newest
+    brackets.collect() // rows are in order of the planner: the last of a scenario, the newest, stays
 }

@@ -1,43 +1,60 @@
-//! Leases whose episodes are ranges of seeds, and what is claimed of them.
+//! Leases of columns: their ranges of seeds, and what trainers claim of their episodes. Tables `seed_ranges`, `column_claims`,
+//! `audited_scores` and `claimed_sums`.
 
 use std::collections::BTreeMap;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{ROWS, StoreError, to_json};
+use super::groups::GroupRole;
+use super::keys::EpisodeKey;
+use super::{MAX_ROWS, StoreError, text_enum, to_json};
 use crate::clock::Millis;
 
-/// Groups of a lease that share a recipe, as stored.
+text_enum! {
+    /// State of a claim of columns.
+    pub enum ClaimState: "a claim's state" {
+        /// Logs of the audited groups are still missing.
+        Claimed = "claimed",
+        /// All audited logs replayed as claimed.
+        Accepted = "accepted",
+        /// An audited log did not replay as claimed.
+        Refused = "refused",
+        /// Audited logs did not arrive before the lease ended.
+        Unproven = "unproven",
+    }
+}
+
+/// Row of the `seed_ranges` table, without its lease: groups that share a recipe.
 #[derive(Debug, Clone)]
-pub struct RangeRow {
-    /// Its number in the lease.
+pub struct SeedRangeRow {
+    /// Index of the range in the lease, from 0.
     pub number: i64,
-    /// The proposal that its groups serve.
+    /// Sequence number of the proposal that the groups serve.
     pub proposal: i64,
-    /// Their recipe.
+    /// Id of the recipe.
     pub recipe: Vec<u8>,
-    /// The task.
+    /// Task of the recipe.
     pub task: String,
-    /// The level.
+    /// Level of the proposal; none for strategies without levels.
     pub level: Option<i64>,
-    /// The proposal's role.
-    pub role: String,
-    /// The number of its first group.
+    /// Role of the proposal.
+    pub role: GroupRole,
+    /// Number of the first group in the lease.
     pub first: i64,
-    /// How many groups.
+    /// Number of its groups.
     pub groups: i64,
-    /// The seed of its first group; each next has the next seed.
+    /// Seed of the first group. Each following group has the next seed.
     pub seed: i64,
-    /// Episodes that finished, as claimed.
+    /// Finished episodes, as claimed.
     pub finished: i64,
-    /// Episodes that failed, as claimed.
+    /// Failed episodes, as claimed.
     pub failed: i64,
-    /// Sum of the scores claimed of those that finished.
+    /// Sum of the claimed scores of the finished episodes.
     pub score: f64,
 }
 
-impl RangeRow {
-    /// Whether a group of the lease is one of it.
+impl SeedRangeRow {
+    /// True if the group with this number in the lease belongs to the range.
     #[must_use]
     pub const fn holds(&self, group: i64) -> bool {
         group >= self.first && group < self.first + self.groups
@@ -47,8 +64,12 @@ impl RangeRow {
 /// Adds a range to a lease.
 ///
 /// # Errors
-/// The database's.
-pub async fn insert_range(conn: &mut SqliteConnection, lease: i64, row: &RangeRow) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn insert_range(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    row: &SeedRangeRow,
+) -> Result<(), StoreError> {
     query!(
         "INSERT INTO seed_ranges (lease, number, proposal, recipe, task, level, role, first, groups, seed)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -68,70 +89,83 @@ pub async fn insert_range(conn: &mut SqliteConnection, lease: i64, row: &RangeRo
     Ok(())
 }
 
-/// The ranges of a lease in order.
+/// Reads the ranges of a lease in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn ranges(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<RangeRow>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn ranges(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<SeedRangeRow>, StoreError> {
     Ok(sqlx::query_as!(
-        RangeRow,
-        "SELECT number, proposal, recipe, task, level, role, first, groups, seed, finished, failed, score FROM seed_ranges
-         WHERE lease = ? ORDER BY number",
+        SeedRangeRow,
+        r#"SELECT number, proposal, recipe, task, level, role AS "role: GroupRole", first, groups, seed, finished, failed, score
+           FROM seed_ranges WHERE lease = ? ORDER BY number"#,
         lease
     )
     .fetch_all(conn)
     .await?)
 }
 
-/// Keeps what the columns come to for a range.
+/// Totals of the claimed episodes of one range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeTotals {
+    /// Index of the range in the lease.
+    pub number: i64,
+    /// Number of finished episodes.
+    pub finished: i64,
+    /// Number of failed episodes.
+    pub failed: i64,
+    /// Sum of the scores of the finished episodes.
+    pub score: f64,
+}
+
+/// Stores the totals of a range.
 ///
 /// # Errors
-/// The database's.
-pub async fn set_range_sums(
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_range_totals(
     conn: &mut SqliteConnection,
-    (lease, number): (i64, i64),
-    (finished, failed, score): (i64, i64, f64),
+    lease: i64,
+    totals: &RangeTotals,
 ) -> Result<(), StoreError> {
     query!(
         "UPDATE seed_ranges SET finished = ?, failed = ?, score = ? WHERE lease = ? AND number = ?",
-        finished,
-        failed,
-        score,
+        totals.finished,
+        totals.failed,
+        totals.score,
         lease,
-        number
+        totals.number
     )
     .execute(conn)
     .await?;
     Ok(())
 }
 
-/// What is claimed of a lease's episodes, without the columns.
+/// Row of the `column_claims` table, without its lease and its columns.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ClaimRow {
-    /// `claimed`, `accepted`, `refused` or `unproven`.
-    pub state: String,
-    /// Of what was claimed.
+pub struct ColumnClaimRow {
+    /// State of the claim.
+    pub state: ClaimState,
+    /// Digest of the claimed columns.
     pub digest: Vec<u8>,
-    /// The policy that flew them.
+    /// Version of the policy that ran the episodes.
     pub policy_version: i64,
-    /// How many.
+    /// Number of claimed episodes.
     pub episodes: i64,
-    /// Of these, lost to infrastructure.
+    /// Claimed episodes that the infrastructure lost.
     pub failed: i64,
-    /// Why it was refused.
+    /// Why the claim was refused.
     pub why: Option<String>,
-    /// When it came.
+    /// When the claim arrived.
     pub at: Millis,
 }
 
 /// Stores a claim with its columns.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn insert_claim(
     conn: &mut SqliteConnection,
     lease: i64,
-    row: &ClaimRow,
+    row: &ColumnClaimRow,
     body: &[u8],
 ) -> Result<(), StoreError> {
     query!(
@@ -152,38 +186,39 @@ pub async fn insert_claim(
     Ok(())
 }
 
-/// What is claimed of a lease, if anything is.
+/// Reads the claim of a lease; none if nothing was claimed.
 ///
 /// # Errors
-/// The database's.
-pub async fn claim(conn: &mut SqliteConnection, lease: i64) -> Result<Option<ClaimRow>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn claim(conn: &mut SqliteConnection, lease: i64) -> Result<Option<ColumnClaimRow>, StoreError> {
     Ok(sqlx::query_as!(
-        ClaimRow,
-        "SELECT state, digest, policy_version, episodes, failed, why, at FROM column_claims WHERE lease = ?",
+        ColumnClaimRow,
+        r#"SELECT state AS "state: ClaimState", digest, policy_version, episodes, failed, why, at
+           FROM column_claims WHERE lease = ?"#,
         lease
     )
     .fetch_optional(conn)
     .await?)
 }
 
-/// The columns of a claim, as they are stored.
+/// Reads the columns of a lease's claim, as they are stored.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn body(conn: &mut SqliteConnection, lease: i64) -> Result<Option<Vec<u8>>, StoreError> {
     Ok(sqlx::query_scalar!("SELECT body FROM column_claims WHERE lease = ?", lease)
         .fetch_optional(conn)
         .await?)
 }
 
-/// Says what became of a claim.
+/// Sets the state of a lease's claim, with the reason of a refusal.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn settle(
     conn: &mut SqliteConnection,
     lease: i64,
-    state: &str,
+    state: ClaimState,
     why: Option<&str>,
 ) -> Result<(), StoreError> {
     query!("UPDATE column_claims SET state = ?, why = ? WHERE lease = ?", state, why, lease)
@@ -192,16 +227,16 @@ pub async fn settle(
     Ok(())
 }
 
-/// Remembers the scores claimed of audited episodes, by their indices.
+/// Stores the claimed scores of audited episodes, by their indices in the lease.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert_scores(
     conn: &mut SqliteConnection,
     lease: i64,
     scores: &[(i64, f64)],
 ) -> Result<(), StoreError> {
-    for rows in scores.chunks(ROWS) {
+    for rows in scores.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new("INSERT INTO audited_scores (lease, number, score) ");
         statement.push_values(rows, |mut values, (number, score)| {
             values.push_bind(lease).push_bind(number).push_bind(score);
@@ -211,63 +246,64 @@ pub async fn insert_scores(
     Ok(())
 }
 
-/// Indices of the episodes of a lease that are audited, in order.
+/// Reads the indices of a lease's audited episodes, in order.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn audited(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<i64>, StoreError> {
     Ok(sqlx::query_scalar!("SELECT number FROM audited_scores WHERE lease = ? ORDER BY number", lease)
         .fetch_all(conn)
         .await?)
 }
 
-/// The scores claimed of audited episodes, by lease and index; none of those that were claimed as failed.
+/// Reads the claimed scores of audited episodes. Episodes that were claimed as failed have none.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn scores(
     conn: &mut SqliteConnection,
-    places: &[(i64, i64)],
-) -> Result<BTreeMap<(i64, i64), f64>, StoreError> {
-    let places = to_json(&places)?;
+    keys: &[EpisodeKey],
+) -> Result<BTreeMap<EpisodeKey, f64>, StoreError> {
+    let keys = to_json(&keys)?;
     let rows = query!(
         r#"SELECT s.lease AS "lease!", s.number AS "number!", s.score AS "score!: f64" FROM json_each(?) AS place
            CROSS JOIN audited_scores s ON s.lease = place.value ->> 0 AND s.number = place.value ->> 1"#,
-        places
+        keys
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows.into_iter().map(|row| ((row.lease, row.number), row.score)).collect())
+    Ok(rows.into_iter().map(|row| (EpisodeKey { lease: row.lease, number: row.number }, row.score)).collect())
 }
 
-/// Plain sums over what was claimed.
+/// Counters of claimed episodes.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ClaimedSums {
-    /// Episodes of accepted claims that did not fail.
+pub struct ClaimCounters {
+    /// Episodes of accepted claims that finished.
     pub episodes: i64,
-    /// Of these, audited: they are in the plain sums, too.
+    /// Audited ones among these; they are also in the task counters.
     pub audited: i64,
-    /// Sum of their scores.
+    /// Sum of the scores of `episodes`.
     pub score: f64,
     /// Episodes of accepted claims that failed.
     pub failed: i64,
     /// Episodes of refused claims.
     pub refused: i64,
-    /// Episodes of claims whose audited logs never came.
+    /// Episodes of claims whose audited logs never arrived.
     pub unproven: i64,
     /// Episodes of leases that ended unclaimed.
     pub expired: i64,
 }
 
-/// Adds to the sums of a task at a level.
+/// Adds to the counters of a run's task at a level.
 ///
 /// # Errors
-/// The database's.
-pub async fn add_sums(
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn add_counters(
     conn: &mut SqliteConnection,
     run: &str,
-    (task, level): (&str, Option<i64>),
-    sums: &ClaimedSums,
+    task: &str,
+    level: Option<i64>,
+    counters: &ClaimCounters,
 ) -> Result<(), StoreError> {
     let level = level.unwrap_or(-1);
     query!(
@@ -280,34 +316,38 @@ pub async fn add_sums(
         run,
         task,
         level,
-        sums.episodes,
-        sums.audited,
-        sums.score,
-        sums.failed,
-        sums.refused,
-        sums.unproven,
-        sums.expired
+        counters.episodes,
+        counters.audited,
+        counters.score,
+        counters.failed,
+        counters.refused,
+        counters.unproven,
+        counters.expired
     )
     .execute(conn)
     .await?;
     Ok(())
 }
 
-/// The sums of a run by task.
+/// Reads the counters of a run, by task.
 ///
 /// # Errors
-/// The database's.
-pub async fn sums(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, ClaimedSums)>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn counters(
+    conn: &mut SqliteConnection,
+    run: &str,
+) -> Result<BTreeMap<String, ClaimCounters>, StoreError> {
     let rows = query!(
-        r#"SELECT task, sum(episodes) AS "episodes!: i64", sum(audited) AS "audited!: i64", sum(score) AS "score!: f64", sum(failed) AS "failed!: i64",
-                  sum(refused) AS "refused!: i64", sum(unproven) AS "unproven!: i64", sum(expired) AS "expired!: i64"
+        r#"SELECT task, sum(episodes) AS "episodes!: i64", sum(audited) AS "audited!: i64", sum(score) AS "score!: f64",
+                  sum(failed) AS "failed!: i64", sum(refused) AS "refused!: i64", sum(unproven) AS "unproven!: i64",
+                  sum(expired) AS "expired!: i64"
            FROM claimed_sums WHERE run = ? GROUP BY task ORDER BY task"#,
         run
     )
     .fetch_all(conn)
     .await?;
-    let sums = rows.into_iter().map(|r| {
-        let sums = ClaimedSums {
+    let counters = rows.into_iter().map(|r| {
+        let counters = ClaimCounters {
             episodes: r.episodes,
             audited: r.audited,
             score: r.score,
@@ -316,7 +356,7 @@ pub async fn sums(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String,
             unproven: r.unproven,
             expired: r.expired,
         };
-        (r.task, sums)
+        (r.task, counters)
     });
-    Ok(sums.collect())
+    Ok(counters.collect())
 }

@@ -1,93 +1,106 @@
-//! Episodes that wait for their critique, and what a failure profile rests on.
+//! The queue of episodes that wait for their critique, and the counters that a failure profile rests on. Tables
+//! `critique_queue` and `critique_sums`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{ROWS, StoreError, from_json, to_json};
+use super::{MAX_ROWS, StoreError, from_json, to_json};
 
-/// Episodes of one lease and task that wait for their critique.
+/// Row of the `critique_queue` table: episodes of one lease and task.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Job {
-    /// Its number, never given twice.
+pub struct CritiqueJob {
+    /// Number of the job. Numbers are never reused.
     pub id: i64,
-    /// The run.
+    /// Id of the run.
     pub run: String,
-    /// The task.
+    /// Task of the episodes.
     pub task: String,
-    /// The lease.
+    /// Number of the lease.
     pub lease: i64,
-    /// Episodes of a group.
+    /// Episodes in each group of the lease.
     pub group_size: i64,
-    /// JSON: the episodes' indices in the lease.
+    /// Indices of the episodes in the lease, as JSON.
     pub numbers: String,
-    /// How many they are.
+    /// Number of its episodes.
     pub episodes: i64,
 }
 
-impl Job {
-    /// The episodes' indices in the lease.
+impl CritiqueJob {
+    /// Indices of the episodes in the lease.
     ///
     /// # Errors
-    /// A list that was changed by hand.
+    /// Returns [`StoreError::Corrupt`] if the stored list is not valid JSON.
     pub fn numbers(&self) -> Result<Vec<i64>, StoreError> {
         from_json("a list of episodes to criticise", &self.numbers)
     }
 }
 
-/// A sum over all criticised episodes, and the same halving every half-life.
+/// A sum over all criticised episodes, beside one that decays.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Fading<T> {
-    /// Over all.
+pub struct DecayingSum<T> {
+    /// Sum over all episodes.
     pub all: T,
-    /// Halving.
+    /// Sum that halves with every half-life, counted in criticised episodes.
     pub now: f64,
 }
 
-/// What the profile of a run's task rests on.
+/// Row of the `critique_sums` table, without its run and task.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct CritiqueSums {
-    /// Episodes criticised.
+pub struct CritiqueCounters {
+    /// Number of criticised episodes.
     pub criticised: i64,
-    /// Episodes sampled out.
+    /// Episodes that sampling left out.
     pub skipped: i64,
     /// Episodes that could not be criticised.
     pub failed: i64,
-    /// The judge's values.
-    pub judged: Fading<f64>,
-    /// Actions by verdict: needed, harmless, wasteful, harmful.
-    pub verdicts: [Fading<i64>; 4],
+    /// Sum of the judge's values.
+    pub judged: DecayingSum<f64>,
+    /// Actions by the judge's verdict: needed, harmless, wasteful, harmful.
+    pub verdicts: [DecayingSum<i64>; 4],
 }
 
-/// Episodes of one lease and task that are to wait: task, lease, their indices in the lease.
-pub type Waits<'a> = (&'a str, i64, &'a [i64]);
+/// A critique job to be stored.
+#[derive(Debug, Clone, Copy)]
+pub struct NewCritiqueJob<'a> {
+    /// Task of the episodes.
+    pub task: &'a str,
+    /// Number of the lease.
+    pub lease: i64,
+    /// Indices of the episodes in the lease.
+    pub numbers: &'a [i64],
+}
 
-/// Lets episodes of a run wait.
+/// Adds jobs to the end of the queue.
 ///
 /// # Errors
-/// The database's.
-pub async fn enqueue(conn: &mut SqliteConnection, run: &str, jobs: &[Waits<'_>]) -> Result<(), StoreError> {
-    let jobs =
-        jobs.iter().map(|(task, lease, numbers)| Ok((task, lease, to_json(numbers)?, numbers.len() as i64)));
-    let jobs = jobs.collect::<Result<Vec<_>, StoreError>>()?;
-    for rows in jobs.chunks(ROWS) {
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn enqueue(
+    conn: &mut SqliteConnection,
+    run: &str,
+    jobs: &[NewCritiqueJob<'_>],
+) -> Result<(), StoreError> {
+    let rows = jobs.iter().map(|job| Ok((job, to_json(&job.numbers)?)));
+    let rows = rows.collect::<Result<Vec<_>, StoreError>>()?;
+    for rows in rows.chunks(MAX_ROWS) {
         let mut statement =
             QueryBuilder::new("INSERT INTO critique_queue (run, task, lease, numbers, episodes) ");
-        statement.push_values(rows, |mut values, (task, lease, numbers, episodes)| {
-            values.push_bind(run).push_bind(*task).push_bind(*lease).push_bind(numbers).push_bind(episodes);
+        statement.push_values(rows, |mut values, (job, numbers)| {
+            values.push_bind(run).push_bind(job.task).push_bind(job.lease).push_bind(numbers);
+            values.push_bind(job.numbers.len() as i64);
         });
         statement.build().execute(&mut *conn).await?;
     }
     Ok(())
 }
 
-/// Those that have waited longest.
+/// Reads the oldest jobs of the queue.
 ///
 /// # Errors
-/// The database's.
-pub async fn jobs(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<Job>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn oldest(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<CritiqueJob>, StoreError> {
     Ok(sqlx::query_as!(
-        Job,
+        CritiqueJob,
         "SELECT q.id, q.run, q.task, q.lease, l.group_size, q.numbers, q.episodes
          FROM critique_queue q JOIN leases l ON l.id = q.lease ORDER BY q.id LIMIT ?",
         limit
@@ -96,39 +109,42 @@ pub async fn jobs(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<Job>, S
     .await?)
 }
 
-/// Takes jobs off the queue; those that were on it.
+/// Removes jobs from the queue. Returns those that were still in it.
 ///
 /// # Errors
-/// The database's.
-pub async fn take(conn: &mut SqliteConnection, ids: &[i64]) -> Result<BTreeSet<i64>, StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn dequeue(conn: &mut SqliteConnection, ids: &[i64]) -> Result<BTreeSet<i64>, StoreError> {
     let ids = to_json(&ids)?;
-    let taken = sqlx::query_scalar!(
+    let removed = sqlx::query_scalar!(
         "DELETE FROM critique_queue WHERE id IN (SELECT value FROM json_each(?)) RETURNING id",
         ids
     )
     .fetch_all(conn)
     .await?;
-    Ok(taken.into_iter().collect())
+    Ok(removed.into_iter().collect())
 }
 
-/// How many episodes wait, by run.
+/// Counts the waiting episodes of each run.
 ///
 /// # Errors
-/// The database's.
-pub async fn waiting(conn: &mut SqliteConnection) -> Result<Vec<(String, i64)>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn waiting_by_run(conn: &mut SqliteConnection) -> Result<BTreeMap<String, i64>, StoreError> {
     let rows = query!(
         r#"SELECT run AS "run!", sum(episodes) AS "episodes!: i64" FROM critique_queue GROUP BY run ORDER BY run"#
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows.into_iter().map(|r| (r.run, r.episodes)).collect())
+    Ok(rows.into_iter().map(|row| (row.run, row.episodes)).collect())
 }
 
-/// How many episodes of a run wait, by task.
+/// Counts the waiting episodes of each task of a run.
 ///
 /// # Errors
-/// The database's.
-pub async fn waiting_of(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, i64)>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn waiting_by_task(
+    conn: &mut SqliteConnection,
+    run: &str,
+) -> Result<BTreeMap<String, i64>, StoreError> {
     let rows = query!(
         r#"SELECT task AS "task!", sum(episodes) AS "episodes!: i64" FROM critique_queue WHERE run = ?
            GROUP BY task ORDER BY task"#,
@@ -136,14 +152,18 @@ pub async fn waiting_of(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(S
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows.into_iter().map(|r| (r.task, r.episodes)).collect())
+    Ok(rows.into_iter().map(|row| (row.task, row.episodes)).collect())
 }
 
-/// What the profile of a run's task rests on; zeros before the first.
+/// Reads the counters of a run's task; zeros if nothing was criticised yet.
 ///
 /// # Errors
-/// The database's.
-pub async fn sums(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<CritiqueSums, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn counters(
+    conn: &mut SqliteConnection,
+    run: &str,
+    task: &str,
+) -> Result<CritiqueCounters, StoreError> {
     let row = query!(
         "SELECT criticised, skipped, failed, judged, judged_now, needed, needed_now, harmless, harmless_now, wasteful,
                 wasteful_now, harmful, harmful_now
@@ -153,42 +173,42 @@ pub async fn sums(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<
     )
     .fetch_optional(conn)
     .await?;
-    Ok(row.map_or_else(CritiqueSums::default, |r| CritiqueSums {
+    Ok(row.map_or_else(CritiqueCounters::default, |r| CritiqueCounters {
         criticised: r.criticised,
         skipped: r.skipped,
         failed: r.failed,
-        judged: Fading { all: r.judged, now: r.judged_now },
+        judged: DecayingSum { all: r.judged, now: r.judged_now },
         verdicts: [
-            Fading { all: r.needed, now: r.needed_now },
-            Fading { all: r.harmless, now: r.harmless_now },
-            Fading { all: r.wasteful, now: r.wasteful_now },
-            Fading { all: r.harmful, now: r.harmful_now },
+            DecayingSum { all: r.needed, now: r.needed_now },
+            DecayingSum { all: r.harmless, now: r.harmless_now },
+            DecayingSum { all: r.wasteful, now: r.wasteful_now },
+            DecayingSum { all: r.harmful, now: r.harmful_now },
         ],
     }))
 }
 
-/// Writes what the profile of a run's task rests on.
+/// Replaces the counters of a run's task.
 ///
 /// # Errors
-/// The database's.
-pub async fn put_sums(
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn put_counters(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    sums: &CritiqueSums,
+    counters: &CritiqueCounters,
 ) -> Result<(), StoreError> {
-    let [needed, harmless, wasteful, harmful] = sums.verdicts;
+    let [needed, harmless, wasteful, harmful] = counters.verdicts;
     query!(
         "INSERT OR REPLACE INTO critique_sums (run, task, criticised, skipped, failed, judged, judged_now, needed,
              needed_now, harmless, harmless_now, wasteful, wasteful_now, harmful, harmful_now)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         run,
         task,
-        sums.criticised,
-        sums.skipped,
-        sums.failed,
-        sums.judged.all,
-        sums.judged.now,
+        counters.criticised,
+        counters.skipped,
+        counters.failed,
+        counters.judged.all,
+        counters.judged.now,
         needed.all,
         needed.now,
         harmless.all,

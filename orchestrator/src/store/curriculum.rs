@@ -1,37 +1,71 @@
-//! Curriculum events, snapshots and level moves.
+//! Events, snapshots and level moves of curricula. Tables `curriculum_events`, `curriculum_snapshots` and `level_moves`.
 
 use sqlx::{SqliteConnection, query};
 
-use super::{StoreError, to_json};
+use super::{StoreError, text_enum, to_json};
 use crate::clock::Millis;
 
-/// A level move as stored.
+text_enum! {
+    /// Direction of a level move.
+    pub enum LevelMoveKind: "the kind of a level move" {
+        /// Placement ended, and the run starts at this level.
+        Placement = "placement",
+        /// A move one level up.
+        Up = "up",
+        /// A move one level down.
+        Down = "down",
+    }
+}
+
+/// Row of the `level_moves` table, without its run.
 #[derive(Debug, Clone)]
-pub struct MoveRow {
-    /// The seq of the event that caused it.
+pub struct LevelMoveRow {
+    /// Sequence number of the event that caused the move.
     pub seq: i64,
-    /// The task.
+    /// Task whose level moved.
     pub task: String,
-    /// `placement`, `up` or `down`.
-    pub kind: String,
-    /// From where.
+    /// Direction of the move.
+    pub kind: LevelMoveKind,
+    /// Level before the move; none for a placement.
     pub from_level: Option<i64>,
-    /// To where.
+    /// Level after the move.
     pub to_level: i64,
-    /// JSON.
+    /// The evidence as JSON.
     pub evidence: String,
-    /// When.
+    /// When the level moved.
     pub at: Millis,
 }
 
-/// An event to be stored: its seq, its JSON, when.
-pub type Event = (i64, String, Millis);
+/// An event to be stored.
+#[derive(Debug, Clone)]
+pub struct NewCurriculumEvent {
+    /// Sequence number of the event in its run.
+    pub seq: i64,
+    /// The event as JSON.
+    pub body: String,
+    /// When the event happened.
+    pub at: Millis,
+}
 
-/// Appends events.
+/// An event or a snapshot as it is stored.
+#[derive(Debug, Clone)]
+pub struct CurriculumRecord {
+    /// Sequence number of the event; of a snapshot, that of the next event.
+    pub seq: i64,
+    /// Event or snapshot as JSON.
+    pub body: String,
+}
+
+/// Appends events to a run.
 ///
 /// # Errors
-/// The database's; a seq that is taken among them.
-pub async fn append(conn: &mut SqliteConnection, run: &str, events: &[Event]) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails, for example because a sequence number is taken.
+pub async fn append(
+    conn: &mut SqliteConnection,
+    run: &str,
+    events: &[NewCurriculumEvent],
+) -> Result<(), StoreError> {
+    let events: Vec<_> = events.iter().map(|event| (event.seq, &event.body, event.at)).collect();
     let events = to_json(&events)?;
     query!(
         "INSERT INTO curriculum_events (run, seq, body, at)
@@ -44,31 +78,31 @@ pub async fn append(conn: &mut SqliteConnection, run: &str, events: &[Event]) ->
     Ok(())
 }
 
-/// Events from a seq on, in order, a page at a time.
+/// Reads events of a run from a sequence number on, in order.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn events(
     conn: &mut SqliteConnection,
     run: &str,
     from: i64,
     limit: i64,
-) -> Result<Vec<(i64, String)>, StoreError> {
-    let rows = query!(
+) -> Result<Vec<CurriculumRecord>, StoreError> {
+    Ok(sqlx::query_as!(
+        CurriculumRecord,
         "SELECT seq, body FROM curriculum_events WHERE run = ? AND seq >= ? ORDER BY seq LIMIT ?",
         run,
         from,
         limit
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|row| (row.seq, row.body)).collect())
+    .await?)
 }
 
-/// Stores a snapshot, and drops all but the two newest.
+/// Stores a snapshot, and deletes all but the two newest of the run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn save_snapshot(
     conn: &mut SqliteConnection,
     run: &str,
@@ -93,26 +127,32 @@ pub async fn save_snapshot(
     Ok(())
 }
 
-/// The newest snapshot: its seq and JSON.
+/// Reads the newest snapshot of a run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn newest_snapshot(
     conn: &mut SqliteConnection,
     run: &str,
-) -> Result<Option<(i64, String)>, StoreError> {
-    let row =
-        query!("SELECT seq, body FROM curriculum_snapshots WHERE run = ? ORDER BY seq DESC LIMIT 1", run)
-            .fetch_optional(conn)
-            .await?;
-    Ok(row.map(|row| (row.seq, row.body)))
+) -> Result<Option<CurriculumRecord>, StoreError> {
+    Ok(sqlx::query_as!(
+        CurriculumRecord,
+        "SELECT seq, body FROM curriculum_snapshots WHERE run = ? ORDER BY seq DESC LIMIT 1",
+        run
+    )
+    .fetch_optional(conn)
+    .await?)
 }
 
-/// Stores a move.
+/// Stores a level move.
 ///
 /// # Errors
-/// The database's.
-pub async fn insert_move(conn: &mut SqliteConnection, run: &str, row: &MoveRow) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn insert_move(
+    conn: &mut SqliteConnection,
+    run: &str,
+    row: &LevelMoveRow,
+) -> Result<(), StoreError> {
     query!(
         "INSERT INTO level_moves (run, seq, task, kind, from_level, to_level, evidence, at)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
@@ -130,20 +170,20 @@ pub async fn insert_move(conn: &mut SqliteConnection, run: &str, row: &MoveRow) 
     Ok(())
 }
 
-/// Moves in order after a seq.
+/// Reads moves of a run after a sequence number, in order.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn moves(
     conn: &mut SqliteConnection,
     run: &str,
     after: i64,
     limit: i64,
-) -> Result<Vec<MoveRow>, StoreError> {
+) -> Result<Vec<LevelMoveRow>, StoreError> {
     Ok(sqlx::query_as!(
-        MoveRow,
-        "SELECT seq, task, kind, from_level, to_level, evidence, at FROM level_moves
-         WHERE run = ? AND seq > ? ORDER BY seq, task LIMIT ?",
+        LevelMoveRow,
+        r#"SELECT seq, task, kind AS "kind: LevelMoveKind", from_level, to_level, evidence, at FROM level_moves
+           WHERE run = ? AND seq > ? ORDER BY seq, task LIMIT ?"#,
         run,
         after,
         limit
@@ -152,22 +192,25 @@ pub async fn moves(
     .await?)
 }
 
-/// Moves of a task after its proposal `first`, up to the first one after its proposal `last`.
+/// Reads the moves of a task that may rest on its proposals `first` to `last`: those after the first proposal, up to the first
+/// move after the last one.
 ///
 /// # Errors
-/// The database's.
-pub async fn moves_about(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn moves_around(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    (first, last): (i64, i64),
-) -> Result<Vec<MoveRow>, StoreError> {
+    first: i64,
+    last: i64,
+) -> Result<Vec<LevelMoveRow>, StoreError> {
     Ok(sqlx::query_as!(
-        MoveRow,
-        "SELECT seq, task, kind, from_level, to_level, evidence, at FROM level_moves INDEXED BY moves_of_task
-         WHERE run = ?1 AND task = ?2 AND seq > ?3 AND seq <= coalesce(
-             (SELECT min(seq) FROM level_moves INDEXED BY moves_of_task WHERE run = ?1 AND task = ?2 AND seq > ?4), ?4)
-         ORDER BY seq",
+        LevelMoveRow,
+        r#"SELECT seq, task, kind AS "kind: LevelMoveKind", from_level, to_level, evidence, at
+           FROM level_moves INDEXED BY moves_of_task
+           WHERE run = ?1 AND task = ?2 AND seq > ?3 AND seq <= coalesce(
+               (SELECT min(seq) FROM level_moves INDEXED BY moves_of_task WHERE run = ?1 AND task = ?2 AND seq > ?4), ?4)
+           ORDER BY seq"#,
         run,
         task,
         first,

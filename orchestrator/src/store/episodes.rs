@@ -1,59 +1,81 @@
-//! Reported episodes and their action logs.
+//! Reported episodes and their action logs. Tables `episodes` and `action_logs`.
 
 use std::collections::HashMap;
 
 use env_core::ActionLog;
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
+use super::groups::GroupRole;
+use super::keys::{EpisodeKey, EpisodeSpan};
 use super::pack::{pack, unpack};
-use super::{ROWS, StoreError, digest, to_json};
+use super::{MAX_ROWS, StoreError, digest, text_enum, to_json};
 use crate::clock::Millis;
 
-/// An episode as stored.
+text_enum! {
+    /// State of a reported episode.
+    pub enum EpisodeState: "an episode's state" {
+        /// The episode ran to its end.
+        Finished = "finished",
+        /// The infrastructure lost the episode.
+        Failed = "failed",
+        /// The result arrived after the lease had ended.
+        Late = "late",
+    }
+}
+
+/// Row of the `episodes` table.
 #[derive(Debug, Clone)]
 pub struct EpisodeRow {
-    /// Its lease.
+    /// Number of the lease.
     pub lease: i64,
-    /// Its index in the lease.
+    /// Index of the episode in the lease.
     pub number: i64,
-    /// `finished`, `failed` or `late`.
-    pub state: String,
-    /// Of what was reported.
+    /// State of the episode.
+    pub state: EpisodeState,
+    /// Digest of the reported result.
     pub digest: Vec<u8>,
     /// The world's score, from replay.
     pub score: Option<f64>,
-    /// Whether it counts as a success.
-    pub success: Option<i64>,
-    /// Skill, where the scenario defines one.
+    /// True if the episode is a success by the run's rule.
+    pub success: Option<bool>,
+    /// Skill, if the scenario defines one.
     pub skill: Option<f64>,
-    /// The floor it was judged by.
+    /// Floor of the bracket.
     pub floor: Option<f64>,
-    /// The reference score it was judged by.
+    /// Reference score of the bracket.
     pub reference: Option<f64>,
-    /// The planner of that bracket.
+    /// Version of the bracket's planner.
     pub planner: Option<i64>,
-    /// JSON: how it was flown.
+    /// Outcome ([`super::brackets::StoredOutcome`]) as JSON; none if the episode was not run.
     pub flown: Option<String>,
-    /// The policy that flew it.
+    /// Version of the policy that ran the episode.
     pub policy_version: i64,
-    /// Why it failed.
+    /// Why the episode failed.
     pub reason: Option<String>,
-    /// JSON: what the trainer logged.
+    /// Metrics that the trainer logged, as JSON.
     pub metrics: Option<String>,
-    /// When it was reported.
+    /// When the result was reported.
     pub at: Millis,
+}
+
+impl EpisodeRow {
+    /// Key of the episode.
+    #[must_use]
+    pub const fn key(&self) -> EpisodeKey {
+        EpisodeKey { lease: self.lease, number: self.number }
+    }
 }
 
 /// An action log as it is stored.
 #[derive(Debug, Clone)]
 pub struct StoredLog {
-    /// Of the log, to tell a repeat from a contradiction.
+    /// Digest of the encoded log, to tell a repeated report from a contradicting one.
     pub digest: [u8; 16],
     body: Vec<u8>,
 }
 
 impl StoredLog {
-    /// Encodes and packs it: where there is time for that.
+    /// Encodes and compresses a log. This takes a while: do not call it in the writer.
     #[must_use]
     pub fn of(log: &ActionLog) -> Self {
         let encoded = log.encode();
@@ -61,30 +83,30 @@ impl StoredLog {
     }
 }
 
-/// Stores episodes, those that were flown with their action logs.
+/// Stores episodes, with the action logs of those that were run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(
     conn: &mut SqliteConnection,
     rows: &[(EpisodeRow, Option<StoredLog>)],
 ) -> Result<(), StoreError> {
-    for rows in rows.chunks(ROWS) {
+    for rows in rows.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
             "INSERT INTO episodes (lease, number, state, digest, score, success, skill, floor, reference, planner,
                                    flown, policy_version, reason, metrics, at) ",
         );
         statement.push_values(rows, |mut values, (row, _)| {
-            values.push_bind(row.lease).push_bind(row.number).push_bind(&row.state).push_bind(&row.digest);
+            values.push_bind(row.lease).push_bind(row.number).push_bind(row.state).push_bind(&row.digest);
             values.push_bind(row.score).push_bind(row.success).push_bind(row.skill).push_bind(row.floor);
             values.push_bind(row.reference).push_bind(row.planner).push_bind(&row.flown);
             values.push_bind(row.policy_version).push_bind(&row.reason).push_bind(&row.metrics);
             values.push_bind(row.at);
         });
-        let flown: Vec<_> = rows.iter().filter(|(_, log)| log.is_some()).collect();
-        if !flown.is_empty() {
+        let logged: Vec<_> = rows.iter().filter(|(_, log)| log.is_some()).collect();
+        if !logged.is_empty() {
             statement.push("; INSERT INTO action_logs (lease, number, body) ");
-            statement.push_values(flown, |mut values, (row, log)| {
+            statement.push_values(logged, |mut values, (row, log)| {
                 values
                     .push_bind(row.lease)
                     .push_bind(row.number)
@@ -96,93 +118,94 @@ pub async fn insert(
     Ok(())
 }
 
-/// What tells a report of an episode from the one before, and what that was answered with.
+/// A result that was reported before: enough to tell a repeated report from a contradicting one, and to answer it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Before {
-    /// Its lease.
+pub struct ReportedResult {
+    /// Number of the lease.
     pub lease: i64,
-    /// Its index in the lease.
+    /// Index of the episode in the lease.
     pub number: i64,
-    /// Of what was reported.
+    /// Digest of the reported result.
     pub digest: Vec<u8>,
-    /// The world's score.
+    /// Score that the world computed.
     pub score: Option<f64>,
-    /// Skill.
+    /// Skill, if the scenario defines one.
     pub skill: Option<f64>,
-    /// Whether it counts as a success.
-    pub success: Option<i64>,
+    /// True if the episode is a success.
+    pub success: Option<bool>,
 }
 
-/// Which of these episodes, by lease and index, were reported.
+/// Reads which of these episodes were reported before.
 ///
 /// # Errors
-/// The database's.
-pub async fn before(conn: &mut SqliteConnection, places: &[(i64, i64)]) -> Result<Vec<Before>, StoreError> {
-    let places = to_json(&places)?;
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn reported_among(
+    conn: &mut SqliteConnection,
+    keys: &[EpisodeKey],
+) -> Result<Vec<ReportedResult>, StoreError> {
+    let keys = to_json(&keys)?;
     Ok(sqlx::query_as!(
-        Before,
+        ReportedResult,
         r#"SELECT e.lease AS "lease!", e.number AS "number!", e.digest AS "digest!", e.score AS "score?: f64",
-                  e.skill AS "skill?: f64", e.success AS "success?: i64"
+                  e.skill AS "skill?: f64", e.success AS "success?: bool"
            FROM json_each(?) AS place CROSS JOIN episodes e
            ON e.lease = place.value ->> 0 AND e.number = place.value ->> 1"#,
-        places
+        keys
     )
     .fetch_all(conn)
     .await?)
 }
 
-/// One episode.
+/// Selects [`EpisodeRow`]s: takes what follows `FROM episodes` and the arguments of the statement.
+macro_rules! query_episodes {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        sqlx::query_as!(
+            EpisodeRow,
+            r#"SELECT lease, number, state AS "state: EpisodeState", digest, score, success AS "success: bool", skill, floor,
+                      reference, planner, flown, policy_version, reason, metrics, at
+               FROM episodes "# + $rest,
+            $($argument),+
+        )
+    };
+}
+
+/// Reads an episode.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(
     conn: &mut SqliteConnection,
     lease: i64,
     number: i64,
 ) -> Result<Option<EpisodeRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        EpisodeRow,
-        "SELECT lease, number, state, digest, score, success, skill, floor, reference, planner, flown, policy_version,
-                reason, metrics, at
-         FROM episodes WHERE lease = ? AND number = ?",
-        lease,
-        number
-    )
-    .fetch_optional(conn)
-    .await?)
+    Ok(query_episodes!("WHERE lease = ? AND number = ?", lease, number).fetch_optional(conn).await?)
 }
 
-/// The reported episodes of leases, in order.
+/// Reads the reported episodes of leases, in order of lease and index.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn of_leases(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<EpisodeRow>, StoreError> {
     let leases = to_json(&leases)?;
-    Ok(sqlx::query_as!(
-        EpisodeRow,
-        "SELECT lease, number, state, digest, score, success, skill, floor, reference, planner, flown, policy_version,
-                reason, metrics, at
-         FROM episodes WHERE lease IN (SELECT value FROM json_each(?)) ORDER BY lease, number",
-        leases
-    )
-    .fetch_all(conn)
-    .await?)
+    Ok(query_episodes!("WHERE lease IN (SELECT value FROM json_each(?)) ORDER BY lease, number", leases)
+        .fetch_all(conn)
+        .await?)
 }
 
-/// Indices of a lease's episodes that were reported.
+/// Reads the indices of a lease's reported episodes, in order.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn reported(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<i64>, StoreError> {
     Ok(sqlx::query_scalar!("SELECT number FROM episodes WHERE lease = ? ORDER BY number", lease)
         .fetch_all(conn)
         .await?)
 }
 
-/// One action log.
+/// Reads the action log of an episode.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails, and [`StoreError::Corrupt`] if the log cannot be decoded.
 pub async fn log(
     conn: &mut SqliteConnection,
     lease: i64,
@@ -192,170 +215,166 @@ pub async fn log(
         sqlx::query_scalar!("SELECT body FROM action_logs WHERE lease = ? AND number = ?", lease, number)
             .fetch_optional(conn)
             .await?;
-    body.map(|body| read(&body)).transpose()
+    body.map(|body| decode_log(&body)).transpose()
 }
 
-fn read(body: &[u8]) -> Result<ActionLog, StoreError> {
-    Ok(ActionLog::decode(&unpack("an action log", body)?)?)
-}
-
-/// Action logs by lease and index, in one statement however many they are.
+/// Reads action logs in one statement. A log that cannot be decoded is an error of its own entry.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn logs(
     conn: &mut SqliteConnection,
-    places: &[(i64, i64)],
-) -> Result<HashMap<(i64, i64), Result<ActionLog, StoreError>>, StoreError> {
-    let places = to_json(&places)?;
+    keys: &[EpisodeKey],
+) -> Result<HashMap<EpisodeKey, Result<ActionLog, StoreError>>, StoreError> {
+    let keys = to_json(&keys)?;
     let rows = query!(
         r#"SELECT a.lease AS "lease!", a.number AS "number!", a.body AS "body!" FROM json_each(?) AS place
            CROSS JOIN action_logs a ON a.lease = place.value ->> 0 AND a.number = place.value ->> 1"#,
-        places
+        keys
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows.into_iter().map(|row| ((row.lease, row.number), read(&row.body))).collect())
+    let logs = rows
+        .into_iter()
+        .map(|row| (EpisodeKey { lease: row.lease, number: row.number }, decode_log(&row.body)));
+    Ok(logs.collect())
+}
+
+fn decode_log(body: &[u8]) -> Result<ActionLog, StoreError> {
+    Ok(ActionLog::decode(&unpack("an action log", body)?)?)
 }
 
 /// A reported episode in a list.
 #[derive(Debug, Clone)]
-pub struct Listed {
-    /// The token of its lease.
+pub struct ListedEpisode {
+    /// Token of the lease.
     pub token: String,
-    /// What is known of it by its group.
-    pub of: OfGroup,
-    /// The episode.
+    /// The group of the episode.
+    pub group: EpisodeGroup,
+    /// Row of the episode.
     pub row: EpisodeRow,
 }
 
-/// What an episode is of.
+/// The group of an episode, as lists show it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct OfGroup {
-    /// The task.
+pub struct EpisodeGroup {
+    /// Task of the group.
     pub task: String,
-    /// The level.
+    /// Level of the group; none for strategies without levels.
     pub level: Option<i64>,
-    /// The proposal's role, or `designed`, or `suite`.
-    pub role: String,
-    /// Its layout, where its group was designed.
+    /// Role of the group.
+    pub role: GroupRole,
+    /// Number of the designed layout, if the group has one.
     pub layout: Option<i64>,
 }
 
-/// Reported episodes of a run after (lease, index), in that order.
+/// Reads reported episodes of a run after a key, in order of their keys.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn page(
     conn: &mut SqliteConnection,
     run: &str,
-    after: (i64, i64),
+    after: EpisodeKey,
     limit: i64,
-) -> Result<Vec<Listed>, StoreError> {
+) -> Result<Vec<ListedEpisode>, StoreError> {
     let rows = query!(
-        r#"SELECT l.token, g.task, g.level, g.role, g.layout, e.lease AS "lease!", e.number AS "number!", e.state, e.digest, e.score, e.success, e.skill,
-                  e.floor, e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
+        r#"SELECT l.token, g.task, g.level, g.role AS "role: GroupRole", g.layout, e.lease AS "lease!", e.number AS "number!",
+                  e.state AS "state: EpisodeState", e.digest, e.score, e.success AS "success: bool", e.skill, e.floor,
+                  e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
            FROM leases l JOIN episodes e ON e.lease = l.id
            JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
            WHERE l.run = ?1 AND l.id >= ?2 AND (e.lease, e.number) > (?2, ?3)
            ORDER BY l.id, e.number LIMIT ?4"#,
         run,
-        after.0,
-        after.1,
+        after.lease,
+        after.number,
         limit
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows
-        .into_iter()
-        .map(|r| {
-            let row = EpisodeRow {
-                lease: r.lease,
-                number: r.number,
-                state: r.state,
-                digest: r.digest,
-                score: r.score,
-                success: r.success,
-                skill: r.skill,
-                floor: r.floor,
-                reference: r.reference,
-                planner: r.planner,
-                flown: r.flown,
-                policy_version: r.policy_version,
-                reason: r.reason,
-                metrics: r.metrics,
-                at: r.at,
-            };
-            Listed {
-                token: r.token,
-                of: OfGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
-                row,
-            }
-        })
-        .collect())
+    let listed = rows.into_iter().map(|r| ListedEpisode {
+        token: r.token,
+        group: EpisodeGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
+        row: EpisodeRow {
+            lease: r.lease,
+            number: r.number,
+            state: r.state,
+            digest: r.digest,
+            score: r.score,
+            success: r.success,
+            skill: r.skill,
+            floor: r.floor,
+            reference: r.reference,
+            planner: r.planner,
+            flown: r.flown,
+            policy_version: r.policy_version,
+            reason: r.reason,
+            metrics: r.metrics,
+            at: r.at,
+        },
+    });
+    Ok(listed.collect())
 }
 
-/// How a finished episode fared.
+/// Result of a finished episode.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fared {
-    /// Whether it succeeded.
+pub struct FinishedEpisode {
+    /// True if the episode is a success.
     pub success: bool,
-    /// Its skill, where the scenario defines one.
+    /// Skill, if the scenario defines one.
     pub skill: Option<f64>,
-    /// Its score.
+    /// Score that the world computed.
     pub score: f64,
-    /// What the reference earned.
+    /// Reference score of the bracket.
     pub reference: f64,
-    /// The policy that flew it.
+    /// Version of the policy that ran the episode.
     pub policy_version: i64,
 }
 
-/// How the finished episodes of a range flew, in order, as JSON.
+/// Reads the results of finished episodes among a span, in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn finished_of(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn finished(
     conn: &mut SqliteConnection,
-    lease: i64,
-    (from, to): (i64, i64),
-) -> Result<Vec<String>, StoreError> {
-    let rows = sqlx::query_scalar!(
-        "SELECT flown FROM episodes
-         WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
-        lease,
-        from,
-        to
-    )
-    .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().flatten().collect())
-}
-
-/// How the finished episodes of one group fared, in order.
-///
-/// # Errors
-/// The database's.
-pub async fn of_group(
-    conn: &mut SqliteConnection,
-    lease: i64,
-    from: i64,
-    to: i64,
-) -> Result<Vec<Fared>, StoreError> {
+    span: EpisodeSpan,
+) -> Result<Vec<FinishedEpisode>, StoreError> {
     let rows = query!(
-        "SELECT success, skill, score, reference, policy_version FROM episodes
-         WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
-        lease,
-        from,
-        to
+        r#"SELECT success AS "success: bool", skill, score, reference, policy_version FROM episodes
+           WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number"#,
+        span.lease,
+        span.from,
+        span.to
     )
     .fetch_all(conn)
     .await?;
-    let fared = rows.into_iter().map(|r| Fared {
-        success: r.success == Some(1),
+    let finished = rows.into_iter().map(|r| FinishedEpisode {
+        success: r.success == Some(true),
         skill: r.skill,
         score: r.score.unwrap_or(0.0),
         reference: r.reference.unwrap_or(0.0),
         policy_version: r.policy_version,
     });
-    Ok(fared.collect())
+    Ok(finished.collect())
+}
+
+/// Reads the outcomes of finished episodes among a span, in order, as JSON.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn finished_outcomes(
+    conn: &mut SqliteConnection,
+    span: EpisodeSpan,
+) -> Result<Vec<String>, StoreError> {
+    let rows = sqlx::query_scalar!(
+        "SELECT flown FROM episodes
+         WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
+        span.lease,
+        span.from,
+        span.to
+    )
+    .fetch_all(conn)
+    .await?;
+    Ok(rows.into_iter().flatten().collect())
 }

@@ -1,59 +1,91 @@
-//! What policies did on frozen suites.
+//! Evaluations of policies on frozen suites, and the scenarios of each. Tables `evaluations` and `evaluation_scenarios`.
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{ROWS, StoreError, to_json};
+use super::{MAX_ROWS, StoreError, text_enum, to_json};
 use crate::clock::Millis;
 
-/// An evaluation as stored.
+text_enum! {
+    /// State of an evaluation.
+    pub enum EvaluationState: "an evaluation's state" {
+        /// A trainer leases and runs its scenarios.
+        Open = "open",
+        /// The server runs its scenarios.
+        Flying = "flying",
+        /// All of its scenarios were run.
+        Complete = "complete",
+        /// The evaluation was cancelled, or its policy cannot run.
+        Failed = "failed",
+    }
+}
+
+/// Row of the `evaluations` table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvaluationRow {
-    /// Its number; 0 before it has one.
+    /// Number of the evaluation, from 1; 0 before it is stored.
     pub id: i64,
-    /// Its name for people.
+    /// Name that is displayed.
     pub name: String,
-    /// The suite.
+    /// Name of the suite.
     pub suite: String,
-    /// Its hash.
+    /// Hash of the suite.
     pub suite_hash: String,
-    /// The tasks of it that are flown, as JSON; none: all.
+    /// Tasks of the suite that are run, as a JSON list; none for all.
     pub tasks: Option<String>,
-    /// The policy: a built-in one where there is no run.
+    /// Name of the policy: a built-in one if there is no run.
     pub policy: String,
-    /// Whose trainer flies it; none: the server does.
+    /// Id of the run whose trainer runs the scenarios; none if the server does.
     pub run: Option<String>,
-    /// The version of the run's policy.
+    /// Version of the run's policy.
     pub version: Option<i64>,
-    /// What trainings of one kind are called together.
+    /// Common name of trainings that differ only in their seeds.
     pub training: Option<String>,
-    /// By what this one differs from them.
+    /// Seed of this training among those.
     pub training_seed: Option<i64>,
     /// Episodes of each scenario.
     pub rollouts: i64,
-    /// Whether these differ by chance.
-    pub chance: i64,
-    /// What a built-in policy with chance in it draws from.
+    /// True if episodes of one scenario differ by chance.
+    pub chance: bool,
+    /// Seed of a built-in policy that draws random numbers.
     pub seed: i64,
-    /// `open`, `flying`, `complete` or `failed`.
-    pub state: String,
-    /// Why it failed.
+    /// State of the evaluation.
+    pub state: EvaluationState,
+    /// Why the evaluation failed.
     pub trouble: Option<String>,
-    /// Scenarios.
+    /// Number of its scenarios.
     pub scenarios: i64,
-    /// Scenarios that are flown.
+    /// Number of scenarios that were run.
     pub flown: i64,
-    /// How often scenarios were offered again because the groups that flew them came to nothing.
+    /// Number of times a scenario was offered again because its group was lost.
     pub reflown: i64,
-    /// When it was begun.
+    /// When the evaluation started.
     pub created_at: Millis,
-    /// When the last scenario was flown.
+    /// When the last scenario was run.
     pub completed_at: Option<Millis>,
 }
 
-/// Begins an evaluation, with its scenarios, at these places of the suite, unflown: its number.
+/// A scenario of an evaluation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EvaluationEntry {
+    /// Number of the evaluation.
+    pub evaluation: i64,
+    /// Index of the scenario in its suite, from 0.
+    pub entry: i64,
+}
+
+/// Episodes of one scenario of an evaluation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EntryEpisodes {
+    /// Index of the scenario in its suite, from 0.
+    pub entry: i64,
+    /// Results of the episodes as JSON; none if they were not run yet.
+    pub episodes: Option<String>,
+}
+
+/// Stores an evaluation with its scenarios, none of them run. Returns its number.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(
     conn: &mut SqliteConnection,
     row: &EvaluationRow,
@@ -82,7 +114,7 @@ pub async fn insert(
     .execute(&mut *conn)
     .await?
     .last_insert_rowid();
-    for rows in entries.chunks(ROWS) {
+    for rows in entries.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new("INSERT INTO evaluation_scenarios (evaluation, entry) ");
         statement.push_values(rows, |mut values, entry| {
             values.push_bind(id).push_bind(*entry);
@@ -92,58 +124,55 @@ pub async fn insert(
     Ok(id)
 }
 
-/// An evaluation.
-///
-/// # Errors
-/// The database's.
-pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<EvaluationRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        EvaluationRow,
-        "SELECT id, name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts, chance, seed, state,
-                trouble, scenarios, flown, reflown, created_at, completed_at
-         FROM evaluations WHERE id = ?",
-        id
-    )
-    .fetch_optional(conn)
-    .await?)
+/// Selects [`EvaluationRow`]s: takes what follows `FROM evaluations` and the arguments of the statement.
+macro_rules! query_evaluations {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        sqlx::query_as!(
+            EvaluationRow,
+            r#"SELECT id, name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts,
+                      chance AS "chance: bool", seed, state AS "state: EvaluationState", trouble, scenarios, flown, reflown,
+                      created_at, completed_at
+               FROM evaluations "# + $rest,
+            $($argument),+
+        )
+    };
 }
 
-/// Evaluations below a number, the newest first.
+/// Reads an evaluation.
 ///
 /// # Errors
-/// The database's.
-pub async fn below(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<EvaluationRow>, StoreError> {
+    Ok(query_evaluations!("WHERE id = ?", id).fetch_optional(conn).await?)
+}
+
+/// Reads evaluations with numbers below `before`, newest first.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn page(
     conn: &mut SqliteConnection,
     before: i64,
     limit: i64,
 ) -> Result<Vec<EvaluationRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        EvaluationRow,
-        "SELECT id, name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts, chance, seed, state,
-                trouble, scenarios, flown, reflown, created_at, completed_at
-         FROM evaluations WHERE id < ? ORDER BY id DESC LIMIT ?",
-        before,
-        limit
-    )
-    .fetch_all(conn)
-    .await?)
+    Ok(query_evaluations!("WHERE id < ? ORDER BY id DESC LIMIT ?", before, limit).fetch_all(conn).await?)
 }
 
-/// The oldest evaluation that the server is to fly.
+/// Reads the number of the oldest evaluation that the server has to run.
 ///
 /// # Errors
-/// The database's.
-pub async fn flying(conn: &mut SqliteConnection) -> Result<Option<i64>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn oldest_of_server(conn: &mut SqliteConnection) -> Result<Option<i64>, StoreError> {
     Ok(sqlx::query_scalar!("SELECT id FROM evaluations WHERE state = 'flying' ORDER BY id LIMIT 1")
         .fetch_optional(conn)
         .await?)
 }
 
-/// How many are not complete.
+/// Counts the evaluations that are neither complete nor failed.
 ///
 /// # Errors
-/// The database's.
-pub async fn unfinished(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn count_unfinished(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"SELECT count(*) AS "n!: i64" FROM evaluations WHERE state IN ('open', 'flying')"#
     )
@@ -151,10 +180,10 @@ pub async fn unfinished(conn: &mut SqliteConnection) -> Result<i64, StoreError> 
     .await?)
 }
 
-/// Places of scenarios that nobody flies, in order.
+/// Reads the scenarios of an evaluation that are neither run nor leased, in order.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn waiting(conn: &mut SqliteConnection, id: i64, limit: i64) -> Result<Vec<i64>, StoreError> {
     Ok(sqlx::query_scalar!(
         "SELECT entry FROM evaluation_scenarios
@@ -166,13 +195,14 @@ pub async fn waiting(conn: &mut SqliteConnection, id: i64, limit: i64) -> Result
     .await?)
 }
 
-/// Says which groups of a lease fly which scenarios: the n-th group the n-th of these places.
+/// Assigns scenarios to the groups of a lease: the n-th scenario to the n-th group.
 ///
 /// # Errors
-/// The database's.
-pub async fn leased(
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn assign(
     conn: &mut SqliteConnection,
-    (id, lease): (i64, i64),
+    id: i64,
+    lease: i64,
     entries: &[i64],
 ) -> Result<(), StoreError> {
     let entries = to_json(&entries)?;
@@ -188,60 +218,62 @@ pub async fn leased(
     Ok(())
 }
 
-/// Which evaluation's scenario a group flies: its number and the place.
+/// Reads the scenario that is assigned to a group.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn of_group(
     conn: &mut SqliteConnection,
     lease: i64,
     number: i64,
-) -> Result<Option<(i64, i64)>, StoreError> {
-    let row = query!(
+) -> Result<Option<EvaluationEntry>, StoreError> {
+    Ok(sqlx::query_as!(
+        EvaluationEntry,
         r#"SELECT evaluation AS "evaluation!: i64", entry AS "entry!: i64"
            FROM evaluation_scenarios INDEXED BY evaluation_scenarios_of_lease WHERE lease = ? AND number = ?"#,
         lease,
         number
     )
     .fetch_optional(conn)
-    .await?;
-    Ok(row.map(|row| (row.evaluation, row.entry)))
+    .await?)
 }
 
 /// Offers a scenario again, and counts that.
 ///
 /// # Errors
-/// The database's.
-pub async fn offer_again(conn: &mut SqliteConnection, id: i64, entry: i64) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn offer_again(conn: &mut SqliteConnection, of: EvaluationEntry) -> Result<(), StoreError> {
     let offered = query!(
         "UPDATE evaluation_scenarios SET lease = NULL, number = NULL
          WHERE evaluation = ? AND entry = ? AND episodes IS NULL",
-        id,
-        entry
+        of.evaluation,
+        of.entry
     )
     .execute(&mut *conn)
     .await?;
     if offered.rows_affected() == 1 {
-        query!("UPDATE evaluations SET reflown = reflown + 1 WHERE id = ?", id).execute(conn).await?;
+        query!("UPDATE evaluations SET reflown = reflown + 1 WHERE id = ?", of.evaluation)
+            .execute(conn)
+            .await?;
     }
     Ok(())
 }
 
-/// Writes the episodes of a scenario, as JSON, and completes the evaluation with the last of them, unless it was given up before.
+/// Stores the episodes of a scenario as JSON. The last scenario completes the evaluation, unless it was cancelled.
 ///
 /// # Errors
-/// The database's.
-pub async fn flown(
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn store_episodes(
     conn: &mut SqliteConnection,
-    (id, entry): (i64, i64),
+    of: EvaluationEntry,
     episodes: &str,
     now: Millis,
 ) -> Result<(), StoreError> {
     let done = query!(
         "UPDATE evaluation_scenarios SET episodes = ? WHERE evaluation = ? AND entry = ? AND episodes IS NULL",
         episodes,
-        id,
-        entry
+        of.evaluation,
+        of.entry
     )
     .execute(&mut *conn)
     .await?;
@@ -252,7 +284,7 @@ pub async fn flown(
                  completed_at = CASE WHEN flown + 1 >= scenarios AND state <> 'failed' THEN ?1 END
              WHERE id = ?2",
             now,
-            id
+            of.evaluation
         )
         .execute(conn)
         .await?;
@@ -260,10 +292,10 @@ pub async fn flown(
     Ok(())
 }
 
-/// Ends one that cannot be flown.
+/// Fails an evaluation that cannot be run or was cancelled.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn fail(conn: &mut SqliteConnection, id: i64, trouble: &str) -> Result<(), StoreError> {
     query!("UPDATE evaluations SET state = 'failed', trouble = ? WHERE id = ?", trouble, id)
         .execute(conn)
@@ -271,34 +303,31 @@ pub async fn fail(conn: &mut SqliteConnection, id: i64, trouble: &str) -> Result
     Ok(())
 }
 
-/// Places behind `after` with the episodes of their scenarios, as JSON; none where they are not flown.
+/// Reads the scenarios of an evaluation after an index, in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn page(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn scenarios(
     conn: &mut SqliteConnection,
     id: i64,
     after: i64,
     limit: i64,
-) -> Result<Vec<(i64, Option<String>)>, StoreError> {
-    let rows = query!(
+) -> Result<Vec<EntryEpisodes>, StoreError> {
+    Ok(sqlx::query_as!(
+        EntryEpisodes,
         "SELECT entry, episodes FROM evaluation_scenarios WHERE evaluation = ? AND entry > ? ORDER BY entry LIMIT ?",
         id,
         after,
         limit
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|row| (row.entry, row.episodes)).collect())
+    .await?)
 }
 
-/// The places of the suite that are flown, in order, each with the episodes there as JSON; none where they are not flown yet.
+/// Reads all scenarios of an evaluation, in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn episodes(
-    conn: &mut SqliteConnection,
-    id: i64,
-) -> Result<Vec<(i64, Option<String>)>, StoreError> {
-    page(conn, id, -1, i64::MAX).await
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn all_scenarios(conn: &mut SqliteConnection, id: i64) -> Result<Vec<EntryEpisodes>, StoreError> {
+    scenarios(conn, id, -1, i64::MAX).await
 }

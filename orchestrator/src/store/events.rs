@@ -1,54 +1,96 @@
-//! What happened in runs, in order: a ring for each.
+//! Events of runs, a ring for each run. Tables `run_events` and `forgotten_events`.
 
 use sqlx::{SqliteConnection, query};
 
-use super::{StoreError, to_json};
+use super::{StoreError, text_enum, to_json};
 use crate::clock::Millis;
 
-/// Events that are kept of a run, at least.
-pub const KEPT: i64 = 10_000;
+/// Events of a run that are always kept.
+pub const MIN_EVENTS_KEPT: i64 = 10_000;
 
-/// An event as stored.
+text_enum! {
+    /// Subject of an event.
+    pub enum EventKind: "an event's kind" {
+        /// About the run itself.
+        Run = "run",
+        /// About one of its leases.
+        Lease = "lease",
+        /// A group that closed.
+        Group = "group",
+        /// About a level move.
+        Move = "move",
+        /// A claim of columns.
+        Claim = "claim",
+        /// About episodes that were criticised.
+        Failures = "failures",
+        /// About a design request.
+        Design = "design",
+        /// About a new warning.
+        Health = "health",
+    }
+}
+
+/// Row of the `run_events` table, without its run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventRow {
-    /// Its number: higher is later, over all runs.
+    /// Number of the event. Numbers increase over all runs.
     pub id: i64,
-    /// What kind it is of.
-    pub kind: String,
-    /// JSON.
+    /// Subject of the event.
+    pub kind: EventKind,
+    /// The body as JSON.
     pub body: String,
-    /// When.
+    /// When the event happened.
     pub at: Millis,
 }
 
-/// An event to be stored: of which run, its kind, its JSON, when.
-pub type Told = (String, &'static str, String, Millis);
+/// An event to be stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewEvent {
+    /// Id of the run.
+    pub run: String,
+    /// Subject of the event.
+    pub kind: EventKind,
+    /// The body as JSON.
+    pub body: String,
+    /// When the event happened.
+    pub at: Millis,
+}
 
-/// Stores events, in order.
+/// Kind and time of an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LastEvent {
+    /// Subject of the event.
+    pub kind: EventKind,
+    /// When the event happened.
+    pub at: Millis,
+}
+
+/// Stores events in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn append(conn: &mut SqliteConnection, told: &[Told]) -> Result<(), StoreError> {
-    let told = to_json(&told)?;
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn append(conn: &mut SqliteConnection, events: &[NewEvent]) -> Result<(), StoreError> {
+    let rows: Vec<_> = events.iter().map(|event| (&event.run, event.kind, &event.body, event.at)).collect();
+    let rows = to_json(&rows)?;
     query!(
         "INSERT INTO run_events (run, kind, body, at)
          SELECT value ->> 0, value ->> 1, value ->> 2, value ->> 3 FROM json_each(?) ORDER BY key",
-        told
+        rows
     )
     .execute(conn)
     .await?;
     Ok(())
 }
 
-/// Forgets what is past the ring.
+/// Deletes the events of a run that are past its ring.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn trim(conn: &mut SqliteConnection, run: &str) -> Result<(), StoreError> {
     let last = sqlx::query_scalar!(
         "SELECT id FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1 OFFSET ?",
         run,
-        KEPT
+        MIN_EVENTS_KEPT
     )
     .fetch_optional(&mut *conn)
     .await?;
@@ -64,10 +106,10 @@ pub async fn trim(conn: &mut SqliteConnection, run: &str) -> Result<(), StoreErr
     Ok(())
 }
 
-/// Events of a run after a number, in order.
+/// Reads events of a run after a number, in order.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn after(
     conn: &mut SqliteConnection,
     run: &str,
@@ -76,7 +118,7 @@ pub async fn after(
 ) -> Result<Vec<EventRow>, StoreError> {
     Ok(sqlx::query_as!(
         EventRow,
-        "SELECT id, kind, body, at FROM run_events WHERE run = ? AND id > ? ORDER BY id LIMIT ?",
+        r#"SELECT id, kind AS "kind: EventKind", body, at FROM run_events WHERE run = ? AND id > ? ORDER BY id LIMIT ?"#,
         run,
         after,
         limit
@@ -85,29 +127,29 @@ pub async fn after(
     .await?)
 }
 
-/// The last event of a run that was forgotten; 0 where none was.
+/// Reads the number of the last event of a run that was deleted; 0 if none was.
 ///
 /// # Errors
-/// The database's.
-pub async fn forgotten(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn last_deleted(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     let last = sqlx::query_scalar!("SELECT last FROM forgotten_events WHERE run = ?", run);
     Ok(last.fetch_optional(conn).await?.unwrap_or(0))
 }
 
-/// The newest event of a run; 0 where there is none.
+/// Reads the number of the newest event of a run; 0 if there is none.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn newest(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(r#"SELECT coalesce(max(id), 0) AS "id!: i64" FROM run_events WHERE run = ?"#, run)
         .fetch_one(conn)
         .await?)
 }
 
-/// The event before the last `n` of a run; where there are no more of them, the one before the first that is kept.
+/// Reads the number of the event before the last `n` events of a run. If there are fewer, returns the last deleted event.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a query fails.
 pub async fn before_last(conn: &mut SqliteConnection, run: &str, n: u32) -> Result<i64, StoreError> {
     let before = sqlx::query_scalar!(
         r#"SELECT id AS "id!: i64" FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1 OFFSET ?"#,
@@ -116,15 +158,20 @@ pub async fn before_last(conn: &mut SqliteConnection, run: &str, n: u32) -> Resu
     );
     match before.fetch_optional(&mut *conn).await? {
         Some(id) => Ok(id),
-        None => forgotten(conn, run).await,
+        None => last_deleted(conn, run).await,
     }
 }
 
-/// The kind of a run's newest event, and when it was.
+/// Reads kind and time of the newest event of a run.
 ///
 /// # Errors
-/// The database's.
-pub async fn last(conn: &mut SqliteConnection, run: &str) -> Result<Option<(String, Millis)>, StoreError> {
-    let row = query!("SELECT kind, at FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1", run);
-    Ok(row.fetch_optional(conn).await?.map(|row| (row.kind, row.at)))
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn last(conn: &mut SqliteConnection, run: &str) -> Result<Option<LastEvent>, StoreError> {
+    Ok(sqlx::query_as!(
+        LastEvent,
+        r#"SELECT kind AS "kind: EventKind", at FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1"#,
+        run
+    )
+    .fetch_optional(conn)
+    .await?)
 }

@@ -1,129 +1,154 @@
-//! The failure profile: cells of (mode, bearing sector, speed band), and the newest failures of each.
+//! The failure profile of a run's task: cells by failure mode, bearing sector and speed band, and the newest failures of each
+//! cell. Tables `failure_profile` and `failure_examples`.
 
 use std::collections::BTreeMap;
 
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query};
 
-use super::{ROWS, StoreError};
+use super::{MAX_ROWS, StoreError};
 use crate::clock::Millis;
 
 /// Newest failures that are kept of each cell.
-pub const RING: i64 = 64;
+pub const EXAMPLES_PER_CELL: i64 = 64;
 
-/// Sector and band of a failure in which nothing was met.
-const NOWHERE: i64 = -1;
+/// Stored sector and band of a failure without an encounter.
+const NO_ENCOUNTER: i64 = -1;
 
-/// Which cell of a task's profile.
+/// Key of a cell in the profile of a task.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct CellKey {
-    /// The failure mode.
+    /// Name of the failure mode.
     pub mode: String,
-    /// (bearing sector, speed band); none where nothing was met.
-    pub met: Option<(u32, u32)>,
+    /// Where the encounter came from; none if nothing was met.
+    pub encounter: Option<EncounterBin>,
+}
+
+/// Bearing and speed of an encounter, as bins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct EncounterBin {
+    /// Bearing sector, from 0.
+    pub sector: u32,
+    /// Speed band, from 0.
+    pub band: u32,
 }
 
 impl CellKey {
-    fn columns(&self) -> (i64, i64) {
-        self.met.map_or((NOWHERE, NOWHERE), |(sector, band)| (i64::from(sector), i64::from(band)))
+    fn from_columns(mode: String, sector: i64, band: i64) -> Self {
+        let bins = u32::try_from(sector).ok().zip(u32::try_from(band).ok());
+        Self { mode, encounter: bins.map(|(sector, band)| EncounterBin { sector, band }) }
     }
 
-    fn of(mode: String, sector: i64, band: i64) -> Self {
-        Self { mode, met: u32::try_from(sector).ok().zip(u32::try_from(band).ok()) }
+    fn sector_column(&self) -> i64 {
+        self.encounter.map_or(NO_ENCOUNTER, |bin| i64::from(bin.sector))
+    }
+
+    fn band_column(&self) -> i64 {
+        self.encounter.map_or(NO_ENCOUNTER, |bin| i64::from(bin.band))
     }
 }
 
-/// A cell's sums.
+/// Counters of a cell.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct CellSums {
-    /// Failures.
+pub struct CellCounters {
+    /// Number of failures so far.
     pub count: i64,
-    /// Of these, could have been avoided.
+    /// Failures that could have been avoided.
     pub avoidable: i64,
-    /// Of these, were seen and could not.
+    /// Failures that were visible and could not be avoided.
     pub unavoidable: i64,
-    /// The sum of the steps that were left to act.
+    /// Sum of the steps that were left to act.
     pub steps_left: i64,
-    /// The count, halving every half-life, as it stood at `as_of`.
+    /// Count that halves with every half-life, at the moment `as_of`.
     pub weight: f64,
-    /// The last one's place among the task's criticised episodes, from 1.
+    /// Position of the last failure among the task's criticised episodes, from 1.
     pub as_of: i64,
-    /// When the last one was entered.
+    /// When the last failure was added.
     pub last_at: Millis,
 }
 
-/// A failure that is kept as an example.
+/// A cell of the profile.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Example {
-    /// Which of its cell's it is, from 1.
+pub struct FailureCell {
+    /// Number of the cell.
+    pub id: i64,
+    /// Key of the cell.
+    pub key: CellKey,
+    /// Counters of the cell.
+    pub counters: CellCounters,
+}
+
+/// A failure that is kept as an example of its cell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FailureExample {
+    /// Position of the failure in its cell, from 1.
     pub nth: i64,
-    /// The episode's place among the task's criticised ones, from 1.
+    /// Position of the episode among the task's criticised episodes, from 1.
     pub place: i64,
-    /// The episode's lease.
+    /// Number of the episode's lease.
     pub lease: i64,
-    /// Its index in the lease.
+    /// Index of the episode in the lease.
     pub number: i64,
-    /// Whose.
+    /// Index of the agent that failed.
     pub agent: i64,
-    /// When, from 1.
+    /// Step of the failure, from 1.
     pub step: i64,
-    /// From where, degrees.
+    /// Bearing of the encounter, degrees.
     pub bearing_deg: Option<f64>,
-    /// How fast, in the world's unit.
+    /// Relative speed of the encounter, in the world's unit.
     pub relative_speed: Option<f64>,
     /// Steps that were left to act.
     pub steps_left: Option<i64>,
-    /// Whether it could have been avoided; none if nothing was met, or seen.
+    /// True if the failure could have been avoided; none if nothing was met or seen.
     pub avoidable: Option<bool>,
 }
 
-/// Writes cells.
+/// Writes cells, over those with the same keys.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn put_cells(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    cells: &[(&CellKey, &CellSums)],
+    cells: &[(&CellKey, &CellCounters)],
 ) -> Result<(), StoreError> {
-    for rows in cells.chunks(ROWS) {
-        write_cells((run, task), rows).build().execute(&mut *conn).await?;
+    for rows in cells.chunks(MAX_ROWS) {
+        put_cells_statement(run, task, rows).build().execute(&mut *conn).await?;
     }
     Ok(())
 }
 
-/// Writes cells that were never written before; their numbers.
+/// Writes cells that are not stored yet. Returns their numbers.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert_cells(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    cells: &[(&CellKey, &CellSums)],
+    cells: &[(&CellKey, &CellCounters)],
 ) -> Result<BTreeMap<CellKey, i64>, StoreError> {
-    let mut numbers = BTreeMap::new();
-    for rows in cells.chunks(ROWS) {
-        let mut statement = write_cells((run, task), rows);
+    let mut ids = BTreeMap::new();
+    for rows in cells.chunks(MAX_ROWS) {
+        let mut statement = put_cells_statement(run, task, rows);
         statement.push(" RETURNING mode, sector, band, cell");
-        for (mode, sector, band, cell) in statement.build_query_as().fetch_all(&mut *conn).await? {
-            numbers.insert(CellKey::of(mode, sector, band), cell);
+        for (mode, sector, band, id) in statement.build_query_as().fetch_all(&mut *conn).await? {
+            ids.insert(CellKey::from_columns(mode, sector, band), id);
         }
     }
-    Ok(numbers)
+    Ok(ids)
 }
 
-fn write_cells((run, task): (&str, &str), rows: &[(&CellKey, &CellSums)]) -> QueryBuilder<Sqlite> {
+fn put_cells_statement(run: &str, task: &str, rows: &[(&CellKey, &CellCounters)]) -> QueryBuilder<Sqlite> {
     let mut statement = QueryBuilder::new(
         "INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left,
                                       weight, as_of, last_at) ",
     );
-    statement.push_values(rows, |mut values, (key, sums)| {
-        let (sector, band) = key.columns();
+    statement.push_values(rows, |mut values, (key, counters)| {
         values.push_bind(run.to_owned()).push_bind(task.to_owned()).push_bind(key.mode.clone());
-        values.push_bind(sector).push_bind(band).push_bind(sums.count).push_bind(sums.avoidable);
-        values.push_bind(sums.unavoidable).push_bind(sums.steps_left).push_bind(sums.weight);
-        values.push_bind(sums.as_of).push_bind(sums.last_at);
+        values.push_bind(key.sector_column()).push_bind(key.band_column()).push_bind(counters.count);
+        values.push_bind(counters.avoidable).push_bind(counters.unavoidable).push_bind(counters.steps_left);
+        values.push_bind(counters.weight).push_bind(counters.as_of).push_bind(counters.last_at);
     });
     statement.push(
         " ON CONFLICT (run, task, mode, sector, band) DO UPDATE SET
@@ -134,39 +159,40 @@ fn write_cells((run, task): (&str, &str), rows: &[(&CellKey, &CellSums)]) -> Que
     statement
 }
 
-/// Writes examples of cells, each over the one of its cell that is a ring older.
+/// Writes examples by the numbers of their cells. Each one replaces the oldest example of its cell.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn put_examples(
     conn: &mut SqliteConnection,
-    examples: &[(i64, &Example)],
+    examples: &[(i64, &FailureExample)],
 ) -> Result<(), StoreError> {
-    for rows in examples.chunks(ROWS) {
+    for rows in examples.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
             "INSERT OR REPLACE INTO failure_examples (cell, slot, nth, place, lease, number, agent, step, bearing_deg,
                  relative_speed, steps_left, avoidable) ",
         );
-        statement.push_values(rows, |mut values, (cell, x)| {
-            values.push_bind(cell).push_bind(x.nth % RING).push_bind(x.nth).push_bind(x.place);
-            values.push_bind(x.lease).push_bind(x.number).push_bind(x.agent).push_bind(x.step);
-            values.push_bind(x.bearing_deg).push_bind(x.relative_speed).push_bind(x.steps_left);
-            values.push_bind(x.avoidable.map(i64::from));
+        statement.push_values(rows, |mut values, (cell, example)| {
+            values.push_bind(cell).push_bind(example.nth % EXAMPLES_PER_CELL).push_bind(example.nth);
+            values.push_bind(example.place).push_bind(example.lease).push_bind(example.number);
+            values.push_bind(example.agent).push_bind(example.step).push_bind(example.bearing_deg);
+            values.push_bind(example.relative_speed).push_bind(example.steps_left);
+            values.push_bind(example.avoidable);
         });
         statement.build().execute(&mut *conn).await?;
     }
     Ok(())
 }
 
-/// The whole profile of a run's task, by mode, sector and band.
+/// Reads the whole profile of a run's task, by mode, sector and band.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn profile(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-) -> Result<Vec<(i64, CellKey, CellSums)>, StoreError> {
+) -> Result<Vec<FailureCell>, StoreError> {
     let rows = query!(
         "SELECT cell, mode, sector, band, count, avoidable, unavoidable, steps_left, weight, as_of, last_at
          FROM failure_profile WHERE run = ? AND task = ? ORDER BY mode, sector, band",
@@ -175,8 +201,10 @@ pub async fn profile(
     )
     .fetch_all(conn)
     .await?;
-    let cells = rows.into_iter().map(|r| {
-        let sums = CellSums {
+    let cells = rows.into_iter().map(|r| FailureCell {
+        id: r.cell,
+        key: CellKey::from_columns(r.mode, r.sector, r.band),
+        counters: CellCounters {
             count: r.count,
             avoidable: r.avoidable,
             unavoidable: r.unavoidable,
@@ -184,24 +212,37 @@ pub async fn profile(
             weight: r.weight,
             as_of: r.as_of,
             last_at: r.last_at,
-        };
-        (r.cell, CellKey::of(r.mode, r.sector, r.band), sums)
+        },
     });
     Ok(cells.collect())
 }
 
-/// The newest `most` episodes behind every cell of a run's task: (cell, lease, token, index), newest first in each. An
-/// episode can fail more than once in one cell, and is one episode all the same.
+/// An episode behind a cell.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CellEpisode {
+    /// Number of the cell.
+    pub cell: i64,
+    /// Number of the episode's lease.
+    pub lease: i64,
+    /// Token of the lease.
+    pub token: String,
+    /// Index of the episode in the lease.
+    pub number: i64,
+}
+
+/// Reads the newest `limit` episodes behind every cell of a run's task, by cell, newest first. An episode with several failures
+/// in one cell is one episode.
 ///
 /// # Errors
-/// The database's.
-pub async fn newest(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn newest_episodes(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    most: i64,
-) -> Result<Vec<(i64, i64, String, i64)>, StoreError> {
-    let rows = query!(
+    limit: i64,
+) -> Result<Vec<CellEpisode>, StoreError> {
+    Ok(sqlx::query_as!(
+        CellEpisode,
         r#"SELECT p.cell AS "cell!", l.id AS "lease!", l.token AS "token!", x.number AS "number!"
            FROM failure_profile p
            JOIN (SELECT cell, lease, number, max(nth) AS nth,
@@ -213,64 +254,75 @@ pub async fn newest(
            WHERE p.run = ?1 AND p.task = ?2 ORDER BY p.cell, x.place"#,
         run,
         task,
-        most
+        limit
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|r| (r.cell, r.lease, r.token, r.number)).collect())
+    .await?)
 }
 
-/// Which failures are asked for.
+/// Filter of [`examples`]; a field that is none filters nothing.
 #[derive(Debug, Clone, Default)]
-pub struct Wanted {
-    /// Of this mode.
+pub struct FailureFilter {
+    /// Name of the failure mode.
     pub mode: Option<String>,
-    /// Of this sector.
+    /// Number of the bearing sector.
     pub sector: Option<u32>,
-    /// Of this band.
+    /// Number of the speed band.
     pub band: Option<u32>,
-    /// Older than (place, cell, nth).
-    pub before: Option<(i64, i64, i64)>,
+    /// Only failures that are older than this one.
+    pub before: Option<FailureCursor>,
 }
 
-/// A failure with the cell it is in.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Kept {
-    /// The cell's number.
+/// Position of a failure in the list of a task's failures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FailureCursor {
+    /// Position of the episode among the task's criticised episodes.
+    pub place: i64,
+    /// Number of the cell.
     pub cell: i64,
-    /// Its key.
-    pub key: CellKey,
-    /// The token of the episode's lease.
-    pub token: String,
-    /// The failure.
-    pub example: Example,
+    /// Position of the failure in its cell.
+    pub nth: i64,
 }
 
-/// Failures that are kept of a run's task, the newest first.
+/// A failure with the cell that it is in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ListedFailure {
+    /// Number of the cell.
+    pub cell: i64,
+    /// Key of the cell.
+    pub key: CellKey,
+    /// Token of the episode's lease.
+    pub token: String,
+    /// The failure as stored.
+    pub example: FailureExample,
+}
+
+/// Reads the failures that are kept of a run's task, newest first.
 ///
 /// # Errors
-/// The database's.
-pub async fn kept(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn examples(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    wanted: &Wanted,
+    filter: &FailureFilter,
     limit: i64,
-) -> Result<Vec<Kept>, StoreError> {
-    let (place, cell, nth) = wanted.before.unwrap_or((i64::MAX, i64::MAX, i64::MAX));
+) -> Result<Vec<ListedFailure>, StoreError> {
+    let end = FailureCursor { place: i64::MAX, cell: i64::MAX, nth: i64::MAX };
+    let FailureCursor { place, cell, nth } = filter.before.unwrap_or(end);
     let rows = query!(
         r#"SELECT p.cell AS "cell!", p.mode AS "mode!", p.sector AS "sector!", p.band AS "band!", l.token AS "token!",
                   x.nth AS "nth!", x.place AS "place!", x.lease AS "lease!", x.number AS "number!", x.agent AS "agent!",
-                  x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable
+                  x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable AS "avoidable: bool"
            FROM failure_profile p JOIN failure_examples x ON x.cell = p.cell JOIN leases l ON l.id = x.lease
            WHERE p.run = ?1 AND p.task = ?2 AND (?3 IS NULL OR p.mode = ?3) AND (?4 IS NULL OR p.sector = ?4)
                  AND (?5 IS NULL OR p.band = ?5) AND (x.place, x.cell, x.nth) < (?6, ?7, ?8)
            ORDER BY x.place DESC, x.cell DESC, x.nth DESC LIMIT ?9"#,
         run,
         task,
-        wanted.mode,
-        wanted.sector,
-        wanted.band,
+        filter.mode,
+        filter.sector,
+        filter.band,
         place,
         cell,
         nth,
@@ -278,11 +330,11 @@ pub async fn kept(
     )
     .fetch_all(conn)
     .await?;
-    let kept = rows.into_iter().map(|r| Kept {
+    let failures = rows.into_iter().map(|r| ListedFailure {
         cell: r.cell,
-        key: CellKey::of(r.mode, r.sector, r.band),
+        key: CellKey::from_columns(r.mode, r.sector, r.band),
         token: r.token,
-        example: Example {
+        example: FailureExample {
             nth: r.nth,
             place: r.place,
             lease: r.lease,
@@ -292,8 +344,8 @@ pub async fn kept(
             bearing_deg: r.bearing_deg,
             relative_speed: r.relative_speed,
             steps_left: r.steps_left,
-            avoidable: r.avoidable.map(|a| a != 0),
+            avoidable: r.avoidable,
         },
     });
-    Ok(kept.collect())
+    Ok(failures.collect())
 }

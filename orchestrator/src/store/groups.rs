@@ -1,66 +1,116 @@
-//! The groups of leases.
+//! Groups of leases. Table `groups`.
 
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query};
 
-use super::leases::LeaseRow;
-use super::{ROWS, StoreError, to_json};
+use super::keys::GroupKey;
+use super::{MAX_ROWS, StoreError, text_enum, to_json};
 use crate::clock::Millis;
 
-/// A group as stored.
+text_enum! {
+    /// State of a group.
+    pub enum GroupState: "a group's state" {
+        /// Episodes are still missing.
+        Open = "open",
+        /// All of its episodes finished.
+        Complete = "complete",
+        /// Enough episodes finished for the group to count, but not all.
+        Partial = "partial",
+        /// Too few episodes finished.
+        Lost = "lost",
+    }
+}
+
+text_enum! {
+    /// Role of a group: the role of its proposal, or its origin if it has no proposal.
+    pub enum GroupRole: "a group's role" {
+        /// Finds the level at which a new run starts.
+        Placement = "placement",
+        /// At the current level.
+        Frontier = "frontier",
+        /// A level that was passed already.
+        Rehearsal = "rehearsal",
+        /// Drawn by a strategy without levels, or for an evaluation lease.
+        Sample = "sample",
+        /// A scenario that the agent has not seen.
+        Explore = "explore",
+        /// A scenario that is repeated because the agent still learns from it.
+        Replay = "replay",
+        /// An edit of a repeated scenario.
+        Edit = "edit",
+        /// One parameter at its bound.
+        Boundary = "boundary",
+        /// On a designed layout.
+        Designed = "designed",
+        /// A scenario of an evaluation suite.
+        Suite = "suite",
+    }
+}
+
+/// Row of the `groups` table, without its lease.
 #[derive(Debug, Clone)]
 pub struct GroupRow {
-    /// Its number in the lease.
+    /// Number of the group in the lease, from 0.
     pub number: i64,
-    /// The proposal it serves; none for eval, and where it was designed.
+    /// Sequence number of the proposal that the group serves; none for evaluations and designed layouts.
     pub proposal: Option<i64>,
-    /// Its layout, where it was designed.
+    /// Number of the designed layout, if the group has one.
     pub layout: Option<i64>,
-    /// Its scenario.
+    /// Id of the scenario.
     pub scenario: Vec<u8>,
-    /// The task.
+    /// Task of the scenario.
     pub task: String,
-    /// The level.
+    /// Level of the scenario; none for strategies without levels.
     pub level: Option<i64>,
-    /// The proposal's role, or `designed`.
-    pub role: String,
-    /// Whether the scenario is contested.
-    pub contested: i64,
-    /// `open`, `complete`, `partial` or `lost`.
-    pub state: String,
-    /// Episodes that finished.
+    /// Role of the group.
+    pub role: GroupRole,
+    /// True if the scenario is contested.
+    pub is_contested: bool,
+    /// State of the group.
+    pub state: GroupState,
+    /// Number of finished episodes.
     pub finished: i64,
-    /// Episodes that failed.
+    /// Number of failed episodes.
     pub failed: i64,
-    /// Episodes that succeeded.
+    /// Number of successful episodes.
     pub successes: i64,
-    /// Whether its outcome could move the curriculum.
-    pub evidence: i64,
-    /// Whether it is to be learnt from.
-    pub train: i64,
+    /// True if the outcome of the group may move the curriculum.
+    pub is_evidence: bool,
+    /// True if the trainer should learn from the group.
+    pub is_for_training: bool,
 }
 
 impl GroupRow {
-    /// Whether its episodes are for training or probing: what is for measuring is counted nowhere.
+    /// True if the episodes are for training or probing. Episodes of evaluations are not counted anywhere.
     #[must_use]
     pub const fn counts(&self) -> bool {
         self.proposal.is_some() || self.layout.is_some()
     }
 }
 
+/// A group with the time when it closed.
+#[derive(Debug, Clone)]
+pub struct ClosedGroupRow {
+    /// Row of the group.
+    pub row: GroupRow,
+    /// When the group closed; 0 if it is open.
+    pub closed_at: Millis,
+}
+
 /// Adds groups to a lease.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(conn: &mut SqliteConnection, lease: i64, groups: &[GroupRow]) -> Result<(), StoreError> {
-    for rows in groups.chunks(ROWS) {
+    for rows in groups.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new("");
-        push(&mut statement, lease, rows);
+        push_insert(&mut statement, lease, rows);
         statement.build().execute(&mut *conn).await?;
     }
     Ok(())
 }
 
-pub(super) fn push(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
+/// Appends the statement that adds groups to a lease.
+pub(super) fn push_insert(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
     statement.push(
         "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
                              evidence, train) ",
@@ -68,42 +118,52 @@ pub(super) fn push(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[Gro
     statement.push_values(rows, |mut values, row| {
         values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
         values.push_bind(row.scenario.clone()).push_bind(row.task.clone()).push_bind(row.level);
-        values.push_bind(row.role.clone()).push_bind(row.contested).push_bind(row.state.clone());
-        values.push_bind(row.failed).push_bind(row.evidence).push_bind(row.train);
+        values.push_bind(row.role).push_bind(row.is_contested).push_bind(row.state);
+        values.push_bind(row.failed).push_bind(row.is_evidence).push_bind(row.is_for_training);
     });
 }
 
-/// The groups of a lease in order.
-///
-/// # Errors
-/// The database's.
-pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<GroupRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        GroupRow,
-        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence, train
-         FROM groups WHERE lease = ? ORDER BY number",
-        lease
-    )
-    .fetch_all(conn)
-    .await?)
+/// Selects [`GroupRow`]s: takes what follows `FROM groups` and the arguments of the statement.
+macro_rules! query_groups {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        sqlx::query_as!(
+            GroupRow,
+            r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
+                      contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
+                      evidence AS "is_evidence: bool", train AS "is_for_training: bool"
+               FROM groups "# + $rest,
+            $($argument),+
+        )
+    };
 }
 
-/// The groups of a closed lease in order, with when each closed.
+/// Reads the groups of a lease in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn closed(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<(GroupRow, Millis)>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<GroupRow>, StoreError> {
+    Ok(query_groups!("WHERE lease = ? ORDER BY number", lease).fetch_all(conn).await?)
+}
+
+/// Reads the groups of a closed lease in order, with the times when they closed.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn of_closed_lease(
+    conn: &mut SqliteConnection,
+    lease: i64,
+) -> Result<Vec<ClosedGroupRow>, StoreError> {
     let rows = query!(
-        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence, train, closed_at
-         FROM groups WHERE lease = ? ORDER BY number",
+        r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
+                  contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
+                  evidence AS "is_evidence: bool", train AS "is_for_training: bool", closed_at
+           FROM groups WHERE lease = ? ORDER BY number"#,
         lease
     )
     .fetch_all(conn)
     .await?;
-    let closed = rows.into_iter().map(|r| {
-        let row = GroupRow {
+    let closed = rows.into_iter().map(|r| ClosedGroupRow {
+        row: GroupRow {
             number: r.number,
             proposal: r.proposal,
             layout: r.layout,
@@ -111,66 +171,50 @@ pub async fn closed(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<(Grou
             task: r.task,
             level: r.level,
             role: r.role,
-            contested: r.contested,
+            is_contested: r.is_contested,
             state: r.state,
             finished: r.finished,
             failed: r.failed,
             successes: r.successes,
-            evidence: r.evidence,
-            train: r.train,
-        };
-        (row, r.closed_at.unwrap_or(0))
+            is_evidence: r.is_evidence,
+            is_for_training: r.is_for_training,
+        },
+        closed_at: r.closed_at.unwrap_or(0),
     });
     Ok(closed.collect())
 }
 
-/// One group.
+/// Reads a group.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(
     conn: &mut SqliteConnection,
     lease: i64,
     number: i64,
 ) -> Result<Option<GroupRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        GroupRow,
-        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence, train
-         FROM groups WHERE lease = ? AND number = ?",
-        lease,
-        number
-    )
-    .fetch_optional(conn)
-    .await?)
+    Ok(query_groups!("WHERE lease = ? AND number = ?", lease, number).fetch_optional(conn).await?)
 }
 
-/// Some groups of a lease, by their numbers.
+/// Reads some groups of a lease, by their numbers.
 ///
 /// # Errors
-/// The database's.
-pub async fn some(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get_many(
     conn: &mut SqliteConnection,
     lease: i64,
     numbers: &[i64],
 ) -> Result<Vec<GroupRow>, StoreError> {
     let numbers = to_json(&numbers)?;
-    Ok(sqlx::query_as!(
-        GroupRow,
-        "SELECT number, proposal, layout, scenario, task, level, role, contested, state, finished, failed, successes,
-                evidence, train
-         FROM groups WHERE lease = ? AND number IN (SELECT value FROM json_each(?))",
-        lease,
-        numbers
-    )
-    .fetch_all(conn)
-    .await?)
+    Ok(query_groups!("WHERE lease = ? AND number IN (SELECT value FROM json_each(?))", lease, numbers)
+        .fetch_all(conn)
+        .await?)
 }
 
-/// Writes counts and states of groups; those that are not open were closed at this time.
+/// Writes the counts and states of groups. Groups that are not open closed at `now`.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn update(
     conn: &mut SqliteConnection,
     lease: i64,
@@ -181,9 +225,9 @@ pub async fn update(
         return Ok(());
     }
     let values = |row: &GroupRow| {
-        let closed_at = (row.state != "open").then_some(now);
-        let GroupRow { number, state, finished, failed, successes, evidence, .. } = row;
-        serde_json::json!([number, state, finished, failed, successes, evidence, closed_at])
+        let closed_at = (row.state != GroupState::Open).then_some(now);
+        let GroupRow { number, state, finished, failed, successes, is_evidence, .. } = row;
+        serde_json::json!([number, state, finished, failed, successes, i64::from(*is_evidence), closed_at])
     };
     let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;
     query!(
@@ -204,74 +248,22 @@ pub async fn update(
     Ok(())
 }
 
-/// Says whether a group's scenario is contested, where that was found out only when it was audited.
+/// Sets whether a group's scenario is contested. For leases of columns the audit finds this out.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn set_contested(
     conn: &mut SqliteConnection,
-    (lease, number): (i64, i64),
-    contested: bool,
+    group: GroupKey,
+    is_contested: bool,
 ) -> Result<(), StoreError> {
-    query!("UPDATE groups SET contested = ? WHERE lease = ? AND number = ?", contested, lease, number)
-        .execute(conn)
-        .await?;
-    Ok(())
-}
-
-/// What a group that ends is judged by.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Closing {
-    /// Its number in the lease.
-    pub number: i64,
-    /// Its proposal as JSON, where it serves one.
-    pub body: Option<String>,
-    /// The mean score of what finished.
-    pub score: Option<f64>,
-    /// The mean skill of what finished and has one.
-    pub skill: Option<f64>,
-    /// The lowest score of what finished.
-    pub lowest: Option<f64>,
-    /// The highest.
-    pub highest: Option<f64>,
-    /// The mean over what finished of how far it fell short of the reference, as a share of what was to be had above the floor; of
-    /// the reference where there was hardly anything (a bracket's `MIN_GAP`).
-    pub regret: Option<f64>,
-    /// The mean positive value loss that the trainer reported of it.
-    pub positive_value_loss: Option<f64>,
-    /// The mean MaxMC regret that the trainer reported of it.
-    pub max_mc: Option<f64>,
-}
-
-/// What groups of a lease that end are judged by.
-///
-/// # Errors
-/// The database's.
-pub async fn closing(
-    conn: &mut SqliteConnection,
-    lease: &LeaseRow,
-    groups: &[i64],
-) -> Result<Vec<Closing>, StoreError> {
-    let groups = to_json(&groups)?;
-    Ok(sqlx::query_as!(
-        Closing,
-        r#"SELECT wanted.value + 0 AS "number!: i64", p.body AS "body?: String", avg(e.score) AS "score?: f64",
-                  avg(e.skill) AS "skill?: f64", min(e.score) AS "lowest?: f64", max(e.score) AS "highest?: f64",
-                  avg(min(1.0, max(0.0, (e.reference - e.score)
-                      / CASE WHEN e.reference - e.floor >= 0.05 THEN e.reference - e.floor
-                             ELSE max(abs(e.reference), 0.05) END))) AS "regret?: f64",
-                  avg(e.metrics ->> '$.positive_value_loss') AS "positive_value_loss?: f64",
-                  avg(e.metrics ->> '$.max_mc') AS "max_mc?: f64"
-           FROM json_each(?1) AS wanted CROSS JOIN groups g ON g.lease = ?2 AND g.number = wanted.value
-           LEFT JOIN proposals p ON p.run = ?3 AND p.seq = g.proposal
-           LEFT JOIN episodes e ON e.lease = ?2 AND e.number >= wanted.value * ?4
-                                   AND e.number < (wanted.value + 1) * ?4 AND e.state = 'finished'
-           GROUP BY wanted.value"#,
-        groups,
-        lease.id,
-        lease.run,
-        lease.group_size
+    query!(
+        "UPDATE groups SET contested = ? WHERE lease = ? AND number = ?",
+        is_contested,
+        group.lease,
+        group.number
     )
-    .fetch_all(conn)
-    .await?)
+    .execute(conn)
+    .await?;
+    Ok(())
 }

@@ -1,101 +1,174 @@
-//! What designers thought of: layouts, their outcomes, and every change of their state.
+//! Designed layouts, with the sums of their outcomes. Table `layouts`.
 
-use std::collections::BTreeSet;
+use sqlx::SqliteConnection;
 
-use sqlx::{SqliteConnection, query};
-
-use super::StoreError;
+use super::{StoreError, text_enum};
 use crate::clock::Millis;
 
-/// A layout as stored; those that the gate refused have no scenario.
-#[derive(Debug, Clone, Default)]
+text_enum! {
+    /// State of a layout.
+    pub enum LayoutState: "a layout's state" {
+        /// The layout is served.
+        Active = "active",
+        /// The layout is no longer served, except for an occasional probe.
+        Retired = "retired",
+        /// The gate refused the layout.
+        Refused = "refused",
+    }
+}
+
+text_enum! {
+    /// Why a layout is retired.
+    pub enum RetirementReason: "why a layout is retired" {
+        /// The agent nearly always succeeds.
+        Mastered = "mastered",
+        /// The agent never succeeds.
+        Hopeless = "hopeless",
+        /// A user retired the layout.
+        Hand = "hand",
+    }
+}
+
+text_enum! {
+    /// Claim of a layout about its scenario.
+    pub enum LayoutClaim: "a layout's claim" {
+        /// An agent that does nothing loses.
+        Threat = "threat",
+        /// An agent that does nothing succeeds, and acting is a waste.
+        Decoy = "decoy",
+    }
+}
+
+/// Row of the `layouts` table. Refused layouts have no scenario.
+#[derive(Debug, Clone)]
 pub struct LayoutRow {
-    /// Its number.
+    /// Number of the layout, from 1.
     pub id: i64,
-    /// The ask it came of.
-    pub ask: i64,
-    /// The run.
+    /// Number of the design request.
+    pub request: i64,
+    /// Id of the run.
     pub run: String,
-    /// The task.
+    /// Task of the layout.
     pub task: String,
-    /// The level it was designed at.
+    /// Level that the layout was designed for; none for strategies without levels.
     pub level: Option<i64>,
-    /// Who thought of it.
+    /// Name of the designer that made the layout.
     pub designer: String,
-    /// Its name, for people.
+    /// Name that is displayed.
     pub name: String,
-    /// JSON, in the language of its world.
+    /// Design as JSON, in the language of its world.
     pub design: Option<String>,
-    /// The failure mode it aims at.
+    /// Failure mode that the layout aims at.
     pub mode: Option<String>,
-    /// From where, in the frame.
+    /// Bearing that the layout aims at, degrees in `frame`.
     pub bearing_deg: Option<i64>,
-    /// What bearings are measured in.
+    /// Reference frame of bearings.
     pub frame: Option<String>,
-    /// In which round it was given.
+    /// Round of the designer, from 1.
     pub round: i64,
-    /// `active`, `retired` or `refused`.
-    pub state: String,
-    /// Where retired: `mastered`, `hopeless` or `hand`.
-    pub why: Option<String>,
-    /// Where refused: which check.
+    /// State of the layout.
+    pub state: LayoutState,
+    /// Why the layout is retired.
+    pub why: Option<RetirementReason>,
+    /// Check of the gate that refused the layout.
     pub gate_check: Option<String>,
-    /// Where refused: the sentence.
+    /// Why the gate refused the layout, in a sentence.
     pub reason: Option<String>,
-    /// `threat` or `decoy`.
-    pub claim: Option<String>,
-    /// How far the nearest design that was known then is.
+    /// Claim of the layout about its scenario.
+    pub claim: Option<LayoutClaim>,
+    /// Distance to the nearest design that was known then, 0 to 1.
     pub novelty: Option<f64>,
-    /// Its scenario.
+    /// Id of the scenario.
     pub scenario: Option<Vec<u8>>,
-    /// Training groups that the run had leased when it was made.
+    /// Training groups that the run had leased when the layout was made.
     pub train_groups_at: i64,
-    /// Groups leased.
+    /// Number of leased groups.
     pub groups: i64,
-    /// Groups that came back.
+    /// Groups with an outcome.
     pub outcomes: i64,
-    /// Episodes that finished.
+    /// Number of finished episodes.
     pub episodes: i64,
-    /// Of these, successes.
+    /// Finished episodes that succeeded.
     pub successes: i64,
-    /// Sum of their scores.
+    /// Sum of the scores.
     pub score: f64,
-    /// Sum of their regrets.
+    /// Sum of the regrets.
     pub regret: f64,
-    /// Criticised episodes in which something went wrong.
+    /// Criticised episodes with a failure.
     pub faults: i64,
-    /// Of these, by the failure mode it aims at.
+    /// Criticised episodes with the failure mode that the layout aims at.
     pub as_aimed: i64,
-    /// JSON: the last outcomes.
+    /// Success rates of the last outcomes, oldest first, as JSON.
     pub recent: String,
-    /// Outcomes in a row without any success.
+    /// Consecutive outcomes without a success, up to the last one.
     pub barren: i64,
-    /// When it was leased last.
+    /// When a group of the layout was leased last.
     pub served_at: Option<Millis>,
-    /// When it was made.
+    /// When the layout was made.
     pub created_at: Millis,
-    /// When it was retired.
+    /// When the layout retired.
     pub retired_at: Option<Millis>,
 }
 
 impl LayoutRow {
-    /// Of the criticised episodes in which something went wrong, the share in which the aimed failure mode did.
+    /// Share of the criticised episodes with a failure in which the aimed failure mode occurred.
     #[must_use]
     pub fn as_aimed_share(&self) -> Option<f64> {
         (self.faults > 0).then(|| self.as_aimed as f64 / self.faults as f64)
     }
 }
 
-/// Stores a layout that has just been made: its number. What can only have happened since is not looked at.
+/// A layout to be stored. Fields as in [`LayoutRow`].
+#[derive(Debug, Clone)]
+pub struct NewLayout {
+    /// Number of the design request.
+    pub request: i64,
+    /// Id of the run.
+    pub run: String,
+    /// Task of the layout.
+    pub task: String,
+    /// Level that the layout was designed for.
+    pub level: Option<i64>,
+    /// Name of the designer that made the layout.
+    pub designer: String,
+    /// Name that is displayed.
+    pub name: String,
+    /// The design as JSON.
+    pub design: Option<String>,
+    /// Failure mode that the layout aims at.
+    pub mode: Option<String>,
+    /// Bearing that the layout aims at, degrees in `frame`.
+    pub bearing_deg: Option<i64>,
+    /// Reference frame of bearings.
+    pub frame: Option<String>,
+    /// Round of the designer, from 1.
+    pub round: i64,
+    /// Either `Active` or `Refused`.
+    pub state: LayoutState,
+    /// Check of the gate that refused the layout.
+    pub gate_check: Option<String>,
+    /// Why the gate refused the layout, in a sentence.
+    pub reason: Option<String>,
+    /// Claim of the layout about its scenario.
+    pub claim: Option<LayoutClaim>,
+    /// Distance to the nearest known design, 0 to 1.
+    pub novelty: Option<f64>,
+    /// Id of the scenario.
+    pub scenario: Option<Vec<u8>>,
+    /// Training groups that the run has leased so far.
+    pub train_groups_at: i64,
+}
+
+/// Stores a layout and returns its number.
 ///
 /// # Errors
-/// The database's.
-pub async fn insert(conn: &mut SqliteConnection, new: &LayoutRow, now: Millis) -> Result<i64, StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"INSERT INTO layouts (ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state,
                                 gate_check, reason, claim, novelty, scenario, train_groups_at, created_at)
            VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS "id!""#,
-        new.ask,
+        new.request,
         new.run,
         new.task,
         new.level,
@@ -119,104 +192,100 @@ pub async fn insert(conn: &mut SqliteConnection, new: &LayoutRow, now: Millis) -
     .await?)
 }
 
-/// One layout.
+/// Selects [`LayoutRow`]s: takes what follows `FROM layouts` and the arguments of the statement.
+macro_rules! query_layouts {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        sqlx::query_as!(
+            LayoutRow,
+            r#"SELECT id, ask AS request, run, task, level, designer, name, design, mode, bearing_deg, frame, round,
+                      state AS "state: LayoutState", why AS "why: RetirementReason", gate_check, reason,
+                      claim AS "claim: LayoutClaim", novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
+                      score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
+               FROM layouts "# + $rest,
+            $($argument),+
+        )
+    };
+}
+
+/// Reads a layout.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LayoutRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        LayoutRow,
-        "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
-                gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
-         FROM layouts WHERE id = ?",
-        id
-    )
-    .fetch_optional(conn)
-    .await?)
+    Ok(query_layouts!("WHERE id = ?", id).fetch_optional(conn).await?)
 }
 
-/// Which layouts are asked for.
+/// Filter of lists of layouts; a field that is none filters nothing.
 #[derive(Debug, Clone, Default)]
-pub struct Wanted {
-    /// Of this task.
+pub struct LayoutFilter {
+    /// Task of the layout.
     pub task: Option<String>,
-    /// In this state.
-    pub state: Option<String>,
-    /// That aim at this failure mode.
+    /// State of the layout.
+    pub state: Option<LayoutState>,
+    /// Failure mode that the layout aims at.
     pub mode: Option<String>,
-    /// Of this ask.
-    pub ask: Option<i64>,
-    /// Those refused too.
-    pub refused: bool,
+    /// Number of the design request.
+    pub request: Option<i64>,
+    /// True if refused layouts are listed, too.
+    pub with_refused: bool,
 }
 
-/// Layouts of a run, the newest first, before a number.
+/// Reads layouts of a run with numbers below `before`, newest first.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn of_run(
     conn: &mut SqliteConnection,
     run: &str,
-    wanted: &Wanted,
+    filter: &LayoutFilter,
     before: i64,
     limit: i64,
 ) -> Result<Vec<LayoutRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        LayoutRow,
-        "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
-                gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
-         FROM layouts
-         WHERE run = ?1 AND id < ?2 AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
+    Ok(query_layouts!(
+        "WHERE run = ?1 AND id < ?2 AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
                AND (?5 IS NULL OR mode = ?5) AND (?6 IS NULL OR ask = ?6) AND (?7 OR state != 'refused')
          ORDER BY id DESC LIMIT ?8",
         run,
         before,
-        wanted.task,
-        wanted.state,
-        wanted.mode,
-        wanted.ask,
-        wanted.refused,
+        filter.task,
+        filter.state,
+        filter.mode,
+        filter.request,
+        filter.with_refused,
         limit
     )
     .fetch_all(conn)
     .await?)
 }
 
-/// Layouts of all runs that were let through, the newest first, before a number.
+/// Reads admitted layouts of all runs with numbers below `before`, newest first. The filter's request is ignored.
 ///
 /// # Errors
-/// The database's.
-pub async fn of_all(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn of_all_runs(
     conn: &mut SqliteConnection,
-    wanted: &Wanted,
+    filter: &LayoutFilter,
     before: i64,
     limit: i64,
 ) -> Result<Vec<LayoutRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        LayoutRow,
-        "SELECT id, ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state, why,
-                gate_check, reason, claim, novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
-         FROM layouts
-         WHERE state != 'refused' AND id < ?1 AND (?2 IS NULL OR task = ?2) AND (?3 IS NULL OR state = ?3)
+    Ok(query_layouts!(
+        "WHERE state != 'refused' AND id < ?1 AND (?2 IS NULL OR task = ?2) AND (?3 IS NULL OR state = ?3)
                AND (?4 IS NULL OR mode = ?4)
          ORDER BY id DESC LIMIT ?5",
         before,
-        wanted.task,
-        wanted.state,
-        wanted.mode,
+        filter.task,
+        filter.state,
+        filter.mode,
         limit
     )
     .fetch_all(conn)
     .await?)
 }
 
-/// The newest designs of a run's task that were let through, as JSON.
+/// Reads the newest admitted designs of a run's task, as JSON.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn archive(
     conn: &mut SqliteConnection,
     run: &str,
@@ -234,140 +303,28 @@ pub async fn archive(
     .await?)
 }
 
-/// What an outcome makes of a layout.
-#[derive(Debug, Clone)]
-pub struct Flown {
-    /// Episodes that finished.
-    pub episodes: i64,
-    /// Of these, successes.
-    pub successes: i64,
-    /// Sum of their scores.
-    pub score: f64,
-    /// Sum of their regrets.
-    pub regret: f64,
-    /// JSON: the last outcomes now.
-    pub recent: String,
-    /// Outcomes in a row without any success now.
-    pub barren: i64,
+/// A finished episode on a layout.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LayoutEpisode {
+    /// Number of the lease.
+    pub lease: i64,
+    /// Token of the lease.
+    pub token: String,
+    /// Index of the episode in the lease.
+    pub number: i64,
 }
 
-/// Adds an outcome to a layout.
+/// Reads the newest finished episodes on a layout.
 ///
 /// # Errors
-/// The database's.
-pub async fn flown(conn: &mut SqliteConnection, id: i64, flown: &Flown) -> Result<(), StoreError> {
-    query!(
-        "UPDATE layouts SET outcomes = outcomes + 1, episodes = episodes + ?, successes = successes + ?, score = score + ?,
-             regret = regret + ?, recent = ?, barren = ? WHERE id = ?",
-        flown.episodes,
-        flown.successes,
-        flown.score,
-        flown.regret,
-        flown.recent,
-        flown.barren,
-        id
-    )
-    .execute(conn)
-    .await?;
-    Ok(())
-}
-
-/// Adds criticised episodes in which something went wrong to a layout: one for each, with the failure modes that it shows.
-///
-/// # Errors
-/// The database's.
-pub async fn blame(
-    conn: &mut SqliteConnection,
-    id: i64,
-    episodes: &[BTreeSet<&str>],
-) -> Result<(), StoreError> {
-    let aim =
-        sqlx::query_scalar!("SELECT mode FROM layouts WHERE id = ?", id).fetch_optional(&mut *conn).await?;
-    let aimed = |modes: &&BTreeSet<&str>| aim.iter().flatten().any(|aim| modes.contains(aim.as_str()));
-    let (faults, as_aimed) = (episodes.len() as i64, episodes.iter().filter(aimed).count() as i64);
-    query!(
-        "UPDATE layouts SET faults = faults + ?, as_aimed = as_aimed + ? WHERE id = ?",
-        faults,
-        as_aimed,
-        id
-    )
-    .execute(conn)
-    .await?;
-    Ok(())
-}
-
-/// Forgets a layout's last outcomes.
-///
-/// # Errors
-/// The database's.
-pub async fn reset(conn: &mut SqliteConnection, id: i64, recent: &str) -> Result<(), StoreError> {
-    query!("UPDATE layouts SET recent = ?, barren = 0 WHERE id = ?", recent, id).execute(conn).await?;
-    Ok(())
-}
-
-/// A change of a layout's state.
-#[derive(Debug, Clone)]
-pub struct Turn {
-    /// `active`, `retired` or `refused`.
-    pub state: &'static str,
-    /// Where retired: `mastered`, `hopeless` or `hand`.
-    pub why: Option<&'static str>,
-    /// For people.
-    pub reason: String,
-}
-
-/// Changes a layout's state, and remembers it.
-///
-/// # Errors
-/// The database's.
-pub async fn turn(conn: &mut SqliteConnection, id: i64, turn: &Turn, now: Millis) -> Result<(), StoreError> {
-    let retired_at = (turn.state == "retired").then_some(now);
-    query!(
-        "UPDATE layouts SET state = ?, why = ?, retired_at = ? WHERE id = ?",
-        turn.state,
-        turn.why,
-        retired_at,
-        id
-    )
-    .execute(&mut *conn)
-    .await?;
-    query!(
-        "INSERT INTO layout_turns (layout, nth, state, reason, at)
-         SELECT ?1, count(*), ?2, ?3, ?4 FROM layout_turns WHERE layout = ?1",
-        id,
-        turn.state,
-        turn.reason,
-        now
-    )
-    .execute(conn)
-    .await?;
-    Ok(())
-}
-
-/// Every change of a layout's state in order: (state, reason, when).
-///
-/// # Errors
-/// The database's.
-pub async fn turns(
-    conn: &mut SqliteConnection,
-    id: i64,
-) -> Result<Vec<(String, String, Millis)>, StoreError> {
-    let rows = query!("SELECT state, reason, at FROM layout_turns WHERE layout = ? ORDER BY nth", id)
-        .fetch_all(conn)
-        .await?;
-    Ok(rows.into_iter().map(|r| (r.state, r.reason, r.at)).collect())
-}
-
-/// The newest finished episodes of a layout: (lease, token, index).
-///
-/// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn episodes(
     conn: &mut SqliteConnection,
     id: i64,
     limit: i64,
-) -> Result<Vec<(i64, String, i64)>, StoreError> {
-    let rows = query!(
+) -> Result<Vec<LayoutEpisode>, StoreError> {
+    Ok(sqlx::query_as!(
+        LayoutEpisode,
         r#"SELECT l.id AS "lease!", l.token AS "token!", e.number AS "number!"
            FROM groups g JOIN leases l ON l.id = g.lease
            JOIN episodes e ON e.lease = g.lease AND e.number >= g.number * l.group_size
@@ -377,6 +334,5 @@ pub async fn episodes(
         limit
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|r| (r.lease, r.token, r.number)).collect())
+    .await?)
 }

@@ -1,28 +1,29 @@
-//! How much there is of a run.
+//! Amounts of data that a run's card shows.
 
-use sqlx::{SqliteConnection, query};
+use sqlx::SqliteConnection;
 
 use super::StoreError;
 
 /// Counts of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Episodes that finished, claimed ones included.
+pub struct RunCounts {
+    /// Episodes that finished, including those of accepted claims.
     pub episodes: i64,
-    /// Active leases.
+    /// Number of active leases.
     pub leases: i64,
-    /// Scenarios that wait to be leased.
+    /// Prepared scenarios that wait to be leased.
     pub prepared: i64,
     /// Proposals that wait for their scenario.
     pub proposed: i64,
 }
 
-/// Those of a run.
+/// Reads the counts of a run.
 ///
 /// # Errors
-/// The database's.
-pub async fn counts(conn: &mut SqliteConnection, run: &str) -> Result<Counts, StoreError> {
-    let row = query!(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn counts(conn: &mut SqliteConnection, run: &str) -> Result<RunCounts, StoreError> {
+    Ok(sqlx::query_as!(
+        RunCounts,
         r#"SELECT (SELECT coalesce(sum(episodes), 0) FROM task_sums WHERE run = ?1)
                     + (SELECT coalesce(sum(episodes - audited), 0) FROM claimed_sums WHERE run = ?1) AS "episodes!: i64",
                   (SELECT count(*) FROM leases WHERE run = ?1 AND status = 'active') AS "leases!: i64",
@@ -32,6 +33,5 @@ pub async fn counts(conn: &mut SqliteConnection, run: &str) -> Result<Counts, St
         run
     )
     .fetch_one(conn)
-    .await?;
-    Ok(Counts { episodes: row.episodes, leases: row.leases, prepared: row.prepared, proposed: row.proposed })
+    .await?)
 }

@@ -1,7 +1,8 @@
-//! Blobs as they are stored: compressed where that is smaller.
+//! Blobs as they are stored: compressed if that is smaller.
 //!
-//! The first byte says how. What is packed begins with [`PACKED`], then has its length unpacked (u32, little-endian) and a zstd
-//! frame. What is not begins with its own first byte: 1 of an action log ([`env_core::ActionLog::encode`]), a brace of JSON.
+//! The first byte tells how a blob is stored. A packed blob begins with [`PACKED`], followed by its unpacked length (u32,
+//! little-endian) and a zstd frame. An unpacked blob begins with its own first byte: 1 for an action log
+//! ([`env_core::ActionLog::encode`]), a brace for JSON.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -10,24 +11,26 @@ use zstd::bulk::Compressor;
 
 use super::StoreError;
 
-/// First byte of what is packed.
+/// First byte of a packed blob.
 const PACKED: u8 = 2;
-/// That byte and the length.
-const HEAD: usize = 5;
-/// How hard: blobs are of a kilobyte or two, and each result has one.
+/// Bytes before the zstd frame: the first byte and the length.
+const HEAD_BYTES: usize = 5;
+/// Compression level. Blobs have one or two kilobytes, and each result has one, so that speed matters most.
 const LEVEL: i32 = 1;
-/// Largest blob. A log of 10 000 steps of 64 agents has 13 MB.
-const MOST: usize = 64 << 20;
+/// Largest blob, bytes. A log of 10 000 steps of 64 agents has 13 MB.
+const MAX_BLOB_BYTES: usize = 64 << 20;
 
 thread_local! {
-    /// Making one costs more than what it does.
+    /// Compressor of this thread. Creating one takes longer than compressing a blob.
     static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
 }
 
 /// Packs a blob whose first byte is not [`PACKED`].
 pub(crate) fn pack(blob: Vec<u8>) -> Vec<u8> {
-    debug_assert_ne!(blob.first(), Some(&PACKED), "it would be taken for packed");
-    let Some(length) = u32::try_from(blob.len()).ok().filter(|_| blob.len() <= MOST) else { return blob };
+    debug_assert_ne!(blob.first(), Some(&PACKED), "the blob would look packed");
+    let Some(length) = u32::try_from(blob.len()).ok().filter(|_| blob.len() <= MAX_BLOB_BYTES) else {
+        return blob;
+    };
     let packed = COMPRESSOR.with_borrow_mut(|compressor| {
         let compressor = match compressor {
             Some(compressor) => compressor,
@@ -36,29 +39,28 @@ pub(crate) fn pack(blob: Vec<u8>) -> Vec<u8> {
         compressor.compress(&blob).ok()
     });
     match packed {
-        Some(packed) if packed.len() + HEAD < blob.len() => {
+        Some(packed) if packed.len() + HEAD_BYTES < blob.len() => {
             [&[PACKED][..], &length.to_le_bytes(), &packed].concat()
         }
         _ => blob,
     }
 }
 
-/// What was packed, as it was.
+/// Unpacks a blob. `item` is what error messages call it.
 ///
 /// # Errors
-/// A blob that cannot be unpacked; `what` it is.
-pub(crate) fn unpack<'a>(what: &'static str, stored: &'a [u8]) -> Result<Cow<'a, [u8]>, StoreError> {
-    let Some((head, frame)) = stored.split_first_chunk::<HEAD>().filter(|(head, _)| head[0] == PACKED) else {
-        return Ok(Cow::Borrowed(stored));
-    };
+/// Returns [`StoreError::Corrupt`] if the blob cannot be unpacked.
+pub(crate) fn unpack<'a>(item: &'static str, stored: &'a [u8]) -> Result<Cow<'a, [u8]>, StoreError> {
+    let head = stored.split_first_chunk::<HEAD_BYTES>().filter(|(head, _)| head[0] == PACKED);
+    let Some((head, frame)) = head else { return Ok(Cow::Borrowed(stored)) };
     let length = u32::from_le_bytes([head[1], head[2], head[3], head[4]]) as usize;
-    if length > MOST {
-        return Err(StoreError::unreadable(what, format!("it would have {length} bytes")));
+    if length > MAX_BLOB_BYTES {
+        return Err(StoreError::corrupt(item, format!("it would have {length} bytes")));
     }
-    let blob = zstd::bulk::decompress(frame, length).map_err(|error| StoreError::unreadable(what, error))?;
+    let blob = zstd::bulk::decompress(frame, length).map_err(|error| StoreError::corrupt(item, error))?;
     if blob.len() != length {
         let why = format!("it has {} bytes, and should have {length}", blob.len());
-        return Err(StoreError::unreadable(what, why));
+        return Err(StoreError::corrupt(item, why));
     }
     Ok(Cow::Owned(blob))
 }
@@ -71,7 +73,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_packed_unpacks(mut blob in proptest::collection::vec(0u8..4, 0..3000)) {
+        fn packed_blob_unpacks(mut blob in proptest::collection::vec(0u8..4, 0..3000)) {
             if blob.first() == Some(&PACKED) {
                 blob[0] = 1;
             }
@@ -81,14 +83,14 @@ mod tests {
         }
 
         #[test]
-        fn nothing_panics(stored in any::<Vec<u8>>()) {
+        fn any_bytes_unpack_without_a_panic(stored in any::<Vec<u8>>()) {
             let _ = unpack("a blob", &stored);
             let _ = unpack("a blob", &[&[PACKED][..], &stored].concat());
         }
     }
 
     #[test]
-    fn a_blob_that_says_too_much_is_refused() {
+    fn wrong_length_is_refused() {
         let stored = pack(vec![1; 1000]);
         assert!(stored.len() < 40, "{}", stored.len());
         let mut longer = stored.clone();

@@ -1,4 +1,5 @@
-//! Success over time, from the groups that were evidence: those that are kept whole, and stretches of those that were folded.
+//! Success over time, from groups that were evidence: groups that are stored whole, and spans of compacted ones. Tables `groups`
+//! and `folded_progress`.
 
 use std::collections::BTreeMap;
 
@@ -7,79 +8,104 @@ use sqlx::{SqliteConnection, query};
 use super::StoreError;
 use crate::clock::Millis;
 
-/// A stretch of a task's evidence.
+/// Consecutive contested groups of a task that were evidence.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stretch {
-    /// When its last group closed.
+pub struct ProgressSpan {
+    /// When the last group closed.
     pub at: Millis,
-    /// The lowest level in it.
+    /// Lowest level that occurred.
     pub low: Option<i64>,
-    /// The highest.
+    /// Highest level that occurred.
     pub high: Option<i64>,
-    /// Contested scenarios in it.
+    /// Number of its groups.
     pub n: i64,
-    /// Sum of their success shares.
+    /// Sum of their success rates.
     pub sum: f64,
 }
 
-impl Stretch {
-    /// Takes what came after it, too.
-    pub fn join(&mut self, other: &Self) {
-        let least = |a: Option<i64>, b: Option<i64>| a.into_iter().chain(b).min();
+impl ProgressSpan {
+    /// Adds a later span.
+    pub fn join(&mut self, later: &Self) {
+        let lowest = |a: Option<i64>, b: Option<i64>| a.into_iter().chain(b).min();
         *self = Self {
-            at: self.at.max(other.at),
-            low: least(self.low, other.low),
-            high: self.high.max(other.high),
-            n: self.n + other.n,
-            sum: self.sum + other.sum,
+            at: self.at.max(later.at),
+            low: lowest(self.low, later.low),
+            high: self.high.max(later.high),
+            n: self.n + later.n,
+            sum: self.sum + later.sum,
         };
     }
 }
 
-/// Each task's contested evidence in order of time, in at most `parts` of about equal size.
+/// A span with its task.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TaskSpan {
+    /// Id of the task.
+    pub task: String,
+    /// The span of time.
+    pub span: ProgressSpan,
+}
+
+/// Reads the evidence of each task of a run in order of time, in at most `parts` spans of about equal size.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a query fails.
 pub async fn of_run(
     conn: &mut SqliteConnection,
     run: &str,
     parts: usize,
-) -> Result<Vec<(String, Stretch)>, StoreError> {
-    let mut stretches = BTreeMap::<String, Vec<Stretch>>::new();
-    for (task, stretch) in folded(conn, run).await?.into_iter().chain(whole(conn, run, parts).await?) {
-        stretches.entry(task).or_default().push(stretch);
+) -> Result<Vec<TaskSpan>, StoreError> {
+    let mut spans = BTreeMap::<String, Vec<ProgressSpan>>::new();
+    for TaskSpan { task, span } in
+        compacted(conn, run).await?.into_iter().chain(whole(conn, run, parts).await?)
+    {
+        spans.entry(task).or_default().push(span);
     }
-    let thinned = stretches.into_iter().flat_map(|(task, stretches)| {
-        thin(stretches, parts).into_iter().map(move |stretch| (task.clone(), stretch))
+    let thinned = spans.into_iter().flat_map(|(task, spans)| {
+        thin(spans, parts).into_iter().map(move |span| TaskSpan { task: task.clone(), span })
     });
     Ok(thinned.collect())
 }
 
-/// Joins neighbours until there are no more than so many.
-fn thin(stretches: Vec<Stretch>, most: usize) -> Vec<Stretch> {
-    if stretches.len() <= most {
-        return stretches;
+/// Joins neighbours until there are at most `limit` spans.
+fn thin(spans: Vec<ProgressSpan>, limit: usize) -> Vec<ProgressSpan> {
+    if spans.len() <= limit {
+        return spans;
     }
-    let all: i64 = stretches.iter().map(|stretch| stretch.n).sum();
-    let enough = all as f64 / most as f64;
-    let mut thinned = Vec::<Stretch>::with_capacity(most);
-    for stretch in stretches {
+    let all: i64 = spans.iter().map(|span| span.n).sum();
+    let enough = all as f64 / limit as f64;
+    let mut thinned = Vec::<ProgressSpan>::with_capacity(limit);
+    for span in spans {
         match thinned.last_mut().filter(|last| (last.n as f64) < enough) {
-            Some(last) => last.join(&stretch),
-            None => thinned.push(stretch),
+            Some(last) => last.join(&span),
+            None => thinned.push(span),
         }
     }
     thinned
 }
 
-/// Of what is kept whole.
-async fn whole(
-    conn: &mut SqliteConnection,
-    run: &str,
-    parts: usize,
-) -> Result<Vec<(String, Stretch)>, StoreError> {
+/// A row of either query.
+struct SpanRow {
+    task: String,
+    at: Millis,
+    low: Option<i64>,
+    high: Option<i64>,
+    n: i64,
+    sum: f64,
+}
+
+impl From<SpanRow> for TaskSpan {
+    fn from(row: SpanRow) -> Self {
+        let SpanRow { task, at, low, high, n, sum } = row;
+        Self { task, span: ProgressSpan { at, low, high, n, sum } }
+    }
+}
+
+/// Reads spans of groups that are stored whole.
+async fn whole(conn: &mut SqliteConnection, run: &str, parts: usize) -> Result<Vec<TaskSpan>, StoreError> {
     let parts = parts as i64;
-    let rows = query!(
+    let rows = sqlx::query_as!(
+        SpanRow,
         r#"SELECT task AS "task!", max(closed_at) AS "at!: i64", min(level) AS "low: i64", max(level) AS "high: i64",
                   count(*) AS "n!: i64", sum(1.0 * successes / finished) AS "sum!: f64"
            FROM (
@@ -96,41 +122,36 @@ async fn whole(
     )
     .fetch_all(conn)
     .await?;
-    let stretches = rows
-        .into_iter()
-        .map(|r| (r.task, Stretch { at: r.at, low: r.low, high: r.high, n: r.n, sum: r.sum }));
-    Ok(stretches.collect())
+    Ok(rows.into_iter().map(TaskSpan::from).collect())
 }
 
-/// Of what was folded.
-async fn folded(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(String, Stretch)>, StoreError> {
-    let rows = query!(
+/// Reads spans of compacted groups.
+async fn compacted(conn: &mut SqliteConnection, run: &str) -> Result<Vec<TaskSpan>, StoreError> {
+    let rows = sqlx::query_as!(
+        SpanRow,
         r#"SELECT task, at, low, high, n, success AS "sum: f64" FROM folded_progress
            WHERE run = ? ORDER BY task, nth"#,
         run
     )
     .fetch_all(conn)
     .await?;
-    let stretches = rows
-        .into_iter()
-        .map(|r| (r.task, Stretch { at: r.at, low: r.low, high: r.high, n: r.n, sum: r.sum }));
-    Ok(stretches.collect())
+    Ok(rows.into_iter().map(TaskSpan::from).collect())
 }
 
-/// A stretch is added to while it is shorter than all of them by this, so that a long run has a thousand of them.
-const FRACTION: i64 = 128;
-/// And while it is shorter than this.
-const SHORTEST: i64 = 8;
+/// A stored span grows until it holds this fraction of all groups. A long run has about a thousand spans.
+const SPAN_FRACTION: i64 = 128;
+/// A stored span grows at least to this number of groups.
+const MIN_SPAN_GROUPS: i64 = 8;
 
-/// Adds what is folded now of a task.
+/// Adds groups of a task that are compacted now.
 ///
 /// # Errors
-/// The database's.
-pub async fn add_folded(
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn add_compacted(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
-    stretch: &Stretch,
+    span: &ProgressSpan,
 ) -> Result<(), StoreError> {
     let last = query!(
         r#"SELECT nth, at, low, high, n, success AS "sum: f64",
@@ -141,13 +162,13 @@ pub async fn add_folded(
     )
     .fetch_optional(&mut *conn)
     .await?;
-    let (nth, stretch) = match last {
-        None => (0, stretch.clone()),
-        Some(last) if last.n >= SHORTEST.max(last.all / FRACTION) => (last.nth + 1, stretch.clone()),
+    let (nth, span) = match last {
+        None => (0, span.clone()),
+        Some(last) if last.n >= MIN_SPAN_GROUPS.max(last.all / SPAN_FRACTION) => (last.nth + 1, span.clone()),
         Some(last) => {
             let mut joined =
-                Stretch { at: last.at, low: last.low, high: last.high, n: last.n, sum: last.sum };
-            joined.join(stretch);
+                ProgressSpan { at: last.at, low: last.low, high: last.high, n: last.n, sum: last.sum };
+            joined.join(span);
             (last.nth, joined)
         }
     };
@@ -158,11 +179,11 @@ pub async fn add_folded(
         run,
         task,
         nth,
-        stretch.at,
-        stretch.low,
-        stretch.high,
-        stretch.n,
-        stretch.sum
+        span.at,
+        span.low,
+        span.high,
+        span.n,
+        span.sum
     )
     .execute(conn)
     .await?;
@@ -174,10 +195,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thinning_keeps_what_there_is_in_order() {
-        let stretch = |at: i64| Stretch { at, low: Some(at), high: Some(at), n: 1 + at % 7, sum: 0.5 };
+    fn thinning_keeps_order_and_totals() {
+        let span = |at: i64| ProgressSpan { at, low: Some(at), high: Some(at), n: 1 + at % 7, sum: 0.5 };
         for count in [0, 1, 100, 101, 1000] {
-            let all: Vec<_> = (0..count).map(stretch).collect();
+            let all: Vec<_> = (0..count).map(span).collect();
             let thinned = thin(all.clone(), 100);
             assert!(thinned.len() <= 100, "{}", thinned.len());
             assert_eq!(thinned.iter().map(|s| s.n).sum::<i64>(), all.iter().map(|s| s.n).sum::<i64>());

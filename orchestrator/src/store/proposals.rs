@@ -1,65 +1,103 @@
-//! The durable queue of proposals.
+//! The durable queue of proposals. Table `proposals`.
 
 use std::collections::BTreeSet;
 
+use serde::{Serialize, Serializer};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{ROWS, StoreError, to_json};
+use super::{MAX_ROWS, StoreError, to_json};
+
+/// Key of a proposal. It is serialised as `[run, seq]`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ProposalKey {
+    /// Id of the run.
+    pub run: String,
+    /// Sequence number of the event that proposed it.
+    pub seq: i64,
+}
+
+impl Serialize for ProposalKey {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        (&self.run, self.seq).serialize(serializer)
+    }
+}
+
+/// A proposal to be stored.
+#[derive(Debug, Clone)]
+pub struct NewProposal {
+    /// Sequence number of the event that proposed it.
+    pub seq: i64,
+    /// The proposal as JSON.
+    pub body: String,
+}
 
 /// A proposal that waits for its scenario.
 #[derive(Debug, Clone)]
-pub struct Waiting {
-    /// The run.
+pub struct UnpreparedProposal {
+    /// Id of the run.
     pub run: String,
-    /// The run's seed.
+    /// Seed of the run.
     pub run_seed: i64,
-    /// The seq of the event that proposed it.
+    /// Sequence number of the event that proposed it.
     pub seq: i64,
-    /// JSON.
+    /// The proposal as JSON.
     pub body: String,
 }
 
-/// The head of a run's queue.
+/// A proposal at the head of its run's queue.
 #[derive(Debug, Clone)]
-pub struct Queued {
-    /// The seq of the event that proposed it.
+pub struct QueuedProposal {
+    /// Sequence number of the event that proposed it.
     pub seq: i64,
-    /// JSON.
+    /// The proposal as JSON.
     pub body: String,
-    /// Its scenario, once prepared.
+    /// Id of the scenario, once it is prepared.
     pub scenario: Option<Vec<u8>>,
-    /// Whether that is contested.
-    pub contested: Option<i64>,
+    /// True if the scenario is contested.
+    pub is_contested: Option<bool>,
 }
 
-/// Queues proposals: seq and JSON.
+/// Scenario of a proposal.
+#[derive(Debug, Clone)]
+pub struct ProposalScenario {
+    /// Id of the scenario.
+    pub id: Vec<u8>,
+    /// True if the scenario is contested.
+    pub is_contested: bool,
+}
+
+/// Adds proposals to the queue of a run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn insert(
     conn: &mut SqliteConnection,
     run: &str,
-    proposals: &[(i64, String)],
+    proposals: &[NewProposal],
 ) -> Result<(), StoreError> {
-    let proposals = to_json(&proposals)?;
+    let rows: Vec<_> = proposals.iter().map(|proposal| (proposal.seq, &proposal.body)).collect();
+    let rows = to_json(&rows)?;
     query!(
         "INSERT INTO proposals (run, seq, state, body)
          SELECT ?, value ->> 0, 'proposed', value ->> 1 FROM json_each(?)",
         run,
-        proposals
+        rows
     )
     .execute(conn)
     .await?;
     Ok(())
 }
 
-/// Proposals without a scenario, of active runs: each run's in order, the runs in turn.
+/// Reads proposals of active runs that have no scenario yet: each run's in order, and the runs in turn.
 ///
 /// # Errors
-/// The database's.
-pub async fn unprepared(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<Waiting>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn unprepared(
+    conn: &mut SqliteConnection,
+    limit: i64,
+) -> Result<Vec<UnpreparedProposal>, StoreError> {
     Ok(sqlx::query_as!(
-        Waiting,
+        UnpreparedProposal,
         "SELECT p.run, r.seed AS run_seed, p.seq, p.body
          FROM proposals p JOIN runs r ON r.id = p.run
          WHERE p.state = 'proposed' AND r.status = 'active'
@@ -70,67 +108,78 @@ pub async fn unprepared(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<W
     .await?)
 }
 
-/// Which of these, by run and seq, still wait for a scenario.
+/// Reads which of these proposals still wait for a scenario.
 ///
 /// # Errors
-/// The database's.
-pub async fn proposed(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn unprepared_among(
     conn: &mut SqliteConnection,
-    places: &[(&str, i64)],
-) -> Result<BTreeSet<(String, i64)>, StoreError> {
-    let places = to_json(&places)?;
-    let rows = query!(
+    keys: &[ProposalKey],
+) -> Result<BTreeSet<ProposalKey>, StoreError> {
+    let keys = to_json(&keys)?;
+    let rows = sqlx::query_as!(
+        ProposalKey,
         r#"SELECT p.run AS "run!", p.seq AS "seq!" FROM json_each(?) AS place
            CROSS JOIN proposals p ON p.run = place.value ->> 0 AND p.seq = place.value ->> 1
            WHERE p.state = 'proposed'"#,
-        places
+        keys
     )
     .fetch_all(conn)
     .await?;
-    Ok(rows.into_iter().map(|row| (row.run, row.seq)).collect())
+    Ok(rows.into_iter().collect())
 }
 
-/// The scenario of a proposal, and whether it is contested; none where it has none, or is not kept any more.
+/// Reads the scenario of a proposal; none if it is not prepared, or was deleted.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn scenario_of(
     conn: &mut SqliteConnection,
     run: &str,
     seq: i64,
-) -> Result<Option<(Vec<u8>, bool)>, StoreError> {
-    let row = query!("SELECT scenario, contested FROM proposals WHERE run = ? AND seq = ?", run, seq)
-        .fetch_optional(conn)
-        .await?;
-    Ok(row.and_then(|row| Some((row.scenario?, row.contested.unwrap_or(0) != 0))))
+) -> Result<Option<ProposalScenario>, StoreError> {
+    let row = query!(
+        r#"SELECT scenario, contested AS "is_contested: bool" FROM proposals WHERE run = ? AND seq = ?"#,
+        run,
+        seq
+    )
+    .fetch_optional(conn)
+    .await?;
+    Ok(row.and_then(|row| {
+        Some(ProposalScenario { id: row.scenario?, is_contested: row.is_contested.unwrap_or(false) })
+    }))
 }
 
-/// What was prepared for a proposal.
+/// The scenario that was prepared for a proposal.
 #[derive(Debug, Clone, Copy)]
-pub struct PreparedRow<'a> {
-    /// Its run.
+pub struct PreparedProposal<'a> {
+    /// Id of the run.
     pub run: &'a str,
-    /// Its seq.
+    /// Sequence number of the event that proposed it.
     pub seq: i64,
-    /// The scenario.
+    /// Id of the scenario.
     pub scenario: [u8; 32],
-    /// Whether that is contested.
-    pub contested: bool,
-    /// Whether that was planted.
-    pub planted: bool,
+    /// True if the scenario is contested.
+    pub is_contested: bool,
+    /// True if a threat was placed to make it contested.
+    pub is_planted: bool,
 }
 
-/// Gives proposals their scenarios; nothing happens to one that was dropped meanwhile.
+/// Sets the scenarios of proposals. Proposals that were dropped meanwhile stay as they are.
 ///
 /// # Errors
-/// The database's.
-pub async fn prepared(conn: &mut SqliteConnection, rows: &[PreparedRow<'_>]) -> Result<(), StoreError> {
-    for rows in rows.chunks(ROWS) {
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn set_prepared(
+    conn: &mut SqliteConnection,
+    rows: &[PreparedProposal<'_>],
+) -> Result<(), StoreError> {
+    for rows in rows.chunks(MAX_ROWS) {
         let mut statements = QueryBuilder::new("");
         for row in rows {
             statements.push("UPDATE proposals SET state = 'prepared', scenario = ");
-            statements.push_bind(row.scenario.to_vec()).push(", contested = ").push_bind(row.contested);
-            statements.push(", planted = ").push_bind(row.planted).push(" WHERE run = ").push_bind(row.run);
+            statements.push_bind(row.scenario.to_vec()).push(", contested = ").push_bind(row.is_contested);
+            statements.push(", planted = ").push_bind(row.is_planted);
+            statements.push(" WHERE run = ").push_bind(row.run);
             statements.push(" AND seq = ").push_bind(row.seq).push(" AND state = 'proposed'; ");
         }
         statements.build().execute(&mut *conn).await?;
@@ -138,12 +187,13 @@ pub async fn prepared(conn: &mut SqliteConnection, rows: &[PreparedRow<'_>]) -> 
     Ok(())
 }
 
-/// How many proposals wait, prepared or not. By the index of those: left to itself SQLite goes through all that the run ever
-/// proposed.
+/// Counts the waiting proposals of a run, prepared or not.
+///
+/// The statement names its index: by itself SQLite would read all proposals that the run ever had.
 ///
 /// # Errors
-/// The database's.
-pub async fn waiting(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn count_waiting(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"SELECT count(*) AS "n!: i64" FROM proposals INDEXED BY proposals_waiting
            WHERE run = ? AND state IN ('proposed', 'prepared')"#,
@@ -153,15 +203,19 @@ pub async fn waiting(conn: &mut SqliteConnection, run: &str) -> Result<i64, Stor
     .await?)
 }
 
-/// The head of the queue, in order; by that index too.
+/// Reads the head of a run's queue, in order. The statement names its index, as [`count_waiting`] does.
 ///
 /// # Errors
-/// The database's.
-pub async fn head(conn: &mut SqliteConnection, run: &str, limit: i64) -> Result<Vec<Queued>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn head(
+    conn: &mut SqliteConnection,
+    run: &str,
+    limit: i64,
+) -> Result<Vec<QueuedProposal>, StoreError> {
     Ok(sqlx::query_as!(
-        Queued,
-        "SELECT seq, body, scenario, contested FROM proposals INDEXED BY proposals_waiting
-         WHERE run = ? AND state IN ('proposed', 'prepared') ORDER BY seq LIMIT ?",
+        QueuedProposal,
+        r#"SELECT seq, body, scenario, contested AS "is_contested: bool" FROM proposals INDEXED BY proposals_waiting
+           WHERE run = ? AND state IN ('proposed', 'prepared') ORDER BY seq LIMIT ?"#,
         run,
         limit
     )
@@ -169,11 +223,11 @@ pub async fn head(conn: &mut SqliteConnection, run: &str, limit: i64) -> Result<
     .await?)
 }
 
-/// Marks proposals as leased.
+/// Marks proposals as leased, and counts the attempt.
 ///
 /// # Errors
-/// The database's.
-pub async fn leased(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_leased(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
     let seqs = to_json(&seqs)?;
     query!(
         "UPDATE proposals SET state = 'leased', attempts = attempts + 1
@@ -186,32 +240,32 @@ pub async fn leased(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Res
     Ok(())
 }
 
-/// Offers a leased proposal again, if it was not leased too often; false if it was.
+/// Puts a leased proposal back into the queue, if it was leased fewer than `max_attempts` times. Returns true if it was put back.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn offer_again(
     conn: &mut SqliteConnection,
     run: &str,
     seq: i64,
-    most: i64,
+    max_attempts: i64,
 ) -> Result<bool, StoreError> {
     let done = query!(
         "UPDATE proposals SET state = 'prepared' WHERE run = ? AND seq = ? AND state = 'leased' AND attempts < ?",
         run,
         seq,
-        most
+        max_attempts
     )
     .execute(conn)
     .await?;
     Ok(done.rows_affected() == 1)
 }
 
-/// Drops proposals that nobody wants any more.
+/// Drops proposals that are out of date.
 ///
 /// # Errors
-/// The database's.
-pub async fn discard(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn drop_all(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
     let seqs = to_json(&seqs)?;
     query!(
         "UPDATE proposals SET state = 'dropped' WHERE run = ? AND seq IN (SELECT value FROM json_each(?))",

@@ -1,27 +1,27 @@
-//! Groups that leases are owed in place of those whose episodes all came to the same.
+//! Refills: groups that leases are owed in place of groups whose episodes all have the same score. Table `leases`.
 
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 
-/// Says how many groups a lease may be given in place of others.
+/// Sets how many groups of a lease may be replaced.
 ///
 /// # Errors
-/// The database's.
-pub async fn allow(conn: &mut SqliteConnection, lease: i64, most: i64) -> Result<(), StoreError> {
-    query!("UPDATE leases SET refills = ? WHERE id = ?", most, lease).execute(conn).await?;
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn allow(conn: &mut SqliteConnection, lease: i64, limit: i64) -> Result<(), StoreError> {
+    query!("UPDATE leases SET refills = ? WHERE id = ?", limit, lease).execute(conn).await?;
     Ok(())
 }
 
-/// Owes an active lease so many more, as far as it may be given any.
+/// Owes `groups` more groups to an active lease, up to its limit.
 ///
 /// # Errors
-/// The database's.
-pub async fn owe(conn: &mut SqliteConnection, lease: i64, more: i64) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn owe(conn: &mut SqliteConnection, lease: i64, groups: i64) -> Result<(), StoreError> {
     query!(
         "UPDATE leases SET owed = owed + min(refills, ?1), refills = refills - min(refills, ?1)
          WHERE id = ?2 AND status = 'active' AND refills > 0",
-        more,
+        groups,
         lease
     )
     .execute(conn)
@@ -29,28 +29,41 @@ pub async fn owe(conn: &mut SqliteConnection, lease: i64, more: i64) -> Result<(
     Ok(())
 }
 
-/// Active leases of a run that are owed some, the oldest first, with how many.
+/// A lease that is owed groups.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OwedRefill {
+    /// Number of the lease.
+    pub lease: i64,
+    /// Groups that it is owed.
+    pub groups: i64,
+}
+
+/// Reads the active leases of a run that are owed groups, oldest first.
 ///
 /// # Errors
-/// The database's.
-pub async fn owed(conn: &mut SqliteConnection, run: &str) -> Result<Vec<(i64, i64)>, StoreError> {
-    let rows = query!(
-        "SELECT id, owed FROM leases INDEXED BY leases_owed
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn owed(conn: &mut SqliteConnection, run: &str) -> Result<Vec<OwedRefill>, StoreError> {
+    Ok(sqlx::query_as!(
+        OwedRefill,
+        "SELECT id AS lease, owed AS groups FROM leases INDEXED BY leases_owed
          WHERE run = ? AND owed > 0 AND status = 'active' ORDER BY id",
         run
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|row| (row.id, row.owed)).collect())
+    .await?)
 }
 
 /// Counts groups that a lease was given.
 ///
 /// # Errors
-/// The database's.
-pub async fn given(conn: &mut SqliteConnection, lease: i64, groups: i64) -> Result<(), StoreError> {
-    query!("UPDATE leases SET owed = owed - ?1, groups = groups + ?1 WHERE id = ?2", groups, lease)
-        .execute(conn)
-        .await?;
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn add_given(conn: &mut SqliteConnection, given: OwedRefill) -> Result<(), StoreError> {
+    query!(
+        "UPDATE leases SET owed = owed - ?1, groups = groups + ?1 WHERE id = ?2",
+        given.groups,
+        given.lease
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }

@@ -1,32 +1,33 @@
-//! What is kept whole, what of it could be folded, and what rests on it.
+//! Queries of retention: the amount that a run stores whole, the leases that can be compacted, and what still refers to them.
 
 use std::collections::BTreeMap;
 
 use sqlx::{SqliteConnection, query};
 
-use super::leases::LeaseRow;
+use super::keys::{EpisodeKey, GroupKey};
+use super::leases::{LeaseForm, LeaseRow, LeaseStatus, Purpose, query_leases};
 use super::{StoreError, to_json};
 
-/// How much a run keeps whole.
+/// Amount of episodes that a run stores whole.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Whole {
-    /// The run.
+pub struct RetainedEpisodes {
+    /// Id of the run.
     pub run: String,
-    /// Its settings: JSON.
+    /// Settings of the run as JSON.
     pub settings: String,
-    /// Episodes of its closed leases of groups.
+    /// Episodes of closed leases of groups.
     pub episodes: i64,
-    /// Of those of columns.
+    /// Episodes of closed leases of columns.
     pub claimed: i64,
 }
 
-/// How much each run keeps whole: by the index of what could be folded.
+/// Reads how much each run stores whole, from the index of leases that can be compacted.
 ///
 /// # Errors
-/// The database's.
-pub async fn whole(conn: &mut SqliteConnection) -> Result<Vec<Whole>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn retained(conn: &mut SqliteConnection) -> Result<Vec<RetainedEpisodes>, StoreError> {
     Ok(sqlx::query_as!(
-        Whole,
+        RetainedEpisodes,
         r#"SELECT r.id AS run, r.settings,
                   coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_fold
                             WHERE run = r.id AND form = 'groups' AND folded = 0 AND status <> 'active'
@@ -40,22 +41,19 @@ pub async fn whole(conn: &mut SqliteConnection) -> Result<Vec<Whole>, StoreError
     .await?)
 }
 
-/// The oldest closed leases of a run that nothing waits for: neither the critique nor whoever pulls what was flown. The newest
-/// lease of all is never one: numbers are given after it.
+/// Reads the oldest closed leases of a run that neither a critique nor the trajectory feed needs. The newest lease of all is left
+/// out: numbers are given after it.
 ///
 /// # Errors
-/// The database's.
-pub async fn oldest(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn oldest_closed(
     conn: &mut SqliteConnection,
     run: &str,
-    form: &str,
+    form: LeaseForm,
     limit: i64,
 ) -> Result<Vec<LeaseRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        LeaseRow,
-        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at,
-                folded, owner
-         FROM leases INDEXED BY leases_to_fold
+    Ok(query_leases!(
+        "INDEXED BY leases_to_fold
          WHERE run = ?1 AND form = ?2 AND folded = 0 AND status <> 'active' AND purpose <> 'eval'
                AND NOT EXISTS (SELECT 1 FROM critique_queue q WHERE q.lease = leases.id)
                AND NOT EXISTS (SELECT 1 FROM trajectory_groups t WHERE t.lease = leases.id)
@@ -69,21 +67,18 @@ pub async fn oldest(
     .await?)
 }
 
-/// Folded leases of a run of which something stays, after a number.
+/// Reads compacted leases of a run after a number, if groups of them are left.
 ///
 /// # Errors
-/// The database's.
-pub async fn kept(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn partly_compacted(
     conn: &mut SqliteConnection,
     run: &str,
     after: i64,
     limit: i64,
 ) -> Result<Vec<LeaseRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        LeaseRow,
-        "SELECT id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms, created_at, expires_at,
-                folded, owner
-         FROM leases INDEXED BY leases_folded WHERE run = ?1 AND folded = 1 AND id > ?2
+    Ok(query_leases!(
+        "INDEXED BY leases_folded WHERE run = ?1 AND folded = 1 AND id > ?2
                AND NOT EXISTS (SELECT 1 FROM critique_queue q WHERE q.lease = leases.id)
          ORDER BY id LIMIT ?3",
         run,
@@ -94,40 +89,43 @@ pub async fn kept(
     .await?)
 }
 
-/// Episodes that an example of a failure names, of these leases.
+/// Reads the episodes of these leases that are examples of a failure.
 ///
 /// # Errors
-/// The database's.
-pub async fn examples(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<(i64, i64)>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn examples(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<EpisodeKey>, StoreError> {
     let leases = to_json(&leases)?;
-    let rows = query!(
+    Ok(sqlx::query_as!(
+        EpisodeKey,
         "SELECT lease, number FROM failure_examples WHERE lease IN (SELECT value FROM json_each(?))",
         leases
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|row| (row.lease, row.number)).collect())
+    .await?)
 }
 
-/// What leases have of a task's proposals.
+/// Proposals of a task that some leases serve.
 #[derive(Debug)]
-pub struct Proposed {
-    /// The task.
+pub struct ProposalSpan {
+    /// Id of the task.
     pub task: String,
-    /// Seq of the first.
+    /// Sequence number of the first proposal.
     pub first: i64,
-    /// And of the last.
+    /// Sequence number of the last proposal.
     pub last: i64,
 }
 
-/// What these leases have of each task's proposals.
+/// Reads which proposals these leases serve, by task.
 ///
 /// # Errors
-/// The database's.
-pub async fn proposed(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec<Proposed>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn proposal_spans(
+    conn: &mut SqliteConnection,
+    leases: &[i64],
+) -> Result<Vec<ProposalSpan>, StoreError> {
     let leases = to_json(&leases)?;
     Ok(sqlx::query_as!(
-        Proposed,
+        ProposalSpan,
         r#"SELECT task AS "task!", min(proposal) AS "first!: i64", max(proposal) AS "last!: i64" FROM groups
            WHERE lease IN (SELECT value FROM json_each(?)) AND proposal IS NOT NULL GROUP BY task"#,
         leases
@@ -136,11 +134,14 @@ pub async fn proposed(conn: &mut SqliteConnection, leases: &[i64]) -> Result<Vec
     .await?)
 }
 
-/// How many episodes of these leases are there.
+/// Counts the stored episodes of each of these leases. Leases without any are left out.
 ///
 /// # Errors
-/// The database's.
-pub async fn left(conn: &mut SqliteConnection, leases: &[i64]) -> Result<BTreeMap<i64, i64>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn count_episodes(
+    conn: &mut SqliteConnection,
+    leases: &[i64],
+) -> Result<BTreeMap<i64, i64>, StoreError> {
     let leases = to_json(&leases)?;
     let rows = query!(
         r#"SELECT lease AS "lease!", count(*) AS "left!: i64" FROM episodes
@@ -152,17 +153,19 @@ pub async fn left(conn: &mut SqliteConnection, leases: &[i64]) -> Result<BTreeMa
     Ok(rows.into_iter().map(|row| (row.lease, row.left)).collect())
 }
 
-/// The first group that was flown on a layout: its lease and number.
+/// Reads the first group that was leased of a layout.
 ///
 /// # Errors
-/// The database's.
-pub async fn first_of_layout(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn first_group_of_layout(
     conn: &mut SqliteConnection,
     layout: i64,
-) -> Result<Option<(i64, i64)>, StoreError> {
-    let row =
-        query!("SELECT lease, number FROM groups WHERE layout = ? ORDER BY lease, number LIMIT 1", layout)
-            .fetch_optional(conn)
-            .await?;
-    Ok(row.map(|row| (row.lease, row.number)))
+) -> Result<Option<GroupKey>, StoreError> {
+    Ok(sqlx::query_as!(
+        GroupKey,
+        "SELECT lease, number FROM groups WHERE layout = ? ORDER BY lease, number LIMIT 1",
+        layout
+    )
+    .fetch_optional(conn)
+    .await?)
 }

@@ -1,35 +1,65 @@
-//! Runs.
+//! Runs and their settings. Tables `runs` and `run_settings`.
 
 use sqlx::{SqliteConnection, query};
 
-use super::StoreError;
+use super::{StoreError, text_enum};
 use crate::clock::Millis;
 
-/// A run as stored.
+text_enum! {
+    /// Status of a run: only active runs grant leases.
+    pub enum RunStatus: "a run's status" {
+        /// The run grants leases.
+        Active = "active",
+        /// The run grants no leases. Results of leases that were granted before are still accepted.
+        Paused = "paused",
+    }
+}
+
+/// Row of the `runs` table.
 #[derive(Debug, Clone)]
 pub struct RunRow {
-    /// Its id.
+    /// Id of the run.
     pub id: String,
-    /// Its name for people.
+    /// Name that is displayed.
     pub name: String,
-    /// The seed of its streams.
+    /// Seed of the run's random streams.
     pub seed: i64,
-    /// `active` or `paused`.
-    pub status: String,
-    /// JSON.
+    /// Status of the run: active or paused.
+    pub status: RunStatus,
+    /// The settings as JSON.
     pub settings: String,
-    /// The newest policy version a trainer reported.
+    /// Newest policy version that a trainer reported.
     pub policy_version: i64,
-    /// When it was made.
+    /// When the run was created.
     pub created_at: Millis,
-    /// When it was archived: nobody wants to see it any more.
+    /// When the run was archived; archived runs are left out of lists.
     pub archived_at: Option<Millis>,
 }
 
-/// Stores a new run; false if the id is taken.
+/// Position of a run in the order of creation.
+#[derive(Debug, Clone, Copy)]
+pub struct RunCursor<'a> {
+    /// When the run was created.
+    pub created_at: Millis,
+    /// Id of the run.
+    pub id: &'a str,
+}
+
+/// Settings of a run that were in force from a moment on.
+#[derive(Debug, Clone)]
+pub struct SettingsRow {
+    /// Number of the change, from 0.
+    pub nth: i64,
+    /// When the settings came into force.
+    pub at: Millis,
+    /// The settings as JSON.
+    pub settings: String,
+}
+
+/// Stores a new run. Returns false if the id is taken.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(
     conn: &mut SqliteConnection,
     row: &RunRow,
@@ -49,66 +79,67 @@ pub async fn insert(
     )
     .execute(&mut *conn)
     .await?;
-    let fresh = done.rows_affected() == 1;
-    if fresh {
-        note_settings(conn, &row.id, &row.settings, row.created_at).await?;
+    let is_new = done.rows_affected() == 1;
+    if is_new {
+        append_settings(conn, &row.id, &row.settings, row.created_at).await?;
     }
-    Ok(fresh)
+    Ok(is_new)
 }
 
-/// One run.
+/// Reads a run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Option<RunRow>, StoreError> {
     Ok(sqlx::query_as!(
         RunRow,
-        "SELECT id, name, seed, status, settings, policy_version, created_at, archived_at FROM runs WHERE id = ?",
+        r#"SELECT id, name, seed, status AS "status: RunStatus", settings, policy_version, created_at, archived_at
+           FROM runs WHERE id = ?"#,
         id
     )
     .fetch_optional(conn)
     .await?)
 }
 
-/// Runs in order of (creation, id), newest last, after a cursor: those that are archived, or the others.
+/// Reads runs in order of creation, newest last, after a cursor: archived runs, or all others.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn page(
     conn: &mut SqliteConnection,
-    after: (Millis, &str),
-    archived: bool,
+    after: RunCursor<'_>,
+    are_archived: bool,
     limit: i64,
 ) -> Result<Vec<RunRow>, StoreError> {
     Ok(sqlx::query_as!(
         RunRow,
-        "SELECT id, name, seed, status, settings, policy_version, created_at, archived_at FROM runs
-         WHERE (created_at, id) > (?, ?) AND (archived_at IS NOT NULL) = ? ORDER BY created_at, id LIMIT ?",
-        after.0,
-        after.1,
-        archived,
+        r#"SELECT id, name, seed, status AS "status: RunStatus", settings, policy_version, created_at, archived_at
+           FROM runs WHERE (created_at, id) > (?, ?) AND (archived_at IS NOT NULL) = ? ORDER BY created_at, id LIMIT ?"#,
+        after.created_at,
+        after.id,
+        are_archived,
         limit
     )
     .fetch_all(conn)
     .await?)
 }
 
-/// The ids of all runs.
+/// Reads the ids of all runs, in order of creation.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
     Ok(sqlx::query_scalar!("SELECT id FROM runs ORDER BY created_at, id").fetch_all(conn).await?)
 }
 
-/// Pauses or resumes.
+/// Pauses, resumes or archives a run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn set_status(
     conn: &mut SqliteConnection,
     id: &str,
-    status: &str,
+    status: RunStatus,
     archived_at: Option<Millis>,
 ) -> Result<(), StoreError> {
     query!("UPDATE runs SET status = ?, archived_at = ? WHERE id = ?", status, archived_at, id)
@@ -117,10 +148,10 @@ pub async fn set_status(
     Ok(())
 }
 
-/// Sets the settings, as JSON.
+/// Sets the settings of a run, as JSON.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn set_settings(
     conn: &mut SqliteConnection,
     id: &str,
@@ -128,11 +159,11 @@ pub async fn set_settings(
     now: Millis,
 ) -> Result<(), StoreError> {
     query!("UPDATE runs SET settings = ? WHERE id = ?", settings, id).execute(&mut *conn).await?;
-    note_settings(conn, id, settings, now).await
+    append_settings(conn, id, settings, now).await
 }
 
-/// Notes what a run was told, where that is news.
-async fn note_settings(
+/// Adds settings to the history of a run, unless they are the same as the last ones.
+async fn append_settings(
     conn: &mut SqliteConnection,
     id: &str,
     settings: &str,
@@ -151,40 +182,40 @@ async fn note_settings(
     Ok(())
 }
 
-/// What a run was told, the newest first: when, and as JSON.
+/// Reads the history of a run's settings below a number, newest first.
 ///
 /// # Errors
-/// The database's.
-pub async fn told(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn settings_history(
     conn: &mut SqliteConnection,
     id: &str,
     before: i64,
     limit: i64,
-) -> Result<Vec<(i64, Millis, String)>, StoreError> {
-    let rows = query!(
+) -> Result<Vec<SettingsRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        SettingsRow,
         "SELECT nth, at, settings FROM run_settings WHERE run = ? AND nth < ? ORDER BY nth DESC LIMIT ?",
         id,
         before,
         limit
     )
     .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(|row| (row.nth, row.at, row.settings)).collect())
+    .await?)
 }
 
-/// What the curriculum of a run was told when it began, as JSON, where that has changed since.
+/// Reads the curriculum settings that a run began with, as JSON; none if they never changed.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn first_curriculum(conn: &mut SqliteConnection, id: &str) -> Result<Option<String>, StoreError> {
     let first = sqlx::query_scalar!("SELECT first_curriculum FROM runs WHERE id = ?", id);
     Ok(first.fetch_optional(conn).await?.flatten())
 }
 
-/// Keeps what the curriculum of a run was told when it began, before the first change of it.
+/// Keeps the curriculum settings that a run began with, before they change for the first time.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn keep_first_curriculum(
     conn: &mut SqliteConnection,
     id: &str,
@@ -196,19 +227,19 @@ pub async fn keep_first_curriculum(
     Ok(())
 }
 
-/// Sets the name for people.
+/// Sets the display name of a run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn set_name(conn: &mut SqliteConnection, id: &str, name: &str) -> Result<(), StoreError> {
     query!("UPDATE runs SET name = ? WHERE id = ?", name, id).execute(conn).await?;
     Ok(())
 }
 
-/// Sets the newest policy version.
+/// Sets the newest policy version of a run.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn set_policy_version(
     conn: &mut SqliteConnection,
     id: &str,

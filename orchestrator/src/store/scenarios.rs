@@ -1,4 +1,4 @@
-//! Recipes and scenarios.
+//! Recipes and scenarios. Tables `recipes` and `scenarios`.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -6,17 +6,17 @@ use std::sync::Arc;
 use env_core::{Recipe, Scenario, Seed};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::{ROWS, StoreError, hex_list, signed, to_json, unsigned};
+use super::{MAX_ROWS, StoreError, hex_list, to_i64, to_json, to_u64};
 
-/// Stores recipes, once each.
+/// Stores recipes. Recipes that are stored already stay as they are.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert_recipes(conn: &mut SqliteConnection, recipes: &[&Recipe]) -> Result<(), StoreError> {
     let rows = recipes.iter().map(|recipe| Ok((recipe.id().0, to_json(&recipe.to_json())?)));
-    // Scenarios that come together are often of few recipes.
+    // Scenarios of one batch often share a recipe.
     let rows = rows.collect::<Result<BTreeMap<_, _>, StoreError>>()?;
-    for rows in rows.iter().collect::<Vec<_>>().chunks(ROWS) {
+    for rows in rows.iter().collect::<Vec<_>>().chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new("INSERT INTO recipes (id, body) ");
         statement.push_values(rows, |mut values, (id, body)| {
             values.push_bind(id.as_slice()).push_bind(body);
@@ -26,80 +26,81 @@ pub async fn insert_recipes(conn: &mut SqliteConnection, recipes: &[&Recipe]) ->
     Ok(())
 }
 
-/// Stores scenarios and their recipes, once each.
+/// Stores scenarios and their recipes. Those that are stored already stay as they are.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(conn: &mut SqliteConnection, scenarios: &[&Scenario]) -> Result<(), StoreError> {
     let recipes: Vec<&Recipe> = scenarios.iter().map(|scenario| &**scenario.recipe()).collect();
     insert_recipes(conn, &recipes).await?;
-    for rows in scenarios.chunks(ROWS) {
+    for rows in scenarios.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new("INSERT INTO scenarios (id, recipe, seed) ");
         statement.push_values(rows, |mut values, scenario| {
             values.push_bind(scenario.id().0.to_vec()).push_bind(scenario.recipe().id().0.to_vec());
-            values.push_bind(signed(scenario.seed().get()));
+            values.push_bind(to_i64(scenario.seed().get()));
         });
         statement.push(" ON CONFLICT (id) DO NOTHING").build().execute(&mut *conn).await?;
     }
     Ok(())
 }
 
-/// The seed of a scenario.
+/// Reads the seed of a scenario.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn seed(conn: &mut SqliteConnection, id: &[u8]) -> Result<Option<u64>, StoreError> {
     let seed =
         sqlx::query_scalar!("SELECT seed FROM scenarios WHERE id = ?", id).fetch_optional(conn).await?;
-    Ok(seed.map(unsigned))
+    Ok(seed.map(to_u64))
 }
 
-/// Reads scenarios, each recipe once.
+/// Reads scenarios, and parses each recipe once.
 #[derive(Debug, Default)]
-pub struct Loader {
+pub struct ScenarioLoader {
     recipes: HashMap<Vec<u8>, Arc<Recipe>>,
 }
 
-/// Scenarios that were read together. One that cannot be brought back holds up no other.
+/// Scenarios that were read together. A scenario that cannot be decoded is an error of its own entry.
 #[derive(Debug, Default)]
-pub struct Scenarios(HashMap<Vec<u8>, Result<Scenario, StoreError>>);
+pub struct LoadedScenarios(HashMap<Vec<u8>, Result<Scenario, StoreError>>);
 
-impl Scenarios {
-    /// A scenario by its id.
+impl LoadedScenarios {
+    /// Finds a scenario by its id.
     ///
     /// # Errors
-    /// One that is not there, or cannot be read.
+    /// Returns [`StoreError::Corrupt`] if the scenario does not exist or cannot be decoded.
     pub fn get(&self, id: &[u8]) -> Result<&Scenario, StoreError> {
         match self.0.get(id) {
             Some(Ok(scenario)) => Ok(scenario),
-            Some(Err(error)) => Err(StoreError::unreadable("a scenario", error)),
-            None => Err(gone("a scenario")),
+            Some(Err(error)) => Err(StoreError::corrupt("a scenario", error)),
+            None => Err(missing("a scenario")),
         }
     }
 }
 
-fn gone(what: &'static str) -> StoreError {
-    StoreError::unreadable(what, "it is gone")
+fn missing(item: &'static str) -> StoreError {
+    StoreError::corrupt(item, "it is gone")
 }
 
-impl Loader {
-    /// A scenario by its id.
+impl ScenarioLoader {
+    /// Reads a scenario by its id.
     ///
     /// # Errors
-    /// The database's, or a scenario that cannot be read.
+    /// Returns [`StoreError::Database`] if the query fails, and [`StoreError::Corrupt`] if the scenario does not exist or cannot
+    /// be decoded.
     pub async fn get(&mut self, conn: &mut SqliteConnection, id: &[u8]) -> Result<Scenario, StoreError> {
         self.all(conn, &[id]).await?.get(id).cloned()
     }
 
-    /// Scenarios by their ids, in one statement however many they are.
+    /// Reads scenarios by their ids, in one statement.
     ///
     /// # Errors
-    /// The database's.
+    /// Returns [`StoreError::Database`] if the query fails.
     pub async fn all<T: AsRef<[u8]>>(
         &mut self,
         conn: &mut SqliteConnection,
         ids: &[T],
-    ) -> Result<Scenarios, StoreError> {
+    ) -> Result<LoadedScenarios, StoreError> {
         let ids = hex_list(ids)?;
         let rows = query!(
             r#"SELECT id AS "id!: Vec<u8>", seed AS "seed?: i64", recipe AS "recipe?: Vec<u8>", NULL AS "body?: String"
@@ -119,17 +120,18 @@ impl Loader {
                 _ => {}
             }
         }
-        let read = scenarios.into_iter().map(|(id, seed, recipe)| {
-            let recipe = self.parsed(&recipe, bodies.get(&recipe));
-            (id, recipe.and_then(|recipe| Ok(Scenario::new(recipe, Seed::new(unsigned(seed))?))))
+        let loaded = scenarios.into_iter().map(|(id, seed, recipe)| {
+            let recipe = self.parse_once(&recipe, bodies.get(&recipe));
+            (id, recipe.and_then(|recipe| Ok(Scenario::new(recipe, Seed::new(to_u64(seed))?))))
         });
-        Ok(Scenarios(read.collect()))
+        Ok(LoadedScenarios(loaded.collect()))
     }
 
-    /// A recipe by its id.
+    /// Reads a recipe by its id.
     ///
     /// # Errors
-    /// The database's, or a recipe that cannot be read.
+    /// Returns [`StoreError::Database`] if the query fails, and [`StoreError::Corrupt`] if the recipe does not exist or cannot be
+    /// decoded.
     pub async fn recipe(
         &mut self,
         conn: &mut SqliteConnection,
@@ -140,15 +142,15 @@ impl Loader {
         }
         let body =
             sqlx::query_scalar!("SELECT body FROM recipes WHERE id = ?", id).fetch_optional(conn).await?;
-        self.parsed(id, body.as_ref())
+        self.parse_once(id, body.as_ref())
     }
 
-    /// A recipe that is known, or read from its body.
-    fn parsed(&mut self, id: &[u8], body: Option<&String>) -> Result<Arc<Recipe>, StoreError> {
+    /// Parses the body of a recipe, unless the recipe is known.
+    fn parse_once(&mut self, id: &[u8], body: Option<&String>) -> Result<Arc<Recipe>, StoreError> {
         if let Some(recipe) = self.recipes.get(id) {
             return Ok(Arc::clone(recipe));
         }
-        let body = body.ok_or_else(|| gone("a recipe"))?;
+        let body = body.ok_or_else(|| missing("a recipe"))?;
         let value: serde_json::Value = super::from_json("a recipe", body)?;
         let recipe = Arc::new(Recipe::from_json(&value)?);
         self.recipes.insert(id.to_owned(), Arc::clone(&recipe));

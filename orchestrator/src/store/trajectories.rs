@@ -1,57 +1,70 @@
-//! The feed: finished groups until they are acknowledged, and for a while after.
+//! The trajectory feed: finished groups until a trainer acknowledges them, and for a while after. Table `trajectory_groups`.
 
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 use crate::clock::Millis;
 
-/// A group to be pushed.
+/// A group to be pushed to the feed.
 #[derive(Debug)]
-pub struct NewGroup<'a> {
-    /// Its run.
+pub struct NewTrajectoryGroup<'a> {
+    /// Id of the run.
     pub run: &'a str,
-    /// Its lease.
+    /// Number of the lease.
     pub lease: i64,
-    /// Its number there.
+    /// Number of the group in the lease.
     pub number: i64,
-    /// The policy version that flew it.
+    /// Version of the policy that ran the group.
     pub policy_version: i64,
-    /// Bytes of the body as JSON.
+    /// Size of the body as JSON, bytes.
     pub bytes: i64,
-    /// The body, compressed.
+    /// Body as compressed JSON.
     pub body: &'a [u8],
 }
 
 /// A group of the feed without its body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct HeadRow {
-    /// Its id.
+pub struct FeedGroup {
+    /// Number of the group in the feed.
     pub id: i64,
-    /// How often it was delivered.
+    /// Number of times the group was delivered.
     pub deliveries: i64,
-    /// Bytes of the body as JSON.
+    /// Size of the body as JSON, bytes.
     pub bytes: i64,
 }
 
-/// How full a feed is.
+/// Fill level of a feed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Standing {
-    /// Groups to be delivered now.
+pub struct FeedCounts {
+    /// Groups that can be delivered now.
     pub waiting: i64,
-    /// Groups delivered and not acknowledged, their time not over.
+    /// Groups that were delivered and can still be acknowledged in time.
     pub delivered: i64,
-    /// Groups acknowledged that are still kept.
+    /// Groups that were acknowledged and are still stored.
     pub acked: i64,
-    /// Bytes of groups not acknowledged, as stored.
+    /// Stored size of the groups that are not acknowledged, bytes.
     pub bytes: i64,
 }
 
-/// Pushes a group; its id.
+/// Limits on the acknowledged groups of a run that stay stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AckedLimit {
+    /// Number of its groups.
+    pub groups: i64,
+    /// Their stored size, bytes.
+    pub bytes: i64,
+}
+
+/// Pushes a group to the feed of its run and returns its number.
 ///
 /// # Errors
-/// The database's.
-pub async fn push(conn: &mut SqliteConnection, group: &NewGroup<'_>, now: Millis) -> Result<i64, StoreError> {
-    let NewGroup { run, lease, number, policy_version, bytes, body } = group;
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn push(
+    conn: &mut SqliteConnection,
+    group: &NewTrajectoryGroup<'_>,
+    now: Millis,
+) -> Result<i64, StoreError> {
+    let NewTrajectoryGroup { run, lease, number, policy_version, bytes, body } = group;
     Ok(sqlx::query_scalar!(
         "INSERT INTO trajectory_groups (run, lease, number, policy_version, state, visible_at, bytes, body, at)
          VALUES (?1, ?2, ?3, ?4, 'ready', ?5, ?6, ?7, ?5) RETURNING id AS \"id!\"",
@@ -67,18 +80,18 @@ pub async fn push(conn: &mut SqliteConnection, group: &NewGroup<'_>, now: Millis
     .await?)
 }
 
-/// Groups of a run that may be delivered now, in order.
+/// Reads groups of a run that can be delivered now, in order.
 ///
 /// # Errors
-/// The database's.
-pub async fn visible(
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn deliverable(
     conn: &mut SqliteConnection,
     run: &str,
     now: Millis,
     limit: i64,
-) -> Result<Vec<HeadRow>, StoreError> {
+) -> Result<Vec<FeedGroup>, StoreError> {
     Ok(sqlx::query_as!(
-        HeadRow,
+        FeedGroup,
         "SELECT id, deliveries, bytes FROM trajectory_groups
          WHERE run = ? AND state <> 'acked' AND visible_at <= ? ORDER BY id LIMIT ?",
         run,
@@ -89,11 +102,14 @@ pub async fn visible(
     .await?)
 }
 
-/// When the next group that is delivered and not acknowledged will be delivered again.
+/// Reads when the next group that is not acknowledged can be delivered.
 ///
 /// # Errors
-/// The database's.
-pub async fn next_visible(conn: &mut SqliteConnection, run: &str) -> Result<Option<Millis>, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn next_deliverable_at(
+    conn: &mut SqliteConnection,
+    run: &str,
+) -> Result<Option<Millis>, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"SELECT min(visible_at) AS "at: i64" FROM trajectory_groups WHERE run = ? AND state <> 'acked'"#,
         run
@@ -102,18 +118,18 @@ pub async fn next_visible(conn: &mut SqliteConnection, run: &str) -> Result<Opti
     .await?)
 }
 
-/// Groups of a run after an id, in order, whatever became of them.
+/// Reads groups of a run after a number, in order, in any state.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn after(
     conn: &mut SqliteConnection,
     run: &str,
     after: i64,
     limit: i64,
-) -> Result<Vec<HeadRow>, StoreError> {
+) -> Result<Vec<FeedGroup>, StoreError> {
     Ok(sqlx::query_as!(
-        HeadRow,
+        FeedGroup,
         "SELECT id, deliveries, bytes FROM trajectory_groups WHERE run = ? AND id > ? ORDER BY id LIMIT ?",
         run,
         after,
@@ -123,11 +139,15 @@ pub async fn after(
     .await?)
 }
 
-/// Delivers a group: it is delivered again from `visible_at` on.
+/// Marks a group as delivered. It can be delivered again from `visible_at` on.
 ///
 /// # Errors
-/// The database's.
-pub async fn deliver(conn: &mut SqliteConnection, id: i64, visible_at: Millis) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_delivered(
+    conn: &mut SqliteConnection,
+    id: i64,
+    visible_at: Millis,
+) -> Result<(), StoreError> {
     query!(
         "UPDATE trajectory_groups SET state = 'delivered', visible_at = ?, deliveries = deliveries + 1 WHERE id = ?",
         visible_at,
@@ -138,20 +158,20 @@ pub async fn deliver(conn: &mut SqliteConnection, id: i64, visible_at: Millis) -
     Ok(())
 }
 
-/// The body of a group, compressed; none where it is kept no longer.
+/// Reads the compressed body of a group; none if it was deleted.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the query fails.
 pub async fn body(conn: &mut SqliteConnection, id: i64) -> Result<Option<Vec<u8>>, StoreError> {
     Ok(sqlx::query_scalar!("SELECT body FROM trajectory_groups WHERE id = ?", id)
         .fetch_optional(conn)
         .await?)
 }
 
-/// Acknowledges a group of a run; whether there is such a one.
+/// Acknowledges a group of a run. Returns false if there is no such group.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if the statement fails.
 pub async fn ack(conn: &mut SqliteConnection, run: &str, id: i64) -> Result<bool, StoreError> {
     let done = query!("UPDATE trajectory_groups SET state = 'acked' WHERE id = ? AND run = ?", id, run)
         .execute(conn)
@@ -159,15 +179,11 @@ pub async fn ack(conn: &mut SqliteConnection, run: &str, id: i64) -> Result<bool
     Ok(done.rows_affected() == 1)
 }
 
-/// Drops acknowledged groups of a run but for the newest.
+/// Deletes the acknowledged groups of a run that exceed the limit, oldest first.
 ///
 /// # Errors
-/// The database's.
-pub async fn trim(
-    conn: &mut SqliteConnection,
-    run: &str,
-    (groups, bytes): (i64, i64),
-) -> Result<(), StoreError> {
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn trim_acked(conn: &mut SqliteConnection, run: &str, limit: AckedLimit) -> Result<(), StoreError> {
     query!(
         "DELETE FROM trajectory_groups WHERE id IN (
              SELECT id FROM (
@@ -176,21 +192,21 @@ pub async fn trim(
              ) WHERE place > ? OR total > ?
          )",
         run,
-        groups,
-        bytes
+        limit.groups,
+        limit.bytes
     )
     .execute(conn)
     .await?;
     Ok(())
 }
 
-/// How full the feed of a run is.
+/// Reads the fill level of a run's feed.
 ///
 /// # Errors
-/// The database's.
-pub async fn standing(conn: &mut SqliteConnection, run: &str, now: Millis) -> Result<Standing, StoreError> {
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn counts(conn: &mut SqliteConnection, run: &str, now: Millis) -> Result<FeedCounts, StoreError> {
     Ok(sqlx::query_as!(
-        Standing,
+        FeedCounts,
         r#"SELECT coalesce(sum(state <> 'acked' AND visible_at <= ?1), 0) AS "waiting!: i64",
                   coalesce(sum(state <> 'acked' AND visible_at > ?1), 0) AS "delivered!: i64",
                   coalesce(sum(state = 'acked'), 0) AS "acked!: i64",

@@ -8,10 +8,14 @@ use rayon::prelude::*;
 use sqlx::SqlitePool;
 use tokio::sync::Notify;
 
-use crate::counts;
+use crate::metrics;
 use crate::store::critiques;
-use crate::training::criticise::{self, Done, Enter, Material};
-use crate::training::{TrainingError, Writer, sample};
+use crate::critiques::criticise;
+use crate::critiques::criticise::{CritiqueResult, StoreCritiques};
+use crate::critiques::critique_input::{self, CritiqueInput};
+use crate::critiques::sampling;
+use crate::engine::error::ServiceError;
+use crate::engine::writer::Writer;
 
 /// Jobs looked at at a time.
 const JOBS: i64 = 64;
@@ -20,7 +24,7 @@ const PAUSE: Duration = Duration::from_secs(2);
 
 /// What the worker needs.
 #[derive(Debug, Clone)]
-pub struct Critic {
+pub struct CritiqueWorker {
     /// Where episodes are read.
     pub readers: SqlitePool,
     /// Where profiles are written.
@@ -31,7 +35,7 @@ pub struct Critic {
     pub pool: Arc<rayon::ThreadPool>,
 }
 
-impl Critic {
+impl CritiqueWorker {
     /// Works until the writer is gone.
     pub async fn run(self) {
         let mut sampled = BTreeSet::new();
@@ -41,9 +45,9 @@ impl Critic {
                     let _ = tokio::time::timeout(PAUSE, self.wake.notified()).await;
                 }
                 Ok(_) => {}
-                Err(TrainingError::Stopping) => return,
+                Err(ServiceError::Stopping) => return,
                 // Whoever fills the queue of changes comes first.
-                Err(TrainingError::Busy) => tokio::time::sleep(PAUSE).await,
+                Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
                 Err(error) => {
                     tracing::error!(error = %error, "Episodes could not be criticised; trying again soon.");
                     tokio::time::sleep(PAUSE).await;
@@ -53,21 +57,21 @@ impl Critic {
     }
 
     /// Does the jobs that have waited longest; how many.
-    async fn batch(&self, sampled: &mut BTreeSet<String>) -> Result<usize, TrainingError> {
-        let _busy = counts::Busy::with("critique");
+    async fn batch(&self, sampled: &mut BTreeSet<String>) -> Result<usize, ServiceError> {
+        let _busy = metrics::BusyGuard::new("critique");
         let material = self.load(sampled).await?;
         let count = material.len();
         if count == 0 {
             return Ok(0);
         }
         let pool = Arc::clone(&self.pool);
-        let done: Vec<Done> = tokio::task::spawn_blocking(move || {
+        let done: Vec<CritiqueResult> = tokio::task::spawn_blocking(move || {
             pool.install(|| material.into_par_iter().map(criticise::criticise).collect())
         })
         .await
-        .map_err(|error| TrainingError::invalid("critique", error.to_string()))?;
+        .map_err(|error| ServiceError::invalid("critique", error.to_string()))?;
         let failures: Vec<_> = done.iter().filter_map(told).collect();
-        self.writer.change(Enter(done)).await?;
+        self.writer.change(StoreCritiques(done)).await?;
         for (run, lease, failed, reason) in failures {
             tracing::warn!(
                 run,
@@ -80,30 +84,30 @@ impl Critic {
         Ok(count)
     }
 
-    async fn load(&self, sampled: &mut BTreeSet<String>) -> Result<Vec<Material>, TrainingError> {
+    async fn load(&self, sampled: &mut BTreeSet<String>) -> Result<Vec<CritiqueInput>, ServiceError> {
         let mut conn = self.readers.acquire().await?;
-        let jobs = critiques::jobs(&mut conn, JOBS).await?;
+        let jobs = critiques::oldest(&mut conn, JOBS).await?;
         if jobs.is_empty() && sampled.is_empty() {
             return Ok(Vec::new());
         }
-        let waiting = critiques::waiting(&mut conn).await?;
+        let waiting = critiques::waiting_by_run(&mut conn).await?;
         let halvings: BTreeMap<String, u32> =
-            waiting.iter().map(|(run, waiting)| (run.clone(), sample::halvings(*waiting))).collect();
+            waiting.iter().map(|(run, waiting)| (run.clone(), sampling::halvings(*waiting))).collect();
         tell(sampled, &waiting);
-        Ok(criticise::load(&mut conn, jobs, &halvings).await?)
+        Ok(critique_input::load(&mut conn, jobs, &halvings).await?)
     }
 }
 
-fn told(done: &Done) -> Option<(String, i64, i64, String)> {
+fn told(done: &CritiqueResult) -> Option<(String, i64, i64, String)> {
     let reason = done.reason.clone()?;
     Some((done.job.run.clone(), done.job.lease, done.failed, reason))
 }
 
 /// Says when sampling of a run begins, and when it ends.
-fn tell(sampled: &mut BTreeSet<String>, waiting: &[(String, i64)]) {
-    let of = |run: &str| waiting.iter().find(|(r, _)| r == run).map_or(0, |(_, waiting)| *waiting);
+fn tell(sampled: &mut BTreeSet<String>, waiting: &BTreeMap<String, i64>) {
+    let of = |run: &str| waiting.get(run).copied().unwrap_or(0);
     for (run, waiting) in waiting {
-        if sample::halvings(*waiting) > 0 && sampled.insert(run.clone()) {
+        if sampling::halvings(*waiting) > 0 && sampled.insert(run.clone()) {
             tracing::info!(
                 run,
                 waiting,
@@ -112,7 +116,7 @@ fn tell(sampled: &mut BTreeSet<String>, waiting: &[(String, i64)]) {
         }
     }
     sampled.retain(|run| {
-        let on = of(run) > sample::PATIENCE / 2;
+        let on = of(run) > sampling::PATIENCE / 2;
         if !on {
             tracing::info!(run, "The critique has caught up; every episode is criticised again.");
         }

@@ -13,11 +13,13 @@ use tokio::sync::{Notify, Semaphore, watch};
 use tokio::task::{Id, JoinSet};
 
 use self::thread::{Shift, Task};
-use crate::counts;
-use crate::store::{asks, design_counts};
-use crate::training::design::ask::{Begin, Begun, Finish};
-use crate::training::design::{Designers, Which, brief, stock};
-use crate::training::{TrainingError, Writer};
+use crate::store::design_queue::{self, DesignRequestRef};
+use crate::metrics;
+use crate::store::design_counters;
+use crate::designs::design_request::{StartDesignRequest, StartedDesignRequest, FinishDesignRequest};
+use crate::designs::{brief, demand, Designers, DesignerKind};
+use crate::engine::error::ServiceError;
+use crate::engine::writer::Writer;
 
 /// How often it looks whether anything is due.
 const EVERY: Duration = Duration::from_secs(1);
@@ -34,7 +36,7 @@ const TRIES: u32 = 30;
 
 /// What the worker needs.
 #[derive(Debug, Clone)]
-pub struct Studio {
+pub struct DesignWorker {
     /// Where profiles and earlier layouts are read.
     pub readers: SqlitePool,
     /// Where layouts are written.
@@ -48,7 +50,7 @@ pub struct Studio {
 /// What one ask needs besides.
 #[derive(Clone)]
 struct Room {
-    studio: Studio,
+    studio: DesignWorker,
     /// The procedural designer computes: one at a time.
     procedural: Arc<Semaphore>,
     llm: Arc<Semaphore>,
@@ -69,7 +71,7 @@ struct Underway {
     broken: BTreeMap<String, Instant>,
 }
 
-impl Studio {
+impl DesignWorker {
     /// Works until the writer is gone.
     pub async fn run(self) {
         // Held until this ends, in whatever way: designers at work end with it.
@@ -84,8 +86,8 @@ impl Studio {
         loop {
             match room.turn(&mut begun).await {
                 Ok(()) => {}
-                Err(TrainingError::Stopping) => return,
-                Err(TrainingError::Busy) => tokio::time::sleep(PAUSE).await,
+                Err(ServiceError::Stopping) => return,
+                Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
                 Err(error) => {
                     tracing::error!(error = %error, "Designers could not be asked; trying again soon.");
                     tokio::time::sleep(PAUSE).await;
@@ -128,20 +130,21 @@ impl Underway {
 
 impl Room {
     /// Begins what waits, and what is due.
-    async fn turn(&self, begun: &mut Underway) -> Result<(), TrainingError> {
+    async fn turn(&self, begun: &mut Underway) -> Result<(), ServiceError> {
         let (running, waiting, criticised) = {
             let mut conn = self.studio.readers.acquire().await?;
-            let (running, waiting) = (asks::all_running(&mut conn).await?, asks::waiting(&mut conn).await?);
-            (running, waiting, design_counts::criticised(&mut conn, stock::EPISODES).await?)
+            let (running, waiting) = (design_queue::all_running(&mut conn).await?, design_queue::oldest_waiting(&mut conn).await?);
+            (running, waiting, design_counters::criticised(&mut conn, demand::EPISODES).await?)
         };
         // What could not be ended when it was over must not keep its run waiting for ever.
-        for (ask, run, task) in running.into_iter().filter(|(_, run, _)| !begun.runs.contains(run)) {
+        for request in running.into_iter().filter(|request| !begun.runs.contains(&request.run)) {
+            let DesignRequestRef { id: ask, run, task } = request;
             let error = Some("what was designed was lost; the log says why".to_owned());
-            let lost = Finish { error, ..Finish::nothing(ask, run, task) };
+            let lost = FinishDesignRequest { error, ..FinishDesignRequest::nothing(ask, run, task) };
             self.studio.writer.change(lost).await?;
         }
-        for (ask, run) in waiting {
-            self.begin(begun, run, Some(ask)).await?;
+        for request in waiting {
+            self.begin(begun, request.run, Some(request.id)).await?;
         }
         let mut due: BTreeMap<String, i64> = BTreeMap::new();
         for of in criticised {
@@ -155,15 +158,15 @@ impl Room {
         Ok(())
     }
 
-    async fn begin(&self, begun: &mut Underway, run: String, ask: Option<i64>) -> Result<(), TrainingError> {
+    async fn begin(&self, begun: &mut Underway, run: String, ask: Option<i64>) -> Result<(), ServiceError> {
         if begun.runs.contains(&run) || begun.broken.get(&run).is_some_and(|at| at.elapsed() < REST) {
             return Ok(());
         }
         let has_llm = self.studio.designers.has_llm();
-        let change = Begin { run: run.clone(), ask, has_llm };
+        let change = StartDesignRequest { run: run.clone(), ask, has_llm };
         let started = match self.studio.writer.change(change).await {
             Ok(started) => started,
-            Err(error @ (TrainingError::Stopping | TrainingError::Busy)) => return Err(error),
+            Err(error @ (ServiceError::Stopping | ServiceError::Busy)) => return Err(error),
             // A run that cannot be looked at must not hold up the others.
             Err(error) => {
                 tracing::error!(run, error = %error, "A run's designs could not be looked at; later again.");
@@ -180,8 +183,8 @@ impl Room {
     }
 
     /// One ask from its beginning to its end.
-    async fn ask(self, begun: Begun) {
-        let _busy = counts::Busy::with("design");
+    async fn ask(self, begun: StartedDesignRequest) {
+        let _busy = metrics::BusyGuard::new("design");
         let began = Instant::now();
         let run = begun.run.clone();
         let mut finish = self.design(&begun).await;
@@ -192,8 +195,8 @@ impl Room {
         }
         for _ in 0..TRIES {
             match self.studio.writer.change(finish.clone()).await {
-                Ok(_) | Err(TrainingError::Stopping) => break,
-                Err(error) if error.is_passing() => tokio::time::sleep(PAUSE).await,
+                Ok(_) | Err(ServiceError::Stopping) => break,
+                Err(error) if error.is_temporary() => tokio::time::sleep(PAUSE).await,
                 Err(error) => {
                     tracing::error!(run, ask = begun.ask, error = %error, "What was designed cannot be stored.");
                     finish.made.clear();
@@ -204,9 +207,9 @@ impl Room {
         }
     }
 
-    async fn design(&self, begun: &Begun) -> Finish {
-        let nothing = Finish::nothing(begun.ask, begun.run.clone(), begun.task.clone());
-        let mut finish = Finish { level: begun.level, ..nothing };
+    async fn design(&self, begun: &StartedDesignRequest) -> FinishDesignRequest {
+        let nothing = FinishDesignRequest::nothing(begun.ask, begun.run.clone(), begun.task.clone());
+        let mut finish = FinishDesignRequest { level: begun.level, ..nothing };
         if let Err(error) = self.fill(begun, &mut finish).await {
             finish.error = Some(error);
         }
@@ -214,18 +217,18 @@ impl Room {
     }
 
     /// Asks whom the ask is for, and the procedural designer for what is missing then.
-    async fn fill(&self, begun: &Begun, finish: &mut Finish) -> Result<(), String> {
+    async fn fill(&self, begun: &StartedDesignRequest, finish: &mut FinishDesignRequest) -> Result<(), String> {
         let gathered = {
             let mut conn = self.studio.readers.acquire().await.map_err(|error| error.to_string())?;
             brief::gather(&mut conn, begun).await.map_err(|error| error.to_string())?
         };
         let (mut brief, archive) = gathered;
-        let language = designer::language(begun.base.task());
+        let language = designer::design_language(begun.base.task());
         let language = language.ok_or_else(|| format!("nobody designs for {} yet", begun.task))?;
         let mut gate = Gate::new(language, archive.clone());
-        if begun.which == Which::Llm {
+        if begun.which == DesignerKind::Llm {
             let task = Task { brief: brief.clone(), gate };
-            match self.one(Which::Llm, &begun.run, task).await {
+            match self.one(DesignerKind::Llm, &begun.run, task).await {
                 Ok((shift, held)) => {
                     finish.take(shift);
                     gate = held;
@@ -241,7 +244,7 @@ impl Room {
         if missing == 0 {
             return Ok(());
         }
-        if begun.which == Which::Llm {
+        if begun.which == DesignerKind::Llm {
             let words = format!(
                 "{admitted} of {} were let through; the procedural designer does the rest",
                 brief.count
@@ -249,21 +252,21 @@ impl Room {
             finish.troubles.push(words);
         }
         brief.count = missing;
-        let (shift, _) = self.one(Which::Procedural, &begun.run, Task { brief, gate }).await?;
+        let (shift, _) = self.one(DesignerKind::Procedural, &begun.run, Task { brief, gate }).await?;
         finish.take(shift);
         Ok(())
     }
 
-    async fn one(&self, which: Which, run: &str, task: Task) -> Result<(Shift, Gate), String> {
+    async fn one(&self, which: DesignerKind, run: &str, task: Task) -> Result<(Shift, Gate), String> {
         let designer = self.studio.designers.designer(which, run);
-        let designer = designer.ok_or_else(|| format!("there is no {} designer here", which.word()))?;
-        let seats = if which == Which::Procedural { &self.procedural } else { &self.llm };
+        let designer = designer.ok_or_else(|| format!("there is no {} designer here", which))?;
+        let seats = if which == DesignerKind::Procedural { &self.procedural } else { &self.llm };
         let _seat = seats.acquire().await.map_err(|_| "the service is stopping".to_owned())?;
         thread::design(designer, task, self.stopping.clone()).await
     }
 }
 
-impl Finish {
+impl FinishDesignRequest {
     /// An ask of which nothing came.
     fn nothing(ask: i64, run: String, task: String) -> Self {
         Self {
@@ -272,7 +275,7 @@ impl Finish {
             task,
             level: None,
             made: Vec::new(),
-            usage: designer::Usage::default(),
+            usage: designer::DesignUsage::default(),
             troubles: Vec::new(),
             error: None,
             took: Duration::ZERO,
@@ -283,7 +286,7 @@ impl Finish {
     fn take(&mut self, shift: Shift) {
         let Shift { name, designed } = shift;
         self.made.extend(designed.judged.into_iter().map(|judged| (name, judged)));
-        self.troubles.extend(designed.troubles);
+        self.troubles.extend(designed.warnings);
         let used = designed.usage;
         self.usage.model = self.usage.model.take().or(used.model);
         self.usage.prompt = self.usage.prompt.take().or(used.prompt);

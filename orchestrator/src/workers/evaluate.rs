@@ -5,13 +5,14 @@ use std::time::Duration;
 
 use sqlx::SqlitePool;
 
-use crate::counts;
-use crate::evaluation::fly;
+use crate::metrics;
+use crate::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 use crate::store::evaluations::{self, EvaluationRow};
-use crate::store::{small, unsigned};
-use crate::training::evaluation::fill::Fly;
-use crate::training::evaluation::read::suite_of;
-use crate::training::{TrainingError, Writer};
+use crate::store::{to_u32, to_u64};
+use crate::evaluation::fill::Fly;
+use crate::evaluation::read::suite_of;
+use crate::engine::error::ServiceError;
+use crate::engine::writer::Writer;
 
 /// How often it looks.
 const EVERY: Duration = Duration::from_millis(500);
@@ -21,8 +22,8 @@ pub async fn run(readers: SqlitePool, writer: Writer, pool: Arc<rayon::ThreadPoo
     loop {
         match next(&readers, &writer, &pool).await {
             Ok(true) => continue,
-            Ok(false) | Err(TrainingError::Busy) => {}
-            Err(TrainingError::Stopping) => return,
+            Ok(false) | Err(ServiceError::Busy) => {}
+            Err(ServiceError::Stopping) => return,
             Err(error) => {
                 tracing::error!(error = %error, "An evaluation could not be flown; trying again soon.");
             }
@@ -36,10 +37,10 @@ async fn next(
     readers: &SqlitePool,
     writer: &Writer,
     pool: &Arc<rayon::ThreadPool>,
-) -> Result<bool, TrainingError> {
+) -> Result<bool, ServiceError> {
     let row = {
         let mut conn = readers.acquire().await?;
-        let Some(id) = evaluations::flying(&mut conn).await? else { return Ok(false) };
+        let Some(id) = evaluations::oldest_of_server(&mut conn).await? else { return Ok(false) };
         evaluations::get(&mut conn, id).await?
     };
     let Some(row) = row else { return Ok(false) };
@@ -50,9 +51,9 @@ async fn next(
     Ok(true)
 }
 
-fn flown(row: &EvaluationRow) -> Result<crate::evaluation::Flown, String> {
-    let _busy = counts::Busy::with("evaluate");
+fn flown(row: &EvaluationRow) -> Result<crate::evaluation::PolicyResults, String> {
+    let _busy = metrics::BusyGuard::new("evaluate");
     let suite = suite_of(row).map_err(|error| error.to_string())?;
-    let terms = (unsigned(row.seed), small(row.rollouts));
-    fly::fly(&suite.suite, &row.policy, terms, &|| ()).map_err(|error| error.to_string())
+    let settings = SuiteRolloutSettings { seed: to_u64(row.seed), rollouts: to_u32(row.rollouts) };
+    roll_out_policy(&suite.suite, &row.policy, settings, &|| ()).map_err(|error| error.to_string())
 }

@@ -10,14 +10,14 @@ use sqlx::{SqliteConnection, SqlitePool};
 use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinSet;
 
-use crate::counts;
-use crate::store::proposals::{self, Waiting, unprepared};
-use crate::store::{from_json, runs, signed, unsigned};
-use crate::training::prepare::{
-    Hopeless, Origin, Place, PrepareError, Prepared, StorePrepared, Waits, prepare,
-};
-use crate::training::sets::Sets;
-use crate::training::{RunSettings, TrainingError, Writer};
+use crate::metrics;
+use crate::store::proposals::{self, UnpreparedProposal, unprepared};
+use crate::store::{from_json, runs, to_i64, to_u64};
+use crate::leases::prepare::{prepare, UnsolvableParams, Origin, Place, PrepareError, PreparedScenario, StorePrepared, Waits};
+use crate::leases::scenario_cache::ScenarioCache;
+use crate::engine::error::ServiceError;
+use crate::engine::writer::Writer;
+use crate::runs::settings::RunSettings;
 use curriculum::Proposal;
 
 /// Proposals that are prepared at once, of all runs together. More than there are cores: a scenario that takes seconds must
@@ -30,7 +30,7 @@ const PAUSE: Duration = Duration::from_secs(2);
 
 /// What the worker needs.
 #[derive(Debug, Clone)]
-pub struct Preparer {
+pub struct PrepareWorker {
     /// Where proposals are read.
     pub readers: SqlitePool,
     /// Where scenarios are written.
@@ -42,11 +42,11 @@ pub struct Preparer {
     /// Threads of its own, [`AT_ONCE`]: scenarios that are hard to find must not hold up the replay of results.
     pub pool: Arc<rayon::ThreadPool>,
     /// Params that are not worth looking under.
-    pub hopeless: Arc<Hopeless>,
+    pub hopeless: Arc<UnsolvableParams>,
 }
 
 /// What became of a proposal: run, number, and the scenario; none where there is none.
-type Done = (String, i64, Option<Prepared>);
+type Done = (String, i64, Option<PreparedScenario>);
 
 /// What is being prepared.
 #[derive(Default)]
@@ -58,7 +58,7 @@ struct Begun {
 
 impl Begun {
     /// Whether this one may be begun now, where a run may have so many under way.
-    fn takes(&self, waiting: &Waiting, most: usize) -> bool {
+    fn takes(&self, waiting: &UnpreparedProposal, most: usize) -> bool {
         let of = self.of.get(&waiting.run);
         self.jobs.len() < AT_ONCE
             && of.is_none_or(|begun| begun.len() < most && !begun.contains(&waiting.seq))
@@ -66,7 +66,7 @@ impl Begun {
 
     /// How many a run may have under way: its share, and room is left for one run more, so that whoever comes next finds
     /// some however long the others take.
-    fn share(&self, waiting: &[Waiting]) -> usize {
+    fn share(&self, waiting: &[UnpreparedProposal]) -> usize {
         let runs: BTreeSet<&String> = self.of.keys().chain(waiting.iter().map(|w| &w.run)).collect();
         (AT_ONCE / (runs.len() + 1)).max(1)
     }
@@ -81,14 +81,14 @@ impl Begun {
     }
 }
 
-impl Preparer {
+impl PrepareWorker {
     /// Works until the writer is gone.
     pub async fn run(self) {
         let mut begun = Begun::default();
         loop {
             match self.turn(&mut begun).await {
                 Ok(()) => {}
-                Err(TrainingError::Stopping) => return,
+                Err(ServiceError::Stopping) => return,
                 Err(error) => {
                     tracing::error!(error = %error, "Scenarios could not be prepared; trying again soon.");
                     tokio::time::sleep(PAUSE).await;
@@ -98,7 +98,7 @@ impl Preparer {
     }
 
     /// Begins what may be begun, waits until something is done or comes in, and stores what is done while more is begun.
-    async fn turn(&self, begun: &mut Begun) -> Result<(), TrainingError> {
+    async fn turn(&self, begun: &mut Begun) -> Result<(), ServiceError> {
         self.begin(begun).await?;
         let first = tokio::select! {
             done = begun.jobs.join_next(), if !begun.jobs.is_empty() => done,
@@ -131,7 +131,7 @@ impl Preparer {
         more
     }
 
-    async fn begin(&self, begun: &mut Begun) -> Result<(), TrainingError> {
+    async fn begin(&self, begun: &mut Begun) -> Result<(), ServiceError> {
         if begun.jobs.len() >= AT_ONCE {
             return Ok(());
         }
@@ -167,10 +167,10 @@ impl Preparer {
 /// A proposal that waits, and what it goes on from.
 async fn read(
     conn: &mut SqliteConnection,
-    waiting: &Waiting,
-) -> Result<(Proposal, Option<Origin>), TrainingError> {
+    waiting: &UnpreparedProposal,
+) -> Result<(Proposal, Option<Origin>), ServiceError> {
     let proposal: Proposal = from_json("a proposal", &waiting.body)?;
-    let origin = match proposal.source.origin() {
+    let origin = match proposal.source.parent_proposal() {
         Some(of) => origin(conn, &waiting.run, of, &proposal).await?,
         None => None,
     };
@@ -183,32 +183,32 @@ async fn origin(
     run: &str,
     of: u64,
     proposal: &Proposal,
-) -> Result<Option<Origin>, TrainingError> {
-    let Some((id, contested)) = proposals::scenario_of(conn, run, signed(of)).await? else { return Ok(None) };
-    let row = runs::get(conn, run).await?.ok_or_else(|| TrainingError::UnknownRun(run.to_owned()))?;
+) -> Result<Option<Origin>, ServiceError> {
+    let Some(stored) = proposals::scenario_of(conn, run, to_i64(of)).await? else { return Ok(None) };
+    let row = runs::get(conn, run).await?.ok_or_else(|| ServiceError::UnknownRun(run.to_owned()))?;
     let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-    let sets = Sets::of(conn, &[&id]).await?;
-    let (scenario, bracket) = sets.get(&id, false)?;
+    let sets = ScenarioCache::of(conn, &[&stored.id]).await?;
+    let (scenario, bracket) = sets.get(&stored.id, false)?;
     let levels = settings.curriculum.task(&proposal.task).map(|plan| plan.levels.clone());
     Ok(bracket.zip(levels).map(|(bracket, levels)| Origin {
         scenario: scenario.clone(),
         bracket: bracket.clone(),
-        contested,
+        contested: stored.is_contested,
         levels,
     }))
 }
 
 /// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
 fn one(
-    waiting: &Waiting,
+    waiting: &UnpreparedProposal,
     proposal: &Proposal,
     origin: Option<&Origin>,
-    (hopeless, waits): (&Hopeless, Waits<'_>),
+    (hopeless, waits): (&UnsolvableParams, Waits<'_>),
 ) -> Done {
-    let _busy = counts::Busy::with("prepare");
+    let _busy = metrics::BusyGuard::new("prepare");
     let (run, seq) = (&waiting.run, waiting.seq);
     let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
-        let (run_seed, seq) = (unsigned(waiting.run_seed), unsigned(seq));
+        let (run_seed, seq) = (to_u64(waiting.run_seed), to_u64(seq));
         prepare(Place { space: SeedSpace::Training, run_seed, seq }, proposal, origin, (hopeless, waits))
     }));
     let prepared = match prepared {

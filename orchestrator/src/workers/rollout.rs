@@ -14,13 +14,15 @@ use tokio::task::{Id, JoinError, JoinSet};
 use self::flight::Ended;
 use crate::clock::Clock;
 use crate::ids::RunId;
-use crate::store::policies::{self, PolicyRow};
+use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
 use crate::store::{from_json, runs, trajectories};
-use crate::training::rollout::feed::MOST_WAITING;
-use crate::training::rollout::settings::{CHAT, Trouble};
-use crate::training::rollout::take::PickUp;
-use crate::training::rollout::{Endpoint, PolicySettings};
-use crate::training::{Desk, RunSettings, TrainingError};
+use crate::rollouts::feed::MOST_WAITING;
+use crate::rollouts::settings::ReportTrouble;
+use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
+use crate::rollouts::{Endpoint, PolicySettings};
+use crate::engine::error::ServiceError;
+use crate::leases::lease_service::LeaseService;
+use crate::runs::settings::RunSettings;
 
 /// How often it looks whether anything may be flown, if nobody rings.
 const EVERY: Duration = Duration::from_secs(1);
@@ -34,9 +36,9 @@ const LONGEST_REST: Duration = Duration::from_secs(60);
 
 /// What the worker needs.
 #[derive(Debug, Clone)]
-pub struct Pilots {
+pub struct RolloutWorkers {
     /// Where leases come from and results go.
-    pub desk: Desk,
+    pub desk: LeaseService,
     /// Where policies and feeds are looked at.
     pub readers: SqlitePool,
     /// Where the time is read.
@@ -75,7 +77,7 @@ struct Underway {
     last: String,
 }
 
-impl Pilots {
+impl RolloutWorkers {
     /// Works until the writer is gone.
     pub async fn run(self) {
         let mut underway = Underway::default();
@@ -83,8 +85,8 @@ impl Pilots {
         loop {
             match self.turn(&mut underway, &mut picked_up).await {
                 Ok(()) => {}
-                Err(TrainingError::Stopping) => return,
-                Err(TrainingError::Busy) => tokio::time::sleep(PAUSE).await,
+                Err(ServiceError::Stopping) => return,
+                Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
                 Err(error) => {
                     tracing::error!(error = %error, "Policies could not be flown; trying again soon.");
                     tokio::time::sleep(PAUSE).await;
@@ -99,9 +101,9 @@ impl Pilots {
     }
 
     /// Begins what may be begun, run by run in turn.
-    async fn turn(&self, underway: &mut Underway, picked_up: &mut bool) -> Result<(), TrainingError> {
+    async fn turn(&self, underway: &mut Underway, picked_up: &mut bool) -> Result<(), ServiceError> {
         if !*picked_up {
-            let given = self.desk.writer.change(PickUp).await?;
+            let given = self.desk.writer.change(ReturnAbandonedLeases).await?;
             *picked_up = true;
             if given > 0 {
                 tracing::info!(
@@ -113,7 +115,7 @@ impl Pilots {
         loop {
             let mut rows = {
                 let mut conn = self.readers.acquire().await?;
-                policies::on(&mut conn).await?
+                run_policies::active(&mut conn).await?
             };
             let first = rows.partition_point(|row| row.run <= underway.last);
             rows.rotate_left(first);
@@ -135,15 +137,15 @@ impl Pilots {
     async fn may(
         &self,
         underway: &mut Underway,
-        row: &PolicyRow,
-    ) -> Result<Option<Option<u32>>, TrainingError> {
-        let chat = row.policy == CHAT;
+        row: &RunPolicyRow,
+    ) -> Result<Option<Option<u32>>, ServiceError> {
+        let chat = row.policy == RunPolicy::Chat;
         if underway.rests(row) || (!chat && underway.built_in() >= BUILT_IN_AT_ONCE) {
             return Ok(None);
         }
         let settings = PolicySettings::of(row)?;
         let mut conn = self.readers.acquire().await?;
-        let feed = trajectories::standing(&mut conn, &row.run, self.clock.now()).await?;
+        let feed = trajectories::counts(&mut conn, &row.run, self.clock.now()).await?;
         let held = feed.waiting + feed.delivered + underway.of_run(&row.run);
         if held >= i64::from(settings.ahead) || feed.bytes >= MOST_WAITING {
             return Ok(None);
@@ -167,7 +169,7 @@ impl Pilots {
             return Ok(None);
         }
         let run = runs::get(&mut conn, &row.run).await?;
-        let run = run.ok_or_else(|| TrainingError::UnknownRun(row.run.clone()))?;
+        let run = run.ok_or_else(|| ServiceError::UnknownRun(row.run.clone()))?;
         let size = from_json::<RunSettings>("a run's settings", &run.settings)?.group_size;
         Ok(Some(Some(size)))
     }
@@ -176,12 +178,12 @@ impl Pilots {
     async fn rest(
         &self,
         underway: &mut Underway,
-        row: &PolicyRow,
+        row: &RunPolicyRow,
         words: String,
-    ) -> Result<Option<Option<u32>>, TrainingError> {
+    ) -> Result<Option<Option<u32>>, ServiceError> {
         underway.rest(&row.run, row.changed_at);
         if row.trouble.as_ref() != Some(&words) {
-            self.desk.writer.change(Trouble { run: row.run.clone(), words }).await?;
+            self.desk.writer.change(ReportTrouble { run: row.run.clone(), words }).await?;
         }
         Ok(None)
     }
@@ -189,13 +191,13 @@ impl Pilots {
     fn begin(
         &self,
         underway: &mut Underway,
-        row: &PolicyRow,
+        row: &RunPolicyRow,
         asking: Option<u32>,
-    ) -> Result<(), TrainingError> {
+    ) -> Result<(), ServiceError> {
         let run: RunId = row
             .run
             .parse()
-            .map_err(|error: crate::ids::BadId| TrainingError::invalid("run", error.to_string()))?;
+            .map_err(|error: crate::ids::InvalidId| ServiceError::invalid("run", error.to_string()))?;
         let pilots = self.clone();
         let job = underway.jobs.spawn(async move { pilots.fly(run).await });
         underway.of.insert(job.id(), Flying { run: row.run.clone(), set: row.changed_at, asking });
@@ -217,7 +219,7 @@ impl Underway {
     }
 
     /// Whether a run is left alone now.
-    fn rests(&mut self, row: &PolicyRow) -> bool {
+    fn rests(&mut self, row: &RunPolicyRow) -> bool {
         match self.rests.get(&row.run) {
             Some(rest) if rest.set != row.changed_at => {
                 self.rests.remove(&row.run);
@@ -261,9 +263,9 @@ mod tests {
 
     #[test]
     fn a_run_that_fails_is_left_alone_for_longer_and_longer_until_its_policy_is_another() {
-        let row = |changed_at| PolicyRow {
+        let row = |changed_at| RunPolicyRow {
             run: "r".to_owned(),
-            policy: CHAT.to_owned(),
+            policy: RunPolicy::Chat,
             version: 0,
             settings: String::new(),
             groups: 0,

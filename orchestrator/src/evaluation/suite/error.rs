@@ -1,78 +1,78 @@
-//! Why a suite cannot be used.
+//! Errors of suites that cannot be used.
 
 use std::path::PathBuf;
 
 use env_core::ScenarioError;
 
-/// A suite that cannot be used.
+/// Reason why a suite cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SuiteError {
-    /// Neither a committed suite nor a file.
-    #[error("{which:?} is neither a built-in suite ({known}) nor a file")]
+    /// The name is neither a built-in suite nor the path of a file.
+    #[error("{requested:?} is neither a built-in suite ({known}) nor a file")]
     Unknown {
-        /// What was asked for.
-        which: String,
-        /// The suites that are built in.
+        /// Requested name or path.
+        requested: String,
+        /// Names of the built-in suites.
         known: String,
     },
-    /// A file that cannot be read.
+    /// The file cannot be read.
     #[error("{} cannot be read: {source}", path.display())]
     Unreadable {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Something else than a suite.
+    /// The file is not a suite.
     #[error("it is not a suite file: {reason}")]
     NotASuite {
-        /// How that shows.
+        /// Error of the parser.
         reason: String,
     },
-    /// A suite of a format this build does not read.
+    /// The suite has a format that this build cannot read.
     #[error("its format is {found:?}; this build reads {known:?}")]
     Format {
-        /// What the file says.
+        /// Format of the file.
         found: String,
-        /// What is read.
+        /// Format that can be read.
         known: &'static str,
     },
-    /// The file is not the one that was built.
-    #[error("it was altered: its bytes hash to {found}, but it says {told}")]
+    /// The file's bytes do not match its hash.
+    #[error("it was altered: its bytes hash to {found}, but its last line has {stated}")]
     Altered {
-        /// The hash of its bytes.
+        /// Hash of the bytes.
         found: String,
-        /// The hash it names.
-        told: String,
+        /// Hash in the last line.
+        stated: String,
     },
-    /// A scenario that cannot be.
+    /// A scenario is invalid.
     #[error("scenario {index} of {task} level {level}: {source}")]
     Scenario {
-        /// Its task, as the file says.
+        /// Task of the scenario's group.
         task: String,
-        /// Its level, as the file says.
+        /// Level of the scenario's group.
         level: usize,
-        /// Counted from 0 within task and level.
+        /// Index of the scenario in its group.
         index: usize,
-        /// Why.
+        /// Reason why it is invalid.
         source: ScenarioError,
     },
-    /// A scenario whose parts do not belong together.
+    /// The parts of a scenario contradict each other.
     #[error("scenario {index} of {task} level {level}: {reason}")]
     Contradiction {
-        /// Its task.
+        /// Task of the scenario's group.
         task: String,
-        /// Its level.
+        /// Level of the scenario's group.
         level: usize,
-        /// Counted from 0 within task and level.
+        /// Index of the scenario in its group.
         index: usize,
-        /// What does not fit.
+        /// Contradiction that was found.
         reason: String,
     },
 }
 
 impl SuiteError {
-    /// The file is a suite, but not the one that was built, or not by these worlds: a check has failed.
+    /// Returns true if the file is a suite, but not the one that was built, or not one that these worlds would build.
     #[must_use]
     pub const fn is_difference(&self) -> bool {
         matches!(self, Self::Altered { .. } | Self::Scenario { .. } | Self::Contradiction { .. })

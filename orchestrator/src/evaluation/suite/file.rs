@@ -1,4 +1,4 @@
-//! The file form of a suite: JSON, a line per scenario, its last line the hash of every byte before it.
+//! The file format of a suite: JSON with one line for each scenario. The last line is the hash of all bytes before it.
 //!
 //! ```text
 //! {"format":"sparring-suite/1","name":…,"planner":1,"created_by":…,"row":["score","total",…],"groups":[
@@ -10,76 +10,80 @@
 //! "hash":"<blake3>"}
 //! ```
 //!
-//! `planner` is the version of the planner that made the brackets; a group made by another than the suite's, as tasks of
-//! another world have it, says so by a `planner` of its own after its level. No witness is stored: whoever doubts a
-//! reference has it planned again (`sparring suite verify`).
+//! `planner` is the version of the planner that made the brackets. A group whose brackets another planner made, as for
+//! tasks of another world, has a `planner` of its own after its level. The reference's plan is not stored;
+//! `sparring suite verify` plans it again.
 //!
-//! A recipe stands once per task and level; `canonical` is the scenario's canonical bytes in hex. A suite is written in
-//! one way only, so `head -n -1 FILE | b3sum` gives its hash.
+//! Each task and level has one recipe; `canonical` has the scenario's canonical bytes in hex. A suite has exactly one
+//! serialized form, so that `head -n -1 FILE | b3sum` prints its hash.
 
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use env_core::{ActionLog, Bracket, Flown, Recipe, Scenario, Seed, SeedSpace};
+use env_core::{ActionLog, Bracket, EpisodeOutcome, Recipe, Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Entry, Group, Part, Suite, SuiteError};
+use super::{Suite, SuiteEntry, SuiteError, SuiteGroup, SuitePart};
 
-/// A suite that comes with the program, read.
-#[derive(Debug)]
-pub struct BuiltIn {
-    /// The suite.
+/// Suite that was read from its file.
+#[derive(Debug, PartialEq)]
+pub struct LoadedSuite {
+    /// Suite in the file.
     pub suite: Suite,
-    /// Its hash.
+    /// Hash of its file in hex.
     pub hash: String,
 }
 
-/// The suites that come with the program: name and file.
-pub const BUILT_IN: &[(&str, &[u8])] = &[
-    ("kessler-heldout-v2", include_bytes!("../../../suites/kessler-heldout-v2.json")),
-    ("docking-heldout-v1", include_bytes!("../../../suites/docking-heldout-v1.json")),
-    ("kessler-heldout-v1", include_bytes!("../../../suites/kessler-heldout-v1.json")),
+/// Suite that is part of the program.
+#[derive(Debug, Clone, Copy)]
+pub struct BuiltInSuite {
+    /// Name of the suite.
+    pub name: &'static str,
+    /// Bytes of its file.
+    pub bytes: &'static [u8],
+}
+
+/// All suites that are part of the program.
+pub const BUILT_IN_SUITES: &[BuiltInSuite] = &[
+    BuiltInSuite {
+        name: "kessler-heldout-v2",
+        bytes: include_bytes!("../../../suites/kessler-heldout-v2.json"),
+    },
+    BuiltInSuite {
+        name: "docking-heldout-v1",
+        bytes: include_bytes!("../../../suites/docking-heldout-v1.json"),
+    },
+    BuiltInSuite {
+        name: "kessler-heldout-v1",
+        bytes: include_bytes!("../../../suites/kessler-heldout-v1.json"),
+    },
 ];
 
-/// A suite that comes with the program, read once; none that there is not.
-#[must_use]
-pub fn built_in(name: &str) -> Option<&'static BuiltIn> {
-    static READ: [OnceLock<Option<BuiltIn>>; BUILT_IN.len()] = [const { OnceLock::new() }; BUILT_IN.len()];
-    let at = BUILT_IN.iter().position(|(known, _)| *known == name)?;
-    let reading = || read(BUILT_IN[at].1).ok().map(|(suite, hash)| BuiltIn { suite, hash });
-    READ[at].get_or_init(reading).as_ref()
-}
-
-/// The suite that is meant where nobody says which.
-pub const DEFAULT: &str = "kessler-heldout-v2";
-
-/// The names of the suites that come with the program, for people.
-#[must_use]
-pub fn names() -> String {
-    BUILT_IN.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
-}
+/// Name of the suite that is used by default.
+pub const DEFAULT_SUITE: &str = "kessler-heldout-v2";
 
 const FORMAT: &str = "sparring-suite/1";
 const FORMAT_START: &str = "{\"format\":\"";
 const HASH_LINE: &str = "\n\"hash\":\"";
+/// Names of the columns of [`OutcomeRow`].
 const ROW: [&str; 6] = ["score", "total", "steps", "lost", "goal", "fuel_used"];
 
-/// How one plan fared: the columns of [`ROW`].
+/// Outcome of one plan as a JSON array with the columns [`ROW`].
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-struct Row(f64, f64, u32, u32, Option<f64>, f64);
+struct OutcomeRow(f64, f64, u32, u32, Option<f64>, f64);
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StoredScenario {
-    part: Part,
+    part: SuitePart,
     seed: u64,
     id: String,
     canonical: String,
     floor: f64,
-    reference: Row,
-    panel: Vec<Row>,
+    reference: OutcomeRow,
+    panel: Vec<OutcomeRow>,
 }
 
 #[derive(Deserialize)]
@@ -106,48 +110,65 @@ struct StoredSuite {
     _hash: String,
 }
 
-/// A built-in suite by its name, or a suite file by its path; with its hash.
+/// Returns a built-in suite, which is parsed once; `None` if there is no suite with this name.
+#[must_use]
+pub fn built_in(name: &str) -> Option<&'static LoadedSuite> {
+    static PARSED: [OnceLock<Option<LoadedSuite>>; BUILT_IN_SUITES.len()] =
+        [const { OnceLock::new() }; BUILT_IN_SUITES.len()];
+    let index = BUILT_IN_SUITES.iter().position(|suite| suite.name == name)?;
+    PARSED[index].get_or_init(|| parse_suite(BUILT_IN_SUITES[index].bytes).ok()).as_ref()
+}
+
+/// Returns the names of the built-in suites, separated by commas.
+#[must_use]
+pub fn built_in_names() -> String {
+    BUILT_IN_SUITES.iter().map(|suite| suite.name).collect::<Vec<_>>().join(", ")
+}
+
+/// Loads a built-in suite by its name, or a suite file by its path.
 ///
 /// # Errors
-/// Neither, or a file that is no suite of these worlds, or was altered.
-pub fn open(which: &str) -> Result<(Suite, String), SuiteError> {
-    if let Some((_, bytes)) = BUILT_IN.iter().find(|(name, _)| *name == which) {
-        return read(bytes);
+/// Returns [`SuiteError::Unknown`] if neither exists, [`SuiteError::Unreadable`] if the file cannot be read, and the errors
+/// of [`parse_suite`].
+pub fn load_suite(name_or_path: &str) -> Result<LoadedSuite, SuiteError> {
+    if let Some(suite) = BUILT_IN_SUITES.iter().find(|suite| suite.name == name_or_path) {
+        return parse_suite(suite.bytes);
     }
-    let path = Path::new(which);
+    let path = Path::new(name_or_path);
     if !path.exists() {
-        return Err(SuiteError::Unknown { which: which.to_owned(), known: names() });
+        return Err(SuiteError::Unknown { requested: name_or_path.to_owned(), known: built_in_names() });
     }
     let bytes =
         std::fs::read(path).map_err(|source| SuiteError::Unreadable { path: path.to_owned(), source })?;
-    read(&bytes)
+    parse_suite(&bytes)
 }
 
-/// Reads the file form: the suite and its hash.
+/// Parses the file format.
 ///
 /// # Errors
-/// Anything that is not, byte for byte, a suite that was built by these worlds.
-pub fn read(bytes: &[u8]) -> Result<(Suite, String), SuiteError> {
-    let stranger = |reason: String| SuiteError::NotASuite { reason };
-    let text = std::str::from_utf8(bytes).map_err(|error| stranger(error.to_string()))?;
+/// Returns an error if the bytes are not a suite, have another format or another hash, or if these worlds would build other
+/// scenarios from it.
+pub fn parse_suite(bytes: &[u8]) -> Result<LoadedSuite, SuiteError> {
+    let not_a_suite = |reason: String| SuiteError::NotASuite { reason };
+    let text = std::str::from_utf8(bytes).map_err(|error| not_a_suite(error.to_string()))?;
     let format = text
         .strip_prefix(FORMAT_START)
         .and_then(|rest| rest.split('"').next())
-        .ok_or_else(|| stranger(format!("it does not begin with {FORMAT_START}")))?;
+        .ok_or_else(|| not_a_suite(format!("it does not begin with {FORMAT_START}")))?;
     if format != FORMAT {
         return Err(SuiteError::Format { found: format.chars().take(60).collect(), known: FORMAT });
     }
     let hash = check_hash(text)?;
-    let stored: StoredSuite = serde_json::from_str(text).map_err(|error| stranger(error.to_string()))?;
+    let stored: StoredSuite = serde_json::from_str(text).map_err(|error| not_a_suite(error.to_string()))?;
     if stored.row != ROW {
-        return Err(stranger(format!("its rows are {:?}, not {ROW:?}", stored.row)));
+        return Err(not_a_suite(format!("its rows are {:?}, not {ROW:?}", stored.row)));
     }
-    let groups = stored.groups.into_iter().map(|group| read_group(group, stored.planner));
-    let groups = groups.collect::<Result<Vec<_>, _>>()?;
-    Ok((Suite { name: stored.name, planner: stored.planner, created_by: stored.created_by, groups }, hash))
+    let StoredSuite { name, planner, created_by, groups, .. } = stored;
+    let groups = groups.into_iter().map(|group| read_group(group, planner)).collect::<Result<_, _>>()?;
+    Ok(LoadedSuite { suite: Suite { name, planner, created_by, groups }, hash })
 }
 
-/// The hash of every byte before the last line, which must name it.
+/// Hashes the bytes before the last line, and compares the hash with the last line.
 fn check_hash(text: &str) -> Result<String, SuiteError> {
     let end = text.rfind(HASH_LINE).ok_or_else(|| SuiteError::NotASuite {
         reason: "its last line is not its hash; it may be cut off".to_owned(),
@@ -157,18 +178,18 @@ fn check_hash(text: &str) -> Result<String, SuiteError> {
     if tail == hash_line(&found) {
         return Ok(found);
     }
-    let told =
+    let stated =
         tail.trim_start_matches("\"hash\":").trim_matches(|c: char| c.is_whitespace() || "\"}".contains(c));
-    Err(SuiteError::Altered { found, told: told.chars().take(80).collect() })
+    Err(SuiteError::Altered { found, stated: stated.chars().take(80).collect() })
 }
 
 fn hash_line(hash: &str) -> String {
     format!("\"hash\":\"{hash}\"}}\n")
 }
 
-fn read_group(stored: StoredGroup, planner: u32) -> Result<Group, SuiteError> {
-    let StoredGroup { task, level, planner: own, recipe, scenarios } = stored;
-    let planner = own.unwrap_or(planner);
+fn read_group(stored: StoredGroup, planner: u32) -> Result<SuiteGroup, SuiteError> {
+    let StoredGroup { task, level, planner: group_planner, recipe, scenarios } = stored;
+    let planner = group_planner.unwrap_or(planner);
     let recipe = Recipe::from_json(&recipe).map_err(|source| SuiteError::Scenario {
         task: task.clone(),
         level,
@@ -179,33 +200,38 @@ fn read_group(stored: StoredGroup, planner: u32) -> Result<Group, SuiteError> {
     let mut entries = Vec::with_capacity(scenarios.len());
     for (index, stored) in scenarios.into_iter().enumerate() {
         let entry = read_entry(&recipe, stored, planner).and_then(|entry| {
-            let told = recipe.task().id();
-            if told == task { Ok(entry) } else { Err(format!("its recipe is one of {told}").into()) }
+            let recipe_task = recipe.task().id();
+            if recipe_task == task {
+                Ok(entry)
+            } else {
+                Err(format!("its recipe belongs to {recipe_task}").into())
+            }
         });
-        entries.push(entry.map_err(|fault| {
+        entries.push(entry.map_err(|error| {
             let task = task.clone();
-            match fault {
-                Fault::Scenario(source) => SuiteError::Scenario { task, level, index, source },
-                Fault::Contradiction(reason) => SuiteError::Contradiction { task, level, index, reason },
+            match error {
+                EntryError::Scenario(source) => SuiteError::Scenario { task, level, index, source },
+                EntryError::Contradiction(reason) => SuiteError::Contradiction { task, level, index, reason },
             }
         })?);
     }
-    Ok(Group { level, recipe, entries })
+    Ok(SuiteGroup { level, recipe, entries })
 }
 
-enum Fault {
+/// Error of one scenario, without its position in the suite.
+enum EntryError {
     Scenario(env_core::ScenarioError),
     Contradiction(String),
 }
 
-impl From<String> for Fault {
+impl From<String> for EntryError {
     fn from(reason: String) -> Self {
         Self::Contradiction(reason)
     }
 }
 
-fn read_entry(recipe: &Arc<Recipe>, stored: StoredScenario, planner: u32) -> Result<Entry, Fault> {
-    let seed = Seed::new(stored.seed).map_err(Fault::Scenario)?;
+fn read_entry(recipe: &Arc<Recipe>, stored: StoredScenario, planner: u32) -> Result<SuiteEntry, EntryError> {
+    let seed = Seed::new(stored.seed).map_err(EntryError::Scenario)?;
     if seed.space() != SeedSpace::Evaluation {
         return Err(format!("seed {} is not an evaluation seed", stored.seed).into());
     }
@@ -217,22 +243,25 @@ fn read_entry(recipe: &Arc<Recipe>, stored: StoredScenario, planner: u32) -> Res
     if id != stored.id {
         return Err(format!("its canonical bytes hash to {id}, but its id is {}", stored.id).into());
     }
-    let Row(..) = stored.panel.first().ok_or_else(|| "its panel is empty".to_owned())?;
+    let OutcomeRow(..) = stored.panel.first().ok_or_else(|| "its panel is empty".to_owned())?;
     let bracket = Bracket {
-        planner,
-        panel: stored.panel.into_iter().map(Row::flown).collect(),
+        planner_version: planner,
+        panel: stored.panel.into_iter().map(OutcomeRow::into_outcome).collect(),
         floor: stored.floor,
-        reference: stored.reference.flown(),
-        witness: ActionLog::new(recipe.task().action_space().columns.len(), env_core::log::Precision::F64),
+        reference: stored.reference.into_outcome(),
+        reference_plan: ActionLog::new(
+            recipe.task().action_space().columns.len(),
+            env_core::log::Precision::F64,
+        ),
     };
-    Ok(Entry { part: stored.part, scenario, bracket })
+    Ok(SuiteEntry { part: stored.part, scenario, bracket })
 }
 
-/// The file form.
+/// Writes the file format.
 ///
 /// # Errors
-/// Never for suites that exist: numbers and names can always be written.
-pub fn write(suite: &Suite) -> Result<String, serde_json::Error> {
+/// Returns the serializer's error; it cannot fail for the names and numbers of a suite.
+pub fn write_suite(suite: &Suite) -> Result<String, serde_json::Error> {
     let mut text = format!(
         "{FORMAT_START}{FORMAT}\",\"name\":{},\"planner\":{},\"created_by\":{},\"row\":{},\"groups\":[\n",
         serde_json::to_string(&suite.name)?,
@@ -240,10 +269,10 @@ pub fn write(suite: &Suite) -> Result<String, serde_json::Error> {
         serde_json::to_string(&suite.created_by)?,
         serde_json::to_string(&ROW)?,
     );
-    for (at, group) in suite.groups.iter().enumerate() {
+    for (index, group) in suite.groups.iter().enumerate() {
         let task = serde_json::to_string(group.recipe.task().id())?;
         let recipe = group.recipe.to_json();
-        let separator = if at == 0 { "" } else { ",\n" };
+        let separator = if index == 0 { "" } else { ",\n" };
         let planner = match group.planner() {
             Some(planner) if planner != suite.planner => format!(",\"planner\":{planner}"),
             _ => String::new(),
@@ -264,26 +293,26 @@ pub fn write(suite: &Suite) -> Result<String, serde_json::Error> {
     Ok(text)
 }
 
-fn write_entry(entry: &Entry) -> Result<String, serde_json::Error> {
+fn write_entry(entry: &SuiteEntry) -> Result<String, serde_json::Error> {
     serde_json::to_string(&StoredScenario {
         part: entry.part,
         seed: entry.scenario.seed().get(),
         id: entry.scenario.id().to_string(),
         canonical: hex(&entry.scenario.canonical()),
         floor: entry.bracket.floor,
-        reference: Row::of(&entry.bracket.reference),
-        panel: entry.bracket.panel.iter().map(Row::of).collect(),
+        reference: OutcomeRow::of(&entry.bracket.reference),
+        panel: entry.bracket.panel.iter().map(OutcomeRow::of).collect(),
     })
 }
 
-impl Row {
-    const fn of(flown: &Flown) -> Self {
-        Self(flown.score, flown.total, flown.steps, flown.lost, flown.goal, flown.fuel_used)
+impl OutcomeRow {
+    const fn of(outcome: &EpisodeOutcome) -> Self {
+        Self(outcome.score, outcome.total, outcome.steps, outcome.lost, outcome.goal, outcome.fuel_used)
     }
 
-    const fn flown(self) -> Flown {
+    const fn into_outcome(self) -> EpisodeOutcome {
         let Self(score, total, steps, lost, goal, fuel_used) = self;
-        Flown { score, total, steps, lost, goal, fuel_used }
+        EpisodeOutcome { score, total, steps, lost, goal, fuel_used }
     }
 }
 

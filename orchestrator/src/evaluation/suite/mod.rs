@@ -1,4 +1,4 @@
-//! Frozen sets of held-out scenarios.
+//! Suites: frozen sets of held-out scenarios with their brackets. [`file`] reads and writes them.
 
 pub mod error;
 pub mod file;
@@ -9,61 +9,61 @@ use env_core::{Bracket, Recipe, Scenario, TaskSpec};
 
 pub use self::error::SuiteError;
 
-/// A frozen set of scenarios with their brackets.
+/// Frozen set of scenarios with their brackets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Suite {
-    /// What it is called.
+    /// Name of the suite.
     pub name: String,
-    /// Version of the planner that made the brackets; the newest where tasks of several worlds are in it.
+    /// Version of the planner that made the brackets; the newest one if the suite has tasks of several worlds.
     pub planner: u32,
-    /// The program and the arguments that made it.
+    /// Command line that built the suite.
     pub created_by: String,
-    /// The scenarios, those of one task and level together.
-    pub groups: Vec<Group>,
+    /// Scenarios, grouped by task and level.
+    pub groups: Vec<SuiteGroup>,
 }
 
-/// The scenarios of one task and level.
+/// Scenarios of one task and level.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Group {
-    /// The level whose params the recipe has.
+pub struct SuiteGroup {
+    /// Level whose params the recipe has.
     pub level: usize,
-    /// What they share.
+    /// Recipe of all scenarios.
     pub recipe: Arc<Recipe>,
-    /// The scenarios.
-    pub entries: Vec<Entry>,
+    /// Scenarios of the group.
+    pub entries: Vec<SuiteEntry>,
 }
 
-impl Group {
-    /// Version of the planner that made its brackets; none without scenarios.
+impl SuiteGroup {
+    /// Returns the version of the planner that made the brackets; `None` without scenarios.
     #[must_use]
     pub fn planner(&self) -> Option<u32> {
-        self.entries.first().map(|entry| entry.bracket.planner)
+        self.entries.first().map(|entry| entry.bracket.planner_version)
     }
 }
 
-/// One scenario of a suite.
+/// Scenario of a suite with its bracket.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
-    /// Why it is here.
-    pub part: Part,
-    /// The scenario.
+pub struct SuiteEntry {
+    /// Part of the suite that the scenario belongs to.
+    pub part: SuitePart,
+    /// Scenario with an evaluation seed.
     pub scenario: Scenario,
-    /// What it is worth. A suite stores no witness: the log is empty.
+    /// Bracket of the scenario. A suite does not store the reference's plan, which is empty here.
     pub bracket: Bracket,
 }
 
-/// How a scenario came into a suite.
+/// Part of a suite, by how its scenarios were selected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Part {
-    /// Drawn until it was contested: acting well matters on it.
+pub enum SuitePart {
+    /// Contested scenarios: acting well matters. Others were rejected.
     Contested,
-    /// Drawn once and kept, contested or not.
+    /// Scenarios as they were drawn, contested or not.
     AsTheyCome,
 }
 
 impl Suite {
-    /// The tasks, each once, in order.
+    /// Returns the distinct tasks, in order.
     #[must_use]
     pub fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
         let mut tasks: Vec<&'static dyn TaskSpec> = Vec::new();
@@ -76,8 +76,8 @@ impl Suite {
         tasks
     }
 
-    /// All scenarios, in order.
-    pub fn entries(&self) -> impl Iterator<Item = &Entry> {
+    /// Returns all scenarios, in order.
+    pub fn entries(&self) -> impl Iterator<Item = &SuiteEntry> {
         self.groups.iter().flat_map(|group| &group.entries)
     }
 }

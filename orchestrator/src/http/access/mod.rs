@@ -25,13 +25,15 @@ pub(super) use self::table::{Needs, operation};
 use super::connections::Peer;
 use super::problem::Problem;
 use crate::clock::{Clock, Millis};
-use crate::sessions::Who;
+use crate::sessions::ClientIdentity;
 use crate::store::StoreError;
-use crate::store::tokens::{self, AuditRow, TokenRow};
-use crate::tokens::{Role, Token, scrubbed};
-use crate::training::access::{Note, Used};
-use crate::training::lease::Owner;
-use crate::training::{TrainingError, Writer};
+use crate::store::audit_log::AuditRow;
+use crate::store::tokens::{self, TokenRow, TokenState};
+use crate::tokens::{Role, Token, redact};
+use crate::engine::access_log::{TouchToken, WriteAuditLine};
+use crate::leases::create::OwnerQuota;
+use crate::engine::error::ServiceError;
+use crate::engine::writer::Writer;
 
 /// How long what is known of a token is believed: so long a revoked one may still be used.
 const BELIEVED: Duration = Duration::from_secs(5);
@@ -73,13 +75,13 @@ impl Default for Each {
 #[derive(Debug, Clone)]
 pub(super) struct Caller {
     /// Their token or address, as sessions see them.
-    pub(super) who: Who,
+    pub(super) who: ClientIdentity,
 }
 
 impl Caller {
     /// As the owner of what they make.
-    pub(super) fn owns(&self, most: u32) -> Option<Owner> {
-        self.who.token.map(|token| Owner { token, most })
+    pub(super) fn owns(&self, max: u32) -> Option<OwnerQuota> {
+        self.who.token.map(|token| OwnerQuota { token, max })
     }
 }
 
@@ -158,7 +160,7 @@ impl Gate {
         peer: Option<IpAddr>,
     ) -> Result<Caller, Refused> {
         let address = Self::address(peer);
-        let anonymous = |runs| Caller { who: Who { name: Some(Arc::clone(&address)), token: None, runs } };
+        let anonymous = |runs| Caller { who: ClientIdentity { name: Some(Arc::clone(&address)), token: None, may_use_runs: runs } };
         if needs == Needs::Nothing {
             return Ok(anonymous(false));
         }
@@ -179,12 +181,12 @@ impl Gate {
             if !enough {
                 return Err(refused(not_enough(needs, known.role)));
             }
-            return Ok(Caller { who: Who { name: Some(name), token, runs: known.role >= Role::Trainer } });
+            return Ok(Caller { who: ClientIdentity { name: Some(name), token, may_use_runs: known.role >= Role::Trainer } });
         }
         match needs {
             _ if self.loopback && !self.openenv_public && !self.any().await? => {
                 from_here(headers, uri)?;
-                Ok(Caller { who: Who::anybody() })
+                Ok(Caller { who: ClientIdentity::local() })
             }
             Needs::OpenEnv(_) if self.openenv_public => {
                 self.of_addresses.take(&address).map_err(Problem::too_often)?;
@@ -234,7 +236,7 @@ impl Gate {
         if let Some(any) = self.any.get(&()).await {
             return Ok(any);
         }
-        let (any, _) = tokens::any(&mut *self.readers.acquire().await?, self.clock.now()).await?;
+        let any = tokens::presence(&mut *self.readers.acquire().await?, self.clock.now()).await?.any;
         self.any.insert((), any).await;
         Ok(any)
     }
@@ -243,7 +245,7 @@ impl Gate {
     async fn known(&self, shown: &HeaderValue, address: &Arc<str>) -> Result<Option<Known>, Problem> {
         let text = shown.to_str().ok().and_then(|text| text.split_once(' '));
         let Some((scheme, text)) = text else { return Ok(None) };
-        let token = Token::read(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"));
+        let token = Token::parse(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"));
         let Some(token) = token else { return Ok(None) };
         let hash = token.hash();
         let known = match self.known.get(hash.as_bytes()).await {
@@ -265,15 +267,14 @@ impl Gate {
         let stored = blake3::Hash::from_slice(&row.hash).ok()?;
         let now = self.clock.now();
         // Two hashes are compared in constant time.
-        if stored != *hash || row.state(now) != "valid" {
+        if stored != *hash || row.state(now) != TokenState::Valid {
             return None;
         }
         if row.used_at.is_none_or(|used| now - used > NOTED) {
             let (writer, id) = (self.writer.clone(), row.id);
-            tokio::spawn(async move { writer.change(Used(id)).await });
+            tokio::spawn(async move { writer.change(TouchToken(id)).await });
         }
-        let role = row.role.parse().map_err(|()| StoreError::unreadable("a token", row.role.clone()));
-        Some(role.map(|role| Known { id: row.id, role, expires_at: row.expires_at }))
+        Some(Ok(Known { id: row.id, role: row.role, expires_at: row.expires_at }))
     }
 }
 
@@ -311,7 +312,7 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
         name: None,
         address: peer.map(|ip| ip.to_string()),
         operation: format!("{} {path}", request.method()),
-        path: scrubbed(request.uri().path()).chars().take(500).collect(),
+        path: redact(request.uri().path()).chars().take(500).collect(),
         status: 0,
         request_id: request_id(request.headers()),
     });
@@ -327,7 +328,7 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
     let noted = async move {
         let response = answered.await;
         let line = AuditRow { status: response.status().as_u16().into(), ..line };
-        note(&gate.writer, Note { line, denied }).await;
+        note(&gate.writer, WriteAuditLine { line, is_denied: denied }).await;
         response
     };
     let noted = tokio::spawn(noted.in_current_span()).await;
@@ -335,7 +336,7 @@ pub(super) async fn gate(State(gate): State<Arc<Gate>>, mut request: Request, ne
 }
 
 /// Writes a line of the audit log.
-async fn note(writer: &Writer, note: Note) {
+async fn note(writer: &Writer, note: WriteAuditLine) {
     let line = &note.line;
     tracing::info!(
         token = line.token,
@@ -348,7 +349,7 @@ async fn note(writer: &Writer, note: Note) {
     for _ in 0..TRIES {
         match writer.change(note.clone()).await {
             Ok(()) => return,
-            Err(TrainingError::Busy) => tokio::time::sleep(PAUSE).await,
+            Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
             Err(error) => {
                 tracing::error!(error = %error, "A line of the audit log could not be written.");
                 return;

@@ -53,7 +53,7 @@ pub(super) async fn schema(Query(of): Query<OfTask>) -> Result<axum::Json<Value>
     let id = of.task.as_deref().unwrap_or(WALK[0]);
     let none =
         || Refusal::new(StatusCode::NOT_FOUND, format!("task: there is no such task; known are {}", known()));
-    let wire = named(id).ok_or_else(none)?.wire();
+    let wire = openenv_wire::wire_format(named(id).ok_or_else(none)?);
     Ok(axum::Json(json!({
         "action": wire.action_schema(),
         "observation": wire.observation_schema(),

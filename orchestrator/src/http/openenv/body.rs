@@ -2,7 +2,7 @@
 
 use axum::extract::{FromRequest, Request};
 use axum::http::{StatusCode, header};
-use env_core::wire::{Place, WireFault};
+use openenv_wire::{LocSegment, ValidationError};
 use futures_util::StreamExt;
 use serde_json::{Map, Value, json};
 
@@ -13,8 +13,8 @@ use super::refusal::Refusal;
 pub(super) struct Body(pub(super) Option<Map<String, Value>>);
 
 /// Where faults of a body are.
-pub(super) fn place() -> Vec<Place> {
-    vec![Place::Field("body".to_owned())]
+pub(super) fn place() -> Vec<LocSegment> {
+    vec![LocSegment::Field("body".to_owned())]
 }
 
 impl<S: Send + Sync> FromRequest<S> for Body {
@@ -29,7 +29,7 @@ impl<S: Send + Sync> FromRequest<S> for Body {
             return Ok(Self(None));
         }
         let value = if is_json {
-            env_core::wire::read_json(&String::from_utf8_lossy(&bytes)).map_err(|error| not_json(&error))?
+            openenv_wire::parse_python_json(&String::from_utf8_lossy(&bytes)).map_err(|error| not_json(&error))?
         } else {
             Value::String(String::from_utf8_lossy(&bytes).into_owned())
         };
@@ -39,7 +39,7 @@ impl<S: Send + Sync> FromRequest<S> for Body {
                 "model_attributes_type",
                 place(),
                 "Input should be a valid dictionary or object to extract fields from",
-                env_core::wire::echo(&other),
+                openenv_wire::echo_input(&other),
             )),
         }
     }
@@ -70,8 +70,8 @@ pub(super) async fn whole(request: Request) -> Result<Vec<u8>, Refusal> {
 
 fn not_json(error: &serde_json::Error) -> Refusal {
     let mut loc = place();
-    loc.push(Place::Index(error.column().saturating_sub(1)));
+    loc.push(LocSegment::Index(error.column().saturating_sub(1)));
     let msg = "JSON decode error".to_owned();
     let ctx = Some(json!({"error": error.to_string()}));
-    Refusal::faults(&[WireFault { kind: "json_invalid", loc, msg, input: json!({}), ctx }])
+    Refusal::faults(&[ValidationError { kind: "json_invalid", loc, msg, input: json!({}), ctx }])
 }

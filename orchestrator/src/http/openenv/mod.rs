@@ -28,12 +28,12 @@ use self::refusal::Refusal;
 pub use self::ui::Boards;
 use super::access::Caller;
 use super::problem::Problem;
-use crate::service::App;
+use crate::http::state::AppState;
 use crate::sessions::SessionError;
-use crate::training::TrainingError;
+use crate::engine::error::ServiceError;
 
 /// All of its routes, at the root.
-pub(super) fn routes() -> OpenApiRouter<App> {
+pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(about::health))
         .routes(routes!(about::metadata))
@@ -62,7 +62,7 @@ type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
     get, path = "/ws", tag = "openenv",
     responses((status = 101), (status = 404, body = Object, description = "It is not asked for as a WebSocket."))
 )]
-async fn socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
+async fn socket(state: State<AppState>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
         Ok(upgrade) => socket::connect(state, caller.who, upgrade).await,
         // What answers sockets alone is not there for others, as the original has it.
@@ -75,7 +75,7 @@ async fn socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade
     get, path = "/mcp", tag = "openenv",
     responses((status = 101), (status = 405, body = Object, description = "It is not asked for as a WebSocket."))
 )]
-async fn mcp_socket(state: State<App>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
+async fn mcp_socket(state: State<AppState>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
         Ok(upgrade) => mcp::connect(state, caller.who, upgrade).await,
         Err(_) => {
@@ -95,7 +95,7 @@ async fn mcp_socket(state: State<App>, Extension(caller): Extension<Caller>, upg
     )
 )]
 async fn ui_socket(
-    state: State<App>,
+    state: State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: axum::http::HeaderMap,
     upgrade: Upgrade,
@@ -114,9 +114,9 @@ pub(super) fn usual(id: &str) -> &'static dyn TaskSpec {
 }
 
 /// A failure of a use case, without what only the log should say.
-fn in_words(error: &TrainingError) -> String {
+fn in_words(error: &ServiceError) -> String {
     match error {
-        TrainingError::Restore(_) | TrainingError::Store(_) | TrainingError::NotCommitted { .. } => {
+        ServiceError::Restore(_) | ServiceError::Store(_) | ServiceError::NotCommitted { .. } => {
             tracing::error!(error = %error, "A session's request failed.");
             Problem::internal().words()
         }
@@ -127,7 +127,7 @@ fn in_words(error: &TrainingError) -> String {
 /// A refusal of a session in a sentence.
 fn refused_in_words(error: &SessionError) -> String {
     match error {
-        SessionError::Training(failure) => in_words(failure),
+        SessionError::Service(failure) => in_words(failure),
         other => other.to_string(),
     }
 }

@@ -2,12 +2,12 @@
 
 use std::str::FromStr;
 
-use env_core::wire::{Place, WireFault, Wrong, echo, integer, number};
+use openenv_wire::{LocSegment, NumberError, ValidationError, echo_input, parse_integer, parse_number};
 use env_core::{Scenario, TaskSpec};
 use serde_json::{Map, Value, json};
 
-use crate::ids::BadId;
-use crate::sessions::{MOST_GROUP, Wish};
+use crate::ids::InvalidId;
+use crate::sessions::{MAX_NAME_CHARS, SessionRequest};
 
 /// The public kessler-env's tasks, in the order in which its resets walk through them.
 pub(super) const WALK: [&str; 3] = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
@@ -15,19 +15,19 @@ pub(super) const WALK: [&str; 3] = ["kessler/survival", "kessler/eco_station", "
 /// Reads fields of an object, collecting faults.
 pub(super) struct Fields<'a> {
     of: &'a Map<String, Value>,
-    at: Vec<Place>,
-    pub(super) faults: Vec<WireFault>,
+    at: Vec<LocSegment>,
+    pub(super) faults: Vec<ValidationError>,
 }
 
 impl<'a> Fields<'a> {
     /// Of the object at a place.
-    pub(super) const fn new(of: &'a Map<String, Value>, at: Vec<Place>) -> Self {
+    pub(super) const fn new(of: &'a Map<String, Value>, at: Vec<LocSegment>) -> Self {
         Self { of, at, faults: Vec::new() }
     }
 
-    pub(super) fn place(&self, field: &str) -> Vec<Place> {
+    pub(super) fn place(&self, field: &str) -> Vec<LocSegment> {
         let mut place = self.at.clone();
-        place.extend(field.split('.').map(|part| Place::Field(part.to_owned())));
+        place.extend(field.split('.').map(|part| LocSegment::Field(part.to_owned())));
         place
     }
 
@@ -38,30 +38,30 @@ impl<'a> Fields<'a> {
 
     pub(super) fn fault(&mut self, field: &str, kind: &'static str, words: impl Into<String>, input: &Value) {
         let fault =
-            WireFault { kind, loc: self.place(field), msg: words.into(), input: echo(input), ctx: None };
+            ValidationError { kind, loc: self.place(field), msg: words.into(), input: echo_input(input), ctx: None };
         self.faults.push(fault);
     }
 
     /// A field that nobody asked for.
     pub(super) fn extra(&mut self, field: &str, input: &Value) {
         let mut loc = self.at.clone();
-        loc.push(Place::Field(field.chars().take(MOST_GROUP).collect()));
+        loc.push(LocSegment::Field(field.chars().take(MAX_NAME_CHARS).collect()));
         let msg = "Extra inputs are not permitted".to_owned();
-        let input = echo(input);
-        self.faults.push(WireFault { kind: "extra_forbidden", loc, msg, input, ctx: None });
+        let input = echo_input(input);
+        self.faults.push(ValidationError { kind: "extra_forbidden", loc, msg, input, ctx: None });
     }
 
     fn bounded(&mut self, field: &str, kind: &'static str, words: String, ctx: Value) {
-        let input = self.of.get(field).map_or(Value::Null, echo);
-        self.faults.push(WireFault { kind, loc: self.place(field), msg: words, input, ctx: Some(ctx) });
+        let input = self.of.get(field).map_or(Value::Null, echo_input);
+        self.faults.push(ValidationError { kind, loc: self.place(field), msg: words, input, ctx: Some(ctx) });
     }
 
     /// A whole number from 0 to a bound.
     pub(super) fn whole(&mut self, field: &str, most: u64) -> Option<u64> {
         let value = self.get(field)?;
-        let number = match integer(value) {
+        let number = match parse_integer(value) {
             Ok(number) => number,
-            Err(Wrong { kind, msg }) => {
+            Err(NumberError { kind, msg }) => {
                 self.fault(field, kind, msg, value);
                 return None;
             }
@@ -88,9 +88,9 @@ impl<'a> Fields<'a> {
             self.fault(field, "string_type", "Input should be a valid string", value);
             return None;
         };
-        if text.chars().count() > MOST_GROUP {
-            let words = format!("String should have at most {MOST_GROUP} characters");
-            self.bounded(field, "string_too_long", words, json!({"max_length": MOST_GROUP}));
+        if text.chars().count() > MAX_NAME_CHARS {
+            let words = format!("String should have at most {MAX_NAME_CHARS} characters");
+            self.bounded(field, "string_too_long", words, json!({"max_length": MAX_NAME_CHARS}));
             return None;
         }
         Some(text.to_owned())
@@ -99,21 +99,21 @@ impl<'a> Fields<'a> {
     /// A number above 0.
     pub(super) fn above_zero(&mut self, field: &str) -> Option<f64> {
         let value = self.get(field)?;
-        match number(value) {
+        match parse_number(value) {
             Ok(number) if number > 0.0 => Some(number),
             Ok(_) => {
                 let words = "Input should be greater than 0".to_owned();
                 self.bounded(field, "greater_than", words, json!({"gt": 0.0}));
                 None
             }
-            Err(Wrong { kind, msg }) => {
+            Err(NumberError { kind, msg }) => {
                 self.fault(field, kind, msg, value);
                 None
             }
         }
     }
 
-    fn id<T: FromStr<Err = BadId>>(&mut self, field: &str) -> Option<T> {
+    fn id<T: FromStr<Err = InvalidId>>(&mut self, field: &str) -> Option<T> {
         let text = self.text(field)?;
         match text.parse() {
             Ok(id) => Some(id),
@@ -124,7 +124,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn table<T>(&mut self, field: &str, read: impl Fn(&Value) -> Result<T, Wrong>) -> Vec<(String, T)> {
+    fn table<T>(&mut self, field: &str, read: impl Fn(&Value) -> Result<T, NumberError>) -> Vec<(String, T)> {
         let Some(value) = self.get(field) else { return Vec::new() };
         let Some(table) = value.as_object() else {
             self.fault(field, "dict_type", "Input should be a valid dictionary", value);
@@ -134,7 +134,7 @@ impl<'a> Fields<'a> {
         for (name, value) in table {
             match read(value) {
                 Ok(read) => rows.push((name.clone(), read)),
-                Err(Wrong { kind, msg }) => self.fault(&format!("{field}.{name}"), kind, msg, value),
+                Err(NumberError { kind, msg }) => self.fault(&format!("{field}.{name}"), kind, msg, value),
             }
         }
         rows
@@ -142,8 +142,8 @@ impl<'a> Fields<'a> {
 }
 
 /// The data of a reset as a wish.
-pub(super) fn wish(fields: &mut Fields<'_>) -> Wish {
-    let seed = fields.whole("seed", env_core::seed::FREE_MASK);
+pub(super) fn wish(fields: &mut Fields<'_>) -> SessionRequest {
+    let seed = fields.whole("seed", env_core::seed::MAX_USER_SEED);
     let task = task(fields);
     let policy_version = fields.whole("policy_version", u64::from(u32::MAX));
     let group_size = fields.whole("group_size", u64::from(u32::MAX));
@@ -159,13 +159,13 @@ pub(super) fn wish(fields: &mut Fields<'_>) -> Wish {
     });
     let text = |value: &Value| {
         let word = value.as_str().map(str::to_owned);
-        word.ok_or(Wrong { kind: "string_type", msg: "Input should be a valid string" })
+        word.ok_or(NumberError { kind: "string_type", msg: "Input should be a valid string" })
     };
-    Wish {
+    SessionRequest {
         seed,
         episode_id: fields.text("episode_id"),
         task,
-        params: fields.table("params", number),
+        params: fields.table("params", parse_number),
         physics: fields.table("physics", text),
         scenario,
         run: fields.id("run"),
@@ -181,7 +181,7 @@ pub(in super::super) fn named(name: &str) -> Option<&'static dyn TaskSpec> {
     if name.contains('/') {
         return env_core::task(name);
     }
-    env_core::usual_tasks().into_iter().find(|task| task.id().split('/').next_back() == Some(name))
+    env_core::default_tasks().into_iter().find(|task| task.id().split('/').next_back() == Some(name))
 }
 
 /// All tasks, for messages.

@@ -2,11 +2,11 @@
 
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use env_core::wire::{Place, WireFault};
+use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Value, json};
 
 use super::super::problem::Problem;
-use crate::sessions::{Full, SessionError, WishError};
+use crate::sessions::{QuotaExceeded, SessionError, SessionRequestError};
 
 /// A refused request.
 #[derive(Debug)]
@@ -23,27 +23,27 @@ impl Refusal {
     }
 
     /// Faults of a body: 422.
-    pub(super) fn faults(faults: &[WireFault]) -> Self {
+    pub(super) fn faults(faults: &[ValidationError]) -> Self {
         let detail = json!(faults);
         Self { status: StatusCode::UNPROCESSABLE_ENTITY, detail, retry_after_s: None }
     }
 
     /// One fault of the body.
-    pub(super) fn fault(kind: &'static str, loc: Vec<Place>, msg: &str, input: Value) -> Self {
-        Self::faults(&[WireFault { kind, loc, msg: msg.to_owned(), input, ctx: None }])
+    pub(super) fn fault(kind: &'static str, loc: Vec<LocSegment>, msg: &str, input: Value) -> Self {
+        Self::faults(&[ValidationError { kind, loc, msg: msg.to_owned(), input, ctx: None }])
     }
 }
 
 /// A wish that cannot be, as a fault of the place under `at`.
-pub(super) fn wish_fault(error: &WishError, at: &[Place]) -> WireFault {
+pub(super) fn wish_fault(error: &SessionRequestError, at: &[LocSegment]) -> ValidationError {
     let mut loc = at.to_vec();
-    loc.extend(error.field.split('.').map(|part| Place::Field(part.to_owned())));
+    loc.extend(error.field.split('.').map(|part| LocSegment::Field(part.to_owned())));
     let msg = format!("Value error, {}", error.reason);
-    WireFault { kind: "value_error", loc, msg, input: Value::Null, ctx: None }
+    ValidationError { kind: "value_error", loc, msg, input: Value::Null, ctx: None }
 }
 
-impl From<Full> for Refusal {
-    fn from(full: Full) -> Self {
+impl From<QuotaExceeded> for Refusal {
+    fn from(full: QuotaExceeded) -> Self {
         let mut refusal = Self::new(StatusCode::SERVICE_UNAVAILABLE, full.to_string());
         refusal.retry_after_s = Some(5);
         refusal
@@ -60,7 +60,7 @@ impl From<SessionError> for Refusal {
             SessionError::Refused(_) | SessionError::Scenario(_) => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string())
             }
-            SessionError::Training(error) => {
+            SessionError::Service(error) => {
                 let problem = Problem::from(error);
                 let retry_after_s = problem.retry_after_s();
                 Self { retry_after_s, ..Self::new(problem.status(), problem.words()) }

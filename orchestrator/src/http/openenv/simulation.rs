@@ -12,8 +12,8 @@ use super::answer;
 use super::body::{self, Body};
 use super::read::{Fields, WALK, wish};
 use super::refusal::{Refusal, wish_fault};
-use crate::service::App;
-use crate::sessions::{MOST_GROUP, Named, Standing};
+use crate::http::state::AppState;
+use crate::sessions::{MAX_NAME_CHARS, SessionKey, SessionStatus};
 
 /// The header that names a session, and the cookie that does for browsers.
 pub(super) const HEADER: &str = "x-session-id";
@@ -22,14 +22,14 @@ pub(super) const COOKIE_NAME: &str = "sparring_session";
 const SHARED: &str = "shared";
 
 /// Which session a request is for.
-pub(super) fn session_name(headers: &HeaderMap, caller: &Caller) -> Result<Named, Refusal> {
+pub(super) fn session_name(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, Refusal> {
     let named = headers.get(HEADER).map(|value| value.to_str().unwrap_or_default().to_owned());
     let name = named.or_else(|| cookie(headers)).unwrap_or_else(|| SHARED.to_owned());
-    if name.is_empty() || name.len() > MOST_GROUP {
-        let words = format!("{HEADER}: a session's name is 1 to {MOST_GROUP} printable characters");
+    if name.is_empty() || name.len() > MAX_NAME_CHARS {
+        let words = format!("{HEADER}: a session's name is 1 to {MAX_NAME_CHARS} printable characters");
         return Err(Refusal::new(StatusCode::BAD_REQUEST, words));
     }
-    Ok(Named::of(&caller.who, name))
+    Ok(SessionKey::new(&caller.who, name))
 }
 
 pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
@@ -49,13 +49,13 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
     )
 )]
 pub(super) async fn reset(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
     let name = session_name(&headers, &caller)?;
-    let session = app.sessions.named(&caller.who, &name)?;
+    let session = app.sessions.get_or_open(&caller.who, &name)?;
     let mut session = session.lock().await;
     let answer = restart(&mut session, fields.unwrap_or_default(), WALK[0]).await;
     let_go(&app, &name, &session);
@@ -63,9 +63,9 @@ pub(super) async fn reset(
 }
 
 /// A session that never flew anything takes nobody's place.
-pub(super) fn let_go(app: &App, name: &Named, session: &crate::sessions::Session) {
+pub(super) fn let_go(app: &AppState, name: &SessionKey, session: &crate::sessions::Session) {
     if session.resets() == 0 {
-        app.sessions.end(name);
+        app.sessions.close(name);
     }
 }
 
@@ -82,7 +82,7 @@ pub(super) async fn restart(
     }
     let name = wish.episode_id.clone();
     let usual = super::usual(usual);
-    let wished = wish.sort(usual).map_err(|error| Refusal::faults(&[wish_fault(&error, &body::place())]))?;
+    let wished = wish.resolve(usual).map_err(|error| Refusal::faults(&[wish_fault(&error, &body::place())]))?;
     Ok(answer::observed(&session.reset(wished, name).await?))
 }
 
@@ -96,7 +96,7 @@ pub(super) async fn restart(
     )
 )]
 pub(super) async fn step(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
@@ -104,7 +104,7 @@ pub(super) async fn step(
     let name = session_name(&headers, &caller)?;
     let missing = |loc| Refusal::fault("missing", loc, "Field required", Value::Null);
     let action = action(fields.ok_or_else(|| missing(body::place()))?)?;
-    let session = app.sessions.known(&name).ok_or(crate::sessions::SessionError::NotStarted)?;
+    let session = app.sessions.get(&name).ok_or(crate::sessions::SessionError::NotStarted)?;
     let mut session = session.lock().await;
     Ok(answer::observed(&session.step(&action).await?))
 }
@@ -140,7 +140,7 @@ pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
 /// Where the session stands.
 #[utoipa::path(get, path = "/state", tag = "openenv", responses((status = 200, body = Object), (status = 503, body = Object)))]
 pub(super) async fn state(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
 ) -> Result<axum::Json<Value>, Refusal> {
@@ -148,13 +148,13 @@ pub(super) async fn state(
 }
 
 /// Where a session of this name stands.
-pub(super) async fn standing(app: &App, name: &Named) -> Result<axum::Json<Value>, Refusal> {
-    let Some(session) = app.sessions.known(name) else {
+pub(super) async fn standing(app: &AppState, name: &SessionKey) -> Result<axum::Json<Value>, Refusal> {
+    let Some(session) = app.sessions.get(name) else {
         // Looking takes nobody's place.
         let (episode_id, steps) = (&*uuid::Uuid::new_v4().to_string(), 0);
-        let nothing = Standing { episode_id, steps, scenario: None, run: None, reported: None };
+        let nothing = SessionStatus { episode_id, steps, scenario: None, run: None, outcome: None };
         return Ok(axum::Json(answer::state(&nothing)));
     };
     let session = session.lock().await;
-    Ok(axum::Json(answer::state(&session.standing())))
+    Ok(axum::Json(answer::state(&session.status())))
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::response::Response;
-use env_core::wire::WireFault;
+use openenv_wire::ValidationError;
 use serde_json::{Map, Value, json};
 
 use super::super::socket::{Received, bounded, close, close_for_size, meanwhile, next, send};
@@ -13,18 +13,18 @@ use super::answer;
 use super::mcp;
 use super::read::{Fields, WALK, wish};
 use super::refusal::wish_fault;
-use crate::service::App;
-use crate::sessions::{Full, Session, SessionError, Who};
+use crate::http::state::AppState;
+use crate::sessions::{QuotaExceeded, Session, SessionError, ClientIdentity};
 
 /// Room for the first answer; later ones get what the last one took.
 const ROOM: usize = 4 * 1024;
 
 /// A session over a WebSocket.
-pub(super) async fn connect(State(app): State<App>, who: Who, upgrade: WebSocketUpgrade) -> Response {
+pub(super) async fn connect(State(app): State<AppState>, who: ClientIdentity, upgrade: WebSocketUpgrade) -> Response {
     bounded(upgrade).on_upgrade(move |socket| serve(socket, app, who))
 }
 
-async fn serve(mut socket: WebSocket, app: App, who: Who) {
+async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
     let mut session = match app.sessions.open(&who) {
         Ok(session) => session,
         Err(full) => {
@@ -32,13 +32,13 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
             return close(socket).await;
         }
     };
-    let mut closing = app.sessions.closing(&who);
+    let mut closing = app.sessions.close_signal(&who);
     let (mut room, mut early) = (ROOM, None);
     loop {
-        let received = match closing.over().map(Received::Stop).or_else(|| early.take()) {
+        let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
-                received = next(&mut socket, app.sessions.limits().idle) => received,
+                received = next(&mut socket, app.sessions.limits().idle_timeout) => received,
                 why = closing.closed() => Received::Stop(why),
             },
         };
@@ -62,7 +62,7 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
                 return close(socket).await;
             }
             Received::Stop(why) => {
-                let _ = send(&mut socket, error("SESSION_ERROR", why.words()).to_string().into_bytes()).await;
+                let _ = send(&mut socket, error("SESSION_ERROR", why.message()).to_string().into_bytes()).await;
                 return close(socket).await;
             }
             Received::TooLarge => return close_for_size(socket).await,
@@ -76,16 +76,16 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
 }
 
 /// Answers one frame of text into `out`; breaks where the client wants to go.
-async fn answered(app: &App, session: &mut Session, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
-    let mut message = match env_core::wire::read_json(text) {
+async fn answered(app: &AppState, session: &mut Session, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
+    let mut message = match openenv_wire::parse_python_json(text) {
         Ok(Value::Object(message)) => message,
         Ok(other) => {
             let words = "Input should be a valid dictionary";
-            let fault = WireFault {
+            let fault = ValidationError {
                 kind: "dict_type",
                 loc: Vec::new(),
                 msg: words.to_owned(),
-                input: env_core::wire::echo(&other),
+                input: openenv_wire::echo_input(&other),
                 ctx: None,
             };
             out.extend(faults(&[fault]).to_string().bytes());
@@ -100,7 +100,7 @@ async fn answered(app: &App, session: &mut Session, text: &str, out: &mut Vec<u8
         Some("reset") => reset(session, &mut message, out).await,
         Some("step") => step(session, &mut message, out).await,
         Some("state") => bare(&message).map(|()| {
-            let state = json!({"type": "state", "data": answer::state(&session.standing())});
+            let state = json!({"type": "state", "data": answer::state(&session.status())});
             out.extend(state.to_string().bytes());
         }),
         Some("close") => match bare(&message) {
@@ -139,7 +139,7 @@ async fn reset(
     let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
     let usual = super::usual(if wish.group.is_some() { WALK[0] } else { walked });
     let name = wish.episode_id.clone();
-    let wished = wish.sort(usual).map_err(|error| faults(&[wish_fault(&error, &[])]))?;
+    let wished = wish.resolve(usual).map_err(|error| faults(&[wish_fault(&error, &[])]))?;
     let shown = session.reset(wished, name).await.map_err(|error| refused(&error))?;
     observation(&shown, out);
     Ok(())
@@ -161,7 +161,7 @@ async fn step(
 }
 
 async fn mcp(
-    app: &App,
+    app: &AppState,
     session: &mut Session,
     message: &mut Map<String, Value>,
     out: &mut Vec<u8>,
@@ -172,7 +172,7 @@ async fn mcp(
     Ok(())
 }
 
-fn observation(shown: &crate::sessions::Stepped<'_>, out: &mut Vec<u8>) {
+fn observation(shown: &crate::sessions::StepView<'_>, out: &mut Vec<u8>) {
     out.extend_from_slice(b"{\"type\":\"observation\",\"data\":");
     answer::observation(shown, out);
     out.push(b'}');
@@ -194,7 +194,7 @@ fn data(
         (None, Some(otherwise)) => otherwise,
         (None, None) => {
             let input = Value::Object(message.clone());
-            fields.fault("data", "missing", "Field required", &env_core::wire::echo(&input));
+            fields.fault("data", "missing", "Field required", &openenv_wire::echo_input(&input));
             Map::new()
         }
     };
@@ -220,21 +220,21 @@ fn error(code: &str, words: &str) -> Value {
     json!({"type": "error", "data": {"message": words, "code": code}})
 }
 
-fn faults(faults: &[WireFault]) -> Value {
+fn faults(faults: &[ValidationError]) -> Value {
     json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": faults}})
 }
 
 fn refused(refusal: &SessionError) -> Value {
     match refusal {
         SessionError::Action(found) => faults(found),
-        SessionError::Training(failure) => error("EXECUTION_ERROR", &super::in_words(failure)),
+        SessionError::Service(failure) => error("EXECUTION_ERROR", &super::in_words(failure)),
         other => error("EXECUTION_ERROR", &other.to_string()),
     }
 }
 
-fn capacity(full: Full) -> Value {
+fn capacity(full: QuotaExceeded) -> Value {
     let mut told = error("CAPACITY_REACHED", &full.to_string());
     told["data"]["active_sessions"] = json!(full.active);
-    told["data"]["max_sessions"] = json!(full.most);
+    told["data"]["max_sessions"] = json!(full.limit);
     told
 }

@@ -15,8 +15,8 @@ use super::super::socket;
 use super::refusal::Refusal;
 use super::{answer, web};
 use crate::clock::rfc3339;
-use crate::service::App;
-use crate::sessions::{Closing, Named, Seat, Seats, Session};
+use crate::http::state::AppState;
+use crate::sessions::{CloseSignal, SessionKey, QuotaPermit, Quota, Session};
 
 /// Steps that are told of an episode.
 const MOST_LOGS: usize = 200;
@@ -29,23 +29,23 @@ const MOST_WATCHERS: usize = 256;
 /// One board a web session: what it shows, and who waits for the next.
 #[derive(Debug)]
 pub struct Boards {
-    boards: Mutex<HashMap<Named, watch::Sender<Value>>>,
-    seats: Seats,
+    boards: Mutex<HashMap<SessionKey, watch::Sender<Value>>>,
+    seats: Quota,
 }
 
 impl Default for Boards {
     fn default() -> Self {
-        Self { boards: Mutex::default(), seats: Seats::new(MOST_WATCHERS, MOST_WATCHERS / 4) }
+        Self { boards: Mutex::default(), seats: Quota::new(MOST_WATCHERS, MOST_WATCHERS / 4) }
     }
 }
 
 impl Boards {
-    fn hold(&self) -> MutexGuard<'_, HashMap<Named, watch::Sender<Value>>> {
+    fn hold(&self) -> MutexGuard<'_, HashMap<SessionKey, watch::Sender<Value>>> {
         // Nothing that holds it can panic; if something did, the map is still a map.
         self.boards.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn look(&self, name: &Named) -> watch::Receiver<Value> {
+    fn look(&self, name: &SessionKey) -> watch::Receiver<Value> {
         let mut boards = self.hold();
         if boards.len() >= MOST_BOARDS {
             boards.retain(|_, board| board.receiver_count() > 0);
@@ -54,19 +54,19 @@ impl Boards {
     }
 
     /// Tells that an episode began.
-    pub(super) fn began(&self, name: &Named, session: &Session) {
+    pub(super) fn began(&self, name: &SessionKey, session: &Session) {
         self.show(name, session, None);
     }
 
     /// Tells that a step was taken.
-    pub(super) fn stepped(&self, name: &Named, session: &Session, action: &Value, now: i64) {
+    pub(super) fn stepped(&self, name: &SessionKey, session: &Session, action: &Value, now: i64) {
         self.show(name, session, Some((action, now)));
     }
 
-    fn show(&self, name: &Named, session: &Session, stepped: Option<(&Value, i64)>) {
-        let Ok(shown) = session.shown() else { return };
+    fn show(&self, name: &SessionKey, session: &Session, stepped: Option<(&Value, i64)>) {
+        let Ok(shown) = session.view() else { return };
         let told = answer::value(&shown);
-        let standing = session.standing();
+        let standing = session.status();
         let _ = self.look(name);
         let boards = self.hold();
         let Some(board) = boards.get(name) else { return };
@@ -97,12 +97,12 @@ fn blank() -> Value {
 
 /// Looks at a web session.
 pub(super) async fn connect(
-    State(app): State<App>,
+    State(app): State<AppState>,
     caller: &Caller,
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Ok(seat) = app.boards.seats.take(&caller.who) else {
+    let Ok(seat) = app.boards.seats.acquire(caller.who.name.as_ref()) else {
         return Refusal::new(
             StatusCode::SERVICE_UNAVAILABLE,
             "as many look as may; try again in a moment".to_owned(),
@@ -111,7 +111,7 @@ pub(super) async fn connect(
     };
     match web::name(&headers, caller) {
         Ok(name) => {
-            let closing = app.sessions.closing(&caller.who);
+            let closing = app.sessions.close_signal(&caller.who);
             let boards = Arc::clone(&app.boards);
             socket::bounded(upgrade)
                 .on_upgrade(move |socket| serve(socket, boards.look(&name), closing, seat))
@@ -120,7 +120,7 @@ pub(super) async fn connect(
     }
 }
 
-async fn serve(mut socket: WebSocket, mut board: watch::Receiver<Value>, mut closing: Closing, _seat: Seat) {
+async fn serve(mut socket: WebSocket, mut board: watch::Receiver<Value>, mut closing: CloseSignal, _seat: QuotaPermit) {
     loop {
         let told = json!({"type": "state_update", "episode_state": &*board.borrow_and_update()});
         if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {

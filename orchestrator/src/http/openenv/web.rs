@@ -17,8 +17,8 @@ use super::body::Body;
 use super::read::WALK;
 use super::refusal::Refusal;
 use super::simulation::{self, COOKIE_NAME, HEADER};
-use crate::service::App;
-use crate::sessions::{Named, SessionError};
+use crate::http::state::AppState;
+use crate::sessions::{SessionKey, SessionError};
 
 /// The page. It asks nothing of any other address.
 const PAGE: &str = include_str!("page.html");
@@ -27,9 +27,9 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
     // Each with an action to begin with, in its world's form.
     let option = |task: &'static dyn env_core::TaskSpec| {
         let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
-        log.act(0, &[0.1]);
+        log.push_entry(0, &[0.1]);
         log.end_step();
-        let action = task.wire().write_action(log.step(0)).replace('"', "&quot;");
+        let action = openenv_wire::wire_format(task).write_action(log.step(0)).replace('"', "&quot;");
         format!("<option data-action=\"{action}\">{}</option>", task.id())
     };
     let options = env_core::tasks().map(option);
@@ -37,9 +37,9 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
 });
 
 /// Which web session a request is for: that of its cookie or header, or the one all others share.
-pub(super) fn name(headers: &HeaderMap, caller: &Caller) -> Result<Named, Refusal> {
+pub(super) fn name(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, Refusal> {
     let named = headers.contains_key(HEADER) || simulation::cookie(headers).is_some();
-    if named { simulation::session_name(headers, caller) } else { Ok(Named::of(&caller.who, "web")) }
+    if named { simulation::session_name(headers, caller) } else { Ok(SessionKey::new(&caller.who, "web")) }
 }
 
 /// The way to the page.
@@ -49,7 +49,7 @@ pub(super) async fn home() -> Response {
 
 /// The page, with a session of its own: the dashboard's, opened where one plays. Where that was not built it is a form, and where OpenEnv alone
 /// is for anybody, since the dashboard asks `/v1`.
-pub(super) async fn page(State(app): State<App>, headers: HeaderMap) -> Response {
+pub(super) async fn page(State(app): State<AppState>, headers: HeaderMap) -> Response {
     let form = || {
         let policy =
             "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
@@ -69,7 +69,7 @@ pub(super) async fn page(State(app): State<App>, headers: HeaderMap) -> Response
 
 /// Where the web session stands.
 pub(super) async fn state(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
 ) -> Result<axum::Json<Value>, Refusal> {
@@ -78,13 +78,13 @@ pub(super) async fn state(
 
 /// Begins an episode: the next task of the original's walk, unless one is named.
 pub(super) async fn reset(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, Refusal> {
     let name = name(&headers, &caller)?;
-    let session = app.sessions.named(&caller.who, &name)?;
+    let session = app.sessions.get_or_open(&caller.who, &name)?;
     let mut session = session.lock().await;
     let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
     let answer = simulation::restart(&mut session, fields.unwrap_or_default(), walked).await;
@@ -96,7 +96,7 @@ pub(super) async fn reset(
 
 /// One step; without an action nobody does anything.
 pub(super) async fn step(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
@@ -104,7 +104,7 @@ pub(super) async fn step(
     let name = name(&headers, &caller)?;
     let fields = fields.filter(|fields| !fields.is_empty());
     let action = fields.map_or_else(|| Ok(Value::Object(Map::new())), simulation::action)?;
-    let session = app.sessions.known(&name).ok_or(SessionError::NotStarted)?;
+    let session = app.sessions.get(&name).ok_or(SessionError::NotStarted)?;
     let mut session = session.lock().await;
     let answer = answer::observed(&session.step(&action).await?);
     app.boards.stepped(&name, &session, &action, app.clock.now());

@@ -8,8 +8,8 @@ use super::super::extract::Query;
 use super::super::problem::Problem;
 use super::{Page, next};
 use crate::clock::rfc3339;
-use crate::service::App;
-use crate::store::tokens::{self, AuditRow};
+use crate::http::state::AppState;
+use crate::store::audit_log::{self, AuditRing, AuditRow};
 
 /// A line of the audit log.
 #[derive(Serialize, ToSchema)]
@@ -63,17 +63,15 @@ pub(super) struct Which {
     responses((status = 200, body = AuditLog), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Query(Which { denied, limit, cursor }): Query<Which>,
 ) -> Result<axum::Json<AuditLog>, Problem> {
     let page = Page { limit, cursor };
     let limit = page.limit()?;
     let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
     let mut conn = app.readers.acquire().await?;
-    let rows = match denied {
-        true => tokens::denied(&mut conn, before, limit).await?,
-        false => tokens::audited(&mut conn, before, limit).await?,
-    };
+    let ring = if denied { AuditRing::Denials } else { AuditRing::Changes };
+    let rows = audit_log::page(&mut conn, ring, before, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
     let line = |row: AuditRow| AuditLine {
         at: rfc3339(row.at),

@@ -11,11 +11,14 @@ use super::super::room::aside;
 use super::{id, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId};
-use crate::service::App;
+use crate::http::state::AppState;
 use crate::store::leases::LeaseRow;
-use crate::training::TrainingError;
-use crate::training::columns::{self, Claimed, Columns};
-use crate::training::lease::find;
+use crate::engine::error::ServiceError;
+use crate::results::columns;
+use crate::results::columns::claim as store_claim;
+use crate::results::columns::status::{self, ClaimStatus};
+use crate::results::columns::table::Columns;
+use crate::leases::find::find_lease;
 
 /// One entry for each episode of the lease, in order. In MessagePack a column may also be `bin`: little-endian, without gaps.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -88,8 +91,8 @@ struct Audit {
 }
 
 impl Claim {
-    pub(super) fn of(claimed: Claimed) -> Self {
-        let Claimed { claim, lease, audited } = claimed;
+    pub(super) fn of(claimed: ClaimStatus) -> Self {
+        let ClaimStatus { claim, lease, audited } = claimed;
         let LeaseRow { group_size, .. } = lease;
         let id = LeaseId { number: lease.id, token: lease.token };
         let mut audit: Vec<Audit> = Vec::new();
@@ -107,7 +110,7 @@ impl Claim {
         Self {
             audit,
             lease: id.to_string(),
-            state: claim.state,
+            state: claim.state.to_string(),
             episodes: claim.episodes,
             failed: claim.failed,
             policy_version: claim.policy_version,
@@ -132,14 +135,14 @@ impl Claim {
 )]
 pub(super) async fn claim(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
     request: Request,
 ) -> Result<axum::Json<Claim>, Problem> {
     let place = (run_id(&run)?, id("lease", &lease)?);
     let (body, _room) = app.room.body(request).await?;
     let (policy_version, columns) = aside(move || columns_of(body)).await?;
-    Ok(axum::Json(Claim::of(columns::claim(&app.desk, place, policy_version, columns).await?)))
+    Ok(axum::Json(Claim::of(store_claim::claim(&app.desk, place.0, place.1, policy_version, columns).await?)))
 }
 
 /// The columns of a body, and the policy version it names.
@@ -176,22 +179,22 @@ pub(super) struct Entries {
 )]
 pub(super) async fn entries(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Entries>, Problem> {
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
-    let row = find(&mut conn, &run, &lease).await?;
+    let row = find_lease(&mut conn, &run, &lease).await?;
     is_kept(&row)?;
-    let (state, columns) = columns::entries(&mut conn, row.id).await?.ok_or_else(none)?;
-    let Columns { scores, failed, steps } = columns;
+    let claimed = status::claimed_columns(&mut conn, row.id).await?.ok_or_else(none)?;
+    let (state, Columns { scores, failed, steps }) = (claimed.state.to_string(), claimed.columns);
     let failed = failed.into_iter().map(u8::from).collect();
     Ok(axum::Json(Entries { state, score: scores, failed, steps }))
 }
 
 /// That what was claimed is kept.
 fn is_kept(lease: &LeaseRow) -> Result<(), Problem> {
-    if lease.folded == 0 { Ok(()) } else { Err(TrainingError::Expired(lease.name()).into()) }
+    if !lease.is_compacted { Ok(()) } else { Err(ServiceError::Expired(lease.name()).into()) }
 }
 
 fn none() -> Problem {
@@ -209,12 +212,12 @@ fn none() -> Problem {
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Claim>, Problem> {
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
-    let row = find(&mut conn, &run, &lease).await?;
+    let row = find_lease(&mut conn, &run, &lease).await?;
     is_kept(&row)?;
-    Ok(axum::Json(Claim::of(columns::standing(&mut conn, row).await?.ok_or_else(none)?)))
+    Ok(axum::Json(Claim::of(status::claim_status(&mut conn, row).await?.ok_or_else(none)?)))
 }

@@ -1,7 +1,7 @@
 //! A critique as it is answered, and the critique of one episode.
 
 use axum::extract::State;
-use env_core::critique::{Critique, Encounter, Failure, Measure, Remedy, Verdict, sector};
+use env_core::critique::{Critique, Encounter, Failure, Measure, Remedy, Verdict, bearing_sector};
 use env_core::{ActionLog, Scenario};
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -10,8 +10,8 @@ use super::super::extract::{NoQuery, Path};
 use super::super::problem::Problem;
 use super::episodes::Found;
 use super::{id, run_id};
-use crate::service::App;
-use crate::training::TrainingError;
+use crate::http::state::AppState;
+use crate::engine::error::ServiceError;
 
 /// What a finished episode shows, from its scenario and actions alone.
 #[derive(Serialize, ToSchema)]
@@ -169,7 +169,7 @@ impl EncounterView {
             body: encounter.body,
             bearing_deg: encounter.bearing_deg,
             bearing_inertial_deg: encounter.bearing_inertial_deg,
-            sector: sector(encounter.bearing_deg),
+            sector: bearing_sector(encounter.bearing_deg),
             relative_speed: encounter.relative_speed,
             band: scenario.task().speed_bands().band(encounter.relative_speed),
             first_visible_step: encounter.first_visible_step,
@@ -193,13 +193,13 @@ impl EncounterView {
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<EpisodeCritique>, Problem> {
     let mut conn = app.readers.acquire().await?;
     let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
     drop(conn);
-    let log = found.log.ok_or_else(|| TrainingError::UnknownEpisode(format!("{episode} that was flown")))?;
+    let log = found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} that was flown")))?;
     let scenario = found.scenario;
     let task = scenario.task().id();
     // Counterfactuals take milliseconds: off the threads that answer others.
@@ -210,6 +210,6 @@ pub(super) async fn show(
 
 fn view(scenario: &Scenario, log: &ActionLog) -> Result<CritiqueView, Problem> {
     let critique = scenario.task().critique(scenario, log);
-    let critique = critique.map_err(|error| crate::store::StoreError::unreadable("an action log", error))?;
+    let critique = critique.map_err(|error| crate::store::StoreError::corrupt("an action log", error))?;
     Ok(CritiqueView::of(scenario, critique))
 }

@@ -9,9 +9,10 @@ use super::super::problem::Problem;
 use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
-use crate::service::App;
-use crate::store::episodes::{self, EpisodeRow, Listed, OfGroup};
-use crate::store::folds::{self, FoldedEpisode, FoldedGroup, FoldedLease};
+use crate::http::state::AppState;
+use crate::store::episodes::{self, EpisodeRow, ListedEpisode, EpisodeGroup};
+use crate::store::keys::EpisodeKey;
+use crate::store::compacted_leases::{self, CompactedEpisode, CompactedGroup, CompactedLease};
 
 /// Whether the actions of an episode are there to be replayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
@@ -56,17 +57,17 @@ pub(super) struct EpisodeHead {
 
 impl EpisodeHead {
     /// One that is kept whole; `unreported` is its state where it was not reported.
-    pub(super) fn of(id: &EpisodeId, group: OfGroup, row: Option<&EpisodeRow>, unreported: &str) -> Self {
+    pub(super) fn of(id: &EpisodeId, group: EpisodeGroup, row: Option<&EpisodeRow>, unreported: &str) -> Self {
         let flown = row.is_some_and(|row| row.flown.is_some());
         Self {
             episode: id.to_string(),
             task: Some(group.task),
             level: group.level,
-            role: group.role,
+            role: group.role.to_string(),
             layout: group.layout.map(|id| LayoutId(id).to_string()),
             state: row.map_or(unreported, |r| r.state.as_str()).to_owned(),
             score: row.and_then(|r| r.score),
-            success: row.and_then(|r| r.success).map(|s| s != 0),
+            success: row.and_then(|r| r.success),
             skill: row.and_then(|r| r.skill),
             policy_version: row.map(|r| r.policy_version),
             at: row.map(|r| rfc3339(r.at)),
@@ -76,18 +77,18 @@ impl EpisodeHead {
 
     /// One of a group that was folded; `known` where it was reported.
     pub(super) fn folded(
-        lease: &FoldedLease,
+        lease: &CompactedLease,
         index: i64,
-        (group, known): (&FoldedGroup, Option<&FoldedEpisode>),
+        (group, known): (&CompactedGroup, Option<&CompactedEpisode>),
     ) -> Self {
         let flown = known.is_some_and(|known| known.score.is_some());
         Self {
             episode: EpisodeId { lease: lease.row.lease_id(), index }.to_string(),
             task: Some(group.task.clone()),
             level: group.level,
-            role: group.role.clone(),
+            role: group.role.to_string(),
             layout: group.layout.map(|id| LayoutId(id).to_string()),
-            state: known.map_or("expired", |known| known.state.word()).to_owned(),
+            state: known.map_or("expired", |known| known.state.as_str()).to_owned(),
             score: known.and_then(|known| known.score),
             success: known.and_then(|known| known.success),
             skill: known.and_then(|known| known.skill),
@@ -117,27 +118,28 @@ pub(super) struct Episodes {
     )
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(page): Query<Page>,
 ) -> Result<axum::Json<Episodes>, Problem> {
     let (run, limit) = (run_id(&run)?, page.limit()?);
     let (lease, index) = page.cursor()?;
-    let index = if page.cursor.is_none() {
+    let number = if page.cursor.is_none() {
         -1
     } else {
         index.parse().map_err(|_| Problem::invalid("cursor", "it is not one that a list gave"))?
     };
-    let after = (lease, index);
+    let after = EpisodeKey { lease, number };
     let mut conn = reader_of(&app, &run).await?;
     let whole = episodes::page(&mut conn, run.as_str(), after, limit).await?;
-    let mut heads: Vec<((i64, i64), EpisodeHead)> = whole.into_iter().map(head).collect();
-    let reported = |folded: &FoldedLease| {
-        folded.episodes().filter(|(_, known)| (folded.row.id, known.number) > after).count() as i64
+    let mut heads: Vec<(EpisodeKey, EpisodeHead)> = whole.into_iter().map(head).collect();
+    let reported = |folded: &CompactedLease| {
+        let key = |known: &CompactedEpisode| EpisodeKey { lease: folded.row.id, number: known.number };
+        folded.episodes().filter(|(_, known)| key(known) > after).count() as i64
     };
-    for folded in folds::from(&mut conn, run.as_str(), lease, (limit, reported)).await? {
+    for folded in compacted_leases::from(&mut conn, run.as_str(), lease, limit, reported).await? {
         for (group, known) in folded.episodes() {
-            let place = (folded.row.id, known.number);
+            let place = EpisodeKey { lease: folded.row.id, number: known.number };
             if place > after {
                 heads.push((place, EpisodeHead::folded(&folded, known.number, (group, Some(known)))));
             }
@@ -146,13 +148,13 @@ pub(super) async fn list(
     heads.sort_by_key(|(place, _)| *place);
     heads.dedup_by_key(|(place, _)| *place); // one that was folded meanwhile: whole it came first
     heads.truncate(usize::try_from(limit).unwrap_or_default());
-    let last = heads.last().map(|((lease, index), _)| (*lease, index.to_string()));
+    let last = heads.last().map(|(key, _)| (key.lease, key.number.to_string()));
     let next = next(heads.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));
     Ok(axum::Json(Episodes { episodes: heads.into_iter().map(|(_, head)| head).collect(), next }))
 }
 
-pub(super) fn head(Listed { token, of, row }: Listed) -> ((i64, i64), EpisodeHead) {
+pub(super) fn head(ListedEpisode { token, group, row }: ListedEpisode) -> (EpisodeKey, EpisodeHead) {
     let lease = LeaseId { number: row.lease, token };
     let id = EpisodeId { lease, index: row.number };
-    ((row.lease, row.number), EpisodeHead::of(&id, of, Some(&row), "finished"))
+    (row.key(), EpisodeHead::of(&id, group, Some(&row), "finished"))
 }

@@ -1,5 +1,7 @@
 //! Reported episodes by what they are of and how they came out, in any order.
 
+use crate::store::groups::GroupRole;
+use crate::store::episodes::EpisodeState;
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use sqlx::SqliteConnection;
@@ -11,8 +13,8 @@ use super::episode_list::{EpisodeHead, head};
 use super::failures::tasks_of;
 use super::{Page, id, next, reader_of, run_id};
 use crate::ids::{LayoutId, RunId};
-use crate::service::App;
-use crate::store::search::{self, Column, Order, Place, Wanted};
+use crate::http::state::AppState;
+use crate::store::episode_search::{self, OrderValue, EpisodeOrder, EpisodeCursor, EpisodeFilter};
 
 /// Which episodes are looked for, and in which order.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -85,9 +87,36 @@ enum RoleWord {
     Suite,
 }
 
-/// A word as it is stored.
+/// A word as it is sent.
 fn word(word: impl Serialize) -> Option<String> {
     serde_json::to_value(word).ok()?.as_str().map(str::to_owned)
+}
+
+impl From<StateWord> for EpisodeState {
+    fn from(word: StateWord) -> Self {
+        match word {
+            StateWord::Finished => Self::Finished,
+            StateWord::Failed => Self::Failed,
+            StateWord::Late => Self::Late,
+        }
+    }
+}
+
+impl From<RoleWord> for GroupRole {
+    fn from(word: RoleWord) -> Self {
+        match word {
+            RoleWord::Placement => Self::Placement,
+            RoleWord::Frontier => Self::Frontier,
+            RoleWord::Rehearsal => Self::Rehearsal,
+            RoleWord::Sample => Self::Sample,
+            RoleWord::Explore => Self::Explore,
+            RoleWord::Replay => Self::Replay,
+            RoleWord::Edit => Self::Edit,
+            RoleWord::Boundary => Self::Boundary,
+            RoleWord::Designed => Self::Designed,
+            RoleWord::Suite => Self::Suite,
+        }
+    }
 }
 
 /// An order of episodes.
@@ -109,16 +138,16 @@ enum OrderWord {
     BestSkill,
 }
 
-impl From<OrderWord> for Order {
+impl From<OrderWord> for EpisodeOrder {
     fn from(word: OrderWord) -> Self {
-        let by = |column, most| Self::By { column, most };
+        let by = |value, descending| Self::ByValue { value, descending };
         match word {
             OrderWord::Newest => Self::Newest,
             OrderWord::Oldest => Self::Oldest,
-            OrderWord::WorstScore => by(Column::Score, false),
-            OrderWord::BestScore => by(Column::Score, true),
-            OrderWord::WorstSkill => by(Column::Skill, false),
-            OrderWord::BestSkill => by(Column::Skill, true),
+            OrderWord::WorstScore => by(OrderValue::Score, false),
+            OrderWord::BestScore => by(OrderValue::Score, true),
+            OrderWord::WorstSkill => by(OrderValue::Skill, false),
+            OrderWord::BestSkill => by(OrderValue::Skill, true),
         }
     }
 }
@@ -143,21 +172,21 @@ pub(super) struct FoundEpisodes {
     )
 )]
 pub(super) async fn search(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(looked): Query<Looked>,
 ) -> Result<axum::Json<FoundEpisodes>, Problem> {
     let run = run_id(&run)?;
     let page = Page { limit: looked.limit, cursor: looked.cursor };
-    let (limit, after, order) = (page.limit()?, place(&page, looked.order)?, Order::from(looked.order));
+    let (limit, after, order) = (page.limit()?, place(&page, looked.order)?, EpisodeOrder::from(looked.order));
     let layout = looked.layout.as_deref().map(|text| id::<LayoutId>("layout", text)).transpose()?;
-    let wanted = Wanted {
+    let wanted = EpisodeFilter {
         task: looked.task,
         level: looked.level.map(i64::from),
-        state: looked.state.and_then(word),
+        state: looked.state.map(EpisodeState::from),
         success: looked.success,
         mode: looked.mode,
-        role: looked.role.and_then(word),
+        role: looked.role.map(GroupRole::from),
         layout: layout.map(|id| id.0),
         version: looked.version.map(i64::from),
     };
@@ -165,13 +194,13 @@ pub(super) async fn search(
     let _turn = app.turns.searches.turn().await?;
     let mut conn = reader_of(&app, &run).await?;
     known(&mut conn, &run, &wanted).await?;
-    let found = search::page(&mut conn, run.as_str(), &wanted, order, (after, limit)).await?;
+    let found = episode_search::page(&mut conn, run.as_str(), &wanted, order, after, limit).await?;
     let order_word = word(looked.order).unwrap_or_default();
     let last = found.last().map(|listed| {
         let value = match order {
-            Order::By { column: Column::Score, .. } => listed.row.score,
-            Order::By { column: Column::Skill, .. } => listed.row.skill,
-            Order::Newest | Order::Oldest => None,
+            EpisodeOrder::ByValue { value: OrderValue::Score, .. } => listed.row.score,
+            EpisodeOrder::ByValue { value: OrderValue::Skill, .. } => listed.row.skill,
+            EpisodeOrder::Newest | EpisodeOrder::Oldest => None,
         };
         (
             listed.row.lease,
@@ -183,7 +212,7 @@ pub(super) async fn search(
 }
 
 /// Whether there are such episodes at all: of a task that the service has, and in modes that its critique knows.
-async fn known(conn: &mut SqliteConnection, run: &RunId, wanted: &Wanted) -> Result<(), Problem> {
+async fn known(conn: &mut SqliteConnection, run: &RunId, wanted: &EpisodeFilter) -> Result<(), Problem> {
     let tasks = match &wanted.task {
         Some(id) => vec![
             env_core::task(id).ok_or_else(|| Problem::invalid("task", format!("there is no task {id}")))?,
@@ -202,7 +231,7 @@ async fn known(conn: &mut SqliteConnection, run: &RunId, wanted: &Wanted) -> Res
 }
 
 /// Where a cursor goes on.
-fn place(page: &Page, order: OrderWord) -> Result<Option<Place>, Problem> {
+fn place(page: &Page, order: OrderWord) -> Result<Option<EpisodeCursor>, Problem> {
     if page.cursor.is_none() {
         return Ok(None);
     }
@@ -212,7 +241,7 @@ fn place(page: &Page, order: OrderWord) -> Result<Option<Place>, Problem> {
         let (bits, of) = rest.split_once('_')?;
         let value = f64::from_bits(u64::from_str_radix(bits, 16).ok()?);
         let place =
-            value.is_finite().then_some(Place { value: Some(value), lease, number: number.parse().ok()? });
+            value.is_finite().then_some(EpisodeCursor { value: Some(value), lease, number: number.parse().ok()? });
         Some((place?, of))
     };
     match read() {

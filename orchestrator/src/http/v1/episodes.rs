@@ -12,19 +12,18 @@ use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::episode_list::EpisodeHead;
 use super::{id, run_id};
-use crate::frames::{FramesError, MOST_BYTES, Show, frames, wire_step};
+use crate::frames::{FrameContent, FrameRange, FramesError, MAX_FRAME_BYTES, frames, wire_step};
 use crate::ids::{EpisodeId, RunId};
-use crate::service::App;
-use crate::store::brackets::StoredFlown;
-use crate::store::episodes::{EpisodeRow, OfGroup};
-use crate::store::folds;
+use crate::http::state::AppState;
+use crate::store::brackets::{self, StoredOutcome};
+use crate::store::episodes::{self, EpisodeGroup, EpisodeRow};
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::LeaseRow;
-use crate::store::scenarios::Loader;
-use crate::store::{brackets, episodes, from_json};
-use crate::training::BracketView;
-use crate::training::TrainingError;
-use crate::training::lease::find;
+use crate::store::scenarios::ScenarioLoader;
+use crate::store::{compacted_leases, from_json};
+use crate::leases::bracket_view::BracketView;
+use crate::engine::error::ServiceError;
+use crate::leases::find::find_lease;
 
 /// One episode with its scenario.
 #[derive(Serialize, ToSchema)]
@@ -39,7 +38,7 @@ pub(super) struct Episode {
     /// The reference score it was judged by.
     reference: Option<f64>,
     /// How it was flown.
-    flown: Option<StoredFlown>,
+    flown: Option<StoredOutcome>,
     /// Why it failed.
     reason: Option<String>,
     /// What the trainer logged.
@@ -79,7 +78,7 @@ pub(super) struct Replay {
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<Episode>, Problem> {
     let (run, id): (_, EpisodeId) = (run_id(&run)?, id("episode", &episode)?);
@@ -94,7 +93,7 @@ pub(super) async fn show(
     Ok(axum::Json(Episode {
         head: EpisodeHead::of(
             &found.id,
-            OfGroup {
+            EpisodeGroup {
                 task: found.group.task,
                 level: found.group.level,
                 role: found.group.role,
@@ -103,7 +102,7 @@ pub(super) async fn show(
             row.as_ref(),
             unreported(&found.lease),
         ),
-        contested: found.group.contested != 0,
+        contested: found.group.is_contested,
         floor: row.as_ref().and_then(|r| r.floor),
         reference: row.as_ref().and_then(|r| r.reference),
         flown: row.as_ref().and_then(|r| r.flown.as_ref()).map(|j| from_json("a flight", j)).transpose()?,
@@ -118,8 +117,8 @@ pub(super) async fn show(
 
 /// An episode of which only is kept how it came out.
 async fn past(conn: &mut SqliteConnection, run: &RunId, id: &EpisodeId) -> Result<Episode, Problem> {
-    let unknown = || TrainingError::UnknownEpisode(id.to_string());
-    let lease = folds::get(conn, run.as_str(), id.lease.number).await?.ok_or_else(unknown)?;
+    let unknown = || ServiceError::UnknownEpisode(id.to_string());
+    let lease = compacted_leases::get(conn, run.as_str(), id.lease.number).await?.ok_or_else(unknown)?;
     let group = lease.group(id.index / lease.row.group_size.max(1)).ok_or_else(unknown)?;
     let known = lease.episode(id.index).map(|(_, known)| known);
     Ok(Episode {
@@ -176,7 +175,7 @@ enum Plan {
     )
 )]
 pub(super) async fn replayed(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, episode)): Path<(String, String)>,
     Query(shown): Query<Shown>,
 ) -> Result<axum::Json<Replay>, Problem> {
@@ -184,28 +183,29 @@ pub(super) async fn replayed(
     let found = Found::look(&mut conn, &run_id(&run)?, id("episode", &episode)?).await?;
     // What earns the reference score, and how it looks where nobody acts, is told of what was flown: not to who is to fly it yet.
     if found.row.is_none() {
-        return Err(TrainingError::UnknownEpisode(format!("{episode} that was flown")).into());
+        return Err(ServiceError::UnknownEpisode(format!("{episode} that was flown")).into());
     }
     let log = match shown.plan {
         Plan::Agent => {
-            found.log.ok_or_else(|| TrainingError::UnknownEpisode(format!("{episode} that was flown")))?
+            found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} that was flown")))?
         }
         Plan::Hold => ActionLog::new(found.scenario.task().action_space().columns.len(), Precision::F64),
         Plan::Reference => match brackets::newest(&mut conn, &found.group.scenario).await? {
-            Some(bracket) => bracket.witness,
-            None => return Err(TrainingError::UnknownEpisode(format!("{episode} with a reference")).into()),
+            Some(bracket) => bracket.reference_plan,
+            None => return Err(ServiceError::UnknownEpisode(format!("{episode} with a reference")).into()),
         },
     };
     drop(conn);
     // States alone were always shown in full; the worlds bound them.
-    let (show, most) =
-        if shown.telemetry { (Show::Telemetry, MOST_BYTES) } else { (Show::State, usize::MAX) };
+    let (content, max_bytes) =
+        if shown.telemetry { (FrameContent::Telemetry, MAX_FRAME_BYTES) } else { (FrameContent::State, usize::MAX) };
     let scenario = found.scenario.clone();
-    let frames = tokio::task::spawn_blocking(move || frames(&scenario, &log, show, most)).await;
+    let frames = tokio::task::spawn_blocking(move || frames(&scenario, &log, content, FrameRange::all(max_bytes)))
+        .await;
     let frames = frames.map_err(|_| Problem::internal())?.map_err(|error| match error {
         FramesError::TooLarge { .. } => Problem::invalid("telemetry", error.to_string()),
         FramesError::Scenario(_) | FramesError::Step { .. } => {
-            crate::store::StoreError::unreadable("an action log", error).into()
+            crate::store::StoreError::corrupt("an action log", error).into()
         }
     })?;
     Ok(axum::Json(Replay { episode: found.id.to_string(), scenario: found.scenario.to_json(), frames }))
@@ -227,22 +227,22 @@ impl Found {
         run: &RunId,
         id: EpisodeId,
     ) -> Result<Self, NotFound> {
-        let unknown = || TrainingError::UnknownEpisode(id.to_string());
-        let lease = find(conn, run, &id.lease).await.map_err(|_| unknown())?;
+        let unknown = || ServiceError::UnknownEpisode(id.to_string());
+        let lease = find_lease(conn, run, &id.lease).await.map_err(|_| unknown())?;
         let Some(group) = groups::get(conn, lease.id, id.index / lease.group_size).await? else {
-            let within = lease.folded != 0 && id.index < lease.episodes();
+            let within = lease.is_compacted && id.index < lease.episodes();
             return Err(if within { NotFound::Expired(id) } else { unknown().into() });
         };
         let row = episodes::get(conn, lease.id, id.index).await?;
-        if row.is_none() && lease.folded != 0 {
+        if row.is_none() && lease.is_compacted {
             // Something rests on another of its group.
-            let folded = folds::get(conn, run.as_str(), lease.id).await?;
+            let folded = compacted_leases::get(conn, run.as_str(), lease.id).await?;
             if folded.is_some_and(|folded| folded.episode(id.index).is_some()) {
                 return Err(NotFound::Expired(id));
             }
         }
         let log = episodes::log(conn, lease.id, id.index).await?;
-        let scenario = Loader::default().get(conn, &group.scenario).await?;
+        let scenario = ScenarioLoader::default().get(conn, &group.scenario).await?;
         Ok(Self { id, lease, group, row, log, scenario })
     }
 }
@@ -252,10 +252,10 @@ pub(super) enum NotFound {
     /// The run keeps it whole no longer.
     Expired(EpisodeId),
     /// There is none, or it cannot be read.
-    Other(TrainingError),
+    Other(ServiceError),
 }
 
-impl<E: Into<TrainingError>> From<E> for NotFound {
+impl<E: Into<ServiceError>> From<E> for NotFound {
     fn from(error: E) -> Self {
         Self::Other(error.into())
     }
@@ -264,20 +264,20 @@ impl<E: Into<TrainingError>> From<E> for NotFound {
 impl From<NotFound> for Problem {
     fn from(not: NotFound) -> Self {
         match not {
-            NotFound::Expired(id) => TrainingError::Expired(id.to_string()).into(),
+            NotFound::Expired(id) => ServiceError::Expired(id.to_string()).into(),
             NotFound::Other(error) => error.into(),
         }
     }
 }
 
 fn unreported(lease: &LeaseRow) -> &'static str {
-    if lease.status == "active" { "leased" } else { "expired" }
+    if lease.is_active() { "leased" } else { "expired" }
 }
 
 fn steps(log: &ActionLog) -> Value {
     json!({
         "steps": log.steps().map(|action| wire_step(log, action)).collect::<Vec<_>>(),
         "precision": if log.precision() == env_core::log::Precision::F32 { "f32" } else { "f64" },
-        "stopped": log.stopped.map(env_core::Stopped::word),
+        "stopped": log.stopped.map(env_core::StopReason::name),
     })
 }

@@ -21,8 +21,8 @@ use super::super::problem::Problem;
 use super::{reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::RunId;
-use crate::service::App;
-use crate::sessions::{Closing, Seat};
+use crate::http::state::AppState;
+use crate::sessions::{CloseSignal, QuotaPermit};
 use crate::store::events::{self, EventRow};
 use crate::store::{StoreError, from_json};
 
@@ -62,7 +62,7 @@ const LAST: u32 = 1000;
     )
 )]
 pub(super) async fn listen(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Query(from): Query<From>,
@@ -89,7 +89,7 @@ pub(super) async fn listen(
         (None, None) => events::newest(&mut conn, run.as_str()).await?,
     };
     drop(conn);
-    let seat = app.listeners.take(&caller.who);
+    let seat = app.listeners.acquire(caller.who.name.as_ref());
     let seat = seat.map_err(|_| {
         let words = "As many listen as may; try again in a moment.";
         Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_listeners", words).again_in(5)
@@ -97,7 +97,7 @@ pub(super) async fn listen(
     let listener = Listener {
         readers: app.readers.clone(),
         changes,
-        closing: app.sessions.closing(&caller.who),
+        closing: app.sessions.close_signal(&caller.who),
         run,
         after,
         // Whoever has heard nothing yet knows from where to go on: an id alone is no event, but is remembered like one's.
@@ -116,21 +116,21 @@ pub(super) async fn listen(
 struct Listener {
     readers: SqlitePool,
     changes: watch::Receiver<u64>,
-    closing: Closing,
+    closing: CloseSignal,
     run: RunId,
     /// The last event that was told.
     after: i64,
     waiting: VecDeque<Event>,
     /// Whether it was looked at where the listener left off.
     begun: bool,
-    _seat: Seat,
+    _seat: QuotaPermit,
 }
 
 impl Listener {
     /// The next event; none when the service stops, or whoever listens may not any more.
     async fn next(&mut self) -> Option<Event> {
         loop {
-            if self.closing.over().is_some() {
+            if self.closing.reason().is_some() {
                 return None;
             }
             if let Some(event) = self.waiting.pop_front() {
@@ -162,7 +162,7 @@ impl Listener {
         let mut conn = self.readers.acquire().await?;
         let run = self.run.clone();
         let run = run.as_str();
-        let forgotten = events::forgotten(&mut conn, run).await?;
+        let forgotten = events::last_deleted(&mut conn, run).await?;
         if self.after < forgotten {
             self.gap(forgotten, "what happened between is not kept any more");
         } else if self.after > 0 && !self.begun {
@@ -180,7 +180,7 @@ impl Listener {
             if let Some(fields) = told.as_object_mut() {
                 fields.insert("at".to_owned(), rfc3339(at).into());
             }
-            self.waiting.push_back(event(id, &kind, &told));
+            self.waiting.push_back(event(id, kind.as_str(), &told));
             self.after = id;
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use axum::extract::State;
 use env_core::TaskSpec;
-use env_core::critique::SECTORS;
+use env_core::critique::BEARING_SECTORS;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
@@ -11,8 +11,8 @@ use super::super::problem::Problem;
 use super::failures::tasks_of;
 use super::{Page, next, run_id};
 use crate::ids::{EpisodeId, LeaseId};
-use crate::service::App;
-use crate::store::failures::{self, Kept, Wanted};
+use crate::http::state::AppState;
+use crate::store::failures::{self, FailureCursor, FailureFilter, ListedFailure};
 
 /// Which failures are listed.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -68,16 +68,16 @@ struct FailureHead {
 }
 
 impl FailureHead {
-    fn of(kept: Kept) -> Self {
-        let Kept { key, token, example: x, .. } = kept;
+    fn of(kept: ListedFailure) -> Self {
+        let ListedFailure { key, token, example: x, .. } = kept;
         let lease = LeaseId { number: x.lease, token };
         Self {
             episode: EpisodeId { lease, index: x.number }.to_string(),
             mode: key.mode,
             agent: x.agent,
             step: x.step,
-            sector: key.met.map(|(sector, _)| sector),
-            band: key.met.map(|(_, band)| band),
+            sector: key.encounter.map(|bin| bin.sector),
+            band: key.encounter.map(|bin| bin.band),
             bearing_deg: x.bearing_deg,
             relative_speed: x.relative_speed,
             steps_left: x.steps_left,
@@ -97,7 +97,7 @@ impl FailureHead {
     )
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(listed): Query<Listed>,
 ) -> Result<axum::Json<Failures>, Problem> {
@@ -106,18 +106,18 @@ pub(super) async fn list(
     let page = Page { limit, cursor };
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
-    let wanted = Wanted { mode, sector, band, before };
+    let wanted = FailureFilter { mode, sector, band, before };
     for spec in tasks_of(&mut conn, &run, Some(&task)).await? {
         check(spec, &wanted)?;
     }
-    let kept = failures::kept(&mut conn, run.as_str(), &task, &wanted, limit).await?;
+    let kept = failures::examples(&mut conn, run.as_str(), &task, &wanted, limit).await?;
     let last = kept.last().map(|k| (k.example.place, format!("{}-{}", k.cell, k.example.nth)));
     let next = next(kept.len(), limit, last.as_ref().map(|(place, rest)| (*place, rest.as_str())));
     Ok(axum::Json(Failures { failures: kept.into_iter().map(FailureHead::of).collect(), next }))
 }
 
 /// Whether the task has such a mode, sector and band.
-fn check(task: &dyn TaskSpec, wanted: &Wanted) -> Result<(), Problem> {
+fn check(task: &dyn TaskSpec, wanted: &FailureFilter) -> Result<(), Problem> {
     if let Some(mode) = &wanted.mode
         && !task.failure_modes().iter().any(|spec| spec.name == mode)
     {
@@ -131,16 +131,16 @@ fn check(task: &dyn TaskSpec, wanted: &Wanted) -> Result<(), Problem> {
         Some(number) => Err(Problem::invalid(field, format!("it is {number}, outside 0 to {last}"))),
         None => Ok(()),
     };
-    within("sector", wanted.sector, SECTORS - 1)?;
+    within("sector", wanted.sector, BEARING_SECTORS - 1)?;
     within("band", wanted.band, task.speed_bands().edges.len() as u32)
 }
 
-fn before(page: &Page) -> Result<Option<(i64, i64, i64)>, Problem> {
+fn before(page: &Page) -> Result<Option<FailureCursor>, Problem> {
     if page.cursor.is_none() {
         return Ok(None);
     }
     let (place, rest) = page.cursor()?;
     let rest = rest.split_once('-').and_then(|(cell, nth)| Some((cell.parse().ok()?, nth.parse().ok()?)));
     let (cell, nth) = rest.ok_or_else(|| Problem::invalid("cursor", "it is not one that a list gave"))?;
-    Ok(Some((place, cell, nth)))
+    Ok(Some(FailureCursor { place, cell, nth }))
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use axum::extract::State;
 use env_core::TaskSpec;
-use env_core::critique::{ModeSpec, SECTORS, SpeedBands};
+use env_core::critique::{FailureModeSpec, BEARING_SECTORS, SpeedBands};
 use serde::{Deserialize, Serialize};
 use sqlx::{Connection, SqliteConnection};
 use utoipa::{IntoParams, ToSchema};
@@ -14,13 +14,15 @@ use super::super::problem::Problem;
 use super::run_id;
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId, RunId};
-use crate::service::App;
-use crate::store::critiques::{self, CritiqueSums, Fading};
-use crate::store::failures::{self, RING};
+use crate::http::state::AppState;
+use crate::store::critiques::{self, CritiqueCounters, DecayingSum};
+use crate::store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
 use crate::store::{from_json, runs};
-use crate::training::design::profile::{Collected, Weighed};
-use crate::training::profile::{HALF_LIFE, VERDICTS, weight_of};
-use crate::training::{RunSettings, TrainingError, sample};
+use crate::designs::profile::{CollectedProfile, WeightedCell};
+use crate::critiques::profile::{weight_of, HALF_LIFE, VERDICTS};
+use crate::critiques::sampling;
+use crate::engine::error::ServiceError;
+use crate::runs::settings::RunSettings;
 
 /// What of a profile is shown.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -62,14 +64,14 @@ pub(super) struct Backlog {
 
 impl Backlog {
     fn of(waiting: i64) -> Self {
-        let halvings = sample::halvings(waiting);
-        Self { waiting, sampling: halvings > 0, share: sample::share(halvings) }
+        let halvings = sampling::halvings(waiting);
+        Self { waiting, sampling: halvings > 0, share: sampling::share(halvings) }
     }
 
     /// Where a run stands.
     pub(super) async fn look(conn: &mut SqliteConnection, run: &RunId) -> Result<Self, Problem> {
-        let waiting = critiques::waiting_of(conn, run.as_str()).await?;
-        Ok(Self::of(waiting.iter().map(|(_, episodes)| episodes).sum()))
+        let waiting = critiques::waiting_by_task(conn, run.as_str()).await?;
+        Ok(Self::of(waiting.values().sum()))
     }
 }
 
@@ -207,12 +209,12 @@ struct CellView {
 }
 
 impl CellView {
-    fn of(cell: &Weighed, episodes: Vec<String>) -> Self {
-        let Weighed { key, sums, weight, .. } = cell;
-        let share = |n: i64| key.met.map(|_| n as f64 / sums.count as f64);
+    fn of(cell: &WeightedCell, episodes: Vec<String>) -> Self {
+        let WeightedCell { key, sums, weight, .. } = cell;
+        let share = |n: i64| key.encounter.map(|_| n as f64 / sums.count as f64);
         Self {
-            sector: key.met.map(|(sector, _)| sector),
-            band: key.met.map(|(_, band)| band),
+            sector: key.encounter.map(|bin| bin.sector),
+            band: key.encounter.map(|bin| bin.band),
             count: sums.count,
             weight: *weight,
             avoidable_share: share(sums.avoidable),
@@ -236,30 +238,30 @@ impl CellView {
     )
 )]
 pub(super) async fn show(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(asked): Query<Asked>,
 ) -> Result<axum::Json<Profiles>, Problem> {
     let run = run_id(&run)?;
     let examples = match asked.examples.unwrap_or(3) {
-        examples if i64::from(examples) <= RING => i64::from(examples),
+        examples if i64::from(examples) <= EXAMPLES_PER_CELL => i64::from(examples),
         examples => {
-            return Err(Problem::invalid("examples", format!("it is {examples}, outside 0 to {RING}")));
+            return Err(Problem::invalid("examples", format!("it is {examples}, outside 0 to {EXAMPLES_PER_CELL}")));
         }
     };
     let mut conn = app.readers.acquire().await?;
     let mut conn = conn.begin().await?; // all of one moment
     let tasks = tasks_of(&mut conn, &run, asked.task.as_deref()).await?;
-    let waiting = critiques::waiting_of(&mut conn, run.as_str()).await?;
+    let waiting = critiques::waiting_by_task(&mut conn, run.as_str()).await?;
     let mut profiles = Vec::with_capacity(tasks.len());
     for task in tasks {
-        let of_task = waiting.iter().find(|(t, _)| t == task.id()).map_or(0, |(_, episodes)| *episodes);
+        let of_task = waiting.get(task.id()).copied().unwrap_or(0);
         profiles.push(profile(&mut conn, &run, task, of_task, examples).await?);
     }
     Ok(axum::Json(Profiles {
         run: run.to_string(),
         half_life: HALF_LIFE,
-        backlog: Backlog::of(waiting.iter().map(|(_, episodes)| episodes).sum()),
+        backlog: Backlog::of(waiting.values().sum()),
         tasks: profiles,
     }))
 }
@@ -271,7 +273,7 @@ pub(super) async fn tasks_of(
     wanted: Option<&str>,
 ) -> Result<Vec<&'static dyn TaskSpec>, Problem> {
     let row = runs::get(conn, run.as_str()).await?;
-    let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+    let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let settings: RunSettings = from_json("a run's settings", &row.settings)?;
     let known: Vec<_> =
         settings.curriculum.tasks.iter().filter_map(|plan| env_core::task(&plan.task)).collect();
@@ -293,16 +295,17 @@ async fn profile(
     waiting: i64,
     examples: i64,
 ) -> Result<Profile, Problem> {
-    let collected = Collected::read(conn, run.as_str(), task.id()).await?;
+    let collected = CollectedProfile::read(conn, run.as_str(), task.id()).await?;
     let mut behind: HashMap<i64, Vec<String>> = HashMap::new();
-    for (cell, number, token, index) in failures::newest(conn, run.as_str(), task.id(), examples).await? {
+    for shown in failures::newest_episodes(conn, run.as_str(), task.id(), examples).await? {
+        let CellEpisode { cell, lease: number, token, number: index } = shown;
         let episode = EpisodeId { lease: LeaseId { number, token }, index }.to_string();
         behind.entry(cell).or_default().push(episode);
     }
     let modes = modes(task.failure_modes(), &collected, &mut behind);
     let weight = collected.weight();
-    let CritiqueSums { criticised, skipped, failed, judged, verdicts } = collected.sums;
-    let verdicts = VERDICTS.into_iter().zip(verdicts).map(|(verdict, Fading { all, now })| VerdictView {
+    let CritiqueCounters { criticised, skipped, failed, judged, verdicts } = collected.sums;
+    let verdicts = VERDICTS.into_iter().zip(verdicts).map(|(verdict, DecayingSum { all, now })| VerdictView {
         verdict,
         count: all,
         per_episode: Trend::of(now, all as f64, criticised),
@@ -316,8 +319,8 @@ async fn profile(
         waiting,
         judge: Trend::of(judged.now, judged.all, criticised),
         verdicts: verdicts.collect(),
-        sectors: (0..SECTORS)
-            .map(|sector| SectorView { sector, bearing_deg: f64::from(sector) * 360.0 / f64::from(SECTORS) })
+        sectors: (0..BEARING_SECTORS)
+            .map(|sector| SectorView { sector, bearing_deg: f64::from(sector) * 360.0 / f64::from(BEARING_SECTORS) })
             .collect(),
         bands: bands(task.speed_bands()),
         modes,
@@ -332,8 +335,8 @@ fn bands(bands: SpeedBands) -> Vec<BandView> {
 
 /// The task's modes in its order, then any that an older version of the world knew.
 fn modes(
-    specs: &'static [ModeSpec],
-    collected: &Collected,
+    specs: &'static [FailureModeSpec],
+    collected: &CollectedProfile,
     behind: &mut HashMap<i64, Vec<String>>,
 ) -> Vec<ModeView> {
     let criticised = collected.sums.criticised;

@@ -3,7 +3,8 @@
 use axum::extract::State;
 use env_core::Scenario;
 use env_core::log::Precision;
-use env_core::rollout::{ReplayError, read_log};
+use env_core::error::ReplayError;
+use env_core::rollout::read_log;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -11,8 +12,8 @@ use utoipa::ToSchema;
 use super::super::extract::{Json, NoQuery, read};
 use super::super::problem::Problem;
 use super::scenarios::{by_user, refuse};
-use crate::frames::{MOST_BYTES, Show, frames_of};
-use crate::service::App;
+use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
+use crate::http::state::AppState;
 
 /// A scenario and what was done on it so far.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -65,7 +66,7 @@ pub(super) struct Flight {
 )]
 pub(super) async fn fly(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Json(body): Json<Value>,
 ) -> Result<axum::Json<Flight>, Problem> {
     let FlightWish { scenario, steps, until, from } = read(body)?;
@@ -84,8 +85,9 @@ fn flown(scenario: &Scenario, steps: &[Value], (from, until): (u32, u32)) -> Res
             format!("is step {from}, but it is flown to step {last} at most"),
         ));
     }
+    let range = FrameRange { first: from, last, max_bytes: MAX_FRAME_BYTES };
     let frames =
-        frames_of(scenario, &log, Show::Telemetry, (MOST_BYTES, from, last)).map_err(
+        frames(scenario, &log, FrameContent::Telemetry, range).map_err(
             |error| match error {
                 crate::frames::FramesError::Scenario(error) => refuse("", ReplayError::Scenario(error)),
                 error => Problem::invalid("steps", error.to_string()),

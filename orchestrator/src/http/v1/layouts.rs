@@ -8,18 +8,18 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
-use super::designs::view::{DesignHead, Designs, before, design, known_mode, one_of};
+use super::designs::view::{DesignHead, Designs, before, design, known_mode, word_of};
 use super::{Page, id};
 use crate::ids::LayoutId;
-use crate::service::App;
-use crate::store::brackets::{self, StoredFlown};
-use crate::store::layouts::{self, Wanted};
-use crate::store::scenarios::Loader;
-use crate::training::BracketView;
-use crate::training::TrainingError;
+use crate::http::state::AppState;
+use crate::store::brackets::{self, StoredOutcome};
+use crate::store::layouts::{self, LayoutFilter, LayoutState};
+use crate::store::scenarios::ScenarioLoader;
+use crate::leases::bracket_view::BracketView;
+use crate::engine::error::ServiceError;
 
-/// States of a layout.
-const STATES: [&str; 2] = ["active", "retired"];
+/// States of a layout that lists show.
+const STATES: [LayoutState; 2] = [LayoutState::Active, LayoutState::Retired];
 
 /// Which layouts are listed.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -55,7 +55,7 @@ pub(super) struct Layout {
     /// What the scenario is worth.
     bracket: BracketView,
     /// How the witness fared: the planner's own flight, which shows that it can be done.
-    witness: StoredFlown,
+    witness: StoredOutcome,
 }
 
 /// List the layouts of all runs that the gate let through, the newest first.
@@ -64,11 +64,11 @@ pub(super) struct Layout {
     responses((status = 200, body = Designs), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Query(listed): Query<Listed>,
 ) -> Result<axum::Json<Designs>, Problem> {
     let Listed { task, state, aim, limit, cursor } = listed;
-    one_of("state", state.as_ref(), &STATES)?;
+    let state = word_of("state", state.as_deref(), &STATES)?;
     let tasks: Vec<&'static dyn TaskSpec> = match &task {
         None => env_core::tasks().collect(),
         Some(id) => vec![env_core::task(id).ok_or_else(|| {
@@ -80,8 +80,8 @@ pub(super) async fn list(
     let page = Page { limit, cursor };
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
-    let wanted = Wanted { task, state, mode: aim, ..Wanted::default() };
-    let rows = layouts::of_all(&mut conn, &wanted, before, limit).await?;
+    let wanted = LayoutFilter { task, state, mode: aim, ..LayoutFilter::default() };
+    let rows = layouts::of_all_runs(&mut conn, &wanted, before, limit).await?;
     Ok(axum::Json(Designs::of(&rows, limit)?))
 }
 
@@ -93,15 +93,15 @@ pub(super) async fn list(
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(layout): Path<String>,
 ) -> Result<axum::Json<Layout>, Problem> {
     let layout: LayoutId = id("layout", &layout)?;
-    let unknown = || TrainingError::UnknownLayout(layout.to_string());
+    let unknown = || ServiceError::UnknownLayout(layout.to_string());
     let mut conn = app.readers.acquire().await?;
     let row = layouts::get(&mut conn, layout.0).await?.ok_or_else(unknown)?;
     let of = row.scenario.as_ref().ok_or_else(unknown)?;
-    let scenario = Loader::default().get(&mut conn, of).await?;
+    let scenario = ScenarioLoader::default().get(&mut conn, of).await?;
     let bracket = brackets::newest(&mut conn, of).await?.ok_or_else(unknown)?;
     Ok(axum::Json(Layout {
         head: DesignHead::of(&row)?,

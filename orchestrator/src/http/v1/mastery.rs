@@ -11,13 +11,13 @@ use super::super::extract::{NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::service::App;
-use crate::store::closings::GroupSums;
-use crate::store::columns::ClaimedSums;
-use crate::store::progress::{self, Stretch};
-use crate::store::sums::Sums;
+use crate::http::state::AppState;
+use crate::store::group_counters::GroupCounters;
+use crate::store::columns::ClaimCounters;
+use crate::store::progress::{self, TaskSpan};
+use crate::store::task_counters::TaskCounters;
 use crate::store::{curriculum, from_json};
-use crate::training::status::{Look, Standing};
+use crate::queries::run_progress::{RunProgress, RunProgressQuery};
 use ::curriculum::{Explanation, Mastery, TaskStatus};
 
 /// Points of a curve over time.
@@ -112,7 +112,7 @@ struct Groups {
 }
 
 impl Groups {
-    fn of<'a>(sums: impl Iterator<Item = &'a GroupSums>) -> Self {
+    fn of<'a>(sums: impl Iterator<Item = &'a GroupCounters>) -> Self {
         let mut groups = sums.fold(Self::default(), |all, sums| Self {
             complete: all.complete + sums.complete,
             partial: all.partial + sums.partial,
@@ -146,7 +146,7 @@ struct Plain {
 }
 
 impl Plain {
-    fn of(sums: &Sums) -> Self {
+    fn of(sums: &TaskCounters) -> Self {
         let over = |sum: f64, n: i64| (n > 0).then(|| sum / n as f64);
         Self {
             episodes: sums.episodes,
@@ -178,8 +178,8 @@ struct ClaimedView {
 }
 
 impl ClaimedView {
-    fn of(sums: &ClaimedSums) -> Self {
-        let ClaimedSums { episodes, score, failed, refused, unproven, expired, .. } = *sums;
+    fn of(sums: &ClaimCounters) -> Self {
+        let ClaimCounters { episodes, score, failed, refused, unproven, expired, .. } = *sums;
         let score = (episodes > 0).then(|| score / episodes as f64);
         Self { episodes, score, failed, refused, unproven, expired }
     }
@@ -196,18 +196,17 @@ impl ClaimedView {
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Masteries>, Problem> {
-    let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
-    let Standing { status, mastery, explanation, sums, designed, claimed, groups, .. } = standing;
+    let standing = app.writer.query(RunProgressQuery { run: run_id(&run)? }).await?;
+    let RunProgress { status, mastery, explanation, sums, designed, claimed, groups, .. } = standing;
     let tasks = status
         .into_iter()
         .map(|status| {
             let of_task = || mastery.iter().filter(|m| m.task == status.task);
-            let plain = |of: &[(String, Sums)]| {
-                let sums = of.iter().find(|(task, _)| *task == status.task);
-                Plain::of(sums.map_or(&Sums::default(), |(_, sums)| sums))
+            let plain = |of: &BTreeMap<String, TaskCounters>| {
+                Plain::of(of.get(&status.task).unwrap_or(&TaskCounters::default()))
             };
             TaskMastery {
                 level: status.level.filter(|_| status.placed),
@@ -221,10 +220,7 @@ pub(super) async fn show(
                 levels: of_task().map(Posterior::of).collect(),
                 plain: plain(&sums),
                 designed: plain(&designed),
-                claimed: {
-                    let sums = claimed.iter().find(|(task, _)| *task == status.task);
-                    ClaimedView::of(sums.map_or(&ClaimedSums::default(), |(_, sums)| sums))
-                },
+                claimed: ClaimedView::of(claimed.get(&status.task).unwrap_or(&ClaimCounters::default())),
                 groups: Groups::of(groups.iter().filter(|sums| sums.task == status.task)),
                 warnings: status.warnings.clone(),
                 task: status.task.clone(),
@@ -262,8 +258,8 @@ struct Point {
     success: f64,
 }
 
-impl From<(String, Stretch)> for Point {
-    fn from((task, s): (String, Stretch)) -> Self {
+impl From<TaskSpan> for Point {
+    fn from(TaskSpan { task, span: s }: TaskSpan) -> Self {
         let levels = s.low.zip(s.high).map(|(low, high)| [low, high]);
         Self { task, at: rfc3339(s.at), levels, n: s.n, success: s.sum / s.n as f64 }
     }
@@ -299,7 +295,7 @@ struct MoveView {
     )
 )]
 pub(super) async fn history(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(page): Query<Page>,
 ) -> Result<axum::Json<History>, Problem> {
@@ -314,7 +310,7 @@ pub(super) async fn history(
             Ok(MoveView {
                 seq: row.seq,
                 task: row.task,
-                kind: row.kind,
+                kind: row.kind.to_string(),
                 from: row.from_level,
                 to: row.to_level,
                 evidence: from_json("a move's evidence", &row.evidence)?,
@@ -347,10 +343,10 @@ pub(super) struct Params {
 )]
 pub(super) async fn params(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Params>, Problem> {
-    let standing = app.writer.change(Look { run: run_id(&run)? }).await?;
+    let standing = app.writer.query(RunProgressQuery { run: run_id(&run)? }).await?;
     let tasks = standing.status.into_iter().map(|s| (s.task, s.params.into_iter().collect())).collect();
     Ok(axum::Json(Params { tasks }))
 }

@@ -36,9 +36,9 @@ use utoipa_axum::routes;
 
 use super::problem::Problem;
 use crate::ids::RunId;
-use crate::service::App;
+use crate::http::state::AppState;
 
-pub(super) fn routes() -> OpenApiRouter<App> {
+pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(runs::create, runs::list))
         .routes(routes!(runs::show, run_change::change))
@@ -98,23 +98,23 @@ pub(super) fn routes() -> OpenApiRouter<App> {
 
 /// Parses a run's id from a path.
 fn run_id(text: &str) -> Result<RunId, Problem> {
-    text.parse().map_err(|error: crate::ids::BadId| {
+    text.parse().map_err(|error: crate::ids::InvalidId| {
         Problem::new(axum::http::StatusCode::BAD_REQUEST, "bad_id", error.to_string()).at("run")
     })
 }
 
 /// A connection that reads, where the run exists.
-async fn reader_of(app: &App, run: &RunId) -> Result<sqlx::pool::PoolConnection<sqlx::Sqlite>, Problem> {
+async fn reader_of(app: &AppState, run: &RunId) -> Result<sqlx::pool::PoolConnection<sqlx::Sqlite>, Problem> {
     let mut conn = app.readers.acquire().await?;
     match crate::store::runs::get(&mut conn, run.as_str()).await? {
         Some(_) => Ok(conn),
-        None => Err(crate::training::TrainingError::UnknownRun(run.to_string()).into()),
+        None => Err(crate::engine::error::ServiceError::UnknownRun(run.to_string()).into()),
     }
 }
 
 /// Parses any id from a path.
-fn id<T: std::str::FromStr<Err = crate::ids::BadId>>(field: &str, text: &str) -> Result<T, Problem> {
-    text.parse().map_err(|error: crate::ids::BadId| {
+fn id<T: std::str::FromStr<Err = crate::ids::InvalidId>>(field: &str, text: &str) -> Result<T, Problem> {
+    text.parse().map_err(|error: crate::ids::InvalidId| {
         Problem::new(axum::http::StatusCode::BAD_REQUEST, "bad_id", error.to_string()).at(field)
     })
 }

@@ -8,11 +8,11 @@ use super::super::extract::{NoQuery, Path};
 use super::super::problem::Problem;
 use super::{reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::service::App;
-use crate::store::history::{self, MINUTE, Point, Window};
+use crate::http::state::AppState;
+use crate::store::history::{self, MINUTE, HistoryPoint, HistoryWindow};
 use crate::store::{events, overview, runs};
-use crate::training::TrainingError;
-use crate::training::status::{Glance, Glanced};
+use crate::engine::error::ServiceError;
+use crate::queries::task_levels::{TaskLevel, TaskLevelsQuery};
 
 /// Points of the curve of skill.
 const POINTS: i64 = 60;
@@ -73,25 +73,25 @@ struct Last {
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Overview>, Problem> {
     let run = run_id(&run)?;
     let mut conn = reader_of(&app, &run).await?;
     let now = app.clock.now();
     let row = runs::get(&mut conn, run.as_str()).await?;
-    let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+    let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let (from, recent) = (row.created_at, now - PACE_MINUTES * MINUTE);
-    let window = Window::of((from, now.max(from + POINTS * MINUTE)), POINTS, now);
+    let window = HistoryWindow::new(from, now.max(from + POINTS * MINUTE), POINTS, now);
     let points = history::curve(&mut conn, run.as_str(), window).await?;
-    let lately = Window::of((recent, now), PACE_MINUTES, now);
+    let lately = HistoryWindow::new(recent, now, PACE_MINUTES, now);
     let pace = history::curve(&mut conn, run.as_str(), lately).await?;
-    let came: i64 = pace.iter().map(|point| point.part.episodes + point.part.claimed).sum();
+    let came: i64 = pace.iter().map(|point| point.bucket.episodes + point.bucket.claimed).sum();
     // Since the first of these minutes began, not since so long ago.
     let over = (now - lately.from.max(from)).max(1000) as f64 / 1000.0;
     let counts = overview::counts(&mut conn, run.as_str()).await?;
     let last = events::last(&mut conn, run.as_str()).await?;
-    let tasks = app.writer.change(Glance { run: run.clone() }).await?;
+    let tasks = app.writer.query(TaskLevelsQuery { run: run.clone() }).await?;
     Ok(axum::Json(Overview {
         run: run.to_string(),
         episodes: counts.episodes,
@@ -101,12 +101,12 @@ pub(super) async fn show(
         proposed: counts.proposed,
         tasks: tasks.into_iter().map(TaskGlance::of).collect(),
         skill: skill(&points, window, now),
-        last: last.map(|(kind, at)| Last { kind, at: rfc3339(at) }),
+        last: last.map(|last| Last { kind: last.kind.to_string(), at: rfc3339(last.at) }),
     }))
 }
 
 impl TaskGlance {
-    fn of(Glanced { task, level, mastery }: Glanced) -> Self {
+    fn of(TaskLevel { task, level, mastery }: TaskLevel) -> Self {
         let known = mastery.as_ref();
         Self {
             task,
@@ -119,14 +119,14 @@ impl TaskGlance {
 }
 
 /// Mean skill of all tasks in each bucket of a window, as far as it has come.
-fn skill(points: &[Point], window: Window, now: i64) -> Vec<Option<f64>> {
+fn skill(points: &[HistoryPoint], window: HistoryWindow, now: i64) -> Vec<Option<f64>> {
     let parts =
         usize::try_from((now - window.from) / window.width + 1).unwrap_or_default().min(POINTS as usize + 1);
     let mut sums = vec![(0.0, 0_i64); parts];
-    for Point { start, part, .. } in points {
+    for HistoryPoint { start, bucket, .. } in points {
         let at = usize::try_from((start - window.from) / window.width).unwrap_or_default();
         if let Some(sum) = sums.get_mut(at) {
-            *sum = (sum.0 + part.skill, sum.1 + part.skilled);
+            *sum = (sum.0 + bucket.skill, sum.1 + bucket.skilled);
         }
     }
     sums.into_iter().map(|(sum, n)| (n > 0).then(|| sum / n as f64)).collect()

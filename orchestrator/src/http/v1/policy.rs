@@ -9,11 +9,12 @@ use super::super::problem::Problem;
 use super::{reader_of, run_id};
 use crate::clock::rfc3339;
 use crate::ids::RunId;
-use crate::service::App;
-use crate::store::{policies, trajectories};
-use crate::training::rollout::feed::MOST_WAITING;
-use crate::training::rollout::settings::{CHAT, OFF, PutPolicy};
-use crate::training::rollout::{PolicySettings, PolicyWish};
+use crate::http::state::AppState;
+use crate::store::run_policies::{self, RunPolicy, TokenCounts};
+use crate::store::trajectories;
+use crate::rollouts::feed::MOST_WAITING;
+use crate::rollouts::settings::PutPolicy;
+use crate::rollouts::{PolicySettings, PolicyRequest};
 
 /// The policy of a run, and how it goes.
 #[derive(Serialize, ToSchema)]
@@ -76,7 +77,7 @@ struct TroubleView {
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<PolicyView>, Problem> {
     Ok(axum::Json(look(&app, &run_id(&run)?).await?))
@@ -85,7 +86,7 @@ pub(super) async fn show(
 /// Set the policy of a run: which the server's workers fly for it, into its feed. `chat` asks the language model that the
 /// server was started with; no request can name another.
 #[utoipa::path(
-    put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyWish,
+    put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyRequest,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = PolicyView), (status = 400, body = Problem), (status = 404, body = Problem),
@@ -96,9 +97,9 @@ pub(super) async fn show(
 )]
 pub(super) async fn put(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
-    Json(wish): Json<PolicyWish>,
+    Json(wish): Json<PolicyRequest>,
 ) -> Result<axum::Json<PolicyView>, Problem> {
     let run = run_id(&run)?;
     drop(reader_of(&app, &run).await?); // of a run that is not there nothing else is wrong
@@ -107,22 +108,22 @@ pub(super) async fn put(
     Ok(axum::Json(look(&app, &run).await?))
 }
 
-async fn look(app: &App, run: &RunId) -> Result<PolicyView, Problem> {
+async fn look(app: &AppState, run: &RunId) -> Result<PolicyView, Problem> {
     let mut conn = reader_of(app, run).await?;
-    let row = policies::get(&mut conn, run.as_str()).await?;
+    let row = run_policies::get(&mut conn, run.as_str()).await?;
     let settings = row.as_ref().map(PolicySettings::of).transpose()?.unwrap_or_default();
-    let (tokens_in, tokens_out) = policies::tokens(&mut conn, run.as_str()).await?;
-    let feed = trajectories::standing(&mut conn, run.as_str(), app.clock.now()).await?;
+    let TokenCounts { tokens_in, tokens_out } = run_policies::tokens(&mut conn, run.as_str()).await?;
+    let feed = trajectories::counts(&mut conn, run.as_str(), app.clock.now()).await?;
     let unacked = feed.waiting + feed.delivered;
-    let policy = row.as_ref().map_or(OFF, |row| &row.policy).to_owned();
-    let model = app.endpoint.as_ref().filter(|_| policy == CHAT).map(|e| e.llm.config().model.clone());
+    let policy = row.as_ref().map_or(RunPolicy::Off, |row| row.policy.clone());
+    let model = app.endpoint.as_ref().filter(|_| policy == RunPolicy::Chat).map(|e| e.llm.config().model.clone());
     let trouble = row.as_ref().and_then(|row| {
         Some(TroubleView { words: row.trouble.clone()?, at: rfc3339(row.trouble_at.unwrap_or_default()) })
     });
     let (groups, episodes, failed) =
         row.as_ref().map_or((0, 0, 0), |row| (row.groups, row.episodes, row.failed));
     Ok(PolicyView {
-        policy,
+        policy: policy.to_string(),
         version: row.as_ref().map_or(0, |row| row.version),
         model,
         changed_at: row.as_ref().map(|row| rfc3339(row.changed_at)),

@@ -1,7 +1,7 @@
 //! Results: batches of finished and failed episodes.
 
 use axum::extract::{Request, State};
-use env_core::Stopped;
+use env_core::StopReason;
 use env_core::log::Precision;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -11,13 +11,15 @@ use super::super::extract::{Bytes, Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::super::room::aside;
 use super::run_id;
-use crate::reading;
-use crate::service::App;
+use crate::input;
+use crate::http::state::AppState;
 use crate::store::to_json;
-use crate::training::audit::{Claim, Claimed};
-use crate::training::ended::{Ended, GroupEnd, Refill};
-use crate::training::receipt::Receipt;
-use curriculum::Move;
+use crate::results::refusal::{Refusal, RefusalCode};
+use crate::results::report::ReportReceipts;
+use crate::results::reported::{ReportedEpisode, ReportedOutcome};
+use crate::results::report_summary::{ReportSummary, ClosedGroup, RefilledGroups};
+use crate::results::receipt::Receipt;
+use curriculum::LevelMove;
 
 /// Most results of a batch.
 const MAX_RESULTS: usize = 5000;
@@ -105,7 +107,7 @@ impl From<PrecisionWord> for Precision {
     }
 }
 
-impl From<StoppedWord> for Stopped {
+impl From<StoppedWord> for StopReason {
     fn from(word: StoppedWord) -> Self {
         match word {
             StoppedWord::Unparsable => Self::Unparsable,
@@ -149,11 +151,11 @@ pub(super) struct Receipts {
     results: Vec<Receipt>,
     /// Level moves that these results caused.
     #[schema(value_type = Vec<Object>)]
-    moves: Vec<Move>,
+    moves: Vec<LevelMove>,
     /// Groups that these results closed.
-    groups: Vec<GroupEnd>,
+    groups: Vec<ClosedGroup>,
     /// Groups that leases were given in place of those whose episodes all have the same score (`refill`).
-    refills: Vec<Refill>,
+    refills: Vec<RefilledGroups>,
 }
 
 /// Report results. Idempotent: what was reported before is answered as before and counts once. Each result gets its own
@@ -170,20 +172,20 @@ pub(super) struct Receipts {
 )]
 pub(super) async fn report(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     request: Request,
 ) -> Result<axum::Json<Receipts>, Problem> {
     let run = run_id(&run)?;
     let (body, _room) = app.room.body(request).await?;
     let (policy_version, claims) = aside(move || claims(body)).await?;
-    let (results, ended) = app.desk.report(run, policy_version, claims).await?;
-    let Ended { moves, groups, refills } = ended;
+    let ReportReceipts { receipts: results, summary } = app.desk.submit_results(run, policy_version, claims).await?;
+    let ReportSummary { moves, groups, refills } = summary;
     Ok(axum::Json(Receipts { results, moves, groups, refills }))
 }
 
 /// What a body claims, and the policy version it names.
-fn claims(body: Bytes) -> Result<(Option<u32>, Vec<Claim>), Problem> {
+fn claims(body: Bytes) -> Result<(Option<u32>, Vec<ReportedEpisode>), Problem> {
     let Json(body) = Json::<Results>::of(body)?;
     if body.results.len() > MAX_RESULTS {
         let detail = format!("{} results; at most {MAX_RESULTS} are taken at a time", body.results.len());
@@ -194,36 +196,36 @@ fn claims(body: Bytes) -> Result<(Option<u32>, Vec<Claim>), Problem> {
 }
 
 /// One result. What is wrong with it is its own affair as long as it says of which episode it is.
-fn claim((at, value): (usize, Value)) -> Result<Claim, Problem> {
+fn claim((at, value): (usize, Value)) -> Result<ReportedEpisode, Problem> {
     let episode = value.get("episode").and_then(Value::as_str).map(str::to_owned);
-    match (reading::read(value), episode) {
+    match (input::from_value(value), episode) {
         (Ok(item), _) => claimed(item),
         (Err(fault), Some(episode)) => {
-            let detail = format!("{}: {}", fault.field, fault.words);
-            let what = Claimed::Refused { code: "invalid_result", detail };
-            Ok(Claim { episode, what, policy_version: None, metrics: None })
+            let detail = format!("{}: {}", fault.field, fault.reason);
+            let outcome = ReportedOutcome::Refused(Refusal::new(RefusalCode::InvalidResult, detail));
+            Ok(ReportedEpisode { episode, outcome, policy_version: None, metrics: None })
         }
         (Err(fault), None) => {
             let dot = if fault.field.is_empty() { "" } else { "." };
-            Err(Problem::invalid(format!("results.{at}{dot}{}", fault.field), fault.words))
+            Err(Problem::invalid(format!("results.{at}{dot}{}", fault.field), fault.reason))
         }
     }
 }
 
-fn claimed(item: ResultItem) -> Result<Claim, Problem> {
-    let refused = |why: &str| Claimed::Refused { code: "invalid_log", detail: format!("actions: {why}") };
-    let what = match (item.status, item.actions) {
-        (Status::Finished, Some(actions)) => Claimed::Finished {
+fn claimed(item: ResultItem) -> Result<ReportedEpisode, Problem> {
+    let refused = |why: &str| ReportedOutcome::Refused(Refusal::new(RefusalCode::InvalidLog, format!("actions: {why}")));
+    let outcome = match (item.status, item.actions) {
+        (Status::Finished, Some(actions)) => ReportedOutcome::Finished {
             steps: actions.steps,
             precision: actions.precision.into(),
             stopped: actions.stopped.map(Into::into),
         },
         (Status::Finished, None) => refused("a finished episode needs them"),
         (Status::Failed, None) => {
-            Claimed::Failed { reason: item.reason.unwrap_or_default().chars().take(MAX_REASON).collect() }
+            ReportedOutcome::Failed { reason: item.reason.unwrap_or_default().chars().take(MAX_REASON).collect() }
         }
         (Status::Failed, Some(_)) => refused("a failed episode has none that count; leave them out"),
     };
     let metrics = item.metrics.map(|m| to_json(&m)).transpose()?;
-    Ok(Claim { episode: item.episode, what, policy_version: item.policy_version, metrics })
+    Ok(ReportedEpisode { episode: item.episode, outcome, policy_version: item.policy_version, metrics })
 }

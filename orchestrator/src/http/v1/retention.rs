@@ -6,14 +6,14 @@ use super::super::extract::{Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::run_id;
 use super::runs::Run;
-use crate::service::App;
-use crate::training::settings::RetentionWish;
-use crate::training::standing::SetRetention;
+use crate::http::state::AppState;
+use crate::runs::settings::RetentionRequest;
+use crate::runs::run_status::SetRetention;
 
 /// Set what a run keeps whole; what is left out stays as it is. A smaller number takes effect within seconds, and what it lets
 /// go does not come back.
 #[utoipa::path(
-    put, path = "/runs/{run}/retention", tag = "runs", request_body = RetentionWish,
+    put, path = "/runs/{run}/retention", tag = "runs", request_body = RetentionRequest,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
@@ -23,9 +23,9 @@ use crate::training::standing::SetRetention;
 )]
 pub(super) async fn put(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
-    Json(wish): Json<RetentionWish>,
+    Json(wish): Json<RetentionRequest>,
 ) -> Result<axum::Json<Run>, Problem> {
     let change = SetRetention { run: run_id(&run)?, wish };
     Ok(axum::Json(Run::of(app.writer.change(change).await?)?))

@@ -6,8 +6,8 @@ use super::super::extract::{Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::run_id;
 use super::runs::Run;
-use crate::service::App;
-use crate::training::change_run::{ChangeRun, RunChange};
+use crate::http::state::AppState;
+use crate::runs::change_run::{ChangeRun, RunChange};
 
 /// Change what a run is told; what is left out stays as it is. Tasks keep their level and mastery unless their table or physics
 /// change; under another strategy they keep their mastery, and the strategy starts afresh. What was proposed before and is leased
@@ -23,7 +23,7 @@ use crate::training::change_run::{ChangeRun, RunChange};
 )]
 pub(super) async fn change(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Json(wish): Json<RunChange>,
 ) -> Result<axum::Json<Run>, Problem> {

@@ -9,8 +9,9 @@ use super::super::extract::{Path, Query};
 use super::super::problem::Problem;
 use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::service::App;
-use crate::store::{from_json, runs};
+use crate::http::state::AppState;
+use crate::store::from_json;
+use crate::store::runs::{self, SettingsRow};
 
 /// A page of settings.
 #[derive(Serialize, ToSchema)]
@@ -43,16 +44,16 @@ struct Settings {
     )
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(page): Query<Page>,
 ) -> Result<axum::Json<Told>, Problem> {
     let (run, limit) = (run_id(&run)?, page.limit()?);
     let mut conn = reader_of(&app, &run).await?;
     let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
-    let rows = runs::told(&mut conn, run.as_str(), before, limit).await?;
-    let next = next(rows.len(), limit, rows.last().map(|row| (row.0, "")));
-    let settings = rows.into_iter().map(|(nth, at, settings)| {
+    let rows = runs::settings_history(&mut conn, run.as_str(), before, limit).await?;
+    let next = next(rows.len(), limit, rows.last().map(|row| (row.nth, "")));
+    let settings = rows.into_iter().map(|SettingsRow { nth, at, settings }| {
         Ok(Settings { nth, at: rfc3339(at), settings: from_json("a run's settings", &settings)? })
     });
     Ok(axum::Json(Told { settings: settings.collect::<Result<_, Problem>>()?, next }))

@@ -14,15 +14,15 @@ use super::{Page, next, run_id};
 use crate::clock::rfc3339;
 use crate::ids::LeaseId;
 use crate::judging::Judge;
-use crate::service::App;
-use crate::store::marks::{self, MarkRow};
-use crate::store::runs::RunRow;
-use crate::store::{from_json, runs, unsigned};
-use crate::training::RunSettings;
-use crate::training::TrainingError;
-use crate::training::create_run::CreateRun;
-use crate::training::settings::RunWish;
-use crate::training::standing::{Course, SetCourse, SetNewest};
+use crate::http::state::AppState;
+use crate::store::run_warnings::{self, RunWarningRow, RunWarnings};
+use crate::store::runs::{self, RunCursor, RunRow};
+use crate::store::{from_json, to_u64};
+use crate::runs::settings::RunSettings;
+use crate::engine::error::ServiceError;
+use crate::runs::create_run::CreateRun;
+use crate::runs::settings::RunRequest;
+use crate::runs::run_status::{RunAction, SetRunStatus, SetPolicyVersion};
 
 /// A run.
 #[derive(Serialize, ToSchema)]
@@ -52,8 +52,8 @@ impl Run {
             settings: from_json("a run's settings", &row.settings)?,
             id: row.id,
             name: row.name,
-            seed: unsigned(row.seed),
-            status: row.status,
+            seed: to_u64(row.seed),
+            status: row.status.to_string(),
             created_at: rfc3339(row.created_at),
             archived_at: row.archived_at.map(rfc3339),
             policy_version: row.policy_version,
@@ -98,10 +98,10 @@ struct Mark {
 /// Marks that are shown.
 const MARKS: i64 = 20;
 
-impl From<MarkRow> for Mark {
-    fn from(row: MarkRow) -> Self {
+impl From<RunWarningRow> for Mark {
+    fn from(row: RunWarningRow) -> Self {
         let lease = row.lease.zip(row.token).map(|(number, token)| LeaseId { number, token }.to_string());
-        Self { kind: row.kind, lease, words: row.words, at: rfc3339(row.at) }
+        Self { kind: row.kind.to_string(), lease, words: row.words, at: rfc3339(row.at) }
     }
 }
 
@@ -116,7 +116,7 @@ pub(super) struct Runs {
 
 /// Create a run. Everything may be left out: `{}` is a ladder over the tasks of the first world.
 #[utoipa::path(
-    post, path = "/runs", tag = "runs", request_body = RunWish,
+    post, path = "/runs", tag = "runs", request_body = RunRequest,
     responses(
         (status = 201, body = Run),
         (status = 400, body = Problem), (status = 409, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
@@ -126,13 +126,13 @@ pub(super) struct Runs {
 )]
 pub(super) async fn create(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
-    Json(wish): Json<RunWish>,
+    Json(wish): Json<RunRequest>,
 ) -> Result<(StatusCode, axum::Json<Run>), Problem> {
     if wish.judge == Some(Judge::Llm) && !app.judges.has_model() {
         let reason = "this server has no language model that judges; serve with --judge-url or --llm-url";
-        return Err(TrainingError::Invalid { field: "judge".to_owned(), reason: reason.to_owned() }.into());
+        return Err(ServiceError::Invalid { field: "judge".to_owned(), reason: reason.to_owned() }.into());
     }
     let row = app.writer.change(CreateRun::read(&wish)?.of(caller.owns(app.each.runs))).await?;
     tracing::info!(run = %row.id, "A run was created.");
@@ -159,13 +159,14 @@ pub(super) struct Which {
     responses((status = 200, body = Runs), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Query(which): Query<Which>,
 ) -> Result<axum::Json<Runs>, Problem> {
     let page = Page { limit: which.limit, cursor: which.cursor };
     let limit = page.limit()?;
     let mut conn = app.readers.acquire().await?;
-    let rows = runs::page(&mut conn, page.cursor()?, which.archived, limit).await?;
+    let (created_at, id) = page.cursor()?;
+    let rows = runs::page(&mut conn, RunCursor { created_at, id }, which.archived, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.created_at, row.id.as_str())));
     Ok(axum::Json(Runs { runs: rows.into_iter().map(Run::of).collect::<Result<_, _>>()?, next }))
 }
@@ -177,15 +178,15 @@ pub(super) async fn list(
 )]
 pub(super) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunNow>, Problem> {
     let run = run_id(&run)?;
     let mut conn = app.readers.acquire().await?;
     let row = runs::get(&mut conn, run.as_str()).await?;
-    let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+    let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let critique = Backlog::look(&mut conn, &run).await?;
-    let (count, newest) = marks::newest(&mut conn, run.as_str(), MARKS).await?;
+    let RunWarnings { count, newest } = run_warnings::newest(&mut conn, run.as_str(), MARKS).await?;
     let marks = Marks { count, newest: newest.into_iter().map(Mark::from).collect() };
     Ok(axum::Json(RunNow { run: Run::of(row)?, critique, marks }))
 }
@@ -201,10 +202,10 @@ pub(super) async fn show(
 )]
 pub(super) async fn pause(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
-    steer(&app, &run, Course::Pause).await
+    steer(&app, &run, RunAction::Pause).await
 }
 
 /// Archive a run: it is paused, and left out of lists unless those that are archived are asked for. Resuming brings it back.
@@ -218,10 +219,10 @@ pub(super) async fn pause(
 )]
 pub(super) async fn archive(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
-    steer(&app, &run, Course::Archive).await
+    steer(&app, &run, RunAction::Archive).await
 }
 
 /// Resume a run that is paused or archived.
@@ -235,10 +236,10 @@ pub(super) async fn archive(
 )]
 pub(super) async fn resume(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
-    steer(&app, &run, Course::Resume).await
+    steer(&app, &run, RunAction::Resume).await
 }
 
 /// The newest policy version as it should be.
@@ -262,15 +263,15 @@ pub(super) struct Newest {
 )]
 pub(super) async fn set_newest(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Json(wish): Json<Newest>,
 ) -> Result<axum::Json<Run>, Problem> {
-    let change = SetNewest { run: run_id(&run)?, policy_version: wish.policy_version };
+    let change = SetPolicyVersion { run: run_id(&run)?, policy_version: wish.policy_version };
     Ok(axum::Json(Run::of(app.writer.change(change).await?)?))
 }
 
-async fn steer(app: &App, run: &str, course: Course) -> Result<axum::Json<Run>, Problem> {
-    let row = app.writer.change(SetCourse { run: run_id(run)?, course }).await?;
+async fn steer(app: &AppState, run: &str, course: RunAction) -> Result<axum::Json<Run>, Problem> {
+    let row = app.writer.change(SetRunStatus { run: run_id(run)?, course }).await?;
     Ok(axum::Json(Run::of(row)?))
 }

@@ -1,9 +1,10 @@
 //! Scenarios by hand: validate, bracket, replay, and criticise.
 
 use axum::extract::State;
-use env_core::bracket::{SuccessRule, admit_while, success};
+use env_core::admission::{SuccessRule, admit_while, is_success};
 use env_core::log::Precision;
-use env_core::rollout::{ReplayError, read_log, replay};
+use env_core::error::ReplayError;
+use env_core::rollout::{read_log, replay};
 use env_core::{ActionLog, Scenario, Seed, SeedSpace};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -13,10 +14,10 @@ use super::super::extract::{Json, NoQuery, read};
 use super::super::problem::Problem;
 use super::critique::CritiqueView;
 use super::results::Actions;
-use crate::frames::{MOST_BYTES, Show, frames};
-use crate::service::App;
-use crate::store::brackets::StoredFlown;
-use crate::training::BracketView;
+use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
+use crate::http::state::AppState;
+use crate::store::brackets::StoredOutcome;
+use crate::leases::bracket_view::BracketView;
 
 /// A scenario to look at, and actions to fly on it.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -69,7 +70,7 @@ pub(super) struct Checked {
 struct Judged {
     /// The flight.
     #[serde(flatten)]
-    flown: StoredFlown,
+    flown: StoredOutcome,
     /// Against floor and reference.
     skill: Option<f64>,
     /// By the task's own rule.
@@ -87,7 +88,7 @@ struct Judged {
 )]
 pub(super) async fn check(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Json(body): Json<Value>,
 ) -> Result<axum::Json<Checked>, Problem> {
     let wish = wish(body)?;
@@ -121,7 +122,7 @@ pub(super) fn refuse(under: &str, error: ReplayError) -> Problem {
             Problem::invalid(error.field().to_owned(), error.to_string())
         }
         ReplayError::Log(error) => {
-            Problem::invalid(format!("{under}.{}", error.field()), error.under(under).to_string())
+            Problem::invalid(format!("{under}.{}", error.field()), error.with_parent(under).to_string())
         }
     }
 }
@@ -152,14 +153,14 @@ fn judge(
         let flown = replay(scenario, &log).map_err(|error| refuse("actions", error))?;
         judged = Some(Judged {
             skill: bracket.skill(flown.score),
-            success: success(scenario, SuccessRule::Task, bracket, &flown),
+            success: is_success(scenario, SuccessRule::Task, bracket, &flown),
             flown: flown.into(),
         });
         let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse("actions", error))?;
         critique = Some(CritiqueView::of(scenario, shown));
     }
     let frames = (telemetry && admission.fair.is_ok())
-        .then(|| frames(scenario, &log, Show::Telemetry, MOST_BYTES))
+        .then(|| frames(scenario, &log, FrameContent::Telemetry, FrameRange::all(MAX_FRAME_BYTES)))
         .transpose()
         .map_err(|error| Problem::invalid("telemetry", error.to_string()))?;
     Ok(Checked {

@@ -10,10 +10,10 @@ use super::super::extract::{Path, Query};
 use super::super::problem::Problem;
 use super::{reader_of, run_id};
 use crate::clock::{Millis, rfc3339};
-use crate::service::App;
-use crate::store::history::{self, Part, Point, Window};
+use crate::http::state::AppState;
+use crate::store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
 use crate::store::runs;
-use crate::training::history::{StandingNow, bring_up};
+use crate::queries::standing::{CurrentStanding, update_last_points};
 
 /// Points of a curve unless told.
 const POINTS: u32 = 300;
@@ -101,9 +101,9 @@ struct ParamSeries {
 }
 
 impl TaskSeries {
-    fn push(&mut self, start: Millis, part: &Part) {
+    fn push(&mut self, start: Millis, part: &HistoryBucket) {
         let over = |sum: f64, n: i64| (n > 0).then(|| sum / n as f64);
-        let standing = part.standing;
+        let standing = part.mastery;
         self.at.push(start.div_euclid(1000));
         self.episodes.push(part.episodes);
         self.claimed.push(part.claimed);
@@ -125,7 +125,7 @@ impl TaskSeries {
     }
 
     /// Every param has a value or none at every point, those that appear late too.
-    fn push_params(&mut self, part: &Part) {
+    fn push_params(&mut self, part: &HistoryBucket) {
         let before = self.at.len() - 1;
         for name in part.params.keys() {
             self.params.entry(name.clone()).or_insert_with(|| ParamSeries {
@@ -145,21 +145,21 @@ impl TaskSeries {
 
 /// Stretches in which nothing came have a point at their beginning and at their end: a line between what came before and after would claim
 /// what was not.
-fn by_task(points: Vec<Point>, width: Millis) -> Vec<TaskSeries> {
+fn by_task(points: Vec<HistoryPoint>, width: Millis) -> Vec<TaskSeries> {
     let mut tasks = Vec::<TaskSeries>::new();
-    for Point { task, start, part } in points {
+    for HistoryPoint { task, start, bucket } in points {
         if tasks.last().is_none_or(|last| last.task != task) {
             tasks.push(TaskSeries { task, ..TaskSeries::default() });
         }
         if let Some(last) = tasks.last_mut() {
             let quiet = last.at.last().map(|at| (at * 1000 + width, start - width));
             if let Some((begun, ended)) = quiet.filter(|(begun, ended)| begun <= ended) {
-                last.push(begun, &Part::default());
+                last.push(begun, &HistoryBucket::default());
                 if begun < ended {
-                    last.push(ended, &Part::default());
+                    last.push(ended, &HistoryBucket::default());
                 }
             }
-            last.push(start, &part);
+            last.push(start, &bucket);
         }
     }
     tasks
@@ -184,7 +184,7 @@ fn moment(field: &'static str, text: Option<&String>, unless_told: Millis) -> Re
     )
 )]
 pub(super) async fn show(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(which): Query<Which>,
 ) -> Result<axum::Json<Series>, Problem> {
@@ -200,10 +200,10 @@ pub(super) async fn show(
     if !(1..=MOST).contains(&points) {
         return Err(Problem::invalid("points", format!("is {points}, but must be from 1 to {MOST}")));
     }
-    let window = Window::of((from, to), i64::from(points), now);
+    let window = HistoryWindow::new(from, to, i64::from(points), now);
     let mut points = history::curve(&mut conn, run.as_str(), window).await?;
     if to >= now {
-        bring_up(&mut points, &app.writer.change(StandingNow { run }).await?);
+        update_last_points(&mut points, &app.writer.query(CurrentStanding { run }).await?);
     }
     let tasks = by_task(points, window.width);
     Ok(axum::Json(Series {

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 
 use super::super::extract::NoQuery;
 use super::super::problem::Problem;
-use curriculum::{Hyper, StrategyKind};
+use curriculum::{Hyperparameter, StrategyKind};
 
 /// All strategies.
 #[derive(Serialize, ToSchema)]
@@ -38,16 +38,16 @@ struct Setting {
     /// What it takes, in words.
     takes: String,
     /// What it is unless told.
-    #[schema(schema_with = crate::training::setting_form::setting)]
+    #[schema(schema_with = crate::runs::settings_schema::setting)]
     default: Value,
     /// Where that comes from.
     source: &'static str,
 }
 
 impl Setting {
-    fn of(hyper: &Hyper) -> Self {
-        let Hyper { name, range, about, source } = *hyper;
-        Self { name, about, takes: range.wanted(), default: range.standard(), source }
+    fn of(hyper: &Hyperparameter) -> Self {
+        let Hyperparameter { name, range, description: about, source } = *hyper;
+        Self { name, about, takes: range.expectation(), default: range.default_json(), source }
     }
 }
 
@@ -58,10 +58,10 @@ impl Setting {
 )]
 pub(super) async fn list(_: NoQuery) -> Result<axum::Json<Strategies>, Problem> {
     let of = |kind: StrategyKind| Strategy {
-        name: kind.word(),
-        about: kind.about(),
-        columns: !kind.returns(),
-        settings: kind.hypers().iter().map(Setting::of).collect(),
+        name: kind.name(),
+        about: kind.description(),
+        columns: !kind.replays_scenarios(),
+        settings: kind.hyperparameters().iter().map(Setting::of).collect(),
     };
     Ok(axum::Json(Strategies { strategies: StrategyKind::ALL.into_iter().map(of).collect() }))
 }

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 use super::super::extract::NoQuery;
 use super::super::problem::Problem;
 use super::super::room::aside;
-use crate::evaluation::suite::file::{BUILT_IN, DEFAULT, built_in};
+use crate::evaluation::suite::file::{BUILT_IN_SUITES, DEFAULT_SUITE, built_in};
 
 /// All suites.
 #[derive(Serialize, ToSchema)]
@@ -39,8 +39,8 @@ struct SuiteView {
 )]
 pub(super) async fn list(_: NoQuery) -> Result<axum::Json<Suites>, Problem> {
     // Read once, on first use: a moment's work that must not stand in others' way.
-    let suites = aside(|| Ok(BUILT_IN.iter().filter_map(|(name, _)| view(name)).collect())).await?;
-    Ok(axum::Json(Suites { usual: DEFAULT, suites }))
+    let suites = aside(|| Ok(BUILT_IN_SUITES.iter().filter_map(|suite| view(suite.name)).collect())).await?;
+    Ok(axum::Json(Suites { usual: DEFAULT_SUITE, suites }))
 }
 
 fn view(name: &'static str) -> Option<SuiteView> {

@@ -1,6 +1,6 @@
 //! Tasks: parameter spaces, options, levels, actions, policies, failure modes.
 
-use env_core::critique::{ModeSpec, SpeedBands};
+use env_core::critique::{FailureModeSpec, SpeedBands};
 use env_core::policy::PolicySpec;
 use env_core::space::{ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
 use env_core::{Recipe, TaskSpec};
@@ -52,7 +52,7 @@ struct Task {
     reflex: &'static [&'static str],
     /// Why an episode can lose score.
     #[schema(value_type = Vec<Object>)]
-    failure_modes: &'static [ModeSpec],
+    failure_modes: &'static [FailureModeSpec],
     /// How relative speeds are sorted: the upper edges of all bands but the last.
     #[schema(value_type = Object)]
     speed_bands: SpeedBands,

@@ -8,10 +8,10 @@ use super::super::extract::{Json, NoQuery, Path, Query};
 use super::super::problem::Problem;
 use super::{Page, next, reader_of, run_id};
 use crate::clock::rfc3339;
-use crate::service::App;
+use crate::http::state::AppState;
 use crate::store::runs;
-use crate::store::versions::{self, VersionRow, VersionSums};
-use crate::training::version::{PutVersion, VersionWish};
+use crate::store::policy_versions::{self, PolicyVersionRow, VersionResult};
+use crate::runs::policy_version::{DescribeVersion, VersionRequest};
 
 /// A version of a run's policy.
 #[derive(Serialize, ToSchema)]
@@ -49,9 +49,9 @@ struct VersionTask {
     last_at: String,
 }
 
-impl From<VersionSums> for VersionTask {
-    fn from(sums: VersionSums) -> Self {
-        let VersionSums { task, episodes, successes, score, first_at, last_at, .. } = sums;
+impl From<VersionResult> for VersionTask {
+    fn from(sums: VersionResult) -> Self {
+        let VersionResult { task, episodes, successes, score, first_at, last_at, .. } = sums;
         let over = episodes.max(1) as f64;
         Self {
             task,
@@ -74,7 +74,7 @@ pub(super) struct Versions {
     next: Option<String>,
 }
 
-fn version(number: i64, newest: i64, told: Option<VersionRow>, sums: Vec<VersionSums>) -> Version {
+fn version(number: i64, newest: i64, told: Option<PolicyVersionRow>, sums: Vec<VersionResult>) -> Version {
     let told_at = told.as_ref().map(|row| rfc3339(row.at));
     let (checkpoint, notes) = told.map_or((None, None), |row| (row.checkpoint, row.notes));
     let tasks = sums.into_iter().map(VersionTask::from).collect();
@@ -92,7 +92,7 @@ fn version(number: i64, newest: i64, told: Option<VersionRow>, sums: Vec<Version
     )
 )]
 pub(super) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(page): Query<Page>,
 ) -> Result<axum::Json<Versions>, Problem> {
@@ -100,10 +100,10 @@ pub(super) async fn list(
     let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
     let mut conn = reader_of(&app, &run).await?;
     let newest = runs::get(&mut conn, run.as_str()).await?.map_or(0, |row| row.policy_version);
-    let numbers = versions::below(&mut conn, run.as_str(), before, limit).await?;
-    let range = (numbers.last().copied().unwrap_or(0), numbers.first().copied().unwrap_or(0));
-    let told = versions::told(&mut conn, run.as_str(), range).await?;
-    let sums = versions::sums(&mut conn, run.as_str(), range).await?;
+    let numbers = policy_versions::known(&mut conn, run.as_str(), before, limit).await?;
+    let (from, to) = (numbers.last().copied().unwrap_or(0), numbers.first().copied().unwrap_or(0));
+    let told = policy_versions::descriptions(&mut conn, run.as_str(), from, to).await?;
+    let sums = policy_versions::results(&mut conn, run.as_str(), from, to).await?;
     let next = next(numbers.len(), limit, numbers.last().map(|number| (*number, "")));
     let of = |number: &i64| {
         let told = told.iter().find(|row| row.version == *number).cloned();
@@ -116,7 +116,7 @@ pub(super) async fn list(
 /// Tell of a version of the run's policy: where its weights are, and what else should be known. Telling again replaces what was
 /// told. A version above the newest is the newest from then on.
 #[utoipa::path(
-    put, path = "/runs/{run}/versions/{version}", tag = "runs", request_body = VersionWish,
+    put, path = "/runs/{run}/versions/{version}", tag = "runs", request_body = VersionRequest,
     params(
         ("run" = String, Path, description = "The run's id."), ("version" = u32, Path, description = "The version.")
     ),
@@ -128,19 +128,19 @@ pub(super) async fn list(
 )]
 pub(super) async fn put(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, number)): Path<(String, String)>,
-    Json(wish): Json<VersionWish>,
+    Json(wish): Json<VersionRequest>,
 ) -> Result<axum::Json<Version>, Problem> {
     let run = run_id(&run)?;
     let number: u32 = number.parse().map_err(|_| {
         Problem::invalid("version", format!("it must be a whole number from 0 to {}", u32::MAX))
     })?;
-    app.writer.change(PutVersion::read(run.clone(), number, wish)?).await?;
+    app.writer.change(DescribeVersion::read(run.clone(), number, wish)?).await?;
     let mut conn = reader_of(&app, &run).await?;
     let (name, number) = (run.as_str(), i64::from(number));
     let newest = runs::get(&mut conn, name).await?.map_or(0, |row| row.policy_version);
-    let told = versions::get(&mut conn, name, number).await?;
-    let sums = versions::sums(&mut conn, name, (number, number)).await?;
+    let told = policy_versions::get(&mut conn, name, number).await?;
+    let sums = policy_versions::results(&mut conn, name, number, number).await?;
     Ok(axum::Json(version(number, newest, told, sums)))
 }

@@ -1,4 +1,7 @@
-//! What came of runs over time, task by task: buckets of a minute for a week, of an hour for ever.
+//! History of runs: results by task and time, in buckets of a minute (kept for a week) and of an hour (kept for ever). Tables
+//! `history` and `history_params`.
+//!
+//! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points.
 
 mod read;
 mod write;
@@ -7,135 +10,144 @@ use std::collections::BTreeMap;
 
 use crate::clock::Millis;
 
-pub use self::read::{Point, Window, curve};
-pub use self::write::{add, forget_minutes};
+pub use self::read::{HistoryPoint, HistoryWindow, curve};
+pub use self::write::{add, delete_old_minutes};
 
-/// A minute.
+/// Milliseconds of a minute, the width of a fine bucket.
 pub const MINUTE: Millis = 60_000;
-/// An hour.
+/// Milliseconds of an hour, the width of a coarse bucket.
 pub const HOUR: Millis = 60 * MINUTE;
-/// How long minutes are kept.
+/// Time for which buckets of a minute are kept, milliseconds.
 pub const MINUTES_KEPT: Millis = 7 * 24 * HOUR;
 
-/// What came of a task in a bucket, or a part of one.
+/// Results of a task in a bucket, or a part of them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Part {
-    /// Episodes that finished.
+pub struct HistoryBucket {
+    /// Number of finished episodes.
     pub episodes: i64,
-    /// Of these, successes.
+    /// Finished episodes that succeeded.
     pub successes: i64,
-    /// Sum of their scores.
+    /// Sum of the scores of finished episodes.
     pub score: f64,
-    /// Of these, those that have a skill.
+    /// Finished episodes that have a skill.
     pub skilled: i64,
     /// Sum of their skills.
     pub skill: f64,
-    /// Episodes that failed.
+    /// Number of failed episodes.
     pub failed: i64,
-    /// Episodes that never came back.
+    /// Episodes whose lease ended before they were reported.
     pub expired: i64,
-    /// Contested groups that were evidence.
+    /// Contested groups that are evidence.
     pub contested: i64,
-    /// Sum of their success shares.
+    /// Sum of their success rates.
     pub solved: f64,
-    /// Contested groups whose blind panel was looked at: some of all.
+    /// Contested groups whose blind panel was replayed: a sample.
     pub panels: i64,
-    /// Sum of the shares of blind plans that succeed there.
+    /// Sum of the success rates of the blind plans on these.
     pub panel: f64,
     /// Groups of several episodes that counted.
     pub groups: i64,
-    /// Of these, those whose episodes all have the same score.
+    /// Groups among these whose episodes all have the same score.
     pub flat: i64,
     /// Episodes of accepted claims.
     pub claimed: i64,
-    /// The lowest level.
+    /// Lowest level that occurred.
     pub low: Option<i64>,
-    /// The highest.
+    /// Highest level that occurred.
     pub high: Option<i64>,
-    /// Where the task stood when it was last looked.
-    pub standing: Option<Standing>,
-    /// The params of the scenarios that came back.
-    pub params: BTreeMap<String, Spread>,
+    /// Latest mastery estimate in the bucket.
+    pub mastery: Option<MasterySample>,
+    /// Parameters of the scenarios, by name.
+    pub params: BTreeMap<String, ParamRange>,
 }
 
-/// Where a task stood.
+/// Mastery estimate of a task at one moment: the posterior over success on contested scenarios of its level.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Standing {
-    /// Its level; none where there are none.
+pub struct MasterySample {
+    /// Level of the task; none for strategies without levels.
     pub level: Option<i64>,
-    /// The posterior over success on contested scenarios of that level: its mean.
+    /// Mean of the posterior.
     pub mean: f64,
-    /// Its 10 % quantile.
+    /// 10 % quantile of the posterior.
     pub q10: f64,
-    /// Its 90 % quantile.
+    /// 90 % quantile of the posterior.
     pub q90: f64,
 }
 
-/// The values a param had.
+/// Values that a parameter had.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
-    /// How many.
+pub struct ParamRange {
+    /// Number of the values.
     pub n: i64,
-    /// Their sum.
+    /// Sum of the values.
     pub total: f64,
-    /// The least.
+    /// Lowest of the values.
     pub low: f64,
-    /// The most.
+    /// Highest of the values.
     pub high: f64,
 }
 
-impl Spread {
-    /// Of one value.
+/// Value of a scenario's parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParamValue<'a> {
+    /// Name of the parameter.
+    pub name: &'a str,
+    /// Value of the param.
+    pub value: f64,
+}
+
+impl HistoryBucket {
+    /// Adds a later part of the same bucket.
+    pub fn join(&mut self, later: &Self) {
+        self.episodes += later.episodes;
+        self.successes += later.successes;
+        self.score += later.score;
+        self.skilled += later.skilled;
+        self.skill += later.skill;
+        self.failed += later.failed;
+        self.expired += later.expired;
+        self.contested += later.contested;
+        self.solved += later.solved;
+        self.panels += later.panels;
+        self.panel += later.panel;
+        self.groups += later.groups;
+        self.flat += later.flat;
+        self.claimed += later.claimed;
+        self.low = self.low.into_iter().chain(later.low).min();
+        self.high = self.high.max(later.high);
+        self.mastery = later.mastery.or(self.mastery);
+        for (name, range) in &later.params {
+            self.params.entry(name.clone()).and_modify(|known| known.join(range)).or_insert(*range);
+        }
+    }
+
+    /// Adds the parameters of a scenario.
+    pub fn add_params<'a>(&mut self, params: impl IntoIterator<Item = ParamValue<'a>>) {
+        for ParamValue { name, value } in params {
+            let range = ParamRange::of(value);
+            self.params.entry(name.to_owned()).and_modify(|known| known.join(&range)).or_insert(range);
+        }
+    }
+
+    /// Extends the range of levels by one level.
+    pub fn add_level(&mut self, level: Option<i64>) {
+        self.low = self.low.into_iter().chain(level).min();
+        self.high = self.high.max(level);
+    }
+}
+
+impl ParamRange {
+    /// Range of one value.
     #[must_use]
     pub const fn of(value: f64) -> Self {
         Self { n: 1, total: value, low: value, high: value }
     }
 
-    /// Takes others, too.
+    /// Adds the values of another range.
     pub const fn join(&mut self, other: &Self) {
         self.n += other.n;
         self.total += other.total;
         self.low = self.low.min(other.low);
         self.high = self.high.max(other.high);
-    }
-}
-
-impl Part {
-    /// Takes what came after it, too.
-    pub fn join(&mut self, other: &Self) {
-        self.episodes += other.episodes;
-        self.successes += other.successes;
-        self.score += other.score;
-        self.skilled += other.skilled;
-        self.skill += other.skill;
-        self.failed += other.failed;
-        self.expired += other.expired;
-        self.contested += other.contested;
-        self.solved += other.solved;
-        self.panels += other.panels;
-        self.panel += other.panel;
-        self.groups += other.groups;
-        self.flat += other.flat;
-        self.claimed += other.claimed;
-        self.low = self.low.into_iter().chain(other.low).min();
-        self.high = self.high.max(other.high);
-        self.standing = other.standing.or(self.standing);
-        for (name, spread) in &other.params {
-            self.params.entry(name.clone()).and_modify(|known| known.join(spread)).or_insert(*spread);
-        }
-    }
-
-    /// Notes the params of a scenario that came back.
-    pub fn note(&mut self, params: &[(String, f64)]) {
-        for (name, value) in params {
-            let spread = Spread::of(*value);
-            self.params.entry(name.clone()).and_modify(|known| known.join(&spread)).or_insert(spread);
-        }
-    }
-
-    /// Notes a level.
-    pub fn at_level(&mut self, level: Option<i64>) {
-        self.low = self.low.into_iter().chain(level).min();
-        self.high = self.high.max(level);
     }
 }

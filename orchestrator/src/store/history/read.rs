@@ -1,30 +1,31 @@
-//! Reading history: a stretch of it in so many points.
+//! Reads a window of a run's history as a limited number of points.
 
 use std::collections::BTreeMap;
 
 use sqlx::{SqliteConnection, query};
 
 use super::super::StoreError;
-use super::{HOUR, MINUTE, MINUTES_KEPT, Part, Spread, Standing};
+use super::{HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, MasterySample, ParamRange};
 use crate::clock::Millis;
 
-/// A stretch of time, and the width of its buckets.
+/// A window of time, and the width of its points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Window {
-    /// Its beginning: a multiple of the width.
+pub struct HistoryWindow {
+    /// Begin, milliseconds since 1970-01-01 UTC: a multiple of `width`.
     pub from: Millis,
-    /// Its end.
+    /// End, milliseconds since 1970-01-01 UTC.
     pub to: Millis,
-    /// How long a bucket is: a multiple of what is stored.
+    /// Width of a point, milliseconds: a multiple of the stored width.
     pub width: Millis,
-    /// What is stored that long.
+    /// Width of the buckets that are read, milliseconds.
     stored: Millis,
 }
 
-impl Window {
-    /// From here to there in at most so many buckets, as they can be told now.
+impl HistoryWindow {
+    /// The window from `from` to `to` with at most `points` points, from the finest buckets that are kept at `now`. One point
+    /// more may be needed for a begin that is not a multiple of the width.
     #[must_use]
-    pub fn of((from, to): (Millis, Millis), points: i64, now: Millis) -> Self {
+    pub fn new(from: Millis, to: Millis, points: i64, now: Millis) -> Self {
         let stored = if from >= now - MINUTES_KEPT + HOUR { MINUTE } else { HOUR };
         let each = (to - from).max(1).unsigned_abs().div_ceil(points.max(1).unsigned_abs());
         let each = i64::try_from(each).unwrap_or(i64::MAX / 2);
@@ -33,23 +34,27 @@ impl Window {
     }
 }
 
-/// A bucket of a task's history.
+/// A point of a task's history.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// The task.
+pub struct HistoryPoint {
+    /// Id of the task.
     pub task: String,
-    /// Where it begins.
+    /// Begin of the point, milliseconds since 1970-01-01 UTC.
     pub start: Millis,
-    /// What came of it.
-    pub part: Part,
+    /// Results of the task in the point.
+    pub bucket: HistoryBucket,
 }
 
-/// A run's history in a window, by task and time; buckets in which nothing came are left out.
+/// Reads a run's history in a window, by task and time. Points without results are left out.
 ///
 /// # Errors
-/// The database's.
-pub async fn curve(conn: &mut SqliteConnection, run: &str, window: Window) -> Result<Vec<Point>, StoreError> {
-    let Window { from, to, width, stored } = window;
+/// Returns [`StoreError::Database`] if a query fails.
+pub async fn curve(
+    conn: &mut SqliteConnection,
+    run: &str,
+    window: HistoryWindow,
+) -> Result<Vec<HistoryPoint>, StoreError> {
+    let HistoryWindow { from, to, width, stored } = window;
     let tasks = tasks(&mut *conn, run).await?;
     let rows = query!(
         r#"SELECT task AS "task!", start / ?5 * ?5 AS "bucket!: i64", max(start) AS "last!: i64",
@@ -70,11 +75,11 @@ pub async fn curve(conn: &mut SqliteConnection, run: &str, window: Window) -> Re
     )
     .fetch_all(&mut *conn)
     .await?;
-    let (mut standings, mut params) =
-        (standings(conn, run, &tasks, window).await?, spreads(conn, run, &tasks, window).await?);
+    let mut mastery = mastery(conn, run, &tasks, window).await?;
+    let mut params = params(conn, run, &tasks, window).await?;
     let points = rows.into_iter().map(|r| {
         let key = (r.task.clone(), r.bucket);
-        let part = Part {
+        let bucket = HistoryBucket {
             episodes: r.episodes,
             successes: r.successes,
             score: r.score,
@@ -91,16 +96,17 @@ pub async fn curve(conn: &mut SqliteConnection, run: &str, window: Window) -> Re
             claimed: r.claimed,
             low: r.low,
             high: r.high,
-            standing: standings.remove(&key),
+            mastery: mastery.remove(&key),
             params: params.remove(&key).unwrap_or_default(),
         };
-        Point { task: r.task, start: r.bucket, part }
+        HistoryPoint { task: r.task, start: r.bucket, bucket }
     });
     Ok(points.collect())
 }
 
-/// The tasks of which a run has a history, as a list in JSON. They are few: it is stepped from one to the next, not read through all of their
-/// buckets.
+/// Reads the tasks that have a history, as a JSON list.
+///
+/// There are few tasks and many buckets: the statement steps from one task to the next instead of reading all buckets.
 pub(super) async fn tasks(conn: &mut SqliteConnection, run: &str) -> Result<String, StoreError> {
     let row = query!(
         r#"WITH RECURSIVE known (task) AS (
@@ -117,17 +123,18 @@ pub(super) async fn tasks(conn: &mut SqliteConnection, run: &str) -> Result<Stri
     Ok(row.tasks)
 }
 
-type Buckets<T> = BTreeMap<(String, Millis), T>;
+/// Values by task and begin of the point.
+type ByPoint<T> = BTreeMap<(String, Millis), T>;
 
-/// Where tasks stood at the end of each bucket.
-async fn standings(
+/// Reads the last mastery estimate in each point.
+async fn mastery(
     conn: &mut SqliteConnection,
     run: &str,
     tasks: &str,
-    window: Window,
-) -> Result<Buckets<Standing>, StoreError> {
-    let Window { from, to, width, stored } = window;
-    // Where there is a max, SQLite takes the other columns from the row that has it ("bare columns in an aggregate query").
+    window: HistoryWindow,
+) -> Result<ByPoint<MasterySample>, StoreError> {
+    let HistoryWindow { from, to, width, stored } = window;
+    // With a `max`, SQLite takes the other columns from the row that has it ("bare columns in an aggregate query").
     let rows = query!(
         r#"SELECT task AS "task!", start / ?5 * ?5 AS "bucket!: i64", max(start) AS "last!: i64", level, mean AS "mean!: f64",
                   q10 AS "q10!: f64", q90 AS "q90!: f64"
@@ -143,19 +150,20 @@ async fn standings(
     )
     .fetch_all(conn)
     .await?;
-    let of = rows
-        .into_iter()
-        .map(|r| ((r.task, r.bucket), Standing { level: r.level, mean: r.mean, q10: r.q10, q90: r.q90 }));
-    Ok(of.collect())
+    let samples = rows.into_iter().map(|r| {
+        ((r.task, r.bucket), MasterySample { level: r.level, mean: r.mean, q10: r.q10, q90: r.q90 })
+    });
+    Ok(samples.collect())
 }
 
-async fn spreads(
+/// Reads the parameters of the scenarios in each point, by name.
+async fn params(
     conn: &mut SqliteConnection,
     run: &str,
     tasks: &str,
-    window: Window,
-) -> Result<Buckets<BTreeMap<String, Spread>>, StoreError> {
-    let Window { from, to, width, stored } = window;
+    window: HistoryWindow,
+) -> Result<ByPoint<BTreeMap<String, ParamRange>>, StoreError> {
+    let HistoryWindow { from, to, width, stored } = window;
     let rows = query!(
         r#"SELECT task AS "task!", start / ?5 * ?5 AS "bucket!: i64", param AS "param!", sum(n) AS "n!: i64", sum(total) AS "total!: f64",
                   min(low) AS "low!: f64", max(high) AS "high!: f64"
@@ -171,12 +179,12 @@ async fn spreads(
     )
     .fetch_all(conn)
     .await?;
-    let mut spreads = Buckets::<BTreeMap<String, Spread>>::new();
+    let mut params = ByPoint::<BTreeMap<String, ParamRange>>::new();
     for r in rows {
-        let spread = Spread { n: r.n, total: r.total, low: r.low, high: r.high };
-        spreads.entry((r.task, r.bucket)).or_default().insert(r.param, spread);
+        let range = ParamRange { n: r.n, total: r.total, low: r.low, high: r.high };
+        params.entry((r.task, r.bucket)).or_default().insert(r.param, range);
     }
-    Ok(spreads)
+    Ok(params)
 }
 
 #[cfg(test)]
@@ -186,11 +194,11 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// However long a window is, it has no more buckets than were asked for, and one at most besides for its ragged beginning.
+        /// A window has no more points than requested, and at most one besides for its unaligned begin.
         #[test]
-        fn a_window_has_as_many_buckets_as_were_asked_for(from in 0_i64..1 << 41, long in 0_i64..1 << 36, points in 1_i64..2000, age in 0_i64..1 << 36) {
+        fn window_has_at_most_one_extra_point(from in 0_i64..1 << 41, long in 0_i64..1 << 36, points in 1_i64..2000, age in 0_i64..1 << 36) {
             let to = from + long;
-            let window = Window::of((from, to), points, to + age);
+            let window = HistoryWindow::new(from, to, points, to + age);
             prop_assert!(window.from <= from && from - window.from < window.width);
             prop_assert_eq!(window.width % window.stored, 0);
             prop_assert!((window.to - window.from) / window.width <= points + 1);

@@ -1,73 +1,78 @@
-//! Adding to history.
+//! Adds results to the history of a run, and deletes old buckets.
+
+use std::collections::BTreeMap;
 
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::super::{ROWS, StoreError};
+use super::super::{MAX_ROWS, StoreError};
 use super::read::tasks;
-use super::{HOUR, MINUTE, MINUTES_KEPT, Part};
+use super::{HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, ParamRange};
 use crate::clock::Millis;
 
-/// Adds what came of a run's tasks at a moment: to its minute and to its hour.
+/// A row of the `history` table to be added to.
+struct BucketRow<'a> {
+    task: &'a str,
+    width: Millis,
+    start: Millis,
+    bucket: &'a HistoryBucket,
+}
+
+/// A row of the `history_params` table to be added to.
+struct ParamRow<'a> {
+    task: &'a str,
+    width: Millis,
+    start: Millis,
+    name: &'a str,
+    range: &'a ParamRange,
+}
+
+/// Adds the results of a run's tasks at the moment `now`, to its minute and to its hour.
 ///
 /// # Errors
-/// The database's.
+/// Returns [`StoreError::Database`] if a statement fails.
 pub async fn add(
     conn: &mut SqliteConnection,
     run: &str,
     now: Millis,
-    parts: &[(String, Part)],
+    parts: &BTreeMap<String, HistoryBucket>,
 ) -> Result<(), StoreError> {
-    let buckets: Vec<_> = parts
-        .iter()
-        .flat_map(|(task, part)| {
-            [MINUTE, HOUR].map(|width| (task.as_str(), width, now.div_euclid(width) * width, part))
-        })
-        .collect();
-    for rows in buckets.chunks(ROWS) {
-        add_parts(conn, run, rows).await?;
+    let rows = parts.iter().flat_map(|(task, bucket)| {
+        [MINUTE, HOUR].map(|width| BucketRow { task, width, start: now.div_euclid(width) * width, bucket })
+    });
+    let rows: Vec<BucketRow<'_>> = rows.collect();
+    for rows in rows.chunks(MAX_ROWS) {
+        add_buckets(conn, run, rows).await?;
     }
-    let params: Vec<_> = buckets
-        .iter()
-        .flat_map(|(task, width, start, part)| {
-            part.params.iter().map(move |(name, spread)| (*task, *width, *start, name, spread))
-        })
-        .collect();
-    for rows in params.chunks(ROWS) {
-        let mut statement = QueryBuilder::new(
-            "INSERT INTO history_params (run, task, width, start, param, n, total, low, high) ",
-        );
-        statement.push_values(rows, |mut values, (task, width, start, name, spread)| {
-            values.push_bind(run).push_bind(*task).push_bind(*width).push_bind(*start).push_bind(*name);
-            values.push_bind(spread.n).push_bind(spread.total).push_bind(spread.low).push_bind(spread.high);
-        });
-        statement.push(
-            " ON CONFLICT (run, task, width, start, param) DO UPDATE SET n = n + excluded.n, total = total + excluded.total,
-                  low = min(low, excluded.low), high = max(high, excluded.high)",
-        );
-        statement.build().execute(&mut *conn).await?;
+    let params = rows.iter().flat_map(|row| {
+        let BucketRow { task, width, start, bucket } = *row;
+        bucket.params.iter().map(move |(name, range)| ParamRow { task, width, start, name, range })
+    });
+    let params: Vec<ParamRow<'_>> = params.collect();
+    for rows in params.chunks(MAX_ROWS) {
+        add_params(conn, run, rows).await?;
     }
     Ok(())
 }
 
-async fn add_parts(
+async fn add_buckets(
     conn: &mut SqliteConnection,
     run: &str,
-    rows: &[(&str, Millis, Millis, &Part)],
+    rows: &[BucketRow<'_>],
 ) -> Result<(), StoreError> {
     let mut statement = QueryBuilder::new(
         "INSERT INTO history (run, task, width, start, episodes, successes, score, skilled, skill, failed, expired, contested,
                               solved, panels, panel, groups, flat, claimed, low, high, level, mean, q10, q90) ",
     );
-    statement.push_values(rows, |mut values, (task, width, start, part)| {
-        let standing = part.standing;
+    statement.push_values(rows, |mut values, BucketRow { task, width, start, bucket }| {
+        let mastery = bucket.mastery;
         values.push_bind(run).push_bind(*task).push_bind(*width).push_bind(*start);
-        values.push_bind(part.episodes).push_bind(part.successes).push_bind(part.score);
-        values.push_bind(part.skilled).push_bind(part.skill).push_bind(part.failed).push_bind(part.expired);
-        values.push_bind(part.contested).push_bind(part.solved).push_bind(part.panels).push_bind(part.panel);
-        values.push_bind(part.groups).push_bind(part.flat).push_bind(part.claimed);
-        values.push_bind(part.low).push_bind(part.high);
-        values.push_bind(standing.and_then(|at| at.level)).push_bind(standing.map(|at| at.mean));
-        values.push_bind(standing.map(|at| at.q10)).push_bind(standing.map(|at| at.q90));
+        values.push_bind(bucket.episodes).push_bind(bucket.successes).push_bind(bucket.score);
+        values.push_bind(bucket.skilled).push_bind(bucket.skill).push_bind(bucket.failed);
+        values.push_bind(bucket.expired).push_bind(bucket.contested).push_bind(bucket.solved);
+        values.push_bind(bucket.panels).push_bind(bucket.panel).push_bind(bucket.groups);
+        values.push_bind(bucket.flat).push_bind(bucket.claimed).push_bind(bucket.low).push_bind(bucket.high);
+        values.push_bind(mastery.and_then(|at| at.level)).push_bind(mastery.map(|at| at.mean));
+        values.push_bind(mastery.map(|at| at.q10)).push_bind(mastery.map(|at| at.q90));
     });
     statement.push(
         " ON CONFLICT (run, task, width, start) DO UPDATE SET
@@ -87,11 +92,28 @@ async fn add_parts(
     Ok(())
 }
 
-/// Forgets a run's minutes of more than a week ago: what is theirs is in the hours, too. So many rows at most; whether there may be more.
+async fn add_params(conn: &mut SqliteConnection, run: &str, rows: &[ParamRow<'_>]) -> Result<(), StoreError> {
+    let mut statement = QueryBuilder::new(
+        "INSERT INTO history_params (run, task, width, start, param, n, total, low, high) ",
+    );
+    statement.push_values(rows, |mut values, ParamRow { task, width, start, name, range }| {
+        values.push_bind(run).push_bind(*task).push_bind(*width).push_bind(*start).push_bind(*name);
+        values.push_bind(range.n).push_bind(range.total).push_bind(range.low).push_bind(range.high);
+    });
+    statement.push(
+        " ON CONFLICT (run, task, width, start, param) DO UPDATE SET n = n + excluded.n, total = total + excluded.total,
+              low = min(low, excluded.low), high = max(high, excluded.high)",
+    );
+    statement.build().execute(conn).await?;
+    Ok(())
+}
+
+/// Deletes up to `limit` buckets of a minute that are older than a week; their results are in the hours, too. Returns true if
+/// there may be more.
 ///
 /// # Errors
-/// The database's.
-pub async fn forget_minutes(
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn delete_old_minutes(
     conn: &mut SqliteConnection,
     run: &str,
     now: Millis,

@@ -3,25 +3,25 @@
 use std::panic::AssertUnwindSafe;
 use std::time::Duration;
 
-use designer::{Brief, Designed, Designer, Gate};
+use designer::{DesignBrief, DesignOutcome, Designer, Gate};
 use tokio::runtime::Handle;
 use tokio::sync::{oneshot, watch};
 
-use crate::threads::Priority;
+use crate::threads::ThreadPriority;
 
 /// Longest time a designer may take over one ask.
 const LIMIT: Duration = Duration::from_secs(600);
 
 /// What a designer is given.
 pub(super) struct Task {
-    pub(super) brief: Brief,
+    pub(super) brief: DesignBrief,
     pub(super) gate: Gate,
 }
 
 /// What a designer came up with, and its name.
 pub(super) struct Shift {
     pub(super) name: &'static str,
-    pub(super) designed: Designed,
+    pub(super) designed: DesignOutcome,
 }
 
 /// Lets a designer work; what it made and the gate it passed, or why it could not.
@@ -34,7 +34,7 @@ pub(super) async fn design(
     let handle = Handle::current();
     let thread = std::thread::Builder::new().name("design".to_owned());
     let begun = thread.spawn(move || {
-        Priority::Background.take();
+        ThreadPriority::Background.apply();
         let work = AssertUnwindSafe(|| handle.block_on(work(designer, task, stopping)));
         let done = std::panic::catch_unwind(work).unwrap_or_else(|panic| Err(said(&*panic)));
         // Nobody listens any more where the service stops.

@@ -10,19 +10,19 @@ use serde_json::{Map, Value, json};
 pub(super) use self::routes::connect;
 use self::rpc::{Failure, Request};
 use super::read::WALK;
-use crate::service::App;
-use crate::sessions::{Named, Session, Who};
+use crate::http::state::AppState;
+use crate::sessions::{SessionKey, Session, ClientIdentity};
 
 /// What a request came by.
 pub(super) enum By<'a> {
     /// A connection that has a session.
     Own(&'a mut Session),
     /// A request for itself; whose.
-    Itself(&'a Who),
+    Itself(&'a ClientIdentity),
 }
 
 /// Answers one request.
-pub(super) async fn answer(app: &App, request: &Value, by: By<'_>) -> Value {
+pub(super) async fn answer(app: &AppState, request: &Value, by: By<'_>) -> Value {
     let request = match Request::read(request) {
         Ok(request) => request,
         Err(failure) => return rpc::failed(&Value::Null, &failure),
@@ -33,12 +33,12 @@ pub(super) async fn answer(app: &App, request: &Value, by: By<'_>) -> Value {
     }
 }
 
-async fn called(app: &App, request: &Request, by: By<'_>) -> Result<Value, Failure> {
+async fn called(app: &AppState, request: &Request, by: By<'_>) -> Result<Value, Failure> {
     if request.method == "openenv/session/create" {
         return create(app, &request.params, by).await;
     }
     let (who, own) = match by {
-        By::Own(session) => (session.who().clone(), Some(session)),
+        By::Own(session) => (session.client().clone(), Some(session)),
         By::Itself(who) => (who.clone(), None),
     };
     let at = (app, &who);
@@ -63,11 +63,11 @@ fn initialized() -> Value {
 
 /// Opens a session in which an episode flies: what `reset` takes may stand in `params`. A connection that has a session is told
 /// its name, and an episode begins in it if none flies; while one does, there is nothing to be said about it.
-async fn create(app: &App, params: &Map<String, Value>, by: By<'_>) -> Result<Value, Failure> {
+async fn create(app: &AppState, params: &Map<String, Value>, by: By<'_>) -> Result<Value, Failure> {
     let who = match by {
         By::Itself(who) => who,
         By::Own(own) => {
-            let flies = own.shown().is_ok_and(|shown| !shown.done);
+            let flies = own.view().is_ok_and(|shown| !shown.done);
             if flies && !params.is_empty() {
                 return Err(Failure::params(
                     "an episode flies in this session; it is flown to its end first",
@@ -80,11 +80,11 @@ async fn create(app: &App, params: &Map<String, Value>, by: By<'_>) -> Result<Va
         }
     };
     let id = uuid::Uuid::new_v4().to_string();
-    let name = Named::of(who, id.as_str());
-    let session = app.sessions.named(who, &name).map_err(Failure::capacity)?;
+    let name = SessionKey::new(who, id.as_str());
+    let session = app.sessions.get_or_open(who, &name).map_err(Failure::capacity)?;
     let began = begin(&mut *session.lock().await, params).await;
     if let Err(failure) = began {
-        app.sessions.end(&name);
+        app.sessions.close(&name);
         return Err(failure);
     }
     Ok(json!({"session_id": id}))
@@ -98,7 +98,7 @@ async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(),
         return Err(Failure::params(&fault.to_string()));
     }
     let name = wish.episode_id.clone();
-    let wished = wish.sort(super::usual(WALK[0])).map_err(|error| Failure::params(&error.to_string()))?;
+    let wished = wish.resolve(super::usual(WALK[0])).map_err(|error| Failure::params(&error.to_string()))?;
     session
         .reset(wished, name)
         .await
@@ -107,7 +107,7 @@ async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(),
 }
 
 fn close(
-    (app, who): (&App, &Who),
+    (app, who): (&AppState, &ClientIdentity),
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, Failure> {
@@ -116,7 +116,7 @@ fn close(
     if own.is_some_and(|own| own.id() == name) {
         return Err(Failure::params("this session is the connection's own, and ends with it"));
     }
-    if app.sessions.end(&Named::of(who, name)) {
+    if app.sessions.close(&SessionKey::new(who, name)) {
         Ok(json!({"session_id": name, "closed": true}))
     } else {
         Err(Failure::no_session(name))
@@ -124,7 +124,7 @@ fn close(
 }
 
 async fn tools_list(
-    at: (&App, &Who),
+    at: (&AppState, &ClientIdentity),
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, Failure> {
@@ -137,7 +137,7 @@ async fn tools_list(
 }
 
 async fn tools_call(
-    at: (&App, &Who),
+    at: (&AppState, &ClientIdentity),
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, Failure> {
@@ -157,7 +157,7 @@ async fn tools_call(
 }
 
 async fn played(session: &mut Session, name: &str, arguments: Map<String, Value>) -> Result<Value, Failure> {
-    if session.standing().scenario.is_none() {
+    if session.status().scenario.is_none() {
         begin(session, &Map::new()).await?;
     }
     tools::call(session, name, arguments).await.map(|told| tools::result(&told))
@@ -165,7 +165,7 @@ async fn played(session: &mut Session, name: &str, arguments: Map<String, Value>
 
 /// The session of theirs that is named; none where none is, or the connection's own.
 fn named(
-    (app, who): (&App, &Who),
+    (app, who): (&AppState, &ClientIdentity),
     params: &Map<String, Value>,
     own: Option<&Session>,
 ) -> Result<Option<std::sync::Arc<tokio::sync::Mutex<Session>>>, Failure> {
@@ -173,7 +173,7 @@ fn named(
         None | Some(Value::Null) => Ok(None),
         Some(Value::String(name)) if own.is_some_and(|own| own.id() == name) => Ok(None),
         Some(Value::String(name)) => {
-            let known = app.sessions.known(&Named::of(who, name.as_str()));
+            let known = app.sessions.get(&SessionKey::new(who, name.as_str()));
             known.map(Some).ok_or_else(|| Failure::no_session(name))
         }
         Some(other) => Err(Failure::no_session(&other.to_string())),
@@ -194,7 +194,7 @@ pub(super) async fn as_step(session: &mut Session, action: &Map<String, Value>) 
         }
         _ => return None,
     };
-    let shown = session.shown().ok();
+    let shown = session.view().ok();
     let (reward, done) = shown.map_or((0.0, false), |shown| (shown.reward, shown.done));
     Some(json!({"type": "observation", "data": {"observation": observation, "reward": reward, "done": done}}))
 }

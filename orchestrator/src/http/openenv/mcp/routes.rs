@@ -12,8 +12,8 @@ use super::super::refusal::Refusal;
 use super::By;
 use super::rpc::{self, Failure};
 use crate::http::access::Caller;
-use crate::service::App;
-use crate::sessions::Who;
+use crate::http::state::AppState;
+use crate::sessions::ClientIdentity;
 
 /// JSON-RPC of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
 #[utoipa::path(
@@ -24,12 +24,12 @@ use crate::sessions::Who;
     )
 )]
 pub(in super::super) async fn post(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     request: Request,
 ) -> Result<axum::Json<Value>, Refusal> {
     let body = whole(request).await?;
-    Ok(axum::Json(match env_core::wire::read_json(&String::from_utf8_lossy(&body)) {
+    Ok(axum::Json(match openenv_wire::parse_python_json(&String::from_utf8_lossy(&body)) {
         Ok(request) => super::answer(&app, &request, By::Itself(&caller.who)).await,
         Err(_) => rpc::failed(&Value::Null, &Failure::unread(None)),
     }))
@@ -37,14 +37,14 @@ pub(in super::super) async fn post(
 
 /// The same over a WebSocket.
 pub(in super::super) async fn connect(
-    State(app): State<App>,
-    who: Who,
+    State(app): State<AppState>,
+    who: ClientIdentity,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     bounded(upgrade).on_upgrade(move |socket| serve(socket, app, who))
 }
 
-async fn serve(mut socket: WebSocket, app: App, who: Who) {
+async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
     let mut session = match app.sessions.open(&who) {
         Ok(session) => session,
         Err(full) => {
@@ -53,18 +53,18 @@ async fn serve(mut socket: WebSocket, app: App, who: Who) {
             return socket::close(socket).await;
         }
     };
-    let mut closing = app.sessions.closing(&who);
+    let mut closing = app.sessions.close_signal(&who);
     let mut early = None;
     loop {
-        let received = match closing.over().map(Received::Stop).or_else(|| early.take()) {
+        let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
-                received = socket::next(&mut socket, app.sessions.limits().idle) => received,
+                received = socket::next(&mut socket, app.sessions.limits().idle_timeout) => received,
                 why = closing.closed() => Received::Stop(why),
             },
         };
         let told = match received {
-            Received::Text(text) => match env_core::wire::read_json(&text) {
+            Received::Text(text) => match openenv_wire::parse_python_json(&text) {
                 Ok(request) => {
                     let work = super::answer(&app, &request, By::Own(&mut session));
                     match socket::meanwhile(&mut socket, &mut early, work).await {

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use crate::sessions::Full;
+use crate::sessions::QuotaExceeded;
 
 /// A request.
 pub(super) struct Request {
@@ -80,8 +80,8 @@ impl Failure {
         Self::new(-32603, words)
     }
 
-    pub(super) fn capacity(full: Full) -> Self {
-        let data = json!({"active_sessions": full.active, "max_sessions": full.most});
+    pub(super) fn capacity(full: QuotaExceeded) -> Self {
+        let data = json!({"active_sessions": full.active, "max_sessions": full.limit});
         Self { data, ..Self::new(-32000, full.to_string()) }
     }
 

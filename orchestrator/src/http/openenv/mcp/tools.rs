@@ -11,13 +11,13 @@ const MOST_STEPS: u64 = 1000;
 
 /// The tools of a session.
 pub(super) fn list(session: &Session) -> Value {
-    let flown = session.standing().scenario.map(env_core::Scenario::task);
+    let flown = session.status().scenario.map(env_core::Scenario::task);
     of(flown.unwrap_or_else(|| super::super::usual(super::WALK[0])))
 }
 
 /// The tools of a task.
 pub(super) fn of(task: &'static dyn TaskSpec) -> Value {
-    let mut action = task.wire().action_schema().clone();
+    let mut action = openenv_wire::wire_format(task).action_schema().clone();
     if let Some(properties) = action.get_mut("properties").and_then(Value::as_object_mut) {
         properties.remove("metadata");
     }
@@ -56,7 +56,7 @@ pub(super) async fn call(
         "telemetry" => looked(session, &arguments),
         "conjunctions" => {
             nothing(&arguments)?;
-            let shown = session.shown().map_err(|error| failed(&error))?;
+            let shown = session.view().map_err(|error| failed(&error))?;
             let foreseen = shown.episode.conjunctions();
             let foreseen = foreseen.ok_or_else(|| Failure::params("this world foresees none"))?;
             Ok(json!({"conjunctions": foreseen}))
@@ -108,9 +108,9 @@ fn looked(session: &Session, arguments: &Map<String, Value>) -> Result<Value, Fa
 }
 
 fn told(session: &Session) -> Result<Value, Failure> {
-    let shown = session.shown().map_err(|error| failed(&error))?;
+    let shown = session.view().map_err(|error| failed(&error))?;
     let mut told = super::super::answer::value(&shown);
-    told["step"] = json!(session.standing().steps);
+    told["step"] = json!(session.status().steps);
     Ok(told)
 }
 

@@ -9,10 +9,10 @@ use super::super::super::extract::{Json, NoQuery, Path};
 use super::super::super::problem::Problem;
 use super::super::run_id;
 use super::asks::AskView;
-use crate::ids::AskId;
-use crate::service::App;
-use crate::training::design::DesignerChoice;
-use crate::training::design::hand::AskByHand;
+use crate::ids::DesignRequestId;
+use crate::http::state::AppState;
+use crate::designs::DesignerChoice;
+use crate::designs::manual::RequestDesign;
 
 /// What is asked. Everything may be left out.
 #[derive(Debug, Default, Deserialize, ToSchema)]
@@ -40,14 +40,14 @@ pub(in crate::http::v1) struct DesignAsk {
 )]
 pub(in crate::http::v1) async fn ask(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Json(wish): Json<DesignAsk>,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], axum::Json<AskView>), Problem> {
     let run = run_id(&run)?;
     let DesignAsk { task, n, designer } = wish;
-    let change = AskByHand { run: run.clone(), task, n, designer, has_llm: app.designers.has_llm() };
+    let change = RequestDesign { run: run.clone(), task, n, designer, has_llm: app.designers.has_llm() };
     let row = app.writer.change(change).await?;
-    let location = format!("/v1/runs/{run}/designs/asks/{}", AskId(row.id));
+    let location = format!("/v1/runs/{run}/designs/asks/{}", DesignRequestId(row.id));
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], axum::Json(AskView::of(row)?)))
 }

@@ -9,16 +9,13 @@ use super::super::super::extract::{NoQuery, Path, Query};
 use super::super::super::problem::Problem;
 use super::super::failures::tasks_of;
 use super::super::{Page, id, next, reader_of, run_id};
-use super::view::{before, one_of};
+use super::view::{before, word_of};
 use crate::clock::rfc3339;
-use crate::ids::AskId;
-use crate::service::App;
-use crate::store::asks::{self, AskRow};
+use crate::ids::DesignRequestId;
+use crate::http::state::AppState;
+use crate::store::design_requests::{self, DesignRequestRow, RequestFilter, RequestState};
 use crate::store::from_json;
-use crate::training::TrainingError;
-
-/// States of an ask.
-const STATES: [&str; 4] = ["waiting", "running", "done", "failed"];
+use crate::engine::error::ServiceError;
 
 /// One round of asking a designer.
 #[derive(Serialize, ToSchema)]
@@ -68,15 +65,15 @@ pub(in crate::http::v1) struct AskView {
 }
 
 impl AskView {
-    pub(super) fn of(row: AskRow) -> Result<Self, Problem> {
+    pub(super) fn of(row: DesignRequestRow) -> Result<Self, Problem> {
         Ok(Self {
-            id: AskId(row.id).to_string(),
+            id: DesignRequestId(row.id).to_string(),
             troubles: from_json("an ask's troubles", &row.troubles)?,
             task: row.task,
             level: row.level,
-            designer: row.designer,
-            asked_by: row.asked_by,
-            state: row.state,
+            designer: row.designer.to_string(),
+            asked_by: row.origin.to_string(),
+            state: row.state.to_string(),
             wanted: row.wanted,
             admitted: row.admitted,
             refused: row.refused,
@@ -140,19 +137,19 @@ pub(in crate::http::v1) struct Listed {
     )
 )]
 pub(in crate::http::v1) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(listed): Query<Listed>,
 ) -> Result<axum::Json<Asks>, Problem> {
     let run = run_id(&run)?;
     let Listed { task, state, limit, cursor } = listed;
-    one_of("state", state.as_ref(), &STATES)?;
+    let state: Option<RequestState> = word_of("state", state.as_deref(), RequestState::ALL)?;
     let page = Page { limit, cursor };
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
     tasks_of(&mut conn, &run, task.as_deref()).await?;
-    let wanted = (task.as_deref(), state.as_deref());
-    let rows = asks::page(&mut conn, run.as_str(), wanted, before, limit).await?;
+    let filter = RequestFilter { task: task.as_deref(), state };
+    let rows = design_requests::page(&mut conn, run.as_str(), filter, before, limit).await?;
     let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
     Ok(axum::Json(Asks { asks: rows.into_iter().map(AskView::of).collect::<Result<_, _>>()?, next }))
 }
@@ -165,13 +162,13 @@ pub(in crate::http::v1) async fn list(
 )]
 pub(in crate::http::v1) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, ask)): Path<(String, String)>,
 ) -> Result<axum::Json<Ask>, Problem> {
-    let (run, ask) = (run_id(&run)?, id::<AskId>("ask", &ask)?);
+    let (run, ask) = (run_id(&run)?, id::<DesignRequestId>("ask", &ask)?);
     let mut conn = reader_of(&app, &run).await?;
-    let row = asks::get(&mut conn, run.as_str(), ask.0).await?;
-    let row = row.ok_or_else(|| TrainingError::UnknownAsk(ask.to_string()))?;
+    let row = design_requests::get(&mut conn, run.as_str(), ask.0).await?;
+    let row = row.ok_or_else(|| ServiceError::UnknownAsk(ask.to_string()))?;
     let profile = row.profile.as_deref().map(|text| from_json("a failure profile", text)).transpose()?;
     Ok(axum::Json(Ask { profile, head: AskView::of(row)? }))
 }

@@ -8,13 +8,10 @@ use super::super::super::extract::{Path, Query};
 use super::super::super::problem::Problem;
 use super::super::failures::tasks_of;
 use super::super::{Page, id, run_id};
-use super::view::{Designs, before, known_mode, one_of};
-use crate::ids::AskId;
-use crate::service::App;
-use crate::store::layouts::{self, Wanted};
-
-/// States that a design can be asked for in.
-const STATES: [&str; 3] = ["active", "retired", "refused"];
+use super::view::{Designs, before, known_mode, word_of};
+use crate::ids::DesignRequestId;
+use crate::http::state::AppState;
+use crate::store::layouts::{self, LayoutFilter, LayoutState};
 
 /// Which designs are listed.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -46,20 +43,20 @@ pub(in crate::http::v1) struct Listed {
     )
 )]
 pub(in crate::http::v1) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(listed): Query<Listed>,
 ) -> Result<axum::Json<Designs>, Problem> {
     let run = run_id(&run)?;
     let Listed { task, state, mode, ask, limit, cursor } = listed;
-    one_of("state", state.as_ref(), &STATES)?;
-    let ask = ask.map(|ask| id::<AskId>("ask", &ask)).transpose()?;
+    let state = word_of("state", state.as_deref(), LayoutState::ALL)?;
+    let ask = ask.map(|ask| id::<DesignRequestId>("ask", &ask)).transpose()?;
     let page = Page { limit, cursor };
     let (limit, before) = (page.limit()?, before(&page)?);
     let mut conn = app.readers.acquire().await?;
     let tasks = tasks_of(&mut conn, &run, task.as_deref()).await?;
     known_mode("mode", mode.as_ref(), &tasks)?;
-    let wanted = Wanted { task, state, mode, ask: ask.map(|ask| ask.0), refused: true };
+    let wanted = LayoutFilter { task, state, mode, request: ask.map(|ask| ask.0), with_refused: true };
     let rows = layouts::of_run(&mut conn, run.as_str(), &wanted, before, limit).await?;
     Ok(axum::Json(Designs::of(&rows, limit)?))
 }

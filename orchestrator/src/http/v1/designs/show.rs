@@ -11,11 +11,12 @@ use super::super::{id, reader_of, run_id};
 use super::view::{DesignHead, design};
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LeaseId};
-use crate::service::App;
-use crate::store::scenarios::Loader;
-use crate::store::{brackets, layouts};
-use crate::training::BracketView;
-use crate::training::design::hand::find;
+use crate::http::state::AppState;
+use crate::store::layouts::{self, LayoutEpisode};
+use crate::store::scenarios::ScenarioLoader;
+use crate::store::{brackets, layout_transitions};
+use crate::leases::bracket_view::BracketView;
+use crate::designs::manual::find;
 
 /// Episodes that are named.
 const EPISODES: i64 = 16;
@@ -59,7 +60,7 @@ struct TurnView {
 )]
 pub(in crate::http::v1) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, layout)): Path<(String, String)>,
 ) -> Result<axum::Json<Design>, Problem> {
     let (run, layout) = (run_id(&run)?, id("design", &layout)?);
@@ -67,20 +68,24 @@ pub(in crate::http::v1) async fn show(
     let row = find(&mut conn, &run, layout).await?;
     let (mut scenario_id, mut bracket) = (None, None);
     if let Some(of) = &row.scenario {
-        let scenario = Loader::default().get(&mut conn, of).await?;
+        let scenario = ScenarioLoader::default().get(&mut conn, of).await?;
         bracket = brackets::newest(&mut conn, of).await?.map(|b| BracketView::of(&scenario, &b));
         scenario_id = Some(scenario.id().to_string());
     }
-    let turns = layouts::turns(&mut conn, row.id).await?.into_iter();
+    let turns = layout_transitions::transitions(&mut conn, row.id).await?.into_iter();
     let episodes = layouts::episodes(&mut conn, row.id, EPISODES).await?.into_iter();
     Ok(axum::Json(Design {
         head: DesignHead::of(&row)?,
         design: design(&row)?,
         scenario_id,
         bracket,
-        turns: turns.map(|(state, reason, at)| TurnView { state, reason, at: rfc3339(at) }).collect(),
+        turns: turns
+            .map(|turn| TurnView { state: turn.state.to_string(), reason: turn.reason, at: rfc3339(turn.at) })
+            .collect(),
         episodes: episodes
-            .map(|(number, token, index)| EpisodeId { lease: LeaseId { number, token }, index }.to_string())
+            .map(|LayoutEpisode { lease: number, token, number: index }| {
+                EpisodeId { lease: LeaseId { number, token }, index }.to_string()
+            })
             .collect(),
     }))
 }

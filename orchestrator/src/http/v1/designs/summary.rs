@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use axum::extract::State;
-use designer::gate::CHECKS;
+use designer::GateCheck;
 use serde::Serialize;
 use serde_json::Value;
 use sqlx::Connection;
@@ -12,11 +12,14 @@ use utoipa::ToSchema;
 use super::super::super::extract::{NoQuery, Path};
 use super::super::super::problem::Problem;
 use super::super::run_id;
-use crate::service::App;
-use crate::store::{asks, design_counts, from_json, runs};
-use crate::training::design::DesignSettings;
-use crate::training::design::ask::ADMITTED;
-use crate::training::{RunSettings, TrainingError};
+use crate::http::state::AppState;
+use crate::store::design_counters::{self, GateCount, LayoutCount, TrainingGroups};
+use crate::store::layouts::{LayoutState, RetirementReason};
+use crate::store::{design_requests, from_json, runs};
+use crate::designs::DesignSettings;
+use crate::designs::design_request::ADMITTED;
+use crate::engine::error::ServiceError;
+use crate::runs::settings::RunSettings;
 
 /// What was designed for a run.
 #[derive(Serialize, ToSchema)]
@@ -92,19 +95,20 @@ struct DesignerSummary {
 )]
 pub(in crate::http::v1) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Summary>, Problem> {
     let run = run_id(&run)?;
     let mut conn = app.readers.acquire().await?;
     let mut conn = conn.begin().await?; // all of one moment
     let row = runs::get(&mut conn, run.as_str()).await?;
-    let row = row.ok_or_else(|| TrainingError::UnknownRun(run.to_string()))?;
+    let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-    let (train_groups, designed_groups) = design_counts::groups(&mut conn, run.as_str()).await?;
-    let states = design_counts::states(&mut conn, run.as_str()).await?;
-    let verdicts = design_counts::verdicts(&mut conn, run.as_str()).await?;
-    let bills = asks::bills(&mut conn, run.as_str()).await?;
+    let TrainingGroups { all: train_groups, designed: designed_groups } =
+        design_counters::groups(&mut conn, run.as_str()).await?;
+    let states = design_counters::states(&mut conn, run.as_str()).await?;
+    let verdicts = design_counters::verdicts(&mut conn, run.as_str()).await?;
+    let totals = design_requests::totals(&mut conn, run.as_str()).await?;
     let tasks = settings.curriculum.tasks.iter().map(|plan| summary(&plan.task, &states, &verdicts));
     Ok(axum::Json(Summary {
         run: run.to_string(),
@@ -113,15 +117,15 @@ pub(in crate::http::v1) async fn show(
         train_groups,
         designed_groups,
         share: (train_groups > 0).then(|| designed_groups as f64 / train_groups as f64),
-        designers: bills
+        designers: totals
             .into_iter()
-            .map(|(designer, bill)| DesignerSummary {
-                designer,
-                asks: bill.asks,
-                failed: bill.failed,
-                tokens_in: bill.tokens_in,
-                tokens_out: bill.tokens_out,
-                cost: bill.cost,
+            .map(|totals| DesignerSummary {
+                designer: totals.designer.to_string(),
+                asks: totals.requests,
+                failed: totals.failed,
+                tokens_in: totals.tokens_in,
+                tokens_out: totals.tokens_out,
+                cost: totals.cost,
             })
             .collect(),
         llm: app.designers.health(),
@@ -130,22 +134,26 @@ pub(in crate::http::v1) async fn show(
 
 fn summary(
     task: &str,
-    states: &[(String, String, Option<String>, i64)],
-    verdicts: &[(String, String, i64)],
+    layouts: &[LayoutCount],
+    verdicts: &[GateCount],
 ) -> TaskSummary {
     let count = |verdict: &str| {
-        verdicts.iter().find(|(of, word, _)| of == task && word == verdict).map_or(0, |(_, _, n)| *n)
+        verdicts.iter().find(|of| of.task == task && of.verdict == verdict).map_or(0, |of| of.count)
     };
-    let of_task = || states.iter().filter(|(of, ..)| of == task);
-    let retired = of_task().filter(|(_, state, ..)| state == "retired");
+    let in_state = |state| layouts.iter().filter(move |of| of.task == task && of.state == state);
+    let word = |reason: Option<RetirementReason>| reason.map_or("", RetirementReason::as_str).to_owned();
     TaskSummary {
         task: task.to_owned(),
-        active: of_task().filter(|(_, state, ..)| state == "active").map(|(_, _, _, n)| n).sum(),
-        retired: retired.map(|(_, _, why, n)| (why.clone().unwrap_or_default(), *n)).collect(),
+        active: in_state(LayoutState::Active).map(|of| of.count).sum(),
+        retired: in_state(LayoutState::Retired).map(|of| (word(of.reason), of.count)).collect(),
         admitted: count(ADMITTED),
-        refused: CHECKS
+        refused: GateCheck::ALL
             .iter()
-            .map(|(check, about)| CheckCount { check, about, count: count(check) })
+            .map(|check| CheckCount {
+                check: check.as_str(),
+                about: check.description(),
+                count: count(check.as_str()),
+            })
             .collect(),
     }
 }

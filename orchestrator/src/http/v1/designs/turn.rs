@@ -6,8 +6,8 @@ use super::super::super::extract::{NoQuery, Path};
 use super::super::super::problem::Problem;
 use super::super::{id, run_id};
 use super::view::DesignHead;
-use crate::service::App;
-use crate::training::design::hand::SetRetired;
+use crate::http::state::AppState;
+use crate::designs::manual::SetLayoutRetired;
 
 /// Retire a layout by hand: it is never served again. Groups of it that are leased already end as they would have.
 #[utoipa::path(
@@ -21,7 +21,7 @@ use crate::training::design::hand::SetRetired;
 )]
 pub(in crate::http::v1) async fn retire(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, design)): Path<(String, String)>,
 ) -> Result<axum::Json<DesignHead>, Problem> {
     set_retired(&app, &run, &design, true).await
@@ -39,19 +39,19 @@ pub(in crate::http::v1) async fn retire(
 )]
 pub(in crate::http::v1) async fn revive(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, design)): Path<(String, String)>,
 ) -> Result<axum::Json<DesignHead>, Problem> {
     set_retired(&app, &run, &design, false).await
 }
 
 async fn set_retired(
-    app: &App,
+    app: &AppState,
     run: &str,
     design: &str,
     retired: bool,
 ) -> Result<axum::Json<DesignHead>, Problem> {
-    let change = SetRetired { run: run_id(run)?, layout: id("design", design)?, retired };
+    let change = SetLayoutRetired { run: run_id(run)?, layout: id("design", design)?, retired };
     let row = app.writer.change(change).await?;
     Ok(axum::Json(DesignHead::of(&row)?))
 }

@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 
 use super::super::super::problem::Problem;
 use crate::clock::rfc3339;
-use crate::ids::{AskId, LayoutId};
+use crate::ids::{DesignRequestId, LayoutId};
 use crate::store::from_json;
 use crate::store::layouts::LayoutRow;
 
@@ -102,13 +102,13 @@ impl DesignHead {
             task: row.task.clone(),
             level: row.level,
             name: row.name.clone(),
-            ask: AskId(row.ask).to_string(),
+            ask: DesignRequestId(row.request).to_string(),
             designer: row.designer.clone(),
             round: row.round,
             aim,
-            claim: row.claim.clone(),
-            state: row.state.clone(),
-            why: row.why.clone().or_else(|| row.gate_check.clone()),
+            claim: row.claim.map(|claim| claim.to_string()),
+            state: row.state.to_string(),
+            why: row.why.map(|why| why.to_string()).or_else(|| row.gate_check.clone()),
             reason: row.reason.clone(),
             novelty: row.novelty,
             flown: FlownView {
@@ -158,6 +158,21 @@ pub(in crate::http::v1) fn one_of(field: &str, word: Option<&String>, known: &[&
         }
         _ => Ok(()),
     }
+}
+
+/// The value among `known` that a word stands for.
+pub(in crate::http::v1) fn word_of<T: Copy + std::fmt::Display>(
+    field: &str,
+    word: Option<&str>,
+    known: &[T],
+) -> Result<Option<T>, Problem> {
+    let Some(word) = word else { return Ok(None) };
+    let found = known.iter().copied().find(|value| value.to_string() == word);
+    let unknown = || {
+        let known: Vec<String> = known.iter().map(ToString::to_string).collect();
+        Problem::invalid(field, format!("choose one of {}", known.join(", ")))
+    };
+    found.map(Some).ok_or_else(unknown)
 }
 
 /// A failure mode that one of these tasks must have.

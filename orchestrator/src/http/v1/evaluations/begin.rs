@@ -6,8 +6,8 @@ use axum::http::StatusCode;
 use super::super::super::extract::{Json, NoQuery};
 use super::super::super::problem::Problem;
 use super::view::Evaluation;
-use crate::service::App;
-use crate::training::evaluation::{BeginEvaluation, EvaluationWish};
+use crate::http::state::AppState;
+use crate::evaluation::begin::{BeginEvaluation, EvaluationWish};
 
 /// Begin an evaluation on a frozen suite. Without `run` the server flies a built-in policy. With `run` its trainer flies: it leases
 /// scenarios (`purpose: eval`, `evaluation`: this id) and reports results as ever, until none is left. What its seeds make is never
@@ -22,7 +22,7 @@ use crate::training::evaluation::{BeginEvaluation, EvaluationWish};
 )]
 pub(in crate::http::v1) async fn begin(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Json(wish): Json<EvaluationWish>,
 ) -> Result<(StatusCode, axum::Json<Evaluation>), Problem> {
     // The first time a suite is named it is read, which takes a while.

@@ -7,8 +7,8 @@ use super::super::super::problem::Problem;
 use super::super::id;
 use super::view::Evaluation;
 use crate::ids::EvaluationId;
-use crate::service::App;
-use crate::training::evaluation::CancelEvaluation;
+use crate::http::state::AppState;
+use crate::evaluation::cancel::CancelEvaluation;
 
 /// Cancel an evaluation: it is `failed`, leases of it are refused, and it is none of those under way any more. What was flown of it
 /// can still be looked at. Of one that is complete there is nothing to cancel (409); of one that failed nothing changes.
@@ -22,7 +22,7 @@ use crate::training::evaluation::CancelEvaluation;
 )]
 pub(in crate::http::v1) async fn cancel(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(evaluation): Path<String>,
 ) -> Result<axum::Json<Evaluation>, Problem> {
     let EvaluationId(number) = id("evaluation", &evaluation)?;

@@ -9,10 +9,10 @@ use super::super::super::problem::Problem;
 use super::super::super::room::aside;
 use crate::evaluation::report::ComparisonRow;
 use crate::evaluation::seeds::AcrossSeeds;
-use crate::ids::{BadId, EvaluationId};
-use crate::service::App;
-use crate::training::TrainingError;
-use crate::training::evaluation::read::{Found, MOST, Sides, compare as compared, read};
+use crate::ids::{InvalidId, EvaluationId};
+use crate::http::state::AppState;
+use crate::engine::error::ServiceError;
+use crate::evaluation::read::{compare as compared, read, Found, MOST, Sides};
 
 /// Which are compared.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -63,14 +63,14 @@ struct Side {
     )
 )]
 pub(in crate::http::v1) async fn compare(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Query(which): Query<Which>,
 ) -> Result<axum::Json<Comparison>, Problem> {
     let (a, b) = (side(&app, "a", &which.a).await?, side(&app, "b", &which.b).await?);
     let names = |side: &[Found]| side.iter().map(|found| EvaluationId(found.row.id).to_string()).collect();
     let (one, other): (Vec<String>, Vec<String>) = (names(&a), names(&b));
     let Sides { report, one: across_a, other: across_b } =
-        aside(move || Ok(compared(&a, &b).map_err(TrainingError::from)?)).await?;
+        aside(move || Ok(compared(&a, &b).map_err(ServiceError::from)?)).await?;
     Ok(axum::Json(Comparison {
         suite: report.suite,
         a: Side { evaluations: one, across: across_a },
@@ -79,7 +79,7 @@ pub(in crate::http::v1) async fn compare(
     }))
 }
 
-async fn side(app: &App, field: &str, text: &str) -> Result<Vec<Found>, Problem> {
+async fn side(app: &AppState, field: &str, text: &str) -> Result<Vec<Found>, Problem> {
     let ids: Vec<&str> = text.split(',').map(str::trim).collect();
     if ids.len() > MOST {
         return Err(Problem::invalid(field, format!("{} evaluations; at most {MOST} are taken", ids.len())));
@@ -88,8 +88,8 @@ async fn side(app: &App, field: &str, text: &str) -> Result<Vec<Found>, Problem>
     let mut all = Vec::with_capacity(ids.len());
     for text in ids {
         let EvaluationId(number) =
-            text.parse().map_err(|error: BadId| Problem::invalid(field, error.to_string()))?;
-        all.push(read(&mut conn, number).await.map_err(TrainingError::from)?);
+            text.parse().map_err(|error: InvalidId| Problem::invalid(field, error.to_string()))?;
+        all.push(read(&mut conn, number).await.map_err(ServiceError::from)?);
     }
     Ok(all)
 }

@@ -7,14 +7,14 @@ use utoipa::ToSchema;
 use super::super::super::extract::{Path, Query};
 use super::super::super::problem::Problem;
 use super::super::{Page, id, next};
-use crate::evaluation::bootstrap::column_means;
-use crate::evaluation::flown::Measures;
-use crate::evaluation::suite::{Entry, Part};
+use crate::evaluation::results::EpisodeMeasures;
+use crate::evaluation::suite::{SuiteEntry, SuitePart};
 use crate::ids::EvaluationId;
-use crate::service::App;
-use crate::store::{evaluations, from_json};
-use crate::training::TrainingError;
-use crate::training::evaluation::read::suite_of;
+use crate::http::state::AppState;
+use crate::store::evaluations::{self, EntryEpisodes};
+use crate::store::from_json;
+use crate::engine::error::ServiceError;
+use crate::evaluation::read::suite_of;
 
 /// A page of an evaluation's scenarios.
 #[derive(Serialize, ToSchema)]
@@ -66,7 +66,7 @@ struct EvaluationScenario {
     )
 )]
 pub(in crate::http::v1) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(evaluation): Path<String>,
     Query(page): Query<Page>,
 ) -> Result<axum::Json<EvaluationScenarios>, Problem> {
@@ -74,20 +74,20 @@ pub(in crate::http::v1) async fn list(
     let limit = page.limit()?;
     let after = if page.cursor.is_some() { page.cursor()?.0 } else { -1 };
     let mut conn = app.readers.acquire().await?;
-    let row = evaluations::get(&mut conn, number).await?.ok_or(TrainingError::UnknownEvaluation(number))?;
+    let row = evaluations::get(&mut conn, number).await?.ok_or(ServiceError::UnknownEvaluation(number))?;
     let suite = &suite_of(&row)?.suite;
-    let flown = evaluations::page(&mut conn, number, after, limit).await?;
-    let all: Vec<(usize, &Entry)> = suite
+    let flown = evaluations::scenarios(&mut conn, number, after, limit).await?;
+    let all: Vec<(usize, &SuiteEntry)> = suite
         .groups
         .iter()
         .flat_map(|group| group.entries.iter().map(|entry| (group.level, entry)))
         .collect();
     let mut scenarios = Vec::with_capacity(flown.len());
-    for (place, episodes) in flown {
+    for EntryEpisodes { entry: place, episodes } in flown {
         let Some((level, entry)) = usize::try_from(place).ok().and_then(|place| all.get(place)) else {
             continue;
         };
-        let episodes: Option<Vec<Measures>> =
+        let episodes: Option<Vec<EpisodeMeasures>> =
             episodes.as_deref().map(|text| from_json("an evaluation", text)).transpose()?;
         scenarios.push(EvaluationScenario::of(place, *level, entry, &episodes.unwrap_or_default()));
     }
@@ -96,16 +96,16 @@ pub(in crate::http::v1) async fn list(
 }
 
 impl EvaluationScenario {
-    fn of(place: i64, level: usize, entry: &Entry, episodes: &[Measures]) -> Self {
-        let [score, success, skill, lost, fuel_used] = column_means(episodes.iter()).map(|(mean, _)| mean);
+    fn of(place: i64, level: usize, entry: &SuiteEntry, episodes: &[EpisodeMeasures]) -> Self {
+        let EpisodeMeasures { score, success, skill, lost, fuel_used } = EpisodeMeasures::mean_of(episodes);
         Self {
             place,
             scenario_id: entry.scenario.id().to_string(),
             task: entry.scenario.task().id(),
             level,
             part: match entry.part {
-                Part::Contested => "contested",
-                Part::AsTheyCome => "as_they_come",
+                SuitePart::Contested => "contested",
+                SuitePart::AsTheyCome => "as_they_come",
             },
             floor: entry.bracket.floor,
             reference: entry.bracket.reference.score,

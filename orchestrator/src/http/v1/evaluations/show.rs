@@ -11,10 +11,10 @@ use super::super::id;
 use super::view::Evaluation;
 use crate::evaluation::report::ReportRow;
 use crate::ids::EvaluationId;
-use crate::service::App;
-use crate::store::evaluations;
-use crate::training::TrainingError;
-use crate::training::evaluation::read::{read, report};
+use crate::http::state::AppState;
+use crate::store::evaluations::{self, EvaluationState};
+use crate::engine::error::ServiceError;
+use crate::evaluation::read::{read, report};
 
 /// An evaluation.
 #[derive(Serialize, ToSchema)]
@@ -39,18 +39,18 @@ pub(in crate::http::v1) struct EvaluationFound {
 )]
 pub(in crate::http::v1) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(evaluation): Path<String>,
 ) -> Result<axum::Json<EvaluationFound>, Problem> {
     let EvaluationId(number) = id("evaluation", &evaluation)?;
     let mut conn = app.readers.acquire().await?;
-    let row = evaluations::get(&mut conn, number).await?.ok_or(TrainingError::UnknownEvaluation(number))?;
-    if row.state != "complete" {
+    let row = evaluations::get(&mut conn, number).await?.ok_or(ServiceError::UnknownEvaluation(number))?;
+    if row.state != EvaluationState::Complete {
         return Ok(axum::Json(EvaluationFound { head: row.into(), rows: Vec::new() }));
     }
-    let found = read(&mut conn, number).await.map_err(TrainingError::from)?;
+    let found = read(&mut conn, number).await.map_err(ServiceError::from)?;
     drop(conn);
-    let told = aside(move || Ok(report(&found).map_err(TrainingError::from)?.rows)).await?;
+    let told = aside(move || Ok(report(&found).map_err(ServiceError::from)?.rows)).await?;
     let rows = told.into_iter().collect();
     Ok(axum::Json(EvaluationFound { head: row.into(), rows }))
 }

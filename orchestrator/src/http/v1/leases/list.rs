@@ -8,8 +8,8 @@ use super::super::super::extract::{Path, Query};
 use super::super::super::problem::Problem;
 use super::super::{Page, next, reader_of, run_id};
 use super::view::LeaseHead;
-use crate::service::App;
-use crate::store::{folds, leases};
+use crate::http::state::AppState;
+use crate::store::{compacted_leases, leases};
 
 /// A page of leases.
 #[derive(Serialize, ToSchema)]
@@ -30,7 +30,7 @@ pub(in crate::http::v1) struct Leases {
     )
 )]
 pub(in crate::http::v1) async fn list(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(page): Query<Page>,
 ) -> Result<axum::Json<Leases>, Problem> {
@@ -38,7 +38,7 @@ pub(in crate::http::v1) async fn list(
     let mut conn = reader_of(&app, &run).await?;
     let after = page.cursor()?.0;
     let mut rows = leases::page(&mut conn, run.as_str(), after, limit).await?;
-    rows.extend(folds::heads(&mut conn, run.as_str(), after.saturating_add(1), limit).await?);
+    rows.extend(compacted_leases::heads(&mut conn, run.as_str(), after.saturating_add(1), limit).await?);
     rows.sort_by_key(|row| row.id);
     rows.dedup_by_key(|row| row.id); // something of it stays
     rows.truncate(usize::try_from(limit).unwrap_or_default());

@@ -6,8 +6,8 @@ use super::super::super::extract::{NoQuery, Path};
 use super::super::super::problem::Problem;
 use super::super::{id, run_id};
 use super::view::LeaseHead;
-use crate::service::App;
-use crate::training::lease::Renew;
+use crate::http::state::AppState;
+use crate::leases::renew::RenewLease;
 
 /// Renew a lease: it holds for its time again, from now.
 #[utoipa::path(
@@ -21,9 +21,9 @@ use crate::training::lease::Renew;
 )]
 pub(in crate::http::v1) async fn renew(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<LeaseHead>, Problem> {
-    let change = Renew { run: run_id(&run)?, lease: id("lease", &lease)? };
+    let change = RenewLease { run: run_id(&run)?, lease: id("lease", &lease)? };
     Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
 }

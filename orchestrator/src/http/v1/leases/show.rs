@@ -6,10 +6,10 @@ use super::super::super::extract::{NoQuery, Path};
 use super::super::super::problem::Problem;
 use super::super::{id, run_id};
 use super::view::{Lease, describe};
-use crate::service::App;
+use crate::http::state::AppState;
 use crate::store::groups;
-use crate::training::TrainingError;
-use crate::training::lease::find;
+use crate::engine::error::ServiceError;
+use crate::leases::find::find_lease;
 
 /// Show a lease with its groups: what was answered when it was taken. Past what the run keeps whole only those groups are
 /// left that a level move, a layout or an example of a failure rests on.
@@ -23,15 +23,15 @@ use crate::training::lease::find;
 )]
 pub(in crate::http::v1) async fn show(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Lease>, Problem> {
     let (run, lease) = (run_id(&run)?, id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
-    let row = find(&mut conn, &run, &lease).await?;
+    let row = find_lease(&mut conn, &run, &lease).await?;
     let groups = groups::of_lease(&mut conn, row.id).await?;
-    if row.folded != 0 && groups.is_empty() {
-        return Err(TrainingError::Expired(lease.to_string()).into());
+    if row.is_compacted && groups.is_empty() {
+        return Err(ServiceError::Expired(lease.to_string()).into());
     }
     Ok(axum::Json(describe(&mut conn, row, groups).await?))
 }

@@ -12,9 +12,10 @@ use super::super::super::problem::Problem;
 use super::super::run_id;
 use super::view::{Lease, describe, described};
 use crate::ids::EvaluationId;
-use crate::service::App;
-use crate::training::columns::TakeColumns;
-use crate::training::lease::{Granted, Purpose, TakeLease};
+use crate::http::state::AppState;
+use crate::leases::columns::CreateColumnLease;
+use crate::store::leases::Purpose;
+use crate::leases::create::{CreateLease, GrantedLease};
 
 /// A lease as it is asked for.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -77,7 +78,7 @@ const fn train() -> Purpose {
 )]
 pub(in crate::http::v1) async fn take(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Json(wish): Json<LeaseWish>,
@@ -87,7 +88,7 @@ pub(in crate::http::v1) async fn take(
     let evaluation = evaluation.map(|text| text.parse::<EvaluationId>()).transpose();
     let evaluation =
         evaluation.map_err(|error| Problem::invalid("evaluation", error.to_string()))?.map(|id| id.0);
-    let wish = TakeLease {
+    let wish = CreateLease {
         run: run.clone(),
         groups,
         group_size,
@@ -98,12 +99,12 @@ pub(in crate::http::v1) async fn take(
         refill,
         evaluation,
     };
-    let Granted { row, groups, sets } = match form {
+    let GrantedLease { row, groups, scenarios } = match form {
         Form::Groups => app.desk.lease(wish).await?,
-        Form::Columns => app.writer.change(TakeColumns(wish)).await?,
+        Form::Columns => app.writer.change(CreateColumnLease(wish)).await?,
     };
-    let lease = match sets {
-        Some(sets) => described(row, groups, &sets)?,
+    let lease = match scenarios {
+        Some(scenarios) => described(row, groups, &scenarios)?,
         None => describe(&mut *app.readers.acquire().await?, row, groups).await?,
     };
     Ok((StatusCode::CREATED, axum::Json(lease)))

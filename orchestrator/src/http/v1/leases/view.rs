@@ -9,13 +9,13 @@ use utoipa::ToSchema;
 use super::super::super::problem::Problem;
 use crate::clock::rfc3339;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
-use crate::store::columns::RangeRow;
+use crate::store::columns::{self, SeedRangeRow};
 use crate::store::groups::GroupRow;
 use crate::store::leases::LeaseRow;
-use crate::store::scenarios::Loader;
-use crate::store::{columns, unsigned};
-use crate::training::BracketView;
-use crate::training::sets::Sets;
+use crate::store::scenarios::ScenarioLoader;
+use crate::store::to_u64;
+use crate::leases::bracket_view::BracketView;
+use crate::leases::scenario_cache::ScenarioCache;
 
 /// A lease: recipes once each, and groups that name a recipe and a seed.
 #[derive(Serialize, ToSchema)]
@@ -123,9 +123,9 @@ impl LeaseHead {
     pub(super) fn of(row: LeaseRow) -> Self {
         Self {
             lease: LeaseId { number: row.id, token: row.token }.to_string(),
-            purpose: row.purpose,
-            form: row.form,
-            status: row.status,
+            purpose: row.purpose.to_string(),
+            form: row.form.to_string(),
+            status: row.status.to_string(),
             groups: row.groups,
             group_size: row.group_size,
             created_at: rfc3339(row.created_at),
@@ -142,19 +142,19 @@ pub(super) async fn describe(
 ) -> Result<Lease, Problem> {
     let mut recipes = Recipes::default();
     let ranges = if row.is_columns() { Some(ranges(conn, &mut recipes, row.id).await?) } else { None };
-    let sets = Sets::of_groups(conn, &groups).await?;
+    let sets = ScenarioCache::of_groups(conn, &groups).await?;
     view_of(row, groups, &sets, (recipes, ranges))
 }
 
 /// The same of one whose sets are at hand.
-pub(super) fn described(row: LeaseRow, groups: Vec<GroupRow>, sets: &Sets) -> Result<Lease, Problem> {
+pub(super) fn described(row: LeaseRow, groups: Vec<GroupRow>, sets: &ScenarioCache) -> Result<Lease, Problem> {
     view_of(row, groups, sets, (Recipes::default(), None))
 }
 
 fn view_of(
     row: LeaseRow,
     rows: Vec<GroupRow>,
-    sets: &Sets,
+    sets: &ScenarioCache,
     (mut recipes, ranges): (Recipes, Option<Vec<Range>>),
 ) -> Result<Lease, Problem> {
     let lease = row.lease_id();
@@ -167,9 +167,9 @@ fn view_of(
     Ok(Lease {
         lease: lease.to_string(),
         run: row.run,
-        purpose: row.purpose,
-        form: row.form,
-        status: row.status,
+        purpose: row.purpose.to_string(),
+        form: row.form.to_string(),
+        status: row.status.to_string(),
         group_size: row.group_size,
         policy_version: row.policy_version,
         expires_at: rfc3339(row.expires_at),
@@ -202,11 +202,12 @@ async fn ranges(
     recipes: &mut Recipes,
     lease: i64,
 ) -> Result<Vec<Range>, Problem> {
-    let (mut loader, mut ranges) = (Loader::default(), Vec::new());
+    let (mut loader, mut ranges) = (ScenarioLoader::default(), Vec::new());
     for row in columns::ranges(conn, lease).await? {
         let recipe = recipes.place(&*loader.recipe(conn, &row.recipe).await?);
-        let RangeRow { task, level, role, first, groups, seed, .. } = row;
-        ranges.push(Range { recipe, task, level, role, first, groups, seed: unsigned(seed) });
+        let SeedRangeRow { task, level, role, first, groups, seed, .. } = row;
+        let role = role.to_string();
+        ranges.push(Range { recipe, task, level, role, first, groups, seed: to_u64(seed) });
     }
     Ok(ranges)
 }
@@ -226,14 +227,14 @@ fn view(
         recipe,
         seed: scenario.seed().get(),
         scenario: scenario.id().to_string(),
-        contested: group.contested != 0,
+        contested: group.is_contested,
         episodes: (first..first + row.group_size).map(name).collect(),
         bracket: bracket.map(|bracket| BracketView::of(scenario, bracket)),
         task: group.task,
         level: group.level,
-        role: group.role,
-        train: group.train != 0,
+        role: group.role.to_string(),
+        train: group.is_for_training,
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: group.state,
+        state: group.state.to_string(),
     }
 }

@@ -3,8 +3,8 @@
 use serde_json::{Map, Value, json};
 
 use super::wish::autoreset_word;
-use crate::sessions::vector::frame::VERSION;
-use crate::sessions::{Report, Single, Source, Standing, Stepped, Tally, Vector};
+use crate::sessions::vector::frame::FRAME_VERSION;
+use crate::sessions::{ReportOutcome, SingleSession, VectorSource, SessionStatus, StepView, EpisodeTally, VectorSession};
 
 /// Writes `,"name":value`.
 fn put(out: &mut Vec<u8>, name: &str, value: &Value) {
@@ -21,7 +21,7 @@ fn begin(out: &mut Vec<u8>, kind: &str) {
 }
 
 /// Writes `,"observation":…` without a detour: this is most of what a server does.
-fn observation(out: &mut Vec<u8>, shown: &Stepped<'_>) {
+fn observation(out: &mut Vec<u8>, shown: &StepView<'_>) {
     out.extend_from_slice(b",\"observation\":");
     match shown.judged {
         None => shown.episode.write_observation(out),
@@ -30,7 +30,7 @@ fn observation(out: &mut Vec<u8>, shown: &Stepped<'_>) {
 }
 
 /// What is flown.
-fn flown(out: &mut Vec<u8>, standing: &Standing<'_>) {
+fn flown(out: &mut Vec<u8>, standing: &SessionStatus<'_>) {
     let Some(scenario) = standing.scenario else { return };
     put(out, "task", &json!(scenario.task().id()));
     put(out, "scenario", &json!(scenario.id().to_string()));
@@ -43,39 +43,39 @@ fn flown(out: &mut Vec<u8>, standing: &Standing<'_>) {
     }
 }
 
-fn reported(standing: &Standing<'_>) -> Option<Value> {
+fn reported(standing: &SessionStatus<'_>) -> Option<Value> {
     standing.run?;
-    Some(match standing.reported {
-        Some(Report::Told(receipt)) => json!(receipt),
-        Some(Report::Lost(words)) => json!({"status": "lost", "detail": words}),
+    Some(match standing.outcome {
+        Some(ReportOutcome::Acknowledged(receipt)) => json!(receipt),
+        Some(ReportOutcome::Failed(words)) => json!({"status": "lost", "detail": words}),
         None => Value::Null,
     })
 }
 
 /// A session was opened (`opened`), come back to (`resumed`), or asked where it stands (`state`).
-pub(super) fn standing(kind: &str, single: &Single, ttl_s: u64, id: Option<u64>) -> Vec<u8> {
-    let standing = single.session.standing();
+pub(super) fn standing(kind: &str, single: &SingleSession, ttl_s: u64, id: Option<u64>) -> Vec<u8> {
+    let standing = single.session.status();
     let mut out = Vec::with_capacity(8 * 1024);
     begin(&mut out, kind);
     if kind == "state" {
         put(&mut out, "id", &json!(id));
     }
-    put(&mut out, "version", &json!(VERSION));
+    put(&mut out, "version", &json!(FRAME_VERSION));
     put(&mut out, "session", &json!(single.session.id()));
     put(&mut out, "ttl_s", &json!(ttl_s));
     put(&mut out, "mode", &json!("single"));
     flown(&mut out, &standing);
     if kind != "opened" {
-        put(&mut out, "last_id", &json!(single.last.as_ref().map(|(id, _)| id)));
+        put(&mut out, "last_id", &json!(single.last_reply.as_ref().map(|reply| reply.id)));
         put(&mut out, "steps", &json!(standing.steps));
-        if let Ok(shown) = single.session.shown() {
+        if let Ok(shown) = single.session.view() {
             put(&mut out, "done", &json!(shown.done));
         }
         if let Some(reported) = reported(&standing) {
             put(&mut out, "reported", &reported);
         }
     }
-    if let Ok(shown) = single.session.shown() {
+    if let Ok(shown) = single.session.view() {
         observation(&mut out, &shown);
     }
     out.push(b'}');
@@ -83,12 +83,12 @@ pub(super) fn standing(kind: &str, single: &Single, ttl_s: u64, id: Option<u64>)
 }
 
 /// Another episode began.
-pub(super) fn began(single: &Single, id: u64) -> Vec<u8> {
+pub(super) fn began(single: &SingleSession, id: u64) -> Vec<u8> {
     let mut out = Vec::with_capacity(8 * 1024);
     begin(&mut out, "began");
     put(&mut out, "id", &json!(id));
-    flown(&mut out, &single.session.standing());
-    if let Ok(shown) = single.session.shown() {
+    flown(&mut out, &single.session.status());
+    if let Ok(shown) = single.session.view() {
         observation(&mut out, &shown);
     }
     out.push(b'}');
@@ -96,7 +96,7 @@ pub(super) fn began(single: &Single, id: u64) -> Vec<u8> {
 }
 
 /// A step was taken. An episode is truncated where its horizon cut an agent off, else terminated.
-pub(super) fn stepped(shown: &Stepped<'_>, id: u64, room: usize) -> Vec<u8> {
+pub(super) fn stepped(shown: &StepView<'_>, id: u64, room: usize) -> Vec<u8> {
     let mut out = Vec::with_capacity(room);
     begin(&mut out, "stepped");
     put(&mut out, "id", &json!(id));
@@ -120,13 +120,13 @@ pub(super) fn stepped(shown: &Stepped<'_>, id: u64, room: usize) -> Vec<u8> {
     put(&mut out, "terminated", &Value::Bool(shown.done && !truncated));
     put(&mut out, "truncated", &Value::Bool(truncated));
     put(&mut out, "done", &Value::Bool(shown.done));
-    put(&mut out, "score", &json!(shown.done.then(|| shown.episode.flown().score)));
+    put(&mut out, "score", &json!(shown.done.then(|| shown.episode.outcome().score)));
     out.push(b'}');
     out
 }
 
 /// Adds what became of the outcome to the last step of an episode that flew for a run.
-pub(super) fn receipt(out: &mut Vec<u8>, standing: &Standing<'_>) {
+pub(super) fn receipt(out: &mut Vec<u8>, standing: &SessionStatus<'_>) {
     if let Some(reported) = reported(standing) {
         out.pop();
         put(out, "reported", &reported);
@@ -135,7 +135,7 @@ pub(super) fn receipt(out: &mut Vec<u8>, standing: &Standing<'_>) {
 }
 
 /// A vector session was opened, come back to, or asked where it stands.
-pub(super) fn vector(kind: &str, vector: &Vector, ttl_s: u64, id: Option<u64>) -> Vec<u8> {
+pub(super) fn vector(kind: &str, vector: &VectorSession, ttl_s: u64, id: Option<u64>) -> Vec<u8> {
     let layout = vector.layout();
     let mut told = Map::new();
     let mut put = |name: &str, value: Value| drop(told.insert(name.to_owned(), value));
@@ -143,7 +143,7 @@ pub(super) fn vector(kind: &str, vector: &Vector, ttl_s: u64, id: Option<u64>) -
     if kind == "state" {
         put("id", json!(id));
     }
-    put("version", json!(VERSION));
+    put("version", json!(FRAME_VERSION));
     put("session", json!(vector.token()));
     put("ttl_s", json!(ttl_s));
     put("mode", json!("vector"));
@@ -154,15 +154,15 @@ pub(super) fn vector(kind: &str, vector: &Vector, ttl_s: u64, id: Option<u64>) -
     put("observation", json!(layout.observation));
     put("autoreset", json!(autoreset_word(vector.autoreset())));
     match vector.source() {
-        Source::Recipe { seed } => put("seed", json!(seed)),
-        Source::Lease { run, lease } => {
+        VectorSource::Recipe { seed } => put("seed", json!(seed)),
+        VectorSource::Lease { run, lease } => {
             put("run", json!(run.as_str()));
             put("lease_id", json!(lease.to_string()));
-            put("left", json!(vector.left()));
+            put("left", json!(vector.remaining_episodes()));
         }
     }
     if kind != "opened" {
-        put("sequence", json!(vector.last().0));
+        put("sequence", json!(vector.last_frame().sequence));
         put("steps", json!(vector.steps()));
         if let Some(tally) = vector.tally() {
             put("reported", json!(tally));
@@ -170,13 +170,13 @@ pub(super) fn vector(kind: &str, vector: &Vector, ttl_s: u64, id: Option<u64>) -
     }
     if kind != "state" {
         put("columns", json!(vector.columns()));
-        put("frames", layout.told());
+        put("frames", layout.describe());
     }
     Value::Object(told).to_string().into_bytes()
 }
 
 /// A session ended.
-pub(super) fn closed(id: Option<u64>, tally: Option<&Tally>) -> Vec<u8> {
+pub(super) fn closed(id: Option<u64>, tally: Option<&EpisodeTally>) -> Vec<u8> {
     let mut told = json!({"type": "closed", "id": id});
     if let Some(tally) = tally {
         told["reported"] = json!(tally);

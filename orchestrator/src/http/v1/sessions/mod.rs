@@ -20,8 +20,8 @@ use super::super::access::Caller;
 use super::super::extract::NoQuery;
 use super::super::problem::Problem;
 use super::super::socket::bounded_by;
-use crate::service::App;
-use crate::sessions::vector::frame::MAX_IN;
+use crate::http::state::AppState;
+use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
 
 /// Fly on the server, over a WebSocket. The first message opens a session, `{"type": "open", "version": 1, …}` with what
 /// OpenEnv's reset may say (`task`, `params`, `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`) and, for many
@@ -37,13 +37,13 @@ use crate::sessions::vector::frame::MAX_IN;
 )]
 pub(super) async fn connect(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     match upgrade {
         Ok(upgrade) => {
-            bounded_by(upgrade, MAX_IN).on_upgrade(move |socket| serve::serve(socket, app, caller.who))
+            bounded_by(upgrade, MAX_REQUEST_BYTES).on_upgrade(move |socket| serve::serve(socket, app, caller.who))
         }
         Err(_) => {
             let words = "Sessions are WebSockets: ask for the protocol to be upgraded.";

@@ -6,14 +6,14 @@ use serde_json::{Map, Value};
 
 use super::refusal::Refusal;
 use super::{answer, wish};
-use crate::reading::{Unread, read, value};
-use crate::service::App;
-use crate::sessions::vector::frame::VERSION;
-use crate::sessions::{Craft, Lost, Mooring, Single, Who};
+use crate::input::{InputError, from_value, parse_json};
+use crate::http::state::AppState;
+use crate::sessions::vector::frame::FRAME_VERSION;
+use crate::sessions::{ResumableSession, ResumeError, SessionAttachment, SingleSession, ClientIdentity};
 
 /// A session, and what is said of it.
 pub(super) struct Opened {
-    pub(super) mooring: Mooring,
+    pub(super) mooring: SessionAttachment,
     pub(super) text: Vec<u8>,
     /// The first observations of a vector session.
     pub(super) frame: Option<Bytes>,
@@ -43,9 +43,9 @@ struct Resume {
 
 /// Reads what all messages have.
 pub(super) fn message(text: &str) -> Result<Message, (Option<u64>, Refusal)> {
-    let read = value(text.as_bytes()).map_err(|unread| match unread {
-        Unread::Twice(fault) => (None, fault.into()),
-        Unread::Malformed(why) => {
+    let read = parse_json(text.as_bytes()).map_err(|unread| match unread {
+        InputError::DuplicateKey(fault) => (None, fault.into()),
+        InputError::Malformed(why) => {
             let why: String = why.chars().take(200).collect();
             (None, Refusal::new("malformed_json", format!("the message is not JSON: {why}")).at("message"))
         }
@@ -68,14 +68,14 @@ pub(super) fn unknown(kind: &str, known: &str) -> Refusal {
 }
 
 fn spoken(version: u16) -> Result<(), Refusal> {
-    if version == VERSION {
+    if version == FRAME_VERSION {
         return Ok(());
     }
-    Err(Refusal::new("version", format!("it is {version}; {VERSION} is spoken here")).at("version"))
+    Err(Refusal::new("version", format!("it is {version}; this server supports {FRAME_VERSION}")).at("version"))
 }
 
 /// Opens a session, or comes back to one.
-pub(super) async fn begin(app: &App, who: &Who, text: &str) -> Result<Opened, (Option<u64>, Refusal)> {
+pub(super) async fn begin(app: &AppState, who: &ClientIdentity, text: &str) -> Result<Opened, (Option<u64>, Refusal)> {
     let Message { kind, id, fields } = message(text)?;
     let begun = match kind.as_str() {
         "open" => open(app, who, fields).await,
@@ -85,40 +85,40 @@ pub(super) async fn begin(app: &App, who: &Who, text: &str) -> Result<Opened, (O
     begun.map_err(|refusal| (id, refusal))
 }
 
-async fn open(app: &App, who: &Who, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
+async fn open(app: &AppState, who: &ClientIdentity, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
     let version: Map<_, _> = fields.remove_entry("version").into_iter().collect();
-    spoken(read::<Version>(Value::Object(version))?.version)?;
+    spoken(from_value::<Version>(Value::Object(version))?.version)?;
     fields.remove("id");
     let vector = fields.remove("vector").filter(|vector| !vector.is_null());
     let wish = wish::wish(fields)?;
-    let ttl_s = app.sessions.limits().resume.as_secs();
-    let (craft, text, frame) = if let Some(vector) = vector {
+    let ttl_s = app.sessions.limits().resume_timeout.as_secs();
+    let (session, text, frame) = if let Some(vector) = vector {
         let how = wish::vector(vector)?;
         let vector = app.sessions.open_vector(who, how, wish::sorted(wish)?).await?;
-        let (text, frame) = (answer::vector("opened", &vector, ttl_s, None), vector.last().1);
-        (Craft::Vector(Box::new(vector)), text, Some(frame))
+        let (text, frame) = (answer::vector("opened", &vector, ttl_s, None), vector.last_frame().bytes.clone());
+        (ResumableSession::Vector(Box::new(vector)), text, Some(frame))
     } else {
         let wished = wish::sorted(wish.clone())?;
         let mut session = app.sessions.open(who)?;
         session.reset(wished, wish.episode_id.clone()).await?;
-        let single = Single { session, wish, last: None };
+        let single = SingleSession { session, request: wish, last_reply: None };
         let text = answer::standing("opened", &single, ttl_s, None);
-        (Craft::Single(Box::new(single)), text, None)
+        (ResumableSession::Single(Box::new(single)), text, None)
     };
-    let mooring = app.sessions.berths().moor(craft, who).ok_or(Lost::Unknown)?;
+    let mooring = app.sessions.resumable().register(session, who).ok_or(ResumeError::Unknown)?;
     Ok(Opened { mooring, text, frame, known: false })
 }
 
-async fn resume(app: &App, who: &Who, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
+async fn resume(app: &AppState, who: &ClientIdentity, mut fields: Map<String, Value>) -> Result<Opened, Refusal> {
     fields.remove("id");
-    let Resume { session, version } = read(Value::Object(fields))?;
-    spoken(version.unwrap_or(VERSION))?;
-    let mut mooring = app.sessions.berths().claim(&session, who).await?;
-    let ttl_s = app.sessions.limits().resume.as_secs();
-    let text = match mooring.craft() {
-        Some(Craft::Single(single)) => answer::standing("resumed", single, ttl_s, None),
-        Some(Craft::Vector(vector)) => answer::vector("resumed", vector, ttl_s, None),
-        None => return Err(Lost::Unknown.into()),
+    let Resume { session, version } = from_value(Value::Object(fields))?;
+    spoken(version.unwrap_or(FRAME_VERSION))?;
+    let mut mooring = app.sessions.resumable().resume(&session, who).await?;
+    let ttl_s = app.sessions.limits().resume_timeout.as_secs();
+    let text = match mooring.session() {
+        Some(ResumableSession::Single(single)) => answer::standing("resumed", single, ttl_s, None),
+        Some(ResumableSession::Vector(vector)) => answer::vector("resumed", vector, ttl_s, None),
+        None => return Err(ResumeError::Unknown.into()),
     };
     Ok(Opened { mooring, text, frame: None, known: true })
 }

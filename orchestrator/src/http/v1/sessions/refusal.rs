@@ -1,12 +1,12 @@
 //! What is not done, and why, as a message.
 
 use env_core::batch::BatchError;
-use env_core::wire::{Place, WireFault};
+use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Value, json};
 
 use super::super::super::problem::Problem;
-use crate::reading::Fault;
-use crate::sessions::{Full, Lost, SessionError, VectorError, WishError};
+use crate::input::FieldError;
+use crate::sessions::{QuotaExceeded, ResumeError, SessionError, VectorError, SessionRequestError};
 
 /// A refused message. The session goes on unless it `ends`.
 #[derive(Debug)]
@@ -52,28 +52,28 @@ impl Refusal {
     }
 }
 
-impl From<Fault> for Refusal {
-    fn from(fault: Fault) -> Self {
+impl From<FieldError> for Refusal {
+    fn from(fault: FieldError) -> Self {
         let field = if fault.field.is_empty() { "message".to_owned() } else { fault.field };
-        Self::invalid(field, fault.words)
+        Self::invalid(field, fault.reason)
     }
 }
 
-impl From<WishError> for Refusal {
-    fn from(error: WishError) -> Self {
+impl From<SessionRequestError> for Refusal {
+    fn from(error: SessionRequestError) -> Self {
         Self::invalid(error.field, error.reason)
     }
 }
 
-impl From<Full> for Refusal {
-    fn from(full: Full) -> Self {
-        Self::new("at_capacity", format!("{} of {} sessions are open", full.active, full.most)).again()
+impl From<QuotaExceeded> for Refusal {
+    fn from(full: QuotaExceeded) -> Self {
+        Self::new("at_capacity", format!("{} of {} sessions are open", full.active, full.limit)).again()
     }
 }
 
-impl From<Lost> for Refusal {
-    fn from(lost: Lost) -> Self {
-        let code = if lost == Lost::Unknown { "unknown_session" } else { "superseded" };
+impl From<ResumeError> for Refusal {
+    fn from(lost: ResumeError) -> Self {
+        let code = if lost == ResumeError::Unknown { "unknown_session" } else { "superseded" };
         Self::new(code, lost.to_string()).at("session")
     }
 }
@@ -87,14 +87,14 @@ impl From<Problem> for Refusal {
 }
 
 /// Faults of an action: the first, and how many more there are.
-fn action(faults: &[WireFault]) -> Refusal {
+fn action(faults: &[ValidationError]) -> Refusal {
     let Some(first) = faults.first() else { return Refusal::invalid("action", "it cannot be read") };
     let mut field = "action".to_owned();
     for place in &first.loc {
         field.push('.');
         match place {
-            Place::Field(name) => field.push_str(name),
-            Place::Index(index) => field.push_str(&index.to_string()),
+            LocSegment::Field(name) => field.push_str(name),
+            LocSegment::Index(index) => field.push_str(&index.to_string()),
         }
     }
     let more = match faults.len() {
@@ -112,7 +112,7 @@ impl From<SessionError> for Refusal {
             SessionError::NotStarted => Self::new("not_started", error.to_string()),
             SessionError::Over => Self::new("over", error.to_string()),
             SessionError::Scenario(error) => Self::invalid(error.field().to_owned(), error.to_string()),
-            SessionError::Training(error) => Problem::from(error).into(),
+            SessionError::Service(error) => Problem::from(error).into(),
         }
     }
 }
@@ -121,13 +121,11 @@ impl From<VectorError> for Refusal {
     fn from(error: VectorError) -> Self {
         let words = error.to_string();
         match error {
-            VectorError::Wish(error) => error.into(),
-            VectorError::Full(full) => full.into(),
-            VectorError::Training(error) => Problem::from(error).into(),
-            VectorError::Memory { needed_mib, most_mib, .. } if needed_mib > most_mib => {
-                Self::invalid("vector.envs", words)
-            }
-            VectorError::Memory { .. } => Self::new("at_capacity", words).at("vector.envs").again(),
+            VectorError::Request(error) => error.into(),
+            VectorError::Quota(full) => full.into(),
+            VectorError::Service(error) => Problem::from(error).into(),
+            VectorError::Memory(memory) if memory.is_permanent() => Self::invalid("vector.envs", words),
+            VectorError::Memory(_) => Self::new("at_capacity", words).at("vector.envs").again(),
             VectorError::Frame(error) => Self::new("invalid_frame", error.reason).at(error.field),
             VectorError::Sequence { .. } => Self::new("out_of_turn", words).at("sequence"),
             VectorError::Batch(error) => batch(&error),

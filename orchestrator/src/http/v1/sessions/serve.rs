@@ -12,8 +12,8 @@ use super::opening::{Opened, begin};
 use super::refusal::Refusal;
 use super::vector::Told;
 use super::{single, vector};
-use crate::service::App;
-use crate::sessions::{Closing, Craft, Ending, LOOK, Mooring, Who};
+use crate::http::state::AppState;
+use crate::sessions::{CloseSignal, ResumableSession, CloseReason, LEASE_CHECK_INTERVAL, SessionAttachment, ClientIdentity};
 
 /// How long a connection may take to open a session.
 const OPEN_WITHIN: Duration = Duration::from_secs(10);
@@ -31,16 +31,16 @@ async fn bid(mut socket: WebSocket, refusal: &Refusal) {
     close(socket).await;
 }
 
-fn ended(why: Ending) -> Refusal {
+fn ended(why: CloseReason) -> Refusal {
     match why {
-        Ending::Stopping => Refusal::new("stopping", format!("{}; the session ended", why.words())),
-        Ending::Expelled => Refusal::new("unauthenticated", format!("{}; the session ended", why.words())),
+        CloseReason::ServerStopping => Refusal::new("stopping", format!("{}; the session ended", why.message())),
+        CloseReason::CredentialRevoked => Refusal::new("unauthenticated", format!("{}; the session ended", why.message())),
     }
 }
 
 /// Serves one connection.
-pub(super) async fn serve(mut socket: WebSocket, app: App, who: Who) {
-    let mut closing = app.sessions.closing(&who);
+pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
+    let mut closing = app.sessions.close_signal(&who);
     let mut early = None;
     let Some(opened) = opened(&mut socket, (&app, &who), &mut closing, &mut early).await else { return };
     let Opened { mooring, text, frame, known } = opened;
@@ -50,7 +50,7 @@ pub(super) async fn serve(mut socket: WebSocket, app: App, who: Who) {
     }
     match (told, known) {
         (Ok(()), _) => on_board(socket, &app, mooring, closing, early).await,
-        (Err(Gone), true) => mooring.wait(app.sessions.limits().resume, closing).await,
+        (Err(Gone), true) => mooring.wait_for_resume(app.sessions.limits().resume_timeout, closing).await,
         (Err(Gone), false) => {} // nobody knows how to come back to it
     }
 }
@@ -58,13 +58,13 @@ pub(super) async fn serve(mut socket: WebSocket, app: App, who: Who) {
 /// Waits for the message that opens a session. Until then a connection costs a buffer, and takes no place.
 async fn opened(
     socket: &mut WebSocket,
-    (app, who): (&App, &Who),
-    closing: &mut Closing,
+    (app, who): (&AppState, &ClientIdentity),
+    closing: &mut CloseSignal,
     early: &mut Option<Received>,
 ) -> Option<Opened> {
     let until = Instant::now() + OPEN_WITHIN;
     loop {
-        let received = match closing.over().map(Received::Stop).or_else(|| early.take()) {
+        let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
                 received = next(socket, Some(until.saturating_duration_since(Instant::now()))) => received,
@@ -104,8 +104,8 @@ enum Came {
 
 async fn wait(
     socket: &mut WebSocket,
-    mooring: &mut Mooring,
-    closing: &mut Closing,
+    mooring: &mut SessionAttachment,
+    closing: &mut CloseSignal,
     idle: Option<Duration>,
 ) -> Came {
     let since = Instant::now();
@@ -115,9 +115,9 @@ async fn wait(
             received = next(socket, left) => return Came::Received(received),
             why = closing.closed() => return Came::Received(Received::Stop(why)),
             () = mooring.superseded() => return Came::Superseded,
-            () = tokio::time::sleep(LOOK) => {
-                if let Some(craft) = mooring.craft() {
-                    craft.renew().await;
+            () = tokio::time::sleep(LEASE_CHECK_INTERVAL) => {
+                if let Some(session) = mooring.session() {
+                    session.renew_lease().await;
                 }
             }
         }
@@ -132,15 +132,15 @@ enum Reply {
     End(Bytes),
 }
 
-async fn reply(mooring: &mut Mooring, received: Received, ttl_s: u64) -> Reply {
-    let flow = match (mooring.craft(), received) {
-        (Some(Craft::Single(single)), Received::Text(text)) => single::answer(single, &text, ttl_s).await,
-        (Some(Craft::Single(_)), _) => {
+async fn reply(mooring: &mut SessionAttachment, received: Received, ttl_s: u64) -> Reply {
+    let flow = match (mooring.session(), received) {
+        (Some(ResumableSession::Single(single)), Received::Text(text)) => single::answer(single, &text, ttl_s).await,
+        (Some(ResumableSession::Single(_)), _) => {
             let words = "binary frames are not read here: open a session with `vector` for them";
             ControlFlow::Continue(Refusal::new("not_text", words).message(None).into())
         }
-        (Some(Craft::Vector(vector)), Received::Text(text)) => vector::text(vector, &text, ttl_s).await,
-        (Some(Craft::Vector(vector)), Received::Binary(bytes)) => {
+        (Some(ResumableSession::Vector(vector)), Received::Text(text)) => vector::text(vector, &text, ttl_s).await,
+        (Some(ResumableSession::Vector(vector)), Received::Binary(bytes)) => {
             return match vector::frame(vector, bytes).await {
                 Told::Frame(frame) => Reply::Binary(frame),
                 Told::Error(error) => Reply::Text(error),
@@ -159,19 +159,19 @@ async fn reply(mooring: &mut Mooring, received: Received, ttl_s: u64) -> Reply {
 /// Serves a session until it ends, or its connection does.
 async fn on_board(
     mut socket: WebSocket,
-    app: &App,
-    mut mooring: Mooring,
-    mut closing: Closing,
+    app: &AppState,
+    mut mooring: SessionAttachment,
+    mut closing: CloseSignal,
     mut early: Option<Received>,
 ) {
     let limits = app.sessions.limits();
-    let ttl_s = limits.resume.as_secs();
+    let ttl_s = limits.resume_timeout.as_secs();
     loop {
-        let over = closing.over().map(Received::Stop);
+        let over = closing.reason().map(Received::Stop);
         let came = match over.or_else(|| early.take()) {
             _ if mooring.is_superseded() => Came::Superseded,
             Some(received) => Came::Received(received),
-            None => wait(&mut socket, &mut mooring, &mut closing, limits.idle).await,
+            None => wait(&mut socket, &mut mooring, &mut closing, limits.idle_timeout).await,
         };
         let received = match came {
             Came::Received(received @ (Received::Text(_) | Received::Binary(_))) => received,
@@ -192,12 +192,12 @@ async fn on_board(
             Came::Received(Received::TooLarge) => {
                 // What comes after its beginning cannot be told apart; the session can be come back to.
                 close_with(socket, close_code::SIZE, TOO_LARGE).await;
-                return mooring.wait(limits.resume, closing).await;
+                return mooring.wait_for_resume(limits.resume_timeout, closing).await;
             }
             Came::Received(Received::Left) => return,
             Came::Received(Received::Gone) => {
                 drop(socket);
-                return mooring.wait(limits.resume, closing).await;
+                return mooring.wait_for_resume(limits.resume_timeout, closing).await;
             }
         };
         let work = reply(&mut mooring, received, ttl_s);
@@ -212,7 +212,7 @@ async fn on_board(
         };
         if sent.is_err() {
             drop(socket);
-            return mooring.wait(limits.resume, closing).await;
+            return mooring.wait_for_resume(limits.resume_timeout, closing).await;
         }
     }
 }

@@ -9,16 +9,16 @@ use super::answer;
 use super::opening::{Message, message, unknown};
 use super::refusal::Refusal;
 use super::single::Bare;
-use crate::reading::read;
-use crate::sessions::Vector;
+use crate::input::from_value;
+use crate::sessions::VectorSession;
 
 /// Answers one message of text; breaks where the client wants to go.
-pub(super) async fn text(vector: &mut Vector, text: &str, ttl_s: u64) -> ControlFlow<Bytes, Bytes> {
+pub(super) async fn text(vector: &mut VectorSession, text: &str, ttl_s: u64) -> ControlFlow<Bytes, Bytes> {
     let Message { kind, id, fields } = match message(text) {
         Ok(message) => message,
         Err((id, refusal)) => return ControlFlow::Continue(refusal.message(id).into()),
     };
-    let bare = read::<Bare>(Value::Object(fields)).map_err(Refusal::from);
+    let bare = from_value::<Bare>(Value::Object(fields)).map_err(Refusal::from);
     let told = match (kind.as_str(), bare) {
         ("state", Ok(bare)) => Ok(answer::vector("state", vector, ttl_s, bare.id).into()),
         ("close", Ok(bare)) => {
@@ -46,7 +46,7 @@ pub(super) enum Told {
 }
 
 /// Answers one binary frame.
-pub(super) async fn frame(vector: &mut Vector, bytes: Bytes) -> Told {
+pub(super) async fn frame(vector: &mut VectorSession, bytes: Bytes) -> Told {
     // The number, where there is one, so that the client knows which frame is meant.
     let number = bytes.get(8..12).and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
     match vector.answer(bytes).await {

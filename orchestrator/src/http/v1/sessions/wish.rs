@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use env_core::batch::{Autoreset, Observe};
+use env_core::batch::{Autoreset, ObservationMode};
 use env_core::{Scenario, TaskSpec};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::super::super::openenv::{known, named, usual};
 use super::refusal::Refusal;
-use crate::ids::BadId;
-use crate::reading::read;
-use crate::sessions::{MOST_GROUP, VectorWish, Wish, Wished};
+use crate::ids::InvalidId;
+use crate::input::from_value;
+use crate::sessions::{MAX_NAME_CHARS, VectorRequest, SessionRequest, EpisodeSource};
 
 /// The task where nobody says.
 const USUAL: &str = "kessler/survival";
@@ -63,15 +63,15 @@ enum ObserveWord {
     Tracks,
 }
 
-fn id<T: FromStr<Err = BadId>>(field: &str, text: Option<String>) -> Result<Option<T>, Refusal> {
-    let read = |text: String| text.parse().map_err(|error: BadId| Refusal::invalid(field, error.to_string()));
+fn id<T: FromStr<Err = InvalidId>>(field: &str, text: Option<String>) -> Result<Option<T>, Refusal> {
+    let read = |text: String| text.parse().map_err(|error: InvalidId| Refusal::invalid(field, error.to_string()));
     text.map(read).transpose()
 }
 
 fn name(field: &str, text: Option<String>) -> Result<Option<String>, Refusal> {
     match text {
-        Some(text) if text.chars().count() > MOST_GROUP => {
-            Err(Refusal::invalid(field, format!("it has more than {MOST_GROUP} characters")))
+        Some(text) if text.chars().count() > MAX_NAME_CHARS => {
+            Err(Refusal::invalid(field, format!("it has more than {MAX_NAME_CHARS} characters")))
         }
         text => Ok(text),
     }
@@ -86,8 +86,8 @@ fn task(field: &str, name: Option<&String>) -> Result<Option<&'static dyn TaskSp
 }
 
 /// A wish out of the fields of a message.
-pub(super) fn wish(fields: Map<String, Value>) -> Result<Wish, Refusal> {
-    let fields: WishFields = read(Value::Object(fields))?;
+pub(super) fn wish(fields: Map<String, Value>) -> Result<SessionRequest, Refusal> {
+    let fields: WishFields = from_value(Value::Object(fields))?;
     let scenario = fields.scenario.map(|scenario| {
         Scenario::from_json(&scenario).map_err(|error| {
             let field = match error.field() {
@@ -97,7 +97,7 @@ pub(super) fn wish(fields: Map<String, Value>) -> Result<Wish, Refusal> {
             Refusal::invalid(field, error.to_string())
         })
     });
-    Ok(Wish {
+    Ok(SessionRequest {
         seed: fields.seed,
         episode_id: name("episode_id", fields.episode_id)?,
         task: task("task", fields.task.as_ref())?,
@@ -113,33 +113,33 @@ pub(super) fn wish(fields: Map<String, Value>) -> Result<Wish, Refusal> {
 }
 
 /// The wish, sorted.
-pub(super) fn sorted(wish: Wish) -> Result<Wished, Refusal> {
-    Ok(wish.sort(usual(USUAL))?)
+pub(super) fn sorted(wish: SessionRequest) -> Result<EpisodeSource, Refusal> {
+    Ok(wish.resolve(usual(USUAL))?)
 }
 
 /// How many environments are stepped, and how.
-pub(super) fn vector(fields: Value) -> Result<VectorWish, Refusal> {
-    let fields: VectorFields = read(fields).map_err(|fault| {
+pub(super) fn vector(fields: Value) -> Result<VectorRequest, Refusal> {
+    let fields: VectorFields = from_value(fields).map_err(|fault| {
         let field =
             if fault.field.is_empty() { "vector".to_owned() } else { format!("vector.{}", fault.field) };
-        Refusal::invalid(field, fault.words)
+        Refusal::invalid(field, fault.reason)
     })?;
     let observe = match fields.observe.unwrap_or(ObserveWord::All) {
-        ObserveWord::All => Observe::All { bodies: fields.bodies },
-        ObserveWord::Tracks => Observe::Tracks {
+        ObserveWord::All => ObservationMode::All { bodies: fields.bodies },
+        ObserveWord::Tracks => ObservationMode::Tracks {
             threats: fields.threats.unwrap_or(THREATS),
             look_ahead: fields.look_ahead.unwrap_or(LOOK_AHEAD),
         },
     };
     let strange = match observe {
-        Observe::All { .. } => [("threats", fields.threats), ("look_ahead", fields.look_ahead)],
-        Observe::Tracks { .. } => [("bodies", fields.bodies), ("bodies", None)],
+        ObservationMode::All { .. } => [("threats", fields.threats), ("look_ahead", fields.look_ahead)],
+        ObservationMode::Tracks { .. } => [("bodies", fields.bodies), ("bodies", None)],
     };
     if let Some((field, _)) = strange.iter().find(|(_, given)| given.is_some()) {
         let reason = "it says nothing under this `observe`; leave it out";
         return Err(Refusal::invalid(format!("vector.{field}"), reason));
     }
-    Ok(VectorWish {
+    Ok(VectorRequest {
         envs: usize::try_from(fields.envs).unwrap_or(usize::MAX),
         autoreset: match fields.autoreset.unwrap_or(AutoresetWord::NextStep) {
             AutoresetWord::NextStep => Autoreset::NextStep,

@@ -7,8 +7,8 @@ use utoipa::ToSchema;
 use super::super::super::extract::{Json, NoQuery, Path};
 use super::super::super::problem::Problem;
 use super::super::{reader_of, run_id};
-use crate::service::App;
-use crate::training::rollout::feed::Ack;
+use crate::http::state::AppState;
+use crate::rollouts::feed::AcknowledgeGroups;
 
 /// Most ids of a request.
 const MOST: usize = 10_000;
@@ -42,7 +42,7 @@ pub(in crate::http::v1) struct Acked {
 )]
 pub(in crate::http::v1) async fn ack(
     _: NoQuery,
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Json(wish): Json<AckWish>,
 ) -> Result<axum::Json<Acked>, Problem> {
@@ -55,6 +55,6 @@ pub(in crate::http::v1) async fn ack(
     let never = |at| Problem::invalid(format!("ids.{at}"), "no group ever has such a number");
     let ids = wish.ids.into_iter().enumerate().map(|(at, id)| i64::try_from(id).map_err(|_| never(at)));
     let ids = ids.collect::<Result<_, _>>()?;
-    let (acked, unknown) = app.writer.change(Ack { run, ids }).await?;
+    let (acked, unknown) = app.writer.change(AcknowledgeGroups { run, ids }).await?;
     Ok(axum::Json(Acked { acked, unknown }))
 }

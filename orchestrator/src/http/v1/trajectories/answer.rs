@@ -8,12 +8,12 @@ use futures_util::StreamExt;
 use futures_util::stream;
 
 use super::super::super::answers::{Form, LINES, MESSAGE_PACK, packed};
-use crate::store::trajectories::HeadRow;
-use crate::training::rollout::body::unpack;
+use crate::store::trajectories::FeedGroup;
+use crate::rollouts::trajectory_group::unpack;
 
 /// A group as it is stored.
 pub(super) struct Stored {
-    pub(super) head: HeadRow,
+    pub(super) head: FeedGroup,
     pub(super) body: Vec<u8>,
 }
 
@@ -93,7 +93,7 @@ mod tests {
     async fn all_forms_say_the_same() {
         let stored = |id: i64| {
             let json = json!({"run": "r", "x": [id, 0.1]}).to_string();
-            let head = HeadRow { id, deliveries: 2, bytes: json.len() as i64 };
+            let head = FeedGroup { id, deliveries: 2, bytes: json.len() as i64 };
             Stored { head, body: zstd::bulk::compress(json.as_bytes(), 3).unwrap() }
         };
         let told = |form, ids: &'static [i64], next| async move {
@@ -116,7 +116,7 @@ mod tests {
 
     #[tokio::test]
     async fn what_cannot_be_unpacked_breaks_the_answer_off() {
-        let head = HeadRow { id: 1, deliveries: 1, bytes: 10 };
+        let head = FeedGroup { id: 1, deliveries: 1, bytes: 10 };
         let answer = answer(Form::Json, vec![Stored { head, body: b"broken".to_vec() }], Some(1));
         assert!(axum::body::to_bytes(answer.into_body(), usize::MAX).await.is_err());
     }

@@ -15,11 +15,11 @@ use super::super::super::problem::Problem;
 use super::super::{reader_of, run_id};
 use super::answer::{Stored, answer};
 use crate::ids::RunId;
-use crate::service::App;
-use crate::store::trajectories::{self, HeadRow};
-use crate::training::TrainingError;
-use crate::training::rollout::body::TrajectoryGroup;
-use crate::training::rollout::feed::{Deliver, fitting};
+use crate::http::state::AppState;
+use crate::store::trajectories::{self, FeedGroup};
+use crate::engine::error::ServiceError;
+use crate::rollouts::trajectory_group::TrajectoryGroup;
+use crate::rollouts::feed::{fitting, DeliverGroups};
 
 /// How groups are pulled.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -96,7 +96,7 @@ impl Wish {
     }
 
     /// What there is for it now.
-    async fn look(&self, app: &App) -> Result<Vec<HeadRow>, Problem> {
+    async fn look(&self, app: &AppState) -> Result<Vec<FeedGroup>, Problem> {
         let ttl_ms = {
             let mut conn = app.readers.acquire().await?;
             match self.how {
@@ -106,30 +106,30 @@ impl Wish {
                 }
                 How::Claim { ttl_ms } => {
                     let now = app.clock.now();
-                    if trajectories::visible(&mut conn, self.run.as_str(), now, 1).await?.is_empty() {
+                    if trajectories::deliverable(&mut conn, self.run.as_str(), now, 1).await?.is_empty() {
                         return Ok(Vec::new());
                     }
                     ttl_ms
                 }
             }
         };
-        let deliver = Deliver { run: self.run.clone(), limit: self.limit, ttl_ms };
+        let deliver = DeliverGroups { run: self.run.clone(), limit: self.limit, ttl_ms };
         Ok(app.writer.change(deliver).await?)
     }
 
     /// When there will be something without a push: a group comes again whose time is over.
-    async fn again(&self, app: &App) -> Result<Option<Duration>, Problem> {
+    async fn again(&self, app: &AppState) -> Result<Option<Duration>, Problem> {
         if let How::After(_) = self.how {
             return Ok(None);
         }
         let mut conn = app.readers.acquire().await?;
-        let at = trajectories::next_visible(&mut conn, self.run.as_str()).await?;
+        let at = trajectories::next_deliverable_at(&mut conn, self.run.as_str()).await?;
         // A moment at least: the clock may stand at the very millisecond.
         Ok(at.map(|at| Duration::from_millis(u64::try_from(at - app.clock.now()).unwrap_or(0).max(10))))
     }
 
     /// Waits until there is something for it, or its time is over.
-    async fn wait(&self, app: &App) -> Result<Vec<HeadRow>, Problem> {
+    async fn wait(&self, app: &AppState) -> Result<Vec<FeedGroup>, Problem> {
         let _place = if self.wait.is_zero() { None } else { Some(app.polls.enter()?) };
         let until = Instant::now() + self.wait;
         let mut watch = app.polls.watch();
@@ -163,7 +163,7 @@ impl Wish {
     )
 )]
 pub(in crate::http::v1) async fn pull(
-    State(app): State<App>,
+    State(app): State<AppState>,
     Path(run): Path<String>,
     Query(pull): Query<Pull>,
     headers: HeaderMap,
@@ -172,7 +172,7 @@ pub(in crate::http::v1) async fn pull(
     drop(reader_of(&app, &wish.run).await?);
     let heads = wish.wait(&app).await?;
     let mut groups = Vec::with_capacity(heads.len());
-    let mut conn = app.readers.acquire().await.map_err(TrainingError::from)?;
+    let mut conn = app.readers.acquire().await.map_err(ServiceError::from)?;
     for head in heads {
         // Acknowledged and dropped in between: nobody needs it.
         if let Some(body) = trajectories::body(&mut conn, head.id).await? {

@@ -1,0 +1,246 @@
+//! `sparring judge-agreement`: how far the language model that judged agrees with the rules.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::bail;
+use serde::Serialize;
+
+use super::output::{self, Format};
+use orchestrator::judging::agreement::{Agreement, Band, ScorePair};
+use orchestrator::store::step_verdicts::{self, StepScores};
+
+/// How far a language model that judged steps agrees with the deterministic judge on the same steps.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+A server with --judge llm (or a run with judge: llm) keeps every verdict beside what the rules say of the same step. Scores are \
+from -1 to 1; bands are blame (below -0.25), neutral and praise (above 0.25). kappa is Cohen's, over the bands, weighted by the \
+square of how far they are apart: 1 is agreement, 0 what chance would do. By case: what the model says where the rules say \
+this. Steps that only one of them judged are counted and compared with nothing. The database may be in use.
+
+Examples:
+  sparring judge-agreement
+  sparring judge-agreement --db training.sqlite3 --run run-1a2b3c4d
+  sparring judge-agreement --format json")]
+pub struct Args {
+    /// The database of the server that judged.
+    #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
+    db: PathBuf,
+    /// Only what was flown for this run.
+    #[arg(long, value_name = "RUN")]
+    run: Option<String>,
+    /// How it is printed.
+    #[arg(long, value_enum, default_value_t = Format::Table)]
+    format: Format,
+}
+
+/// All there is to say.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// Verdicts kept.
+    verdicts: usize,
+    /// Of these, those where the model said nothing.
+    unanswered: usize,
+    /// Why it said nothing, the most frequent first.
+    reasons: Vec<(String, usize)>,
+    /// Those that the rules say nothing of.
+    without_rules: usize,
+    /// By model and task, `all` first.
+    agreement: Vec<Line>,
+    /// By the rules' case.
+    cases: Vec<CaseLine>,
+}
+
+#[derive(Debug, Serialize)]
+struct Line {
+    model: String,
+    task: String,
+    #[serde(flatten)]
+    figures: Agreement,
+}
+
+#[derive(Debug, Serialize)]
+struct CaseLine {
+    case: String,
+    #[serde(flatten)]
+    figures: Agreement,
+}
+
+/// Tells it.
+///
+/// # Errors
+/// A database that cannot be read, or one without verdicts.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    // An empty file would be made a database by being opened.
+    if std::fs::metadata(&args.db).is_ok_and(|file| file.len() == 0) {
+        bail!("{} is empty", args.db.display());
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let rows = runtime.block_on(async {
+        let readers = orchestrator::store::open_readers(&args.db).await?;
+        let mut connection = readers.acquire().await?;
+        if !step_verdicts::has_table(&mut connection).await? {
+            bail!(
+                "{} keeps no verdicts: it is none of Sparring's, or of one before there were judges",
+                args.db.display()
+            );
+        }
+        Ok(step_verdicts::scores(&mut connection, args.run.as_deref()).await?)
+    })?;
+    if rows.is_empty() {
+        let of = args.run.as_ref().map_or_else(String::new, |run| format!(" of {run}"));
+        bail!(
+            "no language model judged any step{of}; serve with --judge llm, or create a run with judge: llm"
+        );
+    }
+    let report = report(&rows);
+    match args.format {
+        Format::Json => output::print_json(&report)?,
+        Format::Table => output::print(&words(&report))?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn report(rows: &[StepScores]) -> Report {
+    let mut groups: BTreeMap<(&str, &str), Vec<ScorePair>> = BTreeMap::new();
+    let mut cases: BTreeMap<&str, Vec<ScorePair>> = BTreeMap::new();
+    for row in rows {
+        let (Some(model), Some(rules)) = (row.score, row.rule_score) else { continue };
+        let pair = ScorePair { model, rules };
+        groups.entry((&row.model, &row.task)).or_default().push(pair);
+        cases.entry(row.rule_case.as_deref().unwrap_or_default()).or_default().push(pair);
+    }
+    let mut lines: Vec<Line> = Vec::new();
+    let mut models: BTreeMap<&str, Vec<ScorePair>> = BTreeMap::new();
+    for ((model, _), pairs) in &groups {
+        models.entry(model).or_default().extend(pairs);
+    }
+    for (model, all) in &models {
+        let of = groups.iter().filter(|((of, _), _)| of == model);
+        let tasks = of.map(|((_, task), pairs)| (*task, pairs.as_slice()));
+        for (task, pairs) in std::iter::once(("all", all.as_slice())).chain(tasks) {
+            lines.extend(Agreement::of(pairs).map(|figures| Line {
+                model: (*model).to_owned(),
+                task: task.to_owned(),
+                figures,
+            }));
+        }
+    }
+    let case = |(case, pairs): (&&str, &Vec<ScorePair>)| {
+        Agreement::of(pairs).map(|figures| CaseLine { case: (*case).to_owned(), figures })
+    };
+    Report {
+        verdicts: rows.len(),
+        unanswered: rows.iter().filter(|row| row.score.is_none()).count(),
+        reasons: reasons(rows),
+        without_rules: rows.iter().filter(|row| row.rule_score.is_none()).count(),
+        agreement: lines,
+        cases: cases.iter().filter_map(case).collect(),
+    }
+}
+
+/// Reasons that are told.
+const REASONS: usize = 10;
+
+fn reasons(rows: &[StepScores]) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for error in rows.iter().filter_map(|row| row.error.as_deref()) {
+        *counts.entry(error).or_default() += 1;
+    }
+    let mut all: Vec<(String, usize)> =
+        counts.into_iter().map(|(why, count)| (why.to_owned(), count)).collect();
+    all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    all.truncate(REASONS);
+    all
+}
+
+fn words(report: &Report) -> String {
+    let opt = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let mut table = output::table(
+        &[
+            "model",
+            "task",
+            "steps",
+            "model says",
+            "rules say",
+            "apart by",
+            "correlation",
+            "same band",
+            "kappa",
+        ],
+        2,
+    );
+    for Line { model, task, figures: f } in &report.agreement {
+        table.add_row(vec![
+            model.clone(),
+            task.clone(),
+            f.steps.to_string(),
+            format!("{:.2}", f.model_mean),
+            format!("{:.2}", f.rules_mean),
+            format!("{:.2}", f.mean_difference),
+            opt(f.correlation),
+            percent(f.same_band),
+            opt(f.kappa),
+        ]);
+    }
+    let mut cases = output::table(
+        &["where the rules say", "steps", "rules say", "model says", "blame", "neutral", "praise"],
+        1,
+    );
+    for CaseLine { case, figures: f } in &report.cases {
+        let band = |band: Band| f.bands[band as usize].iter().sum::<usize>().to_string();
+        let mut row = vec![
+            case.replace('_', " "),
+            f.steps.to_string(),
+            format!("{:.2}", f.rules_mean),
+            format!("{:.2}", f.model_mean),
+        ];
+        row.extend(Band::ALL.map(band));
+        cases.add_row(row);
+    }
+    let Report { verdicts, unanswered, without_rules, .. } = report;
+    let also = if *without_rules > 0 {
+        format!(", of {without_rules} steps the rules say nothing")
+    } else {
+        String::new()
+    };
+    let mut text = format!("{verdicts} verdicts; the model said nothing in {unanswered} of them{also}.\n");
+    for (why, count) in &report.reasons {
+        text.push_str(&format!("  {count}: {}\n", llm::sanitize_line(why)));
+    }
+    if report.agreement.is_empty() { text } else { format!("{text}{table}\n{cases}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(task: &str, score: Option<f64>, rules: Option<(f64, &str)>) -> StepScores {
+        StepScores {
+            task: task.to_owned(),
+            model: "m".to_owned(),
+            score,
+            rule_score: rules.map(|(score, _)| score),
+            rule_case: rules.map(|(_, case)| case.to_owned()),
+            error: score.is_none().then(|| "it was late".to_owned()),
+        }
+    }
+
+    #[test]
+    fn agreement_in_words_and_numbers() {
+        let quiet = Some((1.0, "no_action_needed"));
+        let rows = [
+            row("kessler/survival", Some(0.9), quiet),
+            row("kessler/survival", Some(0.8), quiet),
+            row("kessler/survival", Some(0.5), Some((-1.0, "threat_missed"))),
+            row("kessler/eco_station", Some(-0.6), Some((-0.55, "unnecessary_burn"))),
+            row("kessler/eco_station", None, quiet),
+            row("docking/single", Some(0.1), None),
+        ];
+        let report = report(&rows);
+        insta::assert_snapshot!(words(&report));
+        insta::assert_json_snapshot!(report);
+    }
+}

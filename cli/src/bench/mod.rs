@@ -1,0 +1,292 @@
+//! `sparring bench`: environment steps a second on one thread.
+
+pub mod flying;
+
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::builder::PossibleValuesParser;
+use env_core::batch::ObservationMode;
+use env_core::{Recipe, World};
+use serde::Serialize;
+
+use self::flying::Flying;
+use super::options::{self, Chosen};
+use super::{output, worlds};
+use orchestrator::evaluation::bootstrap::quantile;
+
+/// Pieces a measurement is cut into; their median is told, so that one disturbance does not count.
+const SLICES: u32 = 20;
+/// Share of the time spent before anything is counted.
+const WARM_UP: f64 = 0.1;
+/// Environments of the batch unless told: few enough to stay in the nearest caches.
+const ENVS: u32 = 64;
+/// Pieces of debris that tracks have, and steps they look ahead, as in Python unless told.
+const TRACKS: ObservationMode = ObservationMode::Tracks { threats: 8, look_ahead: 15 };
+/// Steps of all of them between two looks at the clock.
+const STEPS_PER_LOOK: u32 = 16;
+
+/// Measure how many environment steps a second one thread does.
+///
+/// Steps a batch of environments of a world in this process, at the task and params that the world names for it
+/// (kessler: survival with 50 debris): small actions by about half of the agents in every step, a fresh seed for every
+/// episode, f32 observations of everything written after every step and reset, resets included. The time is cut into 20 slices; their median is told, and the 5th and
+/// 95th percentile as its spread.
+#[derive(Debug, clap::Args)]
+#[command(after_help = after_help())]
+pub struct Args {
+    /// The world; the first unless told
+    #[arg(long, value_name = "WORLD", value_parser = PossibleValuesParser::new(worlds::names()))]
+    env: Option<String>,
+    /// Step under this physics option; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
+    /// Environments of the batch
+    #[arg(long, value_name = "N", default_value_t = ENVS, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    envs: u32,
+    /// Observe by tracks, as neural policies do, where the world has them
+    #[arg(long)]
+    tracks: bool,
+    /// How long to measure, seconds
+    #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
+    seconds: f64,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+fn after_help() -> String {
+    format!("{}\n\n{AFTER_HELP}", options::help())
+}
+
+const AFTER_HELP: &str = "\
+JSON (--json): one object {env, envs, tracks, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
+resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
+debris is null in worlds without it. What a step of the public original costs in Python is a stated constant (kessler: \
+125 µs), measured elsewhere, and null where it was not measured; bench/ measures both here.
+
+Examples:
+  sparring bench
+  sparring bench --physics contact=swept
+  sparring bench --envs 1024 --tracks
+  sparring bench --env kessler --seconds 10 --json";
+
+/// What was measured.
+#[derive(Debug, Serialize)]
+pub struct Measured {
+    env: &'static str,
+    envs: usize,
+    tracks: bool,
+    debris: Option<u32>,
+    physics: BTreeMap<&'static str, &'static str>,
+    seconds: f64,
+    slices: u32,
+    /// See the help of the command.
+    pub single_thread_env_steps_per_s: f64,
+    /// See the help of the command.
+    pub low: f64,
+    /// See the help of the command.
+    pub high: f64,
+    us_per_step: f64,
+    resets_per_s: f64,
+    /// See the help of the command.
+    pub python_env_us_per_step: Option<f64>,
+    /// See the help of the command.
+    pub times_python_env: Option<f64>,
+    /// Task and params, for people.
+    #[serde(skip)]
+    pub what: String,
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// A world that cannot start, or stdout that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let world = match &args.env {
+        Some(name) => env_core::world(name),
+        None => env_core::worlds().next(),
+    };
+    let world = world.context("there is no such world")?;
+    let task = env_core::task(world.bench_spec().task).context("its benchmark's task is gone")?;
+    let options = options::by_task(&args.options, &[task])?.remove(task.id()).unwrap_or_default();
+    let options: Vec<_> = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str())).collect();
+    let batch = BatchOf { envs: args.envs as usize, tracks: args.tracks };
+    let measured = measure(world, &options, batch, args.seconds)?;
+    if args.json {
+        output::print_json(&measured)?;
+    } else {
+        output::print(&measured.sentences())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What is stepped.
+#[derive(Debug, Clone, Copy)]
+pub struct BatchOf {
+    /// How many environments.
+    pub envs: usize,
+    /// Observed by tracks; else everything is.
+    pub tracks: bool,
+}
+
+impl Default for BatchOf {
+    fn default() -> Self {
+        Self { envs: ENVS as usize, tracks: false }
+    }
+}
+
+/// Measures a world under these options for about so many seconds.
+///
+/// # Errors
+/// Options or observations it does not have, or a world whose own benchmark cannot start.
+pub fn measure(
+    world: &'static dyn World,
+    options: &[(&str, &str)],
+    batch: BatchOf,
+    seconds: f64,
+) -> anyhow::Result<Measured> {
+    let spec = world.bench_spec();
+    let task = env_core::task(spec.task).with_context(|| format!("{} is gone", spec.task))?;
+    let recipe =
+        Recipe::with_params(task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
+    let options = recipe.chosen_options();
+    let observe = if batch.tracks { TRACKS } else { ObservationMode::All { bodies: None } };
+    let mut flying = Flying::of(recipe, batch.envs, spec.action, observe)?;
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    one.install(|| fly_for(&mut flying, Duration::from_secs_f64(seconds * WARM_UP)))?;
+    let slice = Duration::from_secs_f64(seconds / f64::from(SLICES));
+    let mut rates = Vec::new();
+    let mut resets = Vec::new();
+    for _ in 0..SLICES {
+        let (steps, begun, took) = one.install(|| fly_for(&mut flying, slice))?;
+        rates.push(steps / took);
+        resets.push(begun / took);
+    }
+    rates.sort_by(f64::total_cmp);
+    resets.sort_by(f64::total_cmp);
+    let at = |sorted: &[f64], share| quantile(sorted, share).unwrap_or(0.0);
+    let median = at(&rates, 0.5);
+    let params = spec.params.iter().map(|(name, value)| format!(", {name} {value}"));
+    let chosen = options.iter().map(|(name, choice)| format!(", {name} {choice}"));
+    let told: String = params.chain(chosen).collect();
+    Ok(Measured {
+        env: world.name(),
+        envs: batch.envs,
+        tracks: batch.tracks,
+        debris: spec.params.iter().find(|(name, _)| *name == "debris").map(|(_, value)| *value as u32),
+        seconds,
+        slices: SLICES,
+        single_thread_env_steps_per_s: median,
+        low: at(&rates, 0.05),
+        high: at(&rates, 0.95),
+        us_per_step: 1e6 / median,
+        resets_per_s: at(&resets, 0.5),
+        python_env_us_per_step: spec.original_us_per_step,
+        times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
+        what: format!("{}{told}", spec.task),
+        physics: options,
+    })
+}
+
+impl Measured {
+    fn sentences(&self) -> String {
+        let mut text = format!(
+            "{}, one thread, observations made, resets included ({} slices in {} s)\n\
+             {:.0} env-steps/s ({:.0} to {:.0}), {:.3} µs a step, {:.0} resets/s",
+            self.what,
+            self.slices,
+            self.seconds,
+            self.single_thread_env_steps_per_s,
+            self.low,
+            self.high,
+            self.us_per_step,
+            self.resets_per_s,
+        );
+        if let Some((times, us)) = self.times_python_env.zip(self.python_env_us_per_step) {
+            text.push_str(&format!("\n{times:.0} times the public Python environment at {us} µs a step"));
+        }
+        text
+    }
+}
+
+/// Steps for at least this long: (steps, resets, seconds).
+fn fly_for(flying: &mut Flying, time: Duration) -> anyhow::Result<(f64, f64, f64)> {
+    let begun = Instant::now();
+    let (mut steps, mut resets) = (0, 0);
+    loop {
+        for _ in 0..STEPS_PER_LOOK {
+            flying.step()?;
+            steps += flying.shape().envs;
+            resets += flying.ended();
+        }
+        let took = begun.elapsed();
+        if took >= time {
+            return Ok((steps as f64, resets as f64, took.as_secs_f64()));
+        }
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.05..=3600.0).contains(&value) => Ok(value),
+        _ => Err("measure for 0.05 to 3600 seconds".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_measured_is_consistent() {
+        let found = measure(&env_core::kessler::KESSLER, &[], BatchOf::default(), 0.2).unwrap();
+        assert!(
+            found.low <= found.single_thread_env_steps_per_s
+                && found.single_thread_env_steps_per_s <= found.high
+        );
+        assert!((found.us_per_step * found.single_thread_env_steps_per_s - 1e6).abs() < 1.0);
+        // Small burns lose few satellites early: episodes are nearly always as long as the horizon.
+        let length = found.single_thread_env_steps_per_s / found.resets_per_s;
+        assert!((20.0..=60.0).contains(&length), "{length} steps per reset");
+        let told = serde_json::to_value(&found).unwrap();
+        assert!(told["single_thread_env_steps_per_s"].is_f64() && told["debris"] == 50, "{told}");
+        assert!(told["python_env_us_per_step"] == 125.0 && told["times_python_env"].is_f64(), "{told}");
+        assert_eq!(told.as_object().unwrap().len(), 14);
+    }
+
+    #[test]
+    fn options_are_stepped_and_told() {
+        let kessler = &env_core::kessler::KESSLER;
+        let found = measure(kessler, &[("contact", "swept"), ("warnings", "exact")], BatchOf::default(), 0.1)
+            .unwrap();
+        let told = serde_json::to_value(&found).unwrap();
+        assert_eq!(told["physics"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
+        assert!(found.sentences().contains("debris 50, contact swept, warnings exact, one thread"));
+        assert!(measure(kessler, &[("contact", "swept"), ("risk", "pc")], BatchOf::default(), 0.1).is_err());
+    }
+
+    #[test]
+    fn tracks_are_observed_where_there_are_any() {
+        let batch = BatchOf { envs: 5, tracks: true };
+        let told = measure(&env_core::kessler::KESSLER, &[], batch, 0.1).unwrap();
+        assert!(told.single_thread_env_steps_per_s > 0.0);
+        assert!(measure(&env_core::docking::DOCKING, &[], batch, 0.1).is_err());
+    }
+
+    #[test]
+    fn every_world_is_stepped() {
+        for world in env_core::worlds() {
+            let spec = world.bench_spec();
+            let mut flying = Flying::new(spec.task, spec.params, 8, spec.action).unwrap();
+            let mut ended = 0;
+            for _ in 0..2100 {
+                flying.step().unwrap();
+                ended += flying.ended();
+            }
+            assert!(ended >= 8, "{}: {ended} episodes", world.name());
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! `sparring critique`: what one episode shows.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, anyhow, bail};
+use env_core::critique::{ActionVerdict, Critique, Encounter, Failure, Verdict};
+use env_core::log::Precision;
+use env_core::rollout::{roll_out, read_log, replay};
+use env_core::{ActionLog, Bracket, EpisodeOutcome, Scenario, StopReason, SuccessRule, admission};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::output::{Format, print, print_json, table};
+use orchestrator::frames::{FrameContent, FrameRange, frames};
+use orchestrator::input::{self, InputError};
+
+/// Show why an episode lost score, and what each of its actions was worth.
+///
+/// The episode is a scenario and either the actions that were flown on it or a built-in policy that flies it now. From these
+/// alone follow: why score was lost, with what was met, from which bearing, how fast, when it was first visible and whether
+/// acting then would have avoided it; what every action was worth, against the same episode without it (needed, harmless,
+/// wasteful, harmful); and the word of the deterministic judge, from −1 to 1.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// The scenario as JSON; or an episode as the server shows it, which brings its actions
+    #[arg(value_name = "FILE")]
+    scenario: PathBuf,
+    /// The actions that were flown, as JSON
+    #[arg(long, value_name = "FILE", conflicts_with = "policy")]
+    actions: Option<PathBuf>,
+    /// A built-in policy that flies it: hold, random, blind, frozen, heuristic, reference
+    #[arg(long, value_name = "NAME")]
+    policy: Option<String>,
+    /// What a policy with chance in it draws from
+    #[arg(long, default_value_t = 0, requires = "policy")]
+    seed: u64,
+    /// Also write the flight to this file, a JSON object a line and step, with what the agents saw
+    #[arg(long, value_name = "FILE")]
+    telemetry: Option<PathBuf>,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value = "table")]
+    format: Format,
+}
+
+const AFTER_HELP: &str = "\
+A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; task and seed are needed, and \
+params, physics and layout stand at their defaults where they are left out. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \"stopped\": null}, as results are reported, \
+or the list of steps alone. What GET /v1/runs/{run}/episodes/{episode} answers is a FILE that needs no more.
+
+Columns: the bearing is where the body was, seen from the agent, min(5, step) steps before (or when it became visible, if \
+that is later), in degrees from radial out towards in-track; left are the steps from then on in which somebody could act; \
+avoidable says whether acting from then on, within what fuel was left, would have helped, and remedy the cheapest such \
+action that was found. An action's gain is the score with it minus the score without it.
+
+A line of the telemetry is a frame {step, actions, reward, done, state, observation}: the start, then one a step; state is \
+the whole truth, hidden bodies included, observation what the agents saw. Conjunction warnings are in it where the scenario \
+asks for them: {\"task\": \"kessler/survival\", \"seed\": 7, \"physics\": {\"warnings\": \"exact\"}}.
+
+JSON (--format json): one object {scenario_id, task, flown, skill, success, floor, reference, failures, actions, judged}; \
+skill, success, floor and reference are null where the start is not fair.
+
+Examples:
+  sparring critique scenario.json --policy hold
+  sparring critique scenario.json --actions flown.json --format json
+  sparring critique scenario.json --policy hold --telemetry flight.jsonl && jq .observation.conjunctions flight.jsonl
+  curl -s http://127.0.0.1:8700/v1/runs/my-run/episodes/ep_42-x7k2p9_3 | sparring critique /dev/stdin";
+
+/// Actions listed at most in the table.
+const LISTED: usize = 24;
+
+/// Criticises.
+///
+/// # Errors
+/// Files that are none, a policy that there is not, actions that are not of this scenario.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let told = read(&args.scenario)?;
+    let context = || args.scenario.display().to_string();
+    // An episode as the server shows it holds its scenario; a scenario does not.
+    let scenario = Scenario::from_json(told.get("scenario").unwrap_or(&told)).with_context(context)?;
+    let log = log(args, &scenario, told.get("scenario").and_then(|_| told.get("actions")))?;
+    let flown = replay(&scenario, &log)?;
+    if let Some(path) = &args.telemetry {
+        for input in std::iter::once(&args.scenario).chain(&args.actions) {
+            let written = path.canonicalize().ok();
+            anyhow::ensure!(
+                written.is_none() || written != input.canonicalize().ok(),
+                "--telemetry: {} is what is read; name another file to write",
+                path.display()
+            );
+        }
+        write_frames(&scenario, &log, path).with_context(|| path.display().to_string())?;
+    }
+    let shown = Shown {
+        critique: scenario.task().critique(&scenario, &log)?,
+        bracket: admission::admit(&scenario).bracket,
+        scenario,
+        flown,
+    };
+    match args.format {
+        Format::Json => print_json(&shown.json())?,
+        Format::Table => print(&shown.tables())?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the flight, a frame a line.
+fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Result<()> {
+    // A file may be as long as a flight is; only answers over HTTP are bounded.
+    let frames = frames(scenario, log, FrameContent::Telemetry, FrameRange::all(usize::MAX))?;
+    let mut out = BufWriter::new(File::create(path).context("it cannot be written")?);
+    for frame in frames {
+        serde_json::to_writer(&mut out, &frame).context("it cannot be written")?;
+        out.write_all(b"\n").context("it cannot be written")?;
+    }
+    out.flush().context("it cannot be written")
+}
+
+fn read(path: &Path) -> anyhow::Result<Value> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
+    input::parse_json(text.as_bytes()).map_err(|error| match error {
+        InputError::Malformed(why) => anyhow!("{} is not JSON: {why}", path.display()),
+        InputError::DuplicateKey(fault) => anyhow!("{}: {fault}", path.display()),
+    })
+}
+
+/// The actions: flown by a policy now, from their own file, or with the scenario.
+fn log(args: &Args, scenario: &Scenario, with_it: Option<&Value>) -> anyhow::Result<ActionLog> {
+    if let Some(name) = &args.policy {
+        let mut policy = scenario.task().policy(name, scenario, args.seed)?;
+        return Ok(roll_out(scenario, &mut *policy)?.log);
+    }
+    let (actions, path) = match (&args.actions, with_it.filter(|value| !value.is_null())) {
+        (Some(path), _) => (read(path)?, path),
+        (None, Some(value)) => (value.clone(), &args.scenario),
+        (None, None) => {
+            bail!("{} brings no actions: add --actions FILE or --policy NAME", args.scenario.display())
+        }
+    };
+    actions_of(scenario, actions).with_context(|| path.display().to_string())
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Actions {
+    steps: Vec<Value>,
+    #[serde(default)]
+    precision: Option<String>,
+    #[serde(default)]
+    stopped: Option<String>,
+}
+
+fn actions_of(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
+    let actions = match value {
+        Value::Array(steps) => Actions { steps, precision: None, stopped: None },
+        other => input::from_value(other)?,
+    };
+    let precision = match actions.precision.as_deref() {
+        None | Some("f64") => Precision::F64,
+        Some("f32") => Precision::F32,
+        Some(other) => bail!("precision is {other:?}; choose f32 or f64"),
+    };
+    let stopped = match actions.stopped.as_deref() {
+        None => None,
+        Some(word) => Some(StopReason::from_name(word).ok_or_else(|| {
+            anyhow!("stopped is {word:?}; choose one of unparsable, too_long, too_late, or leave it out")
+        })?),
+    };
+    Ok(read_log(scenario, &actions.steps, precision, stopped)?)
+}
+
+/// An episode and what is said of it.
+struct Shown {
+    scenario: Scenario,
+    flown: EpisodeOutcome,
+    bracket: Option<Bracket>,
+    critique: Critique,
+}
+
+impl Shown {
+    fn success(&self) -> Option<bool> {
+        let bracket = self.bracket.as_ref()?;
+        Some(admission::is_success(&self.scenario, SuccessRule::Task, bracket, &self.flown))
+    }
+
+    fn skill(&self) -> Option<f64> {
+        self.bracket.as_ref().and_then(|bracket| bracket.skill(self.flown.score))
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "scenario_id": self.scenario.id().to_string(),
+            "task": self.scenario.task().id(),
+            "flown": orchestrator::store::brackets::StoredOutcome::from(self.flown),
+            "skill": self.skill(),
+            "success": self.success(),
+            "floor": self.bracket.as_ref().map(|b| b.floor),
+            "reference": self.bracket.as_ref().map(|b| b.reference.score),
+            "failures": self.critique.failures,
+            "actions": self.critique.actions,
+            "judged": self.critique.judged,
+        })
+    }
+
+    fn tables(&self) -> String {
+        let mut parts = vec![self.outcome()];
+        if self.critique.failures.is_empty() {
+            parts.push("No failures.".to_owned());
+        } else {
+            parts.push(self.failures());
+        }
+        parts.push(verdicts(&self.critique.actions));
+        let judged = &self.critique.judged;
+        let words = format!("Judge: {:+.2}, {}. {}", judged.value, judged.case, judged.words);
+        parts.push(textwrap::fill(words.trim_end(), 100));
+        parts.join("\n\n")
+    }
+
+    fn outcome(&self) -> String {
+        let EpisodeOutcome { score, steps, lost, fuel_used, .. } = self.flown;
+        let task = self.scenario.task();
+        let agents = task.agents(self.scenario.recipe());
+        let mut text = format!(
+            "{}: score {score:.3}, {lost} of {agents} lost, {steps} steps, fuel used {fuel_used:.2}",
+            task.id()
+        );
+        if let Some(bracket) = &self.bracket {
+            text += &format!("; floor {:.3}, reference {:.3}", bracket.floor, bracket.reference.score);
+        }
+        if let Some(skill) = self.skill() {
+            text += &format!(", skill {skill:.2}");
+        }
+        if let Some(success) = self.success() {
+            text += if success { "; a success" } else { "; no success" };
+        }
+        textwrap::fill(&(text + "."), 100)
+    }
+
+    fn failures(&self) -> String {
+        let unit = self.scenario.task().speed_bands().unit;
+        let speed = format!("speed, {unit}");
+        let header = ["failure", "avoidable", "remedy", "step", "agent", "bearing", &speed, "seen", "left"];
+        let mut out = table(&header, 3);
+        for failure in &self.critique.failures {
+            out.add_row(row(failure));
+        }
+        let words = self.critique.failures.iter().map(|f| textwrap::fill(&f.words, 100));
+        let words = words.filter(|words| !words.is_empty()).collect::<Vec<_>>().join("\n");
+        format!("{out}\n{words}").trim_end().to_owned()
+    }
+}
+
+fn row(failure: &Failure) -> Vec<String> {
+    let met = failure.encounter.as_ref();
+    let of = |what: fn(&Encounter) -> String| met.map_or_else(String::new, what);
+    // Where nothing was met (the Earth was), the same is told in measures.
+    let measure = |name: &str| failure.measures.iter().find(|m| m.name == name).map(|m| m.value);
+    let yes_or_no = |yes: bool| if yes { "yes" } else { "no" }.to_owned();
+    let avoidable = match met {
+        Some(met) => met.avoidable.map_or_else(|| "never seen".to_owned(), yes_or_no),
+        None => measure("avoidable").map_or_else(String::new, |share| yes_or_no(share > 0.0)),
+    };
+    let remedy = match met {
+        Some(met) => met.cheapest.as_ref().map(|remedy| {
+            let values: Vec<_> = remedy.values.iter().map(|v| format!("{v:.3}")).collect();
+            format!("step {}: {} for {:.2}", remedy.step, values.join(" "), remedy.cost)
+        }),
+        None => measure("cheapest_step")
+            .zip(measure("cheapest_cost"))
+            .map(|(step, cost)| format!("step {step:.0}: for {cost:.2}")),
+    };
+    vec![
+        failure.mode.to_owned(),
+        avoidable,
+        remedy.unwrap_or_default(),
+        failure.step.to_string(),
+        failure.agent.to_string(),
+        of(|e| format!("{:.0}°", e.bearing_deg)),
+        of(|e| format!("{:.2}", e.relative_speed)),
+        of(|e| e.first_visible_step.map_or_else(String::new, |step| step.to_string())),
+        of(|e| e.steps_left.to_string()),
+    ]
+}
+
+const fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Needed => "needed",
+        Verdict::Harmless => "harmless",
+        Verdict::Wasteful => "wasteful",
+        Verdict::Harmful => "harmful",
+    }
+}
+
+/// How many of each verdict; and the actions, those that mattered most where there are many.
+fn verdicts(actions: &[ActionVerdict]) -> String {
+    if actions.is_empty() {
+        return "No actions were taken.".to_owned();
+    }
+    let mut sums = table(&["verdict", "actions", "cost"], 1);
+    for verdict in [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful] {
+        let of = || actions.iter().filter(|action| action.verdict == verdict);
+        // The sum of nothing is −0.
+        let cost = of().map(|action| action.cost).sum::<f64>() + 0.0;
+        sums.add_row([word(verdict).to_owned(), of().count().to_string(), format!("{cost:.2}")]);
+    }
+    let mut listed: Vec<&ActionVerdict> = actions.iter().collect();
+    listed.sort_by(|a, b| b.gain.abs().total_cmp(&a.gain.abs()).then(b.cost.total_cmp(&a.cost)));
+    listed.truncate(LISTED);
+    listed.sort_by_key(|action| (action.step, action.agent));
+    let mut out = table(&["verdict", "step", "agent", "cost", "gain"], 1);
+    for action in &listed {
+        let ActionVerdict { step, agent, cost, verdict, gain } = **action;
+        let numbers = [step.to_string(), agent.to_string(), format!("{cost:.2}"), format!("{gain:+.3}")];
+        out.add_row(std::iter::once(word(verdict).to_owned()).chain(numbers));
+    }
+    let hidden = actions.len() - listed.len();
+    let rest = if hidden == 0 {
+        String::new()
+    } else {
+        format!("\n{hidden} more that mattered less; --format json has all of them.")
+    };
+    format!("{sums}\n\n{out}{rest}")
+}
+
+#[cfg(test)]
+mod tests;

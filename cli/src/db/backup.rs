@@ -1,0 +1,41 @@
+//! `sparring db backup`: a copy of a database, while it is used.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+
+use super::super::output;
+use super::{human, readers};
+use orchestrator::store;
+
+/// Copy a database, as it stands at one moment, while a server uses it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The copy is whole or not there at all: it is written beside its place, synced, and only then \
+given its name. It has no free room in it, and is often smaller than the database.")]
+pub(super) struct Args {
+    /// Where the copy goes: a file that does not exist yet
+    #[arg(value_name = "COPY")]
+    to: PathBuf,
+}
+
+pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
+    let to = &args.to;
+    if to.exists() {
+        bail!("{} exists already: name another file, or move it away", to.display());
+    }
+    readers(db).await?.close().await;
+    let mut conn = store::open_maintenance(db).await?;
+    store::copy(&mut conn, to)
+        .await
+        .map_err(|reason| anyhow::anyhow!("no copy was made at {}: {reason}", to.display()))?;
+    let bytes = std::fs::metadata(to).with_context(|| to.display().to_string())?.len();
+    output::print(&format!(
+        "{} is a copy of {}, {}",
+        to.display(),
+        db.display(),
+        human(bytes.cast_signed())
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}

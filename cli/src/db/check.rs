@@ -1,0 +1,125 @@
+//! `sparring db check`: whether a database is whole, and agrees with itself.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use env_core::rollout::replay;
+use sqlx::SqliteConnection;
+
+use super::super::output;
+use super::readers;
+use orchestrator::store::columns::ClaimState;
+use orchestrator::store::episodes::{self, EpisodeState};
+use orchestrator::store::integrity::{self, CountedTwice, ScoredEpisode};
+use orchestrator::store::keys::EpisodeKey;
+use orchestrator::store::scenarios::ScenarioLoader;
+use orchestrator::store::{OpenError, compacted_leases, groups, leases};
+use orchestrator::engine::run_state::RunState;
+
+/// Whether a database is whole: its pages, what refers to what, that each run's curriculum can be brought back, that sums agree
+/// with episodes, and that actions replay to their scores.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Exit code 1 where something is wrong, with a sentence for each. It reads everything there is: some seconds a GiB.")]
+pub(super) struct Args {
+    /// Episodes, drawn at random, that are replayed
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    replay: u32,
+}
+
+/// Scores are stored as they are replayed: the same to the last bit.
+const EXACT: f64 = 0.0;
+
+pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
+    let damaged = || OpenError::Damaged(db.display().to_string()).to_string();
+    let readers = match readers(db).await {
+        Err(error) if matches!(error.downcast_ref(), Some(OpenError::Damaged(_))) => {
+            output::print(&damaged())?;
+            return Ok(ExitCode::FAILURE);
+        }
+        readers => readers?,
+    };
+    // As it stands at one moment, whatever a server does meanwhile.
+    let mut moment = readers.begin().await?;
+    let conn = &mut *moment;
+    let mut found = match integrity::check_file(conn).await {
+        Err(error) if error.is_damage() => vec![damaged()],
+        found => found?,
+    };
+    if found.is_empty() {
+        found.extend(integrity::check_rows(conn).await?);
+        for run in integrity::runs(conn).await? {
+            found.extend(of_run(conn, &run.run).await?);
+        }
+        found.extend(replayed(conn, args.replay).await?);
+    }
+    if found.is_empty() {
+        output::print(&format!("{} is whole; {} episodes were replayed at most", db.display(), args.replay))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    output::print(&found.join("\n"))?;
+    Ok(ExitCode::FAILURE)
+}
+
+/// That a run can be brought back, what was folded of it can be read, and its sums agree.
+async fn of_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<String>> {
+    let mut found = Vec::new();
+    if let Err(error) = RunState::load(conn, run).await {
+        found.push(format!("run {run} cannot be brought back: {error}"));
+    }
+    let CountedTwice { counters: claimed, rows: mut claims } = integrity::claimed_episodes(conn, run).await?;
+    let mut counted = 0;
+    let folded = compacted_leases::each(conn, run, |lease| {
+        let accepted = lease.claim.as_ref().is_none_or(|claim| claim.state == ClaimState::Accepted);
+        if let Some(claim) = &lease.claim {
+            claims.add(claim.state, claim.episodes, claim.failed);
+        }
+        let finished = lease.episodes().filter(|(_, episode)| episode.state == EpisodeState::Finished);
+        counted += if accepted { finished.count() as i64 } else { 0 };
+    });
+    if let Err(error) = folded.await {
+        found.push(format!("what was folded of run {run} cannot be read: {error}"));
+        return Ok(found);
+    }
+    let CountedTwice { counters: summed, rows: whole } = integrity::finished_episodes(conn, run).await?;
+    if summed != whole + counted {
+        found.push(format!("run {run} sums up {summed} finished episodes, and has {}", whole + counted));
+    }
+    if claimed != claims {
+        found.push(format!("run {run} sums up columns as {claimed:?}, and its claims say {claims:?}"));
+    }
+    Ok(found)
+}
+
+/// That actions lead to the scores that are stored.
+async fn replayed(conn: &mut SqliteConnection, count: u32) -> anyhow::Result<Vec<String>> {
+    let (mut found, mut loader) = (Vec::new(), ScenarioLoader::default());
+    for ScoredEpisode { key, score: stored } in integrity::sample(conn, i64::from(count)).await? {
+        let EpisodeKey { lease, number } = key;
+        let score = score(conn, &mut loader, key).await;
+        match score {
+            Ok(score) if (score - stored).abs() <= EXACT => {}
+            Ok(score) => {
+                found.push(format!("episode {number} of lease {lease} replays to {score}, not {stored}"));
+            }
+            Err(error) => {
+                found.push(format!("episode {number} of lease {lease} cannot be replayed: {error}"));
+            }
+        }
+    }
+    Ok(found)
+}
+
+async fn score(
+    conn: &mut SqliteConnection,
+    loader: &mut ScenarioLoader,
+    EpisodeKey { lease, number }: EpisodeKey,
+) -> anyhow::Result<f64> {
+    let row = leases::get(conn, lease).await?.ok_or_else(|| anyhow::anyhow!("its lease is gone"))?;
+    let group = groups::get(conn, lease, number / row.group_size.max(1)).await?;
+    let group = group.ok_or_else(|| anyhow::anyhow!("its group is gone"))?;
+    let scenario = loader.get(conn, &group.scenario).await?;
+    let log = episodes::log(conn, lease, number).await?;
+    let log = log.ok_or_else(|| anyhow::anyhow!("its actions are gone"))?;
+    Ok(replay(&scenario, &log)?.score)
+}

@@ -1,0 +1,187 @@
+//! `sparring db export`: what a database has, as lines of JSON.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use serde::Serialize;
+use sqlx::SqliteConnection;
+
+use super::lines::{self, Line};
+use super::readers;
+use orchestrator::store::layouts::{self, LayoutFilter};
+use orchestrator::store::scenarios::ScenarioLoader;
+use orchestrator::store::{compacted_leases, curriculum, episodes, groups, leases, runs};
+
+/// Write what a database has as lines of JSON (NDJSON), each with its kind: run, move, layout, claim, episode.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+A run comes first, then its level moves with their evidence, its layouts, and what was leased of it in order: the episodes \
+that were reported, claims in columns. Episodes past what a run keeps whole have `replay: expired`, and neither actions nor \
+scenario. The file is whole or not there at all.
+
+Examples:
+  sparring db export --run run-1a2b3c4d > run.ndjson
+  sparring db export --actions --out everything.ndjson")]
+pub(super) struct Args {
+    /// Only this run
+    #[arg(long, value_name = "RUN")]
+    run: Option<String>,
+    /// Also the scenario and the actions of each episode that is kept whole: they are most of a database
+    #[arg(long)]
+    actions: bool,
+    /// A file that does not exist yet; stdout if it is left out
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Leases read at a time.
+const PAGE: i64 = 200;
+
+pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
+    let readers = readers(db).await?;
+    let mut moment = readers.begin().await?;
+    let conn = &mut *moment;
+    let mut ids = runs::ids(conn).await?;
+    if let Some(run) = &args.run {
+        ids.retain(|id| id == run);
+        if ids.is_empty() {
+            bail!("there is no run {run:?} in {}; `sparring db info` lists them", db.display());
+        }
+    }
+    match &args.out {
+        None => {
+            let mut sink =
+                Sink { out: Box::new(std::io::BufWriter::new(std::io::stdout().lock())), gone: false };
+            write_all(conn, &ids, args.actions, &mut sink).await?;
+        }
+        Some(file) => {
+            if file.exists() {
+                bail!("{} exists already: name another file, or move it away", file.display());
+            }
+            let folder =
+                file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let beside = tempfile::NamedTempFile::new_in(folder)
+                .with_context(|| format!("{} cannot be written", file.display()))?;
+            let mut sink = Sink { out: Box::new(std::io::BufWriter::new(beside.reopen()?)), gone: false };
+            write_all(conn, &ids, args.actions, &mut sink).await?;
+            beside.as_file().sync_all()?;
+            beside
+                .persist_noclobber(file)
+                .with_context(|| format!("{} cannot be written", file.display()))?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Where lines go.
+struct Sink {
+    out: Box<dyn Write>,
+    /// Nobody reads any more: `sparring db export | head`.
+    gone: bool,
+}
+
+impl Sink {
+    fn put(&mut self, line: &impl Serialize) -> anyhow::Result<()> {
+        if !self.gone {
+            let written = serde_json::to_vec(line)
+                .map_err(std::io::Error::from)
+                .and_then(|bytes| self.out.write_all(&bytes).and_then(|()| self.out.write_all(b"\n")));
+            self.take(written)?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, written: std::io::Result<()>) -> anyhow::Result<()> {
+        match written {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => self.gone = true,
+            written => written.context("the lines cannot be written")?,
+        }
+        Ok(())
+    }
+}
+
+async fn write_all(
+    conn: &mut SqliteConnection,
+    ids: &[String],
+    actions: bool,
+    sink: &mut Sink,
+) -> anyhow::Result<()> {
+    for run in ids {
+        if sink.gone {
+            break;
+        }
+        let row = runs::get(conn, run).await?.with_context(|| format!("run {run} is gone"))?;
+        sink.put(&Line::run(row)?)?;
+        let mut after = -1;
+        loop {
+            let moves = curriculum::moves(conn, run, after, PAGE).await?;
+            let Some(last) = moves.last() else { break };
+            after = last.seq;
+            for row in moves {
+                sink.put(&Line::moved(run, row)?)?;
+            }
+        }
+        let mut before = i64::MAX;
+        loop {
+            let wanted = LayoutFilter { with_refused: true, ..LayoutFilter::default() };
+            let page = layouts::of_run(conn, run, &wanted, before, PAGE).await?;
+            let Some(last) = page.last() else { break };
+            before = last.id;
+            for row in page {
+                sink.put(&Line::layout(run, row)?)?;
+            }
+        }
+        leased(conn, run, actions, sink).await?;
+    }
+    let flushed = sink.out.flush();
+    sink.take(flushed)
+}
+
+/// What was leased of a run: what was folded and what is whole, each in order.
+async fn leased(
+    conn: &mut SqliteConnection,
+    run: &str,
+    actions: bool,
+    sink: &mut Sink,
+) -> anyhow::Result<()> {
+    let mut failed = Ok(());
+    compacted_leases::each(conn, run, |folded| {
+        for line in lines::folded(run, &folded) {
+            if failed.is_ok() {
+                failed = sink.put(&line);
+            }
+        }
+    })
+    .await?;
+    failed?;
+    let (mut after, mut loader) = (0, ScenarioLoader::default());
+    loop {
+        let page = leases::page(conn, run, after, PAGE).await?;
+        let Some(last) = page.last() else { break };
+        after = last.id;
+        for lease in page {
+            let claim = orchestrator::store::columns::claim(conn, lease.id).await?;
+            if let Some(claim) = claim {
+                sink.put(&Line::claim(run, &lease, (claim.state, claim.episodes, claim.failed)))?;
+            }
+            let of_lease = groups::of_lease(conn, lease.id).await?;
+            for row in episodes::of_leases(conn, &[lease.id]).await? {
+                let number = row.number / lease.group_size.max(1);
+                let Some(group) = of_lease.iter().find(|group| group.number == number) else { continue };
+                let mut line = lines::Episode::of(run, &lease, group, &row)?;
+                if actions {
+                    let scenario = loader.get(conn, &group.scenario).await?;
+                    let log = episodes::log(conn, lease.id, row.number).await?;
+                    line.whole(&scenario, log.as_ref());
+                }
+                sink.put(&Line::Episode(Box::new(line)))?;
+            }
+            if sink.gone {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
+}

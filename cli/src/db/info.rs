@@ -1,0 +1,80 @@
+//! `sparring db info`: how large a database is, and what is in it.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+use super::super::output::{self, Format};
+use super::{human, readers};
+use orchestrator::clock::rfc3339;
+use orchestrator::store::integrity::{self, RunSize, DatabaseSize};
+
+/// How large a database is, what takes the room, and what each run has.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// How it is printed
+    #[arg(long, value_enum, default_value_t = Format::Table)]
+    format: Format,
+}
+
+#[derive(Debug, Serialize)]
+struct Info {
+    db: String,
+    #[serde(flatten)]
+    size: DatabaseSize,
+    runs: Vec<RunSize>,
+}
+
+/// Tables that are shown to people.
+const TABLES: usize = 8;
+
+pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
+    let readers = readers(db).await?;
+    let mut conn = readers.acquire().await?;
+    let (size, runs) = (integrity::size(&mut conn).await?, integrity::runs(&mut conn).await?);
+    let info = Info { db: db.display().to_string(), size, runs };
+    match args.format {
+        Format::Json => output::print_json(&info)?,
+        Format::Table => output::print(&words(&info))?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn words(info: &Info) -> String {
+    let DatabaseSize { schema, bytes, free_bytes, tables } = &info.size;
+    let mut text = format!(
+        "{}: schema {schema}, {}, of which {} are free\n",
+        info.db,
+        human(*bytes),
+        human(*free_bytes)
+    );
+    let mut largest = output::table(&["table, with its indexes", "size"], 1);
+    for (name, bytes) in tables.iter().take(TABLES) {
+        largest.add_row([name.clone(), human(*bytes)]);
+    }
+    text.push_str(&format!("{largest}\n"));
+    if info.runs.is_empty() {
+        text.push_str("There are no runs.");
+        return text;
+    }
+    let header = [
+        "run",
+        "status",
+        "since",
+        "active leases",
+        "episodes",
+        "of them folded",
+        "claimed",
+        "moves",
+        "layouts",
+    ];
+    let mut runs = output::table(&header, 3);
+    for run in &info.runs {
+        let counts = [run.active, run.whole + run.folded, run.folded, run.claimed, run.moves, run.layouts];
+        let words = [run.run.clone(), run.status.to_string(), rfc3339(run.created_at)];
+        runs.add_row(words.into_iter().chain(counts.map(|count| count.to_string())));
+    }
+    text.push_str(&runs.to_string());
+    text
+}

@@ -1,0 +1,232 @@
+//! The lines of an export.
+
+use orchestrator::store::layouts::{LayoutClaim, LayoutState, RetirementReason};
+use env_core::{ActionLog, Scenario};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use orchestrator::clock::rfc3339;
+use orchestrator::frames::wire_step;
+use orchestrator::ids::{EpisodeId, LayoutId};
+use orchestrator::store::columns::ClaimState;
+use orchestrator::store::compacted_leases::{CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
+use orchestrator::store::curriculum::{LevelMoveKind, LevelMoveRow};
+use orchestrator::store::episodes::{EpisodeRow, EpisodeState};
+use orchestrator::store::groups::{GroupRole, GroupRow};
+use orchestrator::store::layouts::LayoutRow;
+use orchestrator::store::leases::{LeaseRow, Purpose};
+use orchestrator::store::runs::{RunRow, RunStatus};
+use orchestrator::store::{StoreError, from_json};
+
+/// One line.
+#[derive(Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub(super) enum Line<'a> {
+    /// A run with its settings.
+    Run {
+        run: String,
+        name: String,
+        seed: i64,
+        status: RunStatus,
+        policy_version: i64,
+        at: String,
+        settings: Value,
+    },
+    /// A level move with its evidence.
+    Move {
+        run: &'a str,
+        seq: i64,
+        task: String,
+        #[serde(rename = "move")]
+        way: LevelMoveKind,
+        from: Option<i64>,
+        to: i64,
+        evidence: Value,
+        at: String,
+    },
+    /// A layout, in the designer's language.
+    Layout {
+        run: &'a str,
+        layout: String,
+        task: String,
+        level: Option<i64>,
+        designer: String,
+        name: String,
+        state: LayoutState,
+        why: Option<RetirementReason>,
+        gate_check: Option<String>,
+        reason: Option<String>,
+        claim: Option<LayoutClaim>,
+        aim: Option<String>,
+        design: Option<Value>,
+        groups: i64,
+        episodes: i64,
+        successes: i64,
+        at: String,
+    },
+    /// What was claimed of a lease in columns.
+    Claim { run: &'a str, lease: String, state: ClaimState, episodes: i64, failed: i64 },
+    /// A reported episode.
+    Episode(Box<Episode<'a>>),
+}
+
+/// A reported episode.
+#[derive(Debug, Serialize)]
+pub(super) struct Episode<'a> {
+    run: &'a str,
+    episode: String,
+    purpose: Purpose,
+    task: String,
+    level: Option<i64>,
+    role: GroupRole,
+    layout: Option<String>,
+    contested: bool,
+    state: EpisodeState,
+    score: Option<f64>,
+    skill: Option<f64>,
+    success: Option<bool>,
+    floor: Option<f64>,
+    reference: Option<f64>,
+    flown: Option<Value>,
+    reason: Option<String>,
+    metrics: Option<Value>,
+    policy_version: i64,
+    at: String,
+    replay: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scenario: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    actions: Option<Value>,
+}
+
+impl<'a> Line<'a> {
+    pub(super) fn run(row: RunRow) -> Result<Self, StoreError> {
+        Ok(Self::Run {
+            run: row.id,
+            name: row.name,
+            seed: row.seed,
+            status: row.status,
+            policy_version: row.policy_version,
+            at: rfc3339(row.created_at),
+            settings: from_json("a run's settings", &row.settings)?,
+        })
+    }
+
+    pub(super) fn moved(run: &'a str, row: LevelMoveRow) -> Result<Self, StoreError> {
+        Ok(Self::Move {
+            run,
+            seq: row.seq,
+            task: row.task,
+            way: row.kind,
+            from: row.from_level,
+            to: row.to_level,
+            evidence: from_json("a move's evidence", &row.evidence)?,
+            at: rfc3339(row.at),
+        })
+    }
+
+    pub(super) fn layout(run: &'a str, row: LayoutRow) -> Result<Self, StoreError> {
+        Ok(Self::Layout {
+            run,
+            layout: LayoutId(row.id).to_string(),
+            task: row.task,
+            level: row.level,
+            designer: row.designer,
+            name: row.name,
+            state: row.state,
+            why: row.why,
+            gate_check: row.gate_check,
+            reason: row.reason,
+            claim: row.claim,
+            aim: row.mode,
+            design: row.design.map(|text| from_json("a design", &text)).transpose()?,
+            groups: row.groups,
+            episodes: row.episodes,
+            successes: row.successes,
+            at: rfc3339(row.created_at),
+        })
+    }
+
+    pub(super) fn claim(run: &'a str, lease: &LeaseRow, (state, episodes, failed): (ClaimState, i64, i64)) -> Self {
+        Self::Claim { run, lease: lease.name(), state, episodes, failed }
+    }
+}
+
+/// What is left of a folded lease.
+pub(super) fn folded<'a>(run: &'a str, lease: &CompactedLease) -> Vec<Line<'a>> {
+    let claim = lease.claim.iter().map(|CompactedClaim { state, episodes, failed }| {
+        Line::claim(run, &lease.row, (*state, *episodes, *failed))
+    });
+    let episodes = lease
+        .episodes()
+        .map(|(group, known)| Line::Episode(Box::new(Episode::folded(run, &lease.row, group, known))));
+    claim.chain(episodes).collect()
+}
+
+impl<'a> Episode<'a> {
+    pub(super) fn of(
+        run: &'a str,
+        lease: &LeaseRow,
+        group: &GroupRow,
+        row: &EpisodeRow,
+    ) -> Result<Self, StoreError> {
+        let json = |text: &Option<String>| text.as_ref().map(|text| from_json("a value", text)).transpose();
+        Ok(Self {
+            run,
+            episode: EpisodeId { lease: lease.lease_id(), index: row.number }.to_string(),
+            purpose: lease.purpose,
+            task: group.task.clone(),
+            level: group.level,
+            role: group.role,
+            layout: group.layout.map(|id| LayoutId(id).to_string()),
+            contested: group.is_contested,
+            state: row.state,
+            score: row.score,
+            skill: row.skill,
+            success: row.success,
+            floor: row.floor,
+            reference: row.reference,
+            flown: json(&row.flown)?,
+            reason: row.reason.clone(),
+            metrics: json(&row.metrics)?,
+            policy_version: row.policy_version,
+            at: rfc3339(row.at),
+            replay: if row.flown.is_some() { "available" } else { "none" },
+            scenario: None,
+            actions: None,
+        })
+    }
+
+    fn folded(run: &'a str, lease: &LeaseRow, group: &CompactedGroup, known: &CompactedEpisode) -> Self {
+        Self {
+            run,
+            episode: EpisodeId { lease: lease.lease_id(), index: known.number }.to_string(),
+            purpose: lease.purpose,
+            task: group.task.clone(),
+            level: group.level,
+            role: group.role,
+            layout: group.layout.map(|id| LayoutId(id).to_string()),
+            contested: group.contested,
+            state: known.state,
+            score: known.score,
+            skill: known.skill,
+            success: known.success,
+            floor: None,
+            reference: None,
+            flown: None,
+            reason: None,
+            metrics: None,
+            policy_version: known.policy_version,
+            at: rfc3339(lease.created_at + known.after_ms),
+            replay: if known.score.is_some() { "expired" } else { "none" },
+            scenario: None,
+            actions: None,
+        }
+    }
+
+    /// Adds what it was flown on, and how.
+    pub(super) fn whole(&mut self, scenario: &Scenario, log: Option<&ActionLog>) {
+        self.scenario = Some(scenario.to_json());
+        self.actions = log.map(|log| json!(log.steps().map(|step| wire_step(log, step)).collect::<Vec<_>>()));
+    }
+}

@@ -1,0 +1,84 @@
+//! `sparring db`: looks after a database.
+
+mod backup;
+mod check;
+mod export;
+mod info;
+mod lines;
+mod vacuum;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, ensure};
+use clap::Subcommand;
+use sqlx::SqlitePool;
+
+use orchestrator::store;
+
+/// Look after a database: how large it is, whether it is whole, copies of it, and what it has as text.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+All but vacuum may be run while a server uses the database. A copy that `backup` made is a database like any other: \
+`sparring serve --db COPY` goes on from it.
+
+Examples:
+  sparring db info
+  sparring db check --replay 1000
+  sparring db backup /backups/sparring-$(date +%F).sqlite3
+  sparring db vacuum
+  sparring db export --run run-1a2b3c4d | jq -c 'select(.kind == \"episode\") | [.task, .level, .success]'")]
+pub struct Args {
+    #[command(flatten)]
+    of: Database,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Which database.
+#[derive(Debug, clap::Args)]
+pub(super) struct Database {
+    /// The SQLite database
+    #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
+    pub(super) db: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Info(info::Args),
+    Check(check::Args),
+    Vacuum(vacuum::Args),
+    Backup(backup::Args),
+    Export(export::Args),
+}
+
+/// Does it.
+///
+/// # Errors
+/// A database that cannot be used.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let db = &args.of.db;
+    runtime.block_on(async {
+        match &args.command {
+            Command::Info(of) => info::run(db, of).await,
+            Command::Check(of) => check::run(db, of).await,
+            Command::Vacuum(of) => vacuum::run(db, of).await,
+            Command::Backup(of) => backup::run(db, of).await,
+            Command::Export(of) => export::run(db, of).await,
+        }
+    })
+}
+
+/// Connections that read a database of this program's schema.
+pub(super) async fn readers(db: &Path) -> anyhow::Result<SqlitePool> {
+    // An empty file would be made a database by being opened.
+    let there = std::fs::metadata(db).with_context(|| format!("{} cannot be opened", db.display()))?;
+    ensure!(there.len() > 0, "{} is empty", db.display());
+    Ok(store::open_current_readers(db).await?)
+}
+
+/// Bytes as people read them.
+fn human(bytes: i64) -> String {
+    indicatif::BinaryBytes(u64::try_from(bytes).unwrap_or(0)).to_string()
+}

@@ -1,0 +1,255 @@
+//! `sparring demo`: the whole loop, with a learner that comes along.
+//!
+//! It starts the real service, creates a run, and trains over HTTP as any trainer would. Who learns is [`learner`], of
+//! one task [`trainee`]; the loop is [`train`]; what the service is asked is [`feed`].
+
+mod designs;
+mod feed;
+mod fly;
+mod http;
+mod learner;
+mod show;
+mod summary;
+#[cfg(test)]
+mod tests;
+mod train;
+mod trainee;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
+use env_core::{Recipe, TaskSpec, World};
+
+use self::http::{DesignWish, HttpFeed, RunWish, TaskWish};
+use self::show::Screen;
+use self::summary::Summary;
+use self::train::{MEMBERS, Plan, Progress, train};
+use self::trainee::Kind;
+use super::llm_args::LlmArgs;
+use super::options::{self, Chosen};
+use super::{output, worlds};
+use orchestrator::service::{Config, Service};
+
+/// Train a built-in learner against the service, over HTTP as any trainer would.
+///
+/// The service runs on a free port of this machine. The learner is the task's own reflex, a policy with a few numbers and
+/// nothing that searches (in kessler how far to look ahead, what to dodge, when, how hard, and in which direction),
+/// improved by the cross-entropy method from the scores that come back: a population of 12 flies every scenario. It starts
+/// at level 0 of every task and climbs as it masters them. The controls show what the levels are worth: `hold`, `blind`
+/// and, for the luck of a first draw, `frozen`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = after_help())]
+pub struct Args {
+    /// How many episodes to fly, over all tasks; unless told, 60 000, and fewer where they are long
+    #[arg(long, value_name = "N", value_parser = episodes)]
+    episodes: Option<usize>,
+    /// Keep the run in this database; else it is forgotten
+    #[arg(long, value_name = "PATH", conflicts_with = "url")]
+    db: Option<PathBuf>,
+    /// What the run's scenarios and the learner's chance are drawn from
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 53))]
+    seed: u64,
+    /// Who flies
+    #[arg(long, value_enum, default_value = "learn")]
+    learner: Kind,
+    /// Who designs layouts for what the learner fails at
+    #[arg(long, value_enum, default_value = "auto")]
+    designer: Who,
+    /// This task, of any world; repeat the option for more. All tasks of the first world unless told
+    #[arg(long = "task", value_name = "TASK",
+          value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
+    tasks: Vec<String>,
+    /// Fly under this physics option, in all tasks or those named; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
+    /// Train against a running service instead of starting one, as http://127.0.0.1:8700
+    #[arg(long, value_name = "URL")]
+    url: Option<String>,
+    /// Print one JSON object last, and words to stderr
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    llm: LlmArgs,
+}
+
+/// Who designs, in the service's words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Who {
+    /// The service's language model, where it has one, else the procedural designer
+    Auto,
+    /// Samples from the failure profile and edits what worked
+    Procedural,
+    /// Nobody: the curriculum alone decides
+    Off,
+}
+
+impl Who {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Procedural => "procedural",
+            Self::Off => "off",
+        }
+    }
+}
+
+/// Episodes of a run of the shortest tasks.
+const MOST_EPISODES: usize = 60_000;
+/// Steps that the episodes of longer tasks may have together, if all came to their horizons.
+const STEPS: usize = 6_000_000;
+/// Fewer than this show nothing: a level takes two blocks of 32 contested scenarios, 12 episodes each.
+const FEWEST_EPISODES: usize = 20_000;
+
+fn after_help() -> String {
+    format!(
+        "\
+Controls:
+{}
+
+Episodes, unless told: {STEPS} steps' worth at the longest horizon of the tasks, but at least {FEWEST_EPISODES} and at \
+most {MOST_EPISODES}: {}.
+
+{}
+
+{AFTER_HELP}",
+        worlds::policies_in_words(&["hold", "blind", "frozen"]),
+        episodes_in_words(),
+        options::help()
+    )
+}
+
+/// How many episodes each world's tasks get, for people.
+fn episodes_in_words() -> String {
+    let world = |world: &'static dyn World| {
+        let tasks: Vec<String> = world.tasks().iter().map(|task| task.id().to_owned()).collect();
+        format!("{} for {}", usual_episodes(&tasks), world.name())
+    };
+    env_core::worlds().map(world).collect::<Vec<_>>().join(", ")
+}
+
+const AFTER_HELP: &str = "\
+Progress goes to stderr: a live table on a terminal, else a line every five seconds and one per change of level. Ctrl-C \
+stops after the batch under way; the summary comes all the same.
+
+JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, designed, \
+tasks}; physics are the options asked for, by task; designed is the share of groups that flew designed layouts. Each of \
+tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
+last_generation, generations, params, learnt, numbers, designs, moves, \
+warnings}; success is mastery's mean at the current level, over \
+the last success_scenarios contested scenarios (0.5 of none); plain_success is over all episodes.
+
+Examples:
+  sparring demo
+  sparring demo --learner frozen --seed 3
+  sparring demo --task kessler/survival --physics contact=swept
+  sparring demo --task kessler/survival --episodes 20000 --db run.sqlite3 --json";
+
+fn episodes(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(number @ 1..=100_000_000) => Ok(number),
+        Ok(number) => Err(format!("{number} is outside 1 to 100000000")),
+        Err(error) => Err(format!("{error}")),
+    }
+}
+
+/// Trains and says what came of it.
+///
+/// # Errors
+/// A service that cannot be started or reached, or one that refuses what is flown.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let (progress, run) = runtime.block_on(demo(args))?;
+    let db = args.db.as_deref();
+    let words = summary::words(&progress, &run, db);
+    if args.json {
+        // Somebody who closed stderr still gets the object.
+        let _ = writeln!(std::io::stderr().lock(), "{}", words.trim_end());
+        output::print_json(&Summary::new(&progress, &run, db))?;
+    } else {
+        output::print(&words)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Trains against the service at the URL given, or one of its own; the run's id.
+async fn demo(args: &Args) -> anyhow::Result<(Progress, String)> {
+    if let Some(url) = &args.url {
+        return train_at(url, args).await;
+    }
+    let forgotten = tempfile::tempdir()?;
+    let db = args.db.clone().unwrap_or_else(|| Path::new(forgotten.path()).join("demo.sqlite3"));
+    let config = Config::local(db);
+    let designers = args.llm.designers(&config.clock)?;
+    let service = Service::start(Config { designers, ..config }).await?;
+    let trained = train_at(&service.url(), args).await;
+    service.stop().await;
+    trained
+}
+
+async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> {
+    let tasks = if args.tasks.is_empty() {
+        env_core::default_tasks().iter().map(|task| task.id().to_owned()).collect()
+    } else {
+        let mut tasks = args.tasks.clone();
+        tasks.sort_unstable();
+        tasks.dedup();
+        tasks
+    };
+    let specs: Vec<_> = tasks.iter().filter_map(|task| env_core::task(task)).collect();
+    let options = options::by_task(&args.options, &specs)?;
+    for task in specs {
+        options::apply(Recipe::new(task)?, options.get(task.id()))?;
+    }
+    let episodes = args.episodes.unwrap_or_else(|| usual_episodes(&tasks));
+    let wish = RunWish {
+        name: "sparring demo",
+        seed: args.seed,
+        strategy: "ladder",
+        target: "mastery",
+        // Placement finds where a trained agent should start. This one is untrained: what a probe of 16 scenarios would
+        // find is its luck, and the luck of the controls.
+        placement: false,
+        group_size: MEMBERS,
+        tasks: &tasks,
+        design: DesignWish { designer: args.designer.word() },
+        task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
+    };
+    let feed = HttpFeed::create(url, &wish).await?;
+    let plan = Plan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };
+    let mut screen = Screen::new(episodes)?;
+    let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
+    screen.close();
+    Ok((trained?, feed.run().to_owned()))
+}
+
+/// How many episodes show a learner climb in reasonable time, by the longest horizon of these tasks.
+fn usual_episodes(tasks: &[String]) -> usize {
+    let horizon = |task: &String| {
+        let task = env_core::task(task)?;
+        let recipe = Recipe::at_level(task, 0).ok()?;
+        usize::try_from(task.horizon(&recipe)).ok()
+    };
+    let longest = tasks.iter().filter_map(horizon).max().unwrap_or(1);
+    (STEPS / longest.max(1)).clamp(FEWEST_EPISODES, MOST_EPISODES)
+}
+
+/// Set by the first Ctrl-C; the second ends the program.
+fn stop_on_ctrl_c() -> Arc<AtomicBool> {
+    /// 128 + SIGINT, as shells say it.
+    const INTERRUPTED: i32 = 130;
+    let stop = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&stop);
+    tokio::spawn(async move {
+        while tokio::signal::ctrl_c().await.is_ok() {
+            if told.swap(true, Ordering::Relaxed) {
+                std::process::exit(INTERRUPTED);
+            }
+        }
+    });
+    stop
+}

@@ -1,0 +1,84 @@
+//! A suite under other physics than its own.
+
+use std::sync::Arc;
+
+use anyhow::Context;
+use env_core::admission::{admit, is_contested};
+use env_core::{ActionLog, Recipe, Scenario};
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use crate::options::{self, TaskOptions};
+use orchestrator::evaluation::suite::{SuiteEntry, SuiteGroup, SuitePart, Suite};
+
+/// How a suite was flown otherwise than it was built.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Physics {
+    /// What was asked for.
+    pub(super) options: TaskOptions,
+    /// Of the suite's contested scenarios those that are contested so, too.
+    still_contested: usize,
+    /// The suite's contested scenarios.
+    contested: usize,
+}
+
+impl Physics {
+    /// For people.
+    pub(super) fn note(&self) -> String {
+        format!(
+            "Flown under other physics than the suite's ({}): floors and references were worked out anew; of its {} \
+             contested scenarios {} are contested so, too. These numbers do not compare with those of the suite.",
+            options::in_words(&self.options),
+            self.contested,
+            self.still_contested
+        )
+    }
+}
+
+/// The suite under these options, with brackets of its own; none where it is flown so anyhow.
+///
+/// # Errors
+/// Options that contradict each other or the suite's own, or a scenario that cannot start under them.
+pub(super) fn under(
+    suite: &Suite,
+    options: TaskOptions,
+    bar: &ProgressBar,
+) -> anyhow::Result<Option<(Suite, Physics)>> {
+    let recipes = suite.groups.iter().map(|group| {
+        let recipe = Recipe::clone(&group.recipe);
+        options::apply(recipe, options.get(group.recipe.task().id()))
+    });
+    let recipes = recipes.collect::<anyhow::Result<Vec<_>>>()?;
+    if recipes.iter().zip(&suite.groups).all(|(recipe, group)| *recipe == *group.recipe) {
+        return Ok(None);
+    }
+    let mut groups = Vec::with_capacity(recipes.len());
+    for (recipe, group) in recipes.into_iter().zip(&suite.groups) {
+        let recipe = Arc::new(recipe);
+        let entries = group.entries.par_iter().map(|entry| {
+            bar.inc(1);
+            again(entry, &recipe)
+        });
+        let entries = entries.collect::<anyhow::Result<_>>()?;
+        groups.push(SuiteGroup { level: group.level, recipe, entries });
+    }
+    let planner = groups.iter().filter_map(SuiteGroup::planner).max().unwrap_or(suite.planner);
+    let flown = Suite { groups, planner, ..suite.clone() };
+    let chosen = || flown.entries().filter(|entry| entry.part == SuitePart::Contested);
+    let physics = Physics {
+        options,
+        still_contested: chosen().filter(|entry| is_contested(&entry.scenario, &entry.bracket)).count(),
+        contested: chosen().count(),
+    };
+    Ok(Some((flown, physics)))
+}
+
+fn again(entry: &SuiteEntry, recipe: &Arc<Recipe>) -> anyhow::Result<SuiteEntry> {
+    let scenario = Scenario::new(Arc::clone(recipe), entry.scenario.seed());
+    let admission = admit(&scenario);
+    let context = || format!("scenario {} cannot be flown under these options", entry.scenario.id());
+    admission.fair.with_context(context)?;
+    let mut bracket = admission.bracket.with_context(context)?;
+    bracket.reference_plan = ActionLog::new(bracket.reference_plan.dim(), bracket.reference_plan.precision());
+    Ok(SuiteEntry { part: entry.part, scenario, bracket })
+}

@@ -1,0 +1,110 @@
+//! An evaluation drawn: means with their intervals, task beside task.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use orchestrator::evaluation::EvaluationReport;
+use orchestrator::evaluation::bootstrap::Estimate;
+use orchestrator::evaluation::report::{ALL_LABEL, ReportRow};
+
+/// A part's width, and what a policy takes of its height.
+const WIDTH: u32 = 300;
+const ROW: u32 = 22;
+/// Room for names at the left, and for the title and the axis above and below.
+const NAMES: u32 = 96;
+const HEAD: u32 = 26;
+const FOOT: u32 = 40;
+
+const INK: RGBColor = RGBColor(60, 60, 60);
+const PALE: RGBColor = RGBColor(225, 225, 225);
+/// Success on contested scenarios, then on those that come as they come.
+const PARTS: [(&str, RGBColor); 2] =
+    [("contested", RGBColor(214, 39, 40)), ("as_they_come", RGBColor(31, 119, 180))];
+
+type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+
+/// The share of successes with its interval: a part for each task, a line for each policy, contested scenarios and those that come as
+/// they come. An SVG document.
+pub(super) fn draw(report: &EvaluationReport) -> Result<String, String> {
+    let mut tasks: Vec<&str> = Vec::new();
+    let mut policies: Vec<&str> = Vec::new();
+    for row in &report.rows {
+        if row.task != ALL_LABEL && !tasks.contains(&row.task.as_str()) {
+            tasks.push(&row.task);
+        }
+        if !policies.contains(&row.policy.as_str()) {
+            policies.push(&row.policy);
+        }
+    }
+    let wide = u32::try_from(tasks.len().clamp(1, 4)).unwrap_or(1);
+    let high = u32::try_from(tasks.len().div_ceil(4).max(1)).unwrap_or(1);
+    let part = HEAD + ROW * u32::try_from(policies.len()).unwrap_or(1) + FOOT;
+    let mut text = String::new();
+    {
+        let root = SVGBackend::with_string(&mut text, (NAMES + WIDTH * wide, part * high + HEAD))
+            .into_drawing_area();
+        let told = |error: DrawingAreaErrorKind<std::io::Error>| error.to_string();
+        root.fill(&WHITE).map_err(told)?;
+        let (head, rest) = root.split_vertically(HEAD);
+        legend(&head, report).map_err(told)?;
+        let (names, parts) = rest.split_horizontally(NAMES);
+        for lines in names.split_evenly((high as usize, 1)) {
+            for (at, policy) in (0i32..).zip(&policies) {
+                let style =
+                    ("sans-serif", 12).into_font().color(&INK).pos(Pos::new(HPos::Right, VPos::Center));
+                let y = HEAD as i32 + ROW as i32 * at + ROW as i32 / 2;
+                lines.draw(&Text::new((*policy).to_owned(), (NAMES as i32 - 4, y), style)).map_err(told)?;
+            }
+        }
+        for (task, area) in tasks.iter().zip(parts.split_evenly((high as usize, wide as usize))) {
+            let rows: Vec<&ReportRow> = report.rows.iter().filter(|row| row.task == *task).collect();
+            of_task(task, &rows, &policies, &area).map_err(told)?;
+        }
+        root.present().map_err(told)?;
+    }
+    Ok(text)
+}
+
+fn legend(area: &Area<'_>, report: &EvaluationReport) -> Drawn {
+    let words = format!("{}: share of successes, {:.0} % intervals", report.suite, 100.0 * report.confidence);
+    let style = || ("sans-serif", 13).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+    area.draw(&Text::new(words.clone(), (8, 13), style()))?;
+    let mut x = 24 + 7 * i32::try_from(words.chars().count()).unwrap_or(0);
+    for (part, color) in PARTS {
+        area.draw(&Circle::new((x, 13), 4, color.filled()))?;
+        area.draw(&Text::new(part.replace('_', " "), (x + 10, 13), style()))?;
+        x += 40 + 7 * i32::try_from(part.len()).unwrap_or(0);
+    }
+    Ok(())
+}
+
+fn of_task(task: &str, rows: &[&ReportRow], policies: &[&str], area: &Area<'_>) -> Drawn {
+    let count = policies.len().max(1) as f64;
+    let mut chart = ChartBuilder::on(area)
+        .margin_right(10)
+        .margin_left(6)
+        .caption(task, ("sans-serif", 13).into_font().color(&INK))
+        .x_label_area_size(FOOT - 12)
+        .build_cartesian_2d(0.0..1.0, count..0.0)?;
+    chart
+        .configure_mesh()
+        .disable_y_axis()
+        .disable_y_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(PALE)
+        .axis_style(PALE)
+        .label_style(("sans-serif", 10).into_font().color(&INK))
+        .x_labels(6)
+        .draw()?;
+    for (at, policy) in policies.iter().enumerate() {
+        for (number, (part, color)) in PARTS.into_iter().enumerate() {
+            let row = rows.iter().find(|row| row.policy == *policy && row.part == part);
+            let Some(Estimate { mean, low, high, .. }) = row.and_then(|row| row.success) else { continue };
+            let y = at as f64 + 0.35 + 0.3 * number as f64;
+            chart.draw_series([PathElement::new(vec![(low, y), (high, y)], color.stroke_width(2))])?;
+            chart.draw_series([Circle::new((mean, y), 4, color.filled())])?;
+        }
+    }
+    Ok(())
+}

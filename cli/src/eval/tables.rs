@@ -1,0 +1,109 @@
+//! An evaluation as tables.
+
+use crate::output;
+use orchestrator::evaluation::EvaluationReport;
+use orchestrator::evaluation::bootstrap::Estimate;
+use orchestrator::evaluation::report::{ALL_LABEL, ComparisonRow, ReportRow};
+
+/// A table per task, all tasks together first where they are of one world; then the comparisons.
+pub(super) fn tables(report: &EvaluationReport) -> String {
+    let mut text = format!(
+        "{}: {} scenarios, hash {}…, planner {}; means with {:.0} % bootstrap intervals over scenarios\n",
+        report.suite,
+        report.scenarios,
+        report.suite_hash.get(..16).unwrap_or_default(),
+        report.planner,
+        100.0 * report.confidence
+    );
+    if let Some(note) = &report.note {
+        text.push_str(&format!("\n{}\n", textwrap::fill(note, wrapping())));
+    }
+    for block in report.rows.chunk_by(|a, b| a.task == b.task) {
+        let header = ["scenarios", "policy", "score", "worst tenth", "success", "skill", "lost", "fuel used"];
+        let mut table = output::table(&header, 2);
+        for row in block.chunk_by(|a, b| a.part == b.part).flat_map(part_cells) {
+            table.add_row(row);
+        }
+        text.push_str(&format!("\n{}\n{table}\n", title(block.first().map(|row| row.task.as_str()))));
+    }
+    if let Some(against) = &report.against {
+        text.push_str(&format!(
+            "\nDifferences from {against} on the same scenarios; better: how likely an episode scores higher, ties half\n"
+        ));
+        for block in report.comparisons.chunk_by(|a, b| a.task == b.task) {
+            let mut table = output::table(&["scenarios", "policy", "score", "success", "skill", "better"], 2);
+            for row in block.chunk_by(|a, b| a.part == b.part).flat_map(comparison_cells) {
+                table.add_row(row);
+            }
+            text.push_str(&format!("\n{}\n{table}\n", title(block.first().map(|row| row.task.as_str()))));
+        }
+    }
+    text
+}
+
+fn title(task: Option<&str>) -> &str {
+    match task {
+        Some(ALL_LABEL) => "all tasks",
+        Some(task) => task,
+        None => "",
+    }
+}
+
+/// Between words only: a task's id has a slash in it.
+fn wrapping() -> textwrap::Options<'static> {
+    textwrap::Options::new(100).word_separator(textwrap::WordSeparator::AsciiSpace)
+}
+
+/// The part is named on the first of its rows.
+fn part(at: usize, scenarios: usize, part: &str) -> String {
+    if at == 0 { format!("{scenarios} {}", part.replace('_', " ")) } else { String::new() }
+}
+
+fn part_cells(rows: &[ReportRow]) -> Vec<[String; 8]> {
+    let cells = |(at, row): (usize, &ReportRow)| {
+        [
+            part(at, row.scenarios, row.part),
+            row.policy.clone(),
+            cell(row.score, 3),
+            cell(row.cvar10, 3),
+            cell(row.success, 3),
+            skill_cell(row.skill, row.scenarios),
+            cell(row.lost, 3),
+            cell(row.fuel_used, 2),
+        ]
+    };
+    rows.iter().enumerate().map(cells).collect()
+}
+
+fn comparison_cells(rows: &[ComparisonRow]) -> Vec<[String; 6]> {
+    let cells = |(at, row): (usize, &ComparisonRow)| {
+        let of = &row.comparison;
+        [
+            part(at, row.scenarios, row.part),
+            row.policy.clone(),
+            cell(of.score, 3),
+            cell(of.success, 3),
+            skill_cell(of.skill, row.scenarios),
+            cell(of.improvement, 3),
+        ]
+    };
+    rows.iter().enumerate().map(cells).collect()
+}
+
+fn cell(estimate: Option<Estimate>, digits: usize) -> String {
+    let number = |value: f64| {
+        let text = format!("{value:.digits$}");
+        // What rounds to zero has no sign.
+        let zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+        if zero { text.trim_start_matches('-').to_owned() } else { text }
+    };
+    let told = |e: Estimate| format!("{} [{}, {}]", number(e.mean), number(e.low), number(e.high));
+    estimate.map_or_else(|| "none".to_owned(), told)
+}
+
+fn skill_cell(skill: Option<Estimate>, scenarios: usize) -> String {
+    match skill {
+        Some(told) if told.scenarios < scenarios => format!("{} over {}", cell(skill, 3), told.scenarios),
+        skill => cell(skill, 3),
+    }
+}

@@ -1,0 +1,171 @@
+//! `--judge…`: who judges the steps of sessions, on the command line.
+
+use std::env::VarError;
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+use llm::{LlmClient, LlmConfig};
+
+use super::llm_args::{self, LlmArgs};
+use orchestrator::clock::Clock;
+use orchestrator::judging::{Judge, Judges, ModelJudge};
+
+/// Where the public kessler-env's judge is told its endpoint and model.
+const URL: &str = "API_BASE_URL";
+const MODEL: &str = "MODEL_NAME";
+
+/// Who judges.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Judge")]
+pub struct JudgeArgs {
+    /// Who judges each step of a session: off, deterministic (by rules) or llm. A judge changes the reward that a client is
+    /// told, reward/1.2·(1 + 0.2·score) with a score from -1 to 1, and adds its words to critical_alerts; what is stored of an
+    /// episode stays the world's. A run may say otherwise (`judge`). As ENABLE_JUDGE, true is llm and false off
+    #[arg(long, value_name = "WHO", default_value = "off", env = "ENABLE_JUDGE", hide_env_values = true, value_parser = Judge::parse)]
+    judge: Judge,
+    /// The OpenAI-compatible API of the model that judges. Left out it is --llm-url, or API_BASE_URL where llm judges
+    #[arg(long, value_name = "URL")]
+    judge_url: Option<String>,
+    /// The model that judges. Left out it is --llm-model, or MODEL_NAME with API_BASE_URL
+    #[arg(long, value_name = "NAME")]
+    judge_model: Option<String>,
+    /// The environment variable that holds the judge's key. Left out it is --llm-key-env's with --llm-url, else HF_TOKEN or
+    /// API_KEY
+    #[arg(long, value_name = "VARIABLE")]
+    judge_key_env: Option<String>,
+    /// Longest time a verdict may take, seconds; without one the reward is the world's
+    #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=600))]
+    judge_timeout: u64,
+    /// Verdicts that are asked for at once, at most
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    judge_concurrency: u16,
+}
+
+impl JudgeArgs {
+    /// The judges of a service.
+    ///
+    /// # Errors
+    /// Settings that cannot be.
+    pub fn judges(&self, llm: &LlmArgs, clock: &Clock) -> anyhow::Result<Arc<Judges>> {
+        let config = self.config(llm, clock, |name| std::env::var(name))?;
+        if config.is_none() && self.judge == Judge::Llm {
+            bail!(
+                "--judge llm: no model is named; give --judge-url and --judge-model, or --llm-url and --llm-model, or {URL} and {MODEL}"
+            );
+        }
+        let model = match config {
+            Some(config) => {
+                let llm = LlmClient::new(config).context("--judge-url")?;
+                Some(ModelJudge::new(llm))
+            }
+            None => None,
+        };
+        Ok(Arc::new(Judges::new(self.judge, model)))
+    }
+
+    /// The endpoint of the judge; none where none is named. Budgets are those of `--llm-…`, counted for the judge alone.
+    fn config(
+        &self,
+        llm: &LlmArgs,
+        clock: &Clock,
+        read: impl Fn(&str) -> Result<String, VarError> + Copy,
+    ) -> anyhow::Result<Option<LlmConfig>> {
+        let upstream = |name: &str| read(name).ok().filter(|value| !value.trim().is_empty());
+        let wanted = self.judge == Judge::Llm;
+        let own = match (&self.judge_url, llm.is_given()) {
+            (Some(url), _) => Some((url.clone(), self.judge_model.clone().or_else(|| upstream(MODEL)))),
+            (None, false) if wanted => {
+                upstream(URL).map(|url| (url, self.judge_model.clone().or_else(|| upstream(MODEL))))
+            }
+            _ => None,
+        };
+        let mut config = match own {
+            Some((url, model)) => {
+                let model =
+                    model.with_context(|| format!("the judge at {url} needs --judge-model (or {MODEL})"))?;
+                let mut config = llm.limits(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
+                let named = self.judge_key_env.as_deref();
+                config.key =
+                    llm_args::key(named.as_ref().map_or(&llm_args::UPSTREAM_KEYS[..], std::slice::from_ref), read)?;
+                config
+            }
+            None => {
+                let Some(mut config) = llm.config_with(clock, read)? else { return Ok(None) };
+                if let Some(model) = &self.judge_model {
+                    config.model.clone_from(model);
+                }
+                if let Some(name) = &self.judge_key_env {
+                    config.key = llm_args::key(&[name.as_str()], read)?;
+                }
+                config
+            }
+        };
+        if let (Some(name), None) = (&self.judge_key_env, &config.key) {
+            bail!("--judge-key-env {name}: the variable holds nothing");
+        }
+        llm_args::pace(&mut config, self.judge_timeout, self.judge_concurrency);
+        Ok(Some(config))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use secrecy::ExposeSecret;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        llm: LlmArgs,
+        #[command(flatten)]
+        judge: JudgeArgs,
+    }
+
+    fn of(line: &str, held: &[(&str, &str)]) -> anyhow::Result<Option<(String, String, Option<String>)>> {
+        let line = Line::try_parse_from(format!("x {line}").split_whitespace())?;
+        let found = line.judge.config(&line.llm, &Clock::manual(5).clock, |name| {
+            let found = held.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned());
+            found.ok_or(VarError::NotPresent)
+        })?;
+        Ok(found.map(|config| {
+            assert_eq!((config.timeout.as_secs(), config.concurrency), (20, 8));
+            (config.base_url, config.model, config.key.map(|key| key.expose_secret().to_owned()))
+        }))
+    }
+
+    #[test]
+    fn the_judge_is_where_it_is_said_to_be() {
+        let some = |url: &str, model: &str, key: Option<&str>| {
+            Some((url.to_owned(), model.to_owned(), key.map(str::to_owned)))
+        };
+        let upstream = [
+            ("API_BASE_URL", "http://u/v1"),
+            ("MODEL_NAME", "um"),
+            ("HF_TOKEN", "hf"),
+            ("SPARRING_LLM_KEY", "lk"),
+            ("MINE", "me"),
+        ];
+        assert_eq!(of("--judge off", &upstream).unwrap(), None);
+        assert_eq!(of("--judge llm", &upstream).unwrap(), some("http://u/v1", "um", Some("hf")));
+        assert_eq!(
+            of("--judge llm --judge-key-env MINE", &upstream).unwrap(),
+            some("http://u/v1", "um", Some("me"))
+        );
+        let llm = "--llm-url http://l/v1 --llm-model lm";
+        assert_eq!(of(llm, &upstream).unwrap(), some("http://l/v1", "lm", Some("lk")));
+        assert_eq!(
+            of(&format!("{llm} --judge llm --judge-model jm"), &[]).unwrap(),
+            some("http://l/v1", "jm", None)
+        );
+        let own = format!("{llm} --judge-url http://j/v1 --judge-model jm");
+        assert_eq!(of(&own, &upstream[2..]).unwrap(), some("http://j/v1", "jm", Some("hf")));
+        assert!(of("--judge-url http://j/v1", &[]).unwrap_err().to_string().contains("--judge-model"));
+        for held in [&[][..], &[("MINE", "")], &[("MINE", "  ")]] {
+            let refused = of(&format!("{llm} --judge-key-env MINE"), held).unwrap_err().to_string();
+            assert!(refused.contains("MINE") && refused.contains("holds nothing"), "{refused}");
+        }
+        assert!(of("--judge maybe", &[]).is_err() && of("--judge-timeout 0", &[]).is_err());
+    }
+}

@@ -1,0 +1,217 @@
+//! `--llm-…`: the language model that designs layouts, on the command line. Endpoints are named here and nowhere else: no
+//! request can make the service call an address.
+
+use std::env::VarError;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use llm::{LlmClient, LlmConfig, WallClock};
+use secrecy::SecretString;
+
+use orchestrator::clock::Clock;
+use orchestrator::designs::{BuiltInDesigners, Designers, DesignersWithModel};
+
+/// Where the public kessler-env looks for a key, in this order.
+pub(super) const UPSTREAM_KEYS: [&str; 2] = ["HF_TOKEN", "API_KEY"];
+
+/// A language model that designs layouts.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Language model")]
+pub struct LlmArgs {
+    /// The base of an OpenAI-compatible API, as http://127.0.0.1:8080/v1. Without it no model is asked.
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "SPARRING_LLM_URL",
+        hide_env_values = true,
+        requires = "llm_model"
+    )]
+    llm_url: Option<String>,
+    /// The model's name there.
+    #[arg(long, value_name = "NAME", env = "SPARRING_LLM_MODEL", hide_env_values = true)]
+    llm_model: Option<String>,
+    /// The environment variable that holds the key; a key itself is never an argument.
+    #[arg(long, value_name = "VARIABLE", default_value = "SPARRING_LLM_KEY")]
+    llm_key_env: String,
+    /// Longest time one call may take, seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=3600))]
+    llm_timeout: u64,
+    /// Calls at once, at most.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    llm_concurrency: u16,
+    /// Further tries of a call that failed in passing.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=10))]
+    llm_retries: u32,
+    /// Tokens of one answer, at most.
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(64..=131_072))]
+    llm_max_tokens: u32,
+    /// Tokens that one run may use in all.
+    #[arg(long, value_name = "N")]
+    llm_tokens_per_run: Option<u64>,
+    /// Tokens that all runs may use in a day (UTC).
+    #[arg(long, value_name = "N")]
+    llm_tokens_per_day: Option<u64>,
+    /// What a day (UTC) may cost, in the currency of the prices.
+    #[arg(long, value_name = "COST", requires = "llm_price_in", requires = "llm_price_out")]
+    llm_cost_per_day: Option<f64>,
+    /// Price of a million tokens in.
+    #[arg(long, value_name = "PRICE")]
+    llm_price_in: Option<f64>,
+    /// Price of a million tokens out.
+    #[arg(long, value_name = "PRICE")]
+    llm_price_out: Option<f64>,
+}
+
+impl LlmArgs {
+    /// The designers of a service: with a language model, where one is asked for.
+    ///
+    /// # Errors
+    /// Settings that cannot be.
+    pub fn designers(&self, clock: &Clock) -> anyhow::Result<Arc<dyn Designers>> {
+        Ok(match self.config(clock)? {
+            Some(config) => Arc::new(DesignersWithModel(LlmClient::new(config).context("--llm")?)),
+            None => Arc::new(BuiltInDesigners),
+        })
+    }
+
+    /// The endpoint that is asked for; none where none is. The key is read from its environment variable.
+    ///
+    /// # Errors
+    /// A variable that holds something that is no text.
+    pub fn config(&self, clock: &Clock) -> anyhow::Result<Option<LlmConfig>> {
+        self.config_with(clock, |name| std::env::var(name))
+    }
+
+    pub(super) fn config_with(
+        &self,
+        clock: &Clock,
+        read: impl Fn(&str) -> Result<String, VarError>,
+    ) -> anyhow::Result<Option<LlmConfig>> {
+        let Some(url) = &self.llm_url else { return Ok(None) };
+        let model = self.llm_model.as_deref().context("--llm-url needs --llm-model")?;
+        let mut config = self.limits(LlmConfig::new(url, model, wall_clock(clock)));
+        config.key = key(&[self.llm_key_env.as_str()], read)?;
+        pace(&mut config, self.llm_timeout, self.llm_concurrency);
+        Ok(Some(config))
+    }
+
+    /// Whether an endpoint is named.
+    pub(super) const fn is_given(&self) -> bool {
+        self.llm_url.is_some()
+    }
+
+    /// An endpoint with what may be spent on it.
+    pub(super) fn limits(&self, mut config: LlmConfig) -> LlmConfig {
+        config.retries = self.llm_retries;
+        config.max_tokens = self.llm_max_tokens;
+        config.tokens_per_run = self.llm_tokens_per_run;
+        config.tokens_per_day = self.llm_tokens_per_day;
+        config.cost_per_day = self.llm_cost_per_day;
+        config.price_in = self.llm_price_in.unwrap_or(0.0);
+        config.price_out = self.llm_price_out.unwrap_or(0.0);
+        config
+    }
+}
+
+/// The clock as a model's books read it.
+pub(super) fn wall_clock(clock: &Clock) -> WallClock {
+    let clock = clock.clone();
+    WallClock::new(move || clock.now())
+}
+
+/// How long an answer may take, and how many are asked for at once.
+pub(super) fn pace(config: &mut LlmConfig, timeout_s: u64, at_once: u16) {
+    config.timeout = Duration::from_secs(timeout_s);
+    config.connect_timeout = config.connect_timeout.min(config.timeout);
+    config.concurrency = at_once.into();
+}
+
+/// A sampling temperature on the command line.
+///
+/// # Errors
+/// What is none, in words.
+pub(super) fn temperature(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if (0.0..=5.0).contains(&number) => Ok(number),
+        _ => Err("a number from 0 to 5 is wanted".to_owned()),
+    }
+}
+
+/// The key in the first of these environment variables that holds one.
+///
+/// # Errors
+/// A variable that holds something that is no text.
+pub(super) fn key(
+    names: &[&str],
+    read: impl Fn(&str) -> Result<String, VarError>,
+) -> anyhow::Result<Option<SecretString>> {
+    for name in names {
+        match read(name) {
+            Ok(key) if key.trim().is_empty() => {}
+            Ok(key) => return Ok(Some(key.trim().to_owned().into())),
+            Err(VarError::NotPresent) => {}
+            // The error itself would show what the variable holds.
+            Err(VarError::NotUnicode(_)) => bail!("the variable {name} holds no text"),
+        }
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        llm: LlmArgs,
+    }
+
+    fn read(line: &str, key: &Result<&str, VarError>) -> anyhow::Result<Option<LlmConfig>> {
+        let args = Line::try_parse_from(line.split(' '))?.llm;
+        args.config_with(&Clock::manual(5).clock, |name| {
+            assert_eq!(name, "MY_KEY");
+            key.clone().map(str::to_owned)
+        })
+    }
+
+    #[test]
+    fn the_command_line_names_the_endpoint_and_the_environment_the_key() {
+        let line = "x --llm-url http://h/v1 --llm-model m --llm-key-env MY_KEY";
+        let config = read(line, &Ok(" sk-1 \n")).unwrap().unwrap();
+        assert_eq!((config.base_url.as_str(), config.model.as_str()), ("http://h/v1", "m"));
+        assert!(config.key.is_some() && !format!("{config:?}").contains("sk-1"));
+        assert_eq!((config.clock.now_ms(), config.timeout.as_secs(), config.retries), (5, 120, 3));
+        llm::LlmClient::new(config).unwrap();
+        for none in [Ok(""), Err(VarError::NotPresent)] {
+            assert!(read(line, &none).unwrap().unwrap().key.is_none());
+        }
+        let odd = read(line, &Err(VarError::NotUnicode("sk-2".into()))).unwrap_err();
+        assert_eq!(format!("{odd:#}"), "the variable MY_KEY holds no text");
+        let more = format!(
+            "{line} --llm-cost-per-day 2.5 --llm-price-in 0.1 --llm-price-out 0.4 --llm-tokens-per-run 9"
+        );
+        let config = read(&more, &Ok("k")).unwrap().unwrap();
+        assert_eq!((config.cost_per_day, config.tokens_per_run), (Some(2.5), Some(9)));
+        assert!((config.cost(1_000_000, 500_000) - 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn without_a_url_no_model_is_asked_and_half_a_setting_is_an_error() {
+        if std::env::var_os("SPARRING_LLM_URL").is_some() || std::env::var_os("SPARRING_LLM_MODEL").is_some()
+        {
+            return; // they are settings
+        }
+        assert!(read("x", &Ok("k")).unwrap().is_none());
+        for line in [
+            "x --llm-url http://h/v1",
+            "x --llm-cost-per-day 3",
+            "x --llm-timeout 0",
+            "x --llm-concurrency 0",
+        ] {
+            assert!(Line::try_parse_from(line.split(' ')).is_err(), "{line}");
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! `sparring play`: a language model, or a built-in policy, flies episodes on an OpenEnv server.
+
+mod episode;
+mod flight;
+mod model;
+mod pilot;
+mod record;
+mod session;
+mod summary;
+mod tasks;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
+use env_core::{SEED_REQUIREMENT, Seed};
+use tokio::sync::watch;
+
+use self::episode::{Flown, Job};
+use self::flight::Planned;
+use self::pilot::Wish;
+use self::record::{Format, Output};
+use self::session::Address;
+use self::tasks::Task;
+use super::{llm_args, worlds};
+use orchestrator::policy::{ActionCodec, ChatSettings, ObservationFormat};
+
+/// Let a language model fly episodes on an OpenEnv server, this project's or the public kessler-env.
+///
+/// The model is behind any OpenAI-compatible API, held to the action's JSON schema where that can be done. In every step it is
+/// told what is seen and answers with an action; an answer that is none is repaired once, then nothing is done in that step.
+/// With --policy a built-in policy flies the same way, and no model is asked.
+///
+/// A server that can be asked for a task flies it; on the public kessler-env, which flies its three in turn, the task is reset
+/// until it is the one. Stdout has that project's lines, stderr everything else.
+#[derive(Debug, clap::Args)]
+#[command(after_help = after_help())]
+pub struct Args {
+    /// The OpenEnv server
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "ENV_URL",
+        hide_env_values = true,
+        default_value = "http://127.0.0.1:8700"
+    )]
+    env_url: String,
+    /// A task: survival, eco_station, rendezvous, or any by its id, as docking/single; repeat it for more. Those three
+    /// unless told
+    #[arg(long = "task", value_name = "TASK", value_parser = Task::parse)]
+    tasks: Vec<Task>,
+    /// Episodes of each task
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    episodes: u64,
+    /// Episodes at once, at most; the lines of one stay together
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    concurrency: u16,
+    /// The first episode of each task has this seed, the next one more, and so on; without it the server draws
+    #[arg(long, value_name = "SEED", value_parser = clap::value_parser!(u64).range(..1 << 51))]
+    seed: Option<u64>,
+    /// Fly this built-in policy instead of asking a model
+    #[arg(long, value_name = "POLICY", value_parser = PossibleValuesParser::new(worlds::policy_names()))]
+    policy: Option<String>,
+    /// Longest time that one answer may take, of the model or the server, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=3600))]
+    timeout: u64,
+    /// What stands on stdout
+    #[arg(long, value_enum, default_value = "lines")]
+    format: Format,
+    /// Write the transcript to this file: one JSON object a line, with all that was said
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// The base of the model's API, as http://127.0.0.1:8080/v1
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "API_BASE_URL",
+        hide_env_values = true,
+        help_heading = "Language model"
+    )]
+    api_base_url: Option<String>,
+    /// The model's name there
+    #[arg(
+        long,
+        value_name = "NAME",
+        env = "MODEL_NAME",
+        hide_env_values = true,
+        help_heading = "Language model"
+    )]
+    model: Option<String>,
+    /// The environment variable that holds the key: HF_TOKEN or else API_KEY unless told. A key itself is never an argument
+    #[arg(long, value_name = "VARIABLE", help_heading = "Language model")]
+    key_env: Option<String>,
+    /// How freely the model chooses its words; the API decides unless told
+    #[arg(long, value_name = "T", value_parser = llm_args::temperature, help_heading = "Language model")]
+    temperature: Option<f64>,
+    /// Tokens of one answer, at most
+    #[arg(long, value_name = "N", default_value_t = 1024, help_heading = "Language model",
+          value_parser = clap::value_parser!(u32).range(16..=131_072))]
+    max_tokens: u32,
+    /// Further tries of a call that failed in passing
+    #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Language model",
+          value_parser = clap::value_parser!(u32).range(0..=10))]
+    retries: u32,
+    /// Exchanges that the model is told again in each step
+    #[arg(long, value_name = "N", default_value_t = 2, help_heading = "Language model",
+          value_parser = clap::value_parser!(u16).range(0..=1000))]
+    history: u16,
+    /// How the model is told what is seen
+    #[arg(long, value_enum, default_value = "compact", help_heading = "Language model")]
+    telemetry: Told,
+}
+
+/// How a model is told what is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Told {
+    /// As tables of what matters: of debris, what comes near each satellite
+    Compact,
+    /// As the JSON that the server says
+    Raw,
+}
+
+fn after_help() -> String {
+    format!(
+        "Policies:\n{}\nreference cannot fly here: it plans on the scenario itself.\n\n{AFTER_HELP}",
+        worlds::policies_in_words(&worlds::policy_names())
+    )
+}
+
+const AFTER_HELP: &str = "\
+Lines on stdout (--format lines), one [STEP] a step; rewards has all of them, and a success is a score of at least 0.1:
+  [START] task=survival env=kessler-env model=name
+  [STEP] step=1 action={\"burns\":[]} reward=0.02 done=false error=null
+  [END] success=true steps=50 score=0.998 rewards=0.02,0.02,...
+
+error says why nothing was done instead of what the model said, or what the server refused. A model that is too late, or \
+whose answers make no sense, does nothing in those steps. An endpoint that cannot be reached, refuses or limits for longer \
+than it is tried again breaks the episode off: [END] then has what was earned, and success=false.
+
+Transcript (--format jsonl, --out FILE): objects with type start {episode, task, env, model, prompt, seed, observation}, \
+step {episode, step, action, reward, done, error, observation, model} and end {episode, success, steps, score, rewards, \
+fault}. model is {step, action, error, invalid, completions}, null for a built-in policy; each of completions: {messages, text, cut, \
+error, tokens_in, tokens_out, latency_ms}, to the letter what the model was told and said. prompt is the version of the words.
+
+Ctrl-C (or SIGTERM) breaks off what flies: [END] and the summary are told all the same. Where nobody reads stdout any more \
+nothing more is flown, unless there is --out. On a server that judges, rewards and score are the judge's.
+
+Exit codes: 0 all episodes were flown to their end; 1 some were not; 2 bad input, or nobody there, in one sentence on stderr.
+
+Examples:
+  sparring play --policy heuristic
+  sparring play --env-url http://localhost:8000 --api-base-url http://127.0.0.1:8080/v1 --model qwen --task survival
+  API_BASE_URL=https://llm.example.com/v1 MODEL_NAME=name HF_TOKEN=... sparring play --episodes 8 --concurrency 8 --seed 1
+  sparring play --task docking/single --policy heuristic --format jsonl
+  sparring play --api-base-url http://127.0.0.1:8080/v1 --model qwen --telemetry raw --history 0 --out raw.jsonl";
+
+/// Flies, and says how it went.
+///
+/// # Errors
+/// Settings that cannot be, nobody at one of the addresses, or a task that the server does not fly.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let code = runtime.block_on(play(args));
+    runtime.shutdown_background();
+    code
+}
+
+async fn play(args: &Args) -> anyhow::Result<ExitCode> {
+    let address = Address::parse(&args.env_url).context("--env-url")?;
+    let mut tasks: Vec<Task> = Vec::new();
+    for task in if args.tasks.is_empty() { Task::usual() } else { args.tasks.clone() } {
+        if !tasks.iter().any(|known| known.spec.id() == task.spec.id()) {
+            tasks.push(task);
+        }
+    }
+    let last = args.seed.map(|seed| seed.saturating_add(args.episodes.saturating_sub(1)));
+    if let Some(last) = last
+        && Seed::user(last).is_err()
+    {
+        bail!(
+            "--seed: the last of {} episodes would have the seed {last}; {SEED_REQUIREMENT} is wanted",
+            args.episodes
+        );
+    }
+    let wish = wish(args)?;
+    for task in &tasks {
+        wish.check(task)?;
+    }
+    let timeout = Duration::from_secs(args.timeout);
+    let known: Vec<Known> = tasks.iter().map(known).collect::<anyhow::Result<_>>()?;
+    let output = Output::new(args.format, args.out.as_deref(), args.concurrency == 1)?;
+    let name = wish.name();
+    let mut planned = Vec::new();
+    for (task, known) in tasks.iter().zip(&known) {
+        for episode in 0..args.episodes {
+            let job = Job {
+                number: planned.len() as u64 + 1,
+                task,
+                environment: &known.environment,
+                model: &name,
+                mission: &known.mission,
+                seed: args.seed.map(|seed| seed.saturating_add(episode)),
+                address: &address,
+                timeout,
+            };
+            planned.push(Planned { job, actions: &known.actions });
+        }
+    }
+    let (told, stop) = watch::channel(false);
+    tokio::spawn(async move {
+        if crate::serve::told_to_stop().await.is_ok() {
+            told.send_replace(true);
+        }
+        std::future::pending::<()>().await; // who listens would take its end for a word
+    });
+    let flown = flight::fly(&planned, &wish, &output, args.concurrency.into(), &stop).await?;
+    outcome(&tasks, &planned, flown, matches!(wish, Wish::Model { .. }))
+}
+
+/// Who is to fly.
+fn wish(args: &Args) -> anyhow::Result<Wish> {
+    if let Some(name) = &args.policy {
+        return Ok(Wish::BuiltIn { name: name.clone(), seed: args.seed.unwrap_or(0) });
+    }
+    let settings = ChatSettings {
+        run: "play".to_owned(),
+        history: args.history.into(),
+        temperature: args.temperature,
+        max_tokens: args.max_tokens,
+    };
+    let telemetry = match args.telemetry {
+        Told::Compact => ObservationFormat::Compact,
+        Told::Raw => ObservationFormat::Raw,
+    };
+    Ok(Wish::Model { llm: model::endpoint(args)?, settings, telemetry, answered: Arc::default() })
+}
+
+/// What is known of a task before its first episode.
+struct Known {
+    environment: String,
+    mission: String,
+    actions: ActionCodec,
+}
+
+fn known(task: &Task) -> anyhow::Result<Known> {
+    Ok(Known { environment: task.environment(), mission: task.mission()?, actions: ActionCodec::new(task.spec) })
+}
+
+/// Says how it went. Where nothing at all was flown, nobody was there: that is an error.
+fn outcome(
+    tasks: &[Task],
+    planned: &[Planned<'_>],
+    mut flown: Vec<Option<Flown>>,
+    model: bool,
+) -> anyhow::Result<ExitCode> {
+    let nothing = flown.iter().flatten().all(|flown| flown.rewards.is_empty());
+    let first = flown.iter_mut().flatten().find(|flown| flown.fault.is_some());
+    if nothing && let Some(fault) = first.and_then(|flown| flown.fault.take()) {
+        return Err(fault.into());
+    }
+    // Progress and summary are worth no failure.
+    let words = summary::words(tasks, planned, &flown, model);
+    let _ = write!(std::io::stderr().lock(), "{words}");
+    let all = flown.iter().all(|flown| flown.as_ref().is_some_and(|flown| flown.fault.is_none()));
+    Ok(if all { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}

@@ -1,0 +1,258 @@
+//! One session on an OpenEnv server: a WebSocket on which an episode is reset and stepped.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use llm::{sanitize_line, tls_config};
+use futures_util::{SinkExt, StreamExt};
+use reqwest::Url;
+use serde_json::{Value, json};
+use tokio::net::TcpStream;
+use tokio_tungstenite::tungstenite::{self, Message, protocol::WebSocketConfig};
+use tokio_tungstenite::{Connector, MaybeTlsStream, WebSocketStream, connect_async_tls_with_config};
+
+use orchestrator::policy::TimeStep;
+
+/// Bytes of one message, at most: an observation of a thousand pieces of debris has some 100 000.
+const MOST_BYTES: usize = 8 << 20;
+/// Between tries for a place on a server that is full.
+const PAUSE: Duration = Duration::from_millis(500);
+/// What a server that is full says.
+const FULL: &str = "CAPACITY_REACHED";
+
+/// Where a server is.
+#[derive(Clone)]
+pub(super) struct Address {
+    base: Url,
+    socket: Url,
+    tls: Connector,
+}
+
+impl fmt::Debug for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.socket.as_str())
+    }
+}
+
+/// What keeps an episode from going on.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum SessionError {
+    /// Nobody is there.
+    #[error("the environment at {at} cannot be reached: {reason}")]
+    Unreachable { at: String, reason: String },
+    /// The connection is gone.
+    #[error("the environment broke the connection off: {reason}")]
+    Broken { reason: String },
+    /// No answer in time.
+    #[error("the environment did not answer within {after_s} s")]
+    Late { after_s: u64 },
+    /// It answered with an error; the session goes on.
+    #[error("the environment refused: {message} ({code})")]
+    Refused { code: String, message: String },
+    /// It answered with something else than an observation.
+    #[error("the environment's answer makes no sense: {reason}")]
+    Nonsense { reason: String },
+}
+
+impl Address {
+    /// Reads the address of a server, as `http://127.0.0.1:8700`.
+    pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
+        let base =
+            Url::parse(text).with_context(|| "an address as http://127.0.0.1:8700 is wanted".to_owned())?;
+        let secure = match base.scheme() {
+            "http" | "ws" => false,
+            "https" | "wss" => true,
+            other => bail!("http, https, ws or wss is wanted, not {other}"),
+        };
+        let plain = base.username().is_empty() && base.password().is_none();
+        if !plain || base.query().is_some() || base.fragment().is_some() || base.host_str().is_none() {
+            bail!("a host, a port and a path are wanted: no user, password, query or fragment");
+        }
+        let with = |secure: &str, plain: &str, base: &Url| {
+            let scheme = if matches!(base.scheme(), "https" | "wss") { secure } else { plain };
+            Url::parse(&base.as_str().replacen(base.scheme(), scheme, 1))
+        };
+        let (base, mut socket) = (with("https", "http", &base)?, with("wss", "ws", &base)?);
+        let path = format!("{}/ws", socket.path().trim_end_matches('/'));
+        socket.set_path(&path);
+        let tls = if secure {
+            let config = tls_config(true).map_err(anyhow::Error::msg)?;
+            Connector::Rustls(Arc::new(config))
+        } else {
+            Connector::Plain
+        };
+        Ok(Self { base, socket, tls })
+    }
+}
+
+/// A session.
+#[derive(Debug)]
+pub(super) struct Session {
+    socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
+    timeout: Duration,
+}
+
+impl Session {
+    async fn open(address: &Address, timeout: Duration) -> Result<Self, SessionError> {
+        let fault = |reason: String| SessionError::Unreachable {
+            at: address.base.as_str().trim_end_matches('/').to_owned(),
+            reason: sanitize_line(&reason),
+        };
+        let config =
+            WebSocketConfig::default().max_message_size(Some(MOST_BYTES)).max_frame_size(Some(MOST_BYTES));
+        let opening = connect_async_tls_with_config(
+            address.socket.as_str(),
+            Some(config),
+            true,
+            Some(address.tls.clone()),
+        );
+        match tokio::time::timeout(timeout, opening).await {
+            Ok(Ok((socket, _))) => Ok(Self { socket, timeout }),
+            Ok(Err(error)) => Err(fault(error.to_string())),
+            Err(_) => Err(fault(format!("no answer within {} s", timeout.as_secs()))),
+        }
+    }
+
+    /// A session in which an episode was reset with this data. A server that is full is asked again for as long as an answer
+    /// may take.
+    pub(super) async fn begin(
+        address: &Address,
+        data: &Value,
+        timeout: Duration,
+    ) -> Result<(Self, TimeStep), SessionError> {
+        let begun = tokio::time::Instant::now();
+        loop {
+            let mut session = Self::open(address, timeout).await?;
+            match session.reset(data).await {
+                Ok(seen) => return Ok((session, seen)),
+                Err(SessionError::Refused { code, .. }) if code == FULL && begun.elapsed() < timeout => {
+                    tokio::time::sleep(PAUSE).await;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Begins an episode anew.
+    pub(super) async fn reset(&mut self, data: &Value) -> Result<TimeStep, SessionError> {
+        self.ask(&json!({"type": "reset", "data": data})).await
+    }
+
+    /// One step.
+    pub(super) async fn step(&mut self, action: &Value) -> Result<TimeStep, SessionError> {
+        self.ask(&json!({"type": "step", "data": action})).await
+    }
+
+    /// Says good-bye; whether that is heard matters to nobody.
+    pub(super) async fn close(mut self) {
+        let goodbye = async {
+            let _ = self.socket.send(Message::text(json!({"type": "close"}).to_string())).await;
+            let _ = self.socket.close(None).await;
+        };
+        let _ = tokio::time::timeout(Duration::from_secs(1), goodbye).await;
+    }
+
+    async fn ask(&mut self, message: &Value) -> Result<TimeStep, SessionError> {
+        let timeout = self.timeout;
+        let answer = tokio::time::timeout(timeout, self.exchange(message.to_string())).await;
+        let text = answer.map_err(|_| SessionError::Late { after_s: timeout.as_secs() })??;
+        read(&text)
+    }
+
+    async fn exchange(&mut self, message: String) -> Result<String, SessionError> {
+        // A server that is full speaks first and closes: what it said is worth more than that it could not be told.
+        let sent = self.socket.send(Message::text(message)).await;
+        loop {
+            let broken = |reason: String| Err(SessionError::Broken { reason: sanitize_line(&reason) });
+            match self.socket.next().await {
+                Some(Ok(Message::Text(text))) => return Ok(text.as_str().to_owned()),
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
+                Some(Ok(Message::Close(frame))) => {
+                    return broken(frame.map_or_else(
+                        || "it closed".to_owned(),
+                        |frame| format!("it closed with {} {}", u16::from(frame.code), frame.reason.as_str()),
+                    ));
+                }
+                Some(Ok(_)) => {
+                    return Err(SessionError::Nonsense { reason: "it is no text".to_owned() });
+                }
+                Some(Err(error)) => return broken(sent.err().unwrap_or(error).to_string()),
+                None => return broken(tungstenite::Error::ConnectionClosed.to_string()),
+            }
+        }
+    }
+}
+
+/// An answer in the wire form.
+fn read(text: &str) -> Result<TimeStep, SessionError> {
+    let nonsense = |reason: &str| SessionError::Nonsense { reason: sanitize_line(reason) };
+    let mut answer: Value = serde_json::from_str(text).map_err(|error| nonsense(&error.to_string()))?;
+    let mut data = answer.get_mut("data").map_or(Value::Null, Value::take);
+    match answer["type"].as_str() {
+        Some("observation") if data["observation"].is_object() => Ok(TimeStep {
+            // Nothing is earned before the first step.
+            reward: data["reward"].as_f64().unwrap_or(0.0),
+            done: data["done"].as_bool().unwrap_or(false),
+            observation: data.get_mut("observation").map_or(Value::Null, Value::take),
+        }),
+        Some("error") => {
+            let word = |name: &str| sanitize_line(data[name].as_str().unwrap_or("?"));
+            let first = data.pointer("/errors/0").map(|error| {
+                let at: Vec<String> = error["loc"]
+                    .as_array()
+                    .into_iter()
+                    .flatten()
+                    .map(|at| at.to_string().replace('"', ""))
+                    .collect();
+                format!(": {}: {}", at.join("."), error["msg"].as_str().unwrap_or_default())
+            });
+            let message = format!("{}{}", word("message"), first.unwrap_or_default());
+            Err(SessionError::Refused { code: word("code"), message: sanitize_line(&message) })
+        }
+        Some(other) => Err(nonsense(&format!("an observation is wanted, not {other}"))),
+        None => Err(nonsense("it says no type")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_of_servers_only() {
+        let of = |text: &str| {
+            Address::parse(text).map(|address| (address.base.to_string(), address.socket.to_string()))
+        };
+        let pair = |a: &str, b: &str| (a.to_owned(), b.to_owned());
+        assert_eq!(of("http://h:8000").unwrap(), pair("http://h:8000/", "ws://h:8000/ws"));
+        assert_eq!(of("https://h/env/").unwrap(), pair("https://h/env/", "wss://h/env/ws"));
+        assert_eq!(of("ws://http/x").unwrap(), pair("http://http/x", "ws://http/x/ws"));
+        for bad in ["localhost:8000", "ftp://h", "http://me:key@h", "http://h?token=key", "h", "http://"] {
+            let said = format!("{:#}", of(bad).unwrap_err());
+            assert!(said.contains("wanted") && !said.contains("key"), "{said}");
+        }
+    }
+
+    #[test]
+    fn answers_are_observations_or_say_why_not() {
+        let seen =
+            read(r#"{"type":"observation","data":{"observation":{"a":1},"reward":null,"done":false}}"#)
+                .unwrap();
+        assert_eq!(seen, TimeStep { observation: json!({"a": 1}), reward: 0.0, done: false });
+        let error = json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors":
+            [{"type": "missing", "loc": ["burns", 0, "delta_vx"], "msg": "Field required\u{1b}[2J"}]}});
+        let of = |text: &str| read(text).unwrap_err().to_string();
+        insta::assert_snapshot!(
+            [
+                of(&error.to_string()),
+                of("{"),
+                of("[]"),
+                of(r#"{"type":"mcp"}"#),
+                of(r#"{"type":"observation"}"#)
+            ]
+            .join("\n")
+        );
+    }
+}

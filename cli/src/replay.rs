@@ -1,0 +1,380 @@
+//! `sparring replay`: recorded episodes, flown again and compared.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, anyhow, bail, ensure};
+use env_core::World;
+use env_core::world::{RecordingComparison, FirstDifference, WorstDifference};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::output::{self, Format};
+use super::worlds;
+
+/// Replay recorded episodes and compare them number by number.
+///
+/// Each file holds episodes recorded in the public original of one of the worlds, with what was done and drawn and the
+/// state after every step. They are flown again under its arithmetic with the same draws, and everything recorded is
+/// compared: numbers within the tolerance, words to the letter. Exit 1 where a number differs by more than the tolerance
+/// or a word differs at all; differences that a world documents and means are told and do not count.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// Recordings, as .json or .json.gz; each is one world's, which it shows by itself
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Largest absolute difference of a number that passes, unless its world has a wider one for it
+    #[arg(long, default_value = "1e-9", value_parser = tolerance)]
+    tolerance: f64,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value = "table")]
+    format: Format,
+}
+
+const AFTER_HELP: &str = "\
+JSON (--format json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, first, \
+documented} and the worst absolute difference of each of the world's quantities under its name (null: not a finite number), \
+which are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
+reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
+differs). allowed has the largest difference that passes, under the same names: the tolerance, or what the precision of the \
+recording leaves, if that is more; worst is what is worst against it. first is the first step that differs as {episode (from 0), step \
+(from 1), what}, or null; documented is a list of sentences.
+
+Example:
+  sparring replay env-core/fixtures/kessler-episodes.json.gz --tolerance 1e-12";
+
+/// Columns that text is filled to.
+const WIDTH: usize = 100;
+/// Bytes of JSON that are read from one file at most.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// What a file's episodes came to.
+#[derive(Debug, Clone, PartialEq)]
+struct Judged {
+    file: String,
+    world: &'static str,
+    compared: RecordingComparison,
+}
+
+impl Judged {
+    /// Nothing differs that counts.
+    const fn within(&self) -> bool {
+        self.compared.first.is_none()
+    }
+}
+
+impl Serialize for Judged {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Wire<'a> {
+            file: &'a str,
+            world: &'a str,
+            within: bool,
+            episodes: usize,
+            steps: usize,
+            #[serde(flatten)]
+            worst: Named<'a>,
+            allowed: Named<'a>,
+            first: Option<First<'a>>,
+            documented: &'a [String],
+        }
+        /// One number of each quantity, in the world's own order.
+        struct Named<'a>(&'a [WorstDifference], fn(&WorstDifference) -> f64);
+        impl Serialize for Named<'_> {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_map(self.0.iter().map(|worst| (worst.quantity, self.1(worst))))
+            }
+        }
+        #[derive(Serialize)]
+        struct First<'a> {
+            episode: usize,
+            step: usize,
+            what: &'a str,
+        }
+        let RecordingComparison { episodes, steps, worst, first, documented } = &self.compared;
+        Wire {
+            file: &self.file,
+            world: self.world,
+            within: self.within(),
+            episodes: *episodes,
+            steps: *steps,
+            worst: Named(worst, |worst| worst.difference),
+            allowed: Named(worst, |worst| worst.allowed),
+            first: first.as_ref().map(|FirstDifference { episode, step, what }| First {
+                episode: *episode,
+                step: *step,
+                what,
+            }),
+            documented,
+        }
+        .serialize(serializer)
+    }
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    tolerance: f64,
+    files: &'a [Judged],
+}
+
+/// Replays every file and prints what was found.
+///
+/// # Errors
+/// A file that cannot be read or holds no recording; what the others came to is printed all the same.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let (judged, verdict) = judge(args);
+    match args.format {
+        Format::Json => output::print_json(&Answer { tolerance: args.tolerance, files: &judged })?,
+        Format::Table if judged.is_empty() => {}
+        Format::Table => output::print(&tables(&judged, args.tolerance))?,
+    }
+    verdict
+}
+
+/// What could be compared, and what it all comes to.
+fn judge(args: &Args) -> (Vec<Judged>, anyhow::Result<ExitCode>) {
+    let mut judged = Vec::new();
+    let mut faults = Vec::new();
+    for path in &args.files {
+        match compare_file(path, args.tolerance) {
+            Ok(found) => judged.push(found),
+            Err(error) => faults.push(format!("{}: {error:#}", path.display())),
+        }
+    }
+    let verdict = if !faults.is_empty() {
+        Err(anyhow!(faults.join("; ")))
+    } else if judged.iter().all(Judged::within) {
+        Ok(ExitCode::SUCCESS)
+    } else {
+        Ok(ExitCode::FAILURE)
+    };
+    (judged, verdict)
+}
+
+/// Asks every world whether the file is one of its recordings; the first that knows it compares.
+fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<Judged> {
+    let recording = read(path)?;
+    let none = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
+    ensure!(!recording.get("episodes").is_some_and(none), "it holds no episodes");
+    let file = path.display().to_string();
+    for world in env_core::worlds() {
+        if let Some(compared) = world.compare_recording(&recording, tolerance) {
+            let compared = compared?;
+            ensure!(compared.episodes > 0, "it holds no episodes");
+            return Ok(Judged { file, world: World::name(world), compared });
+        }
+    }
+    bail!("it is not a recording of a world known here ({})", worlds::names().join(", "))
+}
+
+/// Reads a file of JSON, unpacking it where it is packed, whatever its name says.
+fn read(path: &Path) -> anyhow::Result<Value> {
+    let bytes = std::fs::read(path).context("it cannot be read")?;
+    let unpacked = if bytes.starts_with(&[0x1f, 0x8b]) {
+        let mut unpacked = Vec::new();
+        let reader = flate2::read::MultiGzDecoder::new(&bytes[..]);
+        reader.take(MOST_BYTES + 1).read_to_end(&mut unpacked).context("it cannot be unpacked")?;
+        unpacked
+    } else {
+        bytes
+    };
+    ensure!(unpacked.len() as u64 <= MOST_BYTES, "it is larger than {MOST_BYTES} bytes");
+    serde_json::from_slice(&unpacked).context("it is not JSON")
+}
+
+/// A table for each file, a line for each quantity, then what is to be said of single files.
+fn tables(judged: &[Judged], tolerance: f64) -> String {
+    let mut text = format!(
+        "Worst differences, and what is allowed of each: the tolerance, {tolerance:e}, or what the precision of the \
+         recording leaves, if that is more.\n"
+    );
+    text = textwrap::fill(text.trim_end(), WIDTH) + "\n";
+    for file in judged {
+        let RecordingComparison { episodes, steps, worst, .. } = &file.compared;
+        let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
+        // A word can differ where no number does.
+        let word =
+            (numbers && !file.within()).then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("a word", 0.0) });
+        let mut table = output::table(&["quantity", "verdict", "worst", "allowed"], 2);
+        for WorstDifference { quantity, difference, allowed } in worst.iter().chain(&word) {
+            let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
+            let numbers = [difference, allowed].map(|number| format!("{number:.1e}"));
+            table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
+        }
+        let (name, world) = (&file.file, file.world);
+        text.push_str(&format!("\n{name}: {world}, {episodes} episodes, {steps} steps\n{table}\n"));
+    }
+    text.push('\n');
+    for Judged { file, compared, .. } in judged {
+        if let Some(FirstDifference { episode, step, what }) = &compared.first {
+            let found = format!("the first difference is in episode {episode}, step {step}: {what}");
+            text.push_str(&textwrap::fill(&format!("{file}: {found}"), WIDTH));
+            text.push('\n');
+        }
+        for documented in &compared.documented {
+            text.push_str(&textwrap::fill(&format!("{file}: documented: {documented}"), WIDTH));
+            text.push('\n');
+        }
+    }
+    text
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("a tolerance is a finite number, 0 or more".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn fixture() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../env-core/fixtures/kessler-episodes.json.gz")
+    }
+
+    fn args(files: Vec<PathBuf>) -> Args {
+        Args { files, tolerance: 1e-9, format: Format::Json }
+    }
+
+    /// The fixture as JSON with one change, as a file.
+    fn tampered(change: impl Fn(&mut serde_json::Value)) -> tempfile::NamedTempFile {
+        let packed = std::fs::read(fixture()).unwrap();
+        let mut value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed[..])).unwrap();
+        change(&mut value);
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(&serde_json::to_vec(&value).unwrap()).unwrap();
+        file
+    }
+
+    #[test]
+    fn validate_kessler_env_the_fixture_replays() {
+        let found = compare_file(&fixture(), 1e-9).unwrap();
+        assert!(found.within() && found.world == "kessler", "{found:?}");
+        assert_eq!((found.compared.episodes, found.compared.steps), (30, 1361));
+        assert_eq!(judge(&args(vec![fixture()])).1.unwrap(), ExitCode::SUCCESS);
+    }
+
+    #[test]
+    fn a_tampered_recording_is_exit_1_and_the_step_is_named() {
+        let number = tampered(|v| {
+            let x = &mut v["episodes"][3]["steps"][6]["satellites"][1][0];
+            *x = serde_json::json!(x.as_f64().unwrap() + 1e-6);
+        });
+        let found = compare_file(number.path(), 1e-9).unwrap();
+        let first = found.compared.first.clone().unwrap();
+        assert_eq!((first.episode, first.step), (3, 7));
+        assert!(first.what.starts_with("satellite 1: "), "{}", first.what);
+        let satellite = serde_json::to_value(&found).unwrap()["satellite"].as_f64().unwrap();
+        assert!(!found.within() && (satellite - 1e-6).abs() < 1e-9);
+        let file = vec![number.path().to_owned()];
+        assert_eq!(judge(&args(file.clone())).1.unwrap(), ExitCode::FAILURE);
+        let loose = Args { tolerance: 1e-5, ..args(file) };
+        assert_eq!(judge(&loose).1.unwrap(), ExitCode::SUCCESS);
+
+        let word = tampered(|v| v["episodes"][0]["steps"][2]["satellites"][0][5] = "lost".into());
+        let found = compare_file(word.path(), 1e-9).unwrap();
+        assert_eq!(found.compared.first.map(|f| (f.episode, f.step)), Some((0, 3)));
+    }
+
+    /// Every world's recordings are known by themselves and replay; none of its quantities is called like one of the keys
+    /// that every file has.
+    #[test]
+    fn validate_safe_autonomy_sims_the_fixtures_replay() {
+        let folder = fixture().parent().unwrap().to_owned();
+        for name in ["docking-docks", "docking-edge", "docking-random", "docking-timeout"] {
+            let found = compare_file(&folder.join(format!("{name}.json.gz")), 1e-9).unwrap();
+            assert!(found.within() && found.world == "docking" && found.compared.steps > 0, "{found:?}");
+            let told = serde_json::to_value(&found).unwrap();
+            let keys = told.as_object().unwrap().len();
+            assert_eq!(keys, 8 + found.compared.worst.len(), "{told}");
+            assert!(found.compared.worst.iter().all(|worst| worst.difference <= worst.allowed), "{found:?}");
+            let table = tables(&[found], 1e-9);
+            let widest = table.lines().map(|line| line.chars().count()).max();
+            assert!(widest <= Some(120) && !table.contains("DIFFERS"), "{widest:?} {table}");
+        }
+    }
+
+    /// Files of two worlds, one of them with everything there is to say.
+    fn judged() -> [Judged; 2] {
+        let compared = |worst: &[(&'static str, f64)], first, documented| RecordingComparison {
+            episodes: 2,
+            steps: 90,
+            worst: worst
+                .iter()
+                .map(|&(quantity, difference)| WorstDifference { quantity, difference, allowed: 1e-9 })
+                .collect(),
+            first,
+            documented,
+        };
+        let first = FirstDifference { episode: 1, step: 7, what: "reward: 1 here, 2 recorded".to_owned() };
+        let known = ["episode 0, step 9: the recording pays twice".to_owned()];
+        [
+            Judged {
+                file: "a.json".to_owned(),
+                world: "kessler",
+                compared: compared(&[("satellite", 2.5e-13), ("reward", 0.0)], None, Vec::new()),
+            },
+            Judged {
+                file: "b.json".to_owned(),
+                world: "elsewhere",
+                compared: compared(&[("position", f64::INFINITY)], Some(first), known.to_vec()),
+            },
+        ]
+    }
+
+    #[test]
+    fn every_world_has_its_own_quantities() {
+        insta::assert_snapshot!("tables", tables(&judged(), 1e-9));
+        insta::assert_json_snapshot!("json", Answer { tolerance: 1e-9, files: &judged() });
+    }
+
+    #[test]
+    fn bad_files_are_one_sentence_each() {
+        let tell =
+            |path: &Path| compare_file(path, 1e-9).map(|_| ()).map_err(|e| format!("{e:#}")).unwrap_err();
+        let with = |bytes: &[u8]| {
+            let mut file = tempfile::NamedTempFile::new().unwrap();
+            file.write_all(bytes).unwrap();
+            tell(file.path())
+        };
+        let cut = tampered(|v| v["episodes"][1]["steps"][4]["satellites"] = serde_json::json!([]));
+        let short = tampered(|v| v["episodes"][1]["steps"] = serde_json::json!([]));
+        insta::assert_snapshot!([
+            tell(Path::new("/nowhere/at-all.json")),
+            with(b"{"),
+            with(b"{\"episodes\": []}"),
+            with(&[0x1f, 0x8b, 8, 0]),
+            with(b"{\"episodes\": 5}"),
+            with(b"[1, 2]"),
+            tell(cut.path()),
+            tell(short.path()),
+        ].join("\n"), @r"
+        it cannot be read: No such file or directory (os error 2)
+        it is not JSON: EOF while parsing an object at line 1 column 1
+        it holds no episodes
+        it cannot be unpacked: unexpected end of file
+        it is not a recording of a world known here (kessler, docking)
+        it is not a recording of a world known here (kessler, docking)
+        episode 1: step 5 does not have 3 satellites
+        episode 1: it has no steps
+        ");
+        let (compared, verdict) = judge(&args(vec![fixture(), PathBuf::from("/nowhere.json")]));
+        assert_eq!(compared.len(), 1);
+        let both = verdict.unwrap_err().to_string();
+        assert!(both.starts_with("/nowhere.json: it cannot be read"), "{both}");
+    }
+
+    #[test]
+    fn tolerances_are_finite_and_not_negative() {
+        assert_eq!(tolerance("0"), Ok(0.0));
+        for bad in ["-1", "NaN", "inf", "x"] {
+            assert!(tolerance(bad).is_err(), "{bad}");
+        }
+    }
+}

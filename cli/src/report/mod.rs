@@ -1,0 +1,59 @@
+//! `sparring report`: a run on one page, for people who were not there.
+
+mod chart;
+mod gather;
+mod page;
+mod rose;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+
+use super::db::{Database, readers};
+use super::output;
+use orchestrator::clock::Clock;
+use orchestrator::ids::RunId;
+
+/// Write a run's report: one HTML file with its pictures in it, that needs nothing else.
+///
+/// It tells what the agent mastered and on what evidence, what defeats it and from where, what was designed against it, how it fared in
+/// evaluations, and by which rules all this was decided. The database may be in use by a server meanwhile.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  sparring report run-1a2b3c4d --out report.html
+  sparring report mine --db /var/lib/sparring/sparring.sqlite3 --out /srv/www/mine.html")]
+pub struct Args {
+    /// The run's id, as `sparring db info` lists them
+    run: RunId,
+    #[command(flatten)]
+    of: Database,
+    /// The file that is written; what was there before is replaced
+    #[arg(long, value_name = "FILE", default_value = "report.html")]
+    out: PathBuf,
+}
+
+/// Writes it.
+///
+/// # Errors
+/// A database that cannot be used, a run that there is not, or a file that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    output::may_write(Some(&args.out))?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let told = runtime.block_on(async {
+        let readers = readers(&args.of.db).await?;
+        let mut conn = readers.acquire().await?;
+        gather::gather(&mut conn, args.run.as_str(), Clock::system().now()).await
+    })?;
+    let text = page::page(&told)?;
+    std::fs::write(&args.out, &text).with_context(|| args.out.display().to_string())?;
+    let kib = text.len().div_ceil(1024);
+    output::print(&format!(
+        "{}: {} episodes of {} on one page of {kib} KiB",
+        args.out.display(),
+        told.episodes,
+        args.run
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}

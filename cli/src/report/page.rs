@@ -1,0 +1,276 @@
+//! The page of a report. What people and models wrote is escaped by the template's own rules.
+
+use orchestrator::store::curriculum::LevelMoveKind;
+use std::collections::BTreeMap;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::Value;
+
+use super::chart::{BLUE, Chart, Curve, GREEN, MAUVE, ORANGE};
+use super::gather::{Task, Told};
+use super::rose::rose;
+use orchestrator::clock::{Millis, rfc3339};
+use orchestrator::evaluation::bootstrap::Estimate;
+use orchestrator::store::from_json;
+use orchestrator::store::history::HistoryBucket;
+
+const STYLE: &str = "\
+:root{color-scheme:light;font:15px/1.45 system-ui,'Segoe UI',Roboto,sans-serif;color:#1b2430}\
+body{max-width:76rem;margin:2rem auto;padding:0 1rem}h1{margin:0}h2{margin:2rem 0 .5rem;border-bottom:1px solid #d9dee6}\
+table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.5rem 0}th,td{padding:.2rem .7rem;text-align:left;\
+border-bottom:1px solid #d9dee6;vertical-align:top}th{color:#566273;font-size:.85rem}.n{text-align:right}.soft{color:#566273}\
+.pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(32rem,100%),1fr));gap:1rem}figure{margin:0}\
+figcaption{font-size:.9rem;color:#566273}.say{min-width:14rem}svg{max-width:100%;height:auto}svg text{font-size:12px;fill:#566273}\
+.told{unicode-bidi:isolate;overflow-wrap:anywhere}pre{overflow-x:auto;background:#eef1f5;padding:.6rem}\
+.wide{overflow-x:auto}b.key{display:inline-block;width:.8em;height:.8em;margin:0 .3em 0 .8em}@media print{h2{break-after:avoid}figure{break-inside:avoid}}";
+
+/// The whole page.
+pub(super) fn page(told: &Told) -> anyhow::Result<String> {
+    let settings: Value = from_json("a run's settings", &told.row.settings)?;
+    let tasks = told.tasks.iter().map(|task| task_section(told, task)).collect::<anyhow::Result<Vec<_>>>()?;
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
+                title { (told.row.name) " · Sparring" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                (head(told))
+                @for task in tasks { (task) }
+                (layouts(told))
+                (evaluations(told))
+                h2 { "By which rules" }
+                p { (told.explanation.summary) }
+                ul { @for rule in &told.explanation.rules { li { (rule) } } }
+                details { summary { "All settings" } pre { (serde_json::to_string_pretty(&settings)?) } }
+            }
+        }
+    };
+    Ok(page.into_string())
+}
+
+fn head(told: &Told) -> Markup {
+    let standing = if told.row.archived_at.is_some() { "archived" } else { told.row.status.as_str() };
+    html! {
+        h1 .told { (told.row.name) }
+        p .soft {
+            "Run " (told.row.id) ", " (standing) ", under " (told.explanation.strategy) ", made " (rfc3339(told.row.created_at))
+            ", version " (told.row.policy_version) " of its policy; " (told.episodes) " episodes. As of " (rfc3339(told.now)) "; all times are UTC."
+        }
+        div .wide { table {
+            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery there, 10 % to 90 %" } th .n { "Episodes drawn" } th .n { "Success" }
+                th .n { "Score" } th .n { "Skill" } th { "Where it stands" } } }
+            tbody {
+                @for task in &told.tasks {
+                    tr {
+                        td { (task.spec.id()) }
+                        td .n { @if let Some(level) = task.status.level { (level) } @else { "–" } }
+                        td .say { (posterior(task)) }
+                        td .n { (task.sums.episodes) }
+                        td .n { (percent(over(task.sums.successes as f64, task.sums.episodes))) }
+                        td .n { (number(over(task.sums.score, task.sums.episodes))) }
+                        td .n { (number(over(task.sums.skill, task.sums.skilled))) }
+                        td .say { @for now in told.explanation.tasks.iter().filter(|of| of.task == task.spec.id()) { (now.now) } }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+fn posterior(task: &Task) -> String {
+    match &task.mastery {
+        Some(m) => format!("{:.2}, {:.2} to {:.2}, of {} scenarios", m.mean, m.q10, m.q90, m.n),
+        // Of a level of which nothing came back yet it is known as little as of any.
+        None if task.status.level.is_some() => "0.50, 0.10 to 0.90, of no scenario yet".to_owned(),
+        None => "–".to_owned(),
+    }
+}
+
+fn task_section(told: &Told, task: &Task) -> anyhow::Result<Markup> {
+    let at: Vec<Millis> = task.points.iter().map(|point| point.start + told.width / 2).collect();
+    let marks: Vec<(Millis, bool)> = task
+        .moves
+        .iter()
+        .filter(|row| row.at >= told.stretch.0)
+        .map(|row| (row.at, row.kind != LevelMoveKind::Down))
+        .collect();
+    let of = |value: &dyn Fn(&HistoryBucket) -> Option<f64>| {
+        task.points.iter().map(|point| value(&point.bucket)).collect::<Vec<_>>()
+    };
+    let plain = |name, colour, values| Curve { name, colour, values, around: None };
+    let draw = |limits, lines: &[f64], marks: &[_], curves: &[Curve]| {
+        Chart { at: &at, stretch: told.stretch, limits, lines, marks, curves }.draw()
+    };
+    // By which the ladder moves; others go by something else.
+    let thresholds: &[f64] = if told.explanation.strategy == "ladder" { &[0.3, 0.7] } else { &[] };
+    let around = task.points.iter().map(|point| point.bucket.mastery.map(|s| (s.q10, s.q90))).collect();
+    let mastery = [
+        Curve {
+            name: "mastery",
+            colour: BLUE,
+            values: of(&|p| p.mastery.map(|s| s.mean)),
+            around: Some(around),
+        },
+        plain("contested", GREEN, of(&|p| over(p.solved, p.contested))),
+        plain("all episodes", ORANGE, of(&|p| over(p.successes as f64, p.episodes))),
+        plain("blind panel", MAUVE, of(&|p| over(p.panel, p.panels))),
+    ];
+    let level = [plain("level", BLUE, of(&|p| p.mastery.and_then(|s| s.level).map(|level| level as f64)))];
+    let skill = [
+        plain("skill", BLUE, of(&|p| over(p.skill, p.skilled))),
+        plain("score", ORANGE, of(&|p| over(p.score, p.episodes))),
+    ];
+    let mut pictures = vec![
+        (
+            "Success on contested scenarios",
+            legend(&mastery),
+            draw(Some((0.0, 1.0)), thresholds, &marks, &mastery)?,
+        ),
+        ("Level, and when it moved", legend(&level), draw(None, &[], &marks, &level)?),
+        ("Skill and score", legend(&skill), draw(None, &[], &[], &skill)?),
+    ];
+    let params = params(task);
+    for (name, curve) in &params {
+        pictures.push((name, html! {}, draw(None, &[], &[], std::slice::from_ref(curve))?));
+    }
+    Ok(html! {
+        h2 { (task.spec.id()) }
+        @if task.points.is_empty() { p .soft { "Nothing came back yet." } }
+        @else {
+            div .pictures {
+                @for (title, legend, picture) in &pictures {
+                    figure { (PreEscaped(picture)) figcaption { (title.replace('_', " ")) " " (legend) } }
+                }
+            }
+        }
+        (moved(task))
+        (failed(task))
+    })
+}
+
+fn legend(curves: &[Curve]) -> Markup {
+    html! { @for curve in curves { b .key style={ "background:rgb(" (curve.colour.0) "," (curve.colour.1) "," (curve.colour.2) ")" } {} (curve.name) } }
+}
+
+/// The params that were not the same all the time: their means.
+fn params(task: &Task) -> Vec<(&str, Curve)> {
+    let mut known: BTreeMap<&str, Vec<Option<f64>>> = BTreeMap::new();
+    for name in task.points.iter().flat_map(|point| point.bucket.params.keys()) {
+        let mean = |part: &HistoryBucket| part.params.get(name).map(|spread| spread.total / spread.n.max(1) as f64);
+        known.entry(name).or_insert_with(|| task.points.iter().map(|point| mean(&point.bucket)).collect());
+    }
+    known.retain(|_, values| {
+        let mut values = values.iter().flatten();
+        values.next().is_some_and(|first| values.any(|value| (value - first).abs() > 1e-9))
+    });
+    let curve = |values| Curve { name: "mean", colour: BLUE, values, around: None };
+    known.into_iter().map(|(name, values)| (name, curve(values))).collect()
+}
+
+fn moved(task: &Task) -> Markup {
+    html! {
+        @if !task.moves.is_empty() {
+            details { summary { "How its level moved, and on what evidence: " (task.moves.len()) " moves" }
+                ol { @for row in &task.moves { li { (rfc3339(row.at)) ": " (row.kind) " to level " (row.to_level) ". " (sentence(&row.evidence)) } } }
+            }
+        }
+    }
+}
+
+/// The sentence of a move's evidence, if it has one.
+fn sentence(evidence: &str) -> String {
+    let read: Option<Value> = serde_json::from_str(evidence).ok();
+    read.and_then(|value| value["sentence"].as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+fn failed(task: &Task) -> Markup {
+    let count = |mode: &str| {
+        task.failures.iter().filter(|cell| cell.key.mode == mode).map(|cell| cell.counters.count).sum::<i64>()
+    };
+    let modes: Vec<_> = task
+        .spec
+        .failure_modes()
+        .iter()
+        .map(|mode| (mode, count(mode.name)))
+        .filter(|(_, n)| *n > 0)
+        .collect();
+    // Of all of them: what was never to be seen could not be avoided either.
+    let avoidable = |mode: &str| {
+        let of = task.failures.iter().filter(|cell| cell.key.mode == mode);
+        let known = of.clone().any(|cell| cell.counters.avoidable + cell.counters.unavoidable > 0);
+        over(of.map(|cell| cell.counters.avoidable).sum::<i64>() as f64, count(mode)).filter(|_| known)
+    };
+    html! {
+        @if !modes.is_empty() {
+            h3 { "What defeats it" }
+            div .wide { table {
+                thead { tr { th { "Failure" } th .n { "Times" } th .n { "Avoidable" } th { "What it is" } } }
+                tbody { @for (mode, n) in &modes {
+                    tr { td { (mode.name.replace('_', " ")) } td .n { (n) } td .n { (percent(avoidable(mode.name))) } td .say { (mode.about) } }
+                } }
+            } }
+            div .pictures { @for (mode, _) in &modes { (rose(mode.name, &task.failures, &task.spec.speed_bands())) } }
+        }
+    }
+}
+
+fn layouts(told: &Told) -> Markup {
+    html! {
+        @if !told.layouts.is_empty() {
+            h2 { "What was designed against it" }
+            p .soft { "Of the newest layouts that it flew, those that it fails most." }
+            div .wide { table {
+                thead { tr { th { "Layout" } th { "Task" } th { "Goes for" } th { "Designer" } th { "State" } th .n { "Episodes" } th .n { "Success" } } }
+                tbody { @for row in &told.layouts {
+                    tr {
+                        td .told { (row.name) } td { (row.task) }
+                        td { (row.mode.as_deref().unwrap_or("–").replace('_', " ")) @if let Some(from) = row.bearing_deg { " from " (from) "°" } }
+                        td { (row.designer) } td { (row.state) } td .n { (row.episodes) }
+                        td .n { (percent(over(row.successes as f64, row.episodes))) }
+                    }
+                } }
+            } }
+        }
+    }
+}
+
+fn evaluations(told: &Told) -> Markup {
+    html! {
+        @if !told.evaluations.is_empty() {
+            h2 { "Evaluations" }
+            p .soft { "On frozen suites, with 95 % intervals over scenarios. Beside it, plans that look at nothing." }
+            @for (row, rows) in &told.evaluations {
+                h3 .told { (row.name) }
+                p .soft { (row.suite) @if let Some(version) = row.version { ", version " (version) } ", " (row.rollouts) " episodes of each scenario" }
+                div .wide { table {
+                    thead { tr { th { "Task" } th { "Scenarios" } th { "Policy" } th { "Success" } th { "Score" } th { "Skill" } } }
+                    tbody { @for of in rows {
+                        tr { td { (of.task) } td { (of.scenarios) " " (of.part.replace('_', " ")) } td .told { @if of.policy == "blind_panel" { "plans that look at nothing" } @else { (of.policy) } }
+                            td { (estimate(of.success)) } td { (estimate(of.score)) } td { (estimate(of.skill)) } }
+                    } }
+                } }
+            }
+        }
+    }
+}
+
+fn estimate(of: Option<Estimate>) -> String {
+    of.map_or_else(|| "–".to_owned(), |e| format!("{:.3} [{:.3}, {:.3}]", e.mean, e.low, e.high))
+}
+
+fn over(sum: f64, n: i64) -> Option<f64> {
+    (n > 0).then(|| sum / n as f64)
+}
+
+fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| "–".to_owned(), |share| format!("{:.0} %", 100.0 * share))
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
+}

@@ -1,0 +1,170 @@
+//! `sparring serve`: the service, until it is told to stop.
+
+use std::net::SocketAddr;
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use super::judge::JudgeArgs;
+use super::llm_args::LlmArgs;
+use super::policy::PolicyArgs;
+use orchestrator::clock::Clock;
+use orchestrator::http;
+use orchestrator::service::{Config, Service};
+use orchestrator::sessions::SessionLimits;
+
+/// Serve the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Ctrl-C (or SIGTERM) stops it: requests that run are finished, no result that was acknowledged is lost, and the same \
+command goes on where it stopped; a designer that is being asked is cut off. http://127.0.0.1:8700/docs shows what it answers.
+
+Examples:
+  sparring serve
+  sparring serve --db training.sqlite3 --bind 127.0.0.1:9000
+  sparring serve --bind 0.0.0.0:8000 --openenv-public
+  SPARRING_LLM_KEY=... sparring serve --judge llm --llm-url https://llm.example.com/v1 --llm-model name
+  sparring serve --policy-url http://127.0.0.1:8000/v1 --policy-model name --policy-tokens
+  SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
+  curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
+pub struct Args {
+    /// Where to listen. An address that others reach needs a token (`sparring token create`), or --openenv-public
+    #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]
+    bind: SocketAddr,
+    /// The SQLite database; made where there is none.
+    #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
+    db: PathBuf,
+    /// Serve a database in a folder for temporary files, which is removed when the server stops, whatever --db says
+    #[arg(long)]
+    temporary: bool,
+    /// Show OpenEnv's routes to anybody, whatever --bind is: nothing of a run is flown there. All else needs a token; where there
+    /// are none when the server starts, it is not shown at all
+    #[arg(long)]
+    openenv_public: bool,
+    /// Sessions that may fly on the server at once (of /v1/sessions, and OpenEnv's, over WebSockets and by requests)
+    #[arg(long, default_value_t = 256, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    sessions: u32,
+    /// Seconds after which a silent session is closed; 0: never
+    #[arg(long, default_value_t = 900, value_name = "SECONDS")]
+    session_idle: u32,
+    /// Seconds for which a session of /v1/sessions whose connection dropped may be come back to
+    #[arg(long, default_value_t = 60, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(0..=86_400))]
+    session_resume: u32,
+    /// MiB of memory that the environments of all vector sessions of /v1/sessions may take together
+    #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    session_memory: u32,
+    /// Stop when standard input ends too, as it does when the program that started the server is gone
+    #[arg(long)]
+    while_stdin: bool,
+    #[command(flatten)]
+    each: EachArgs,
+    #[command(flatten)]
+    llm: LlmArgs,
+    #[command(flatten)]
+    judge: JudgeArgs,
+    #[command(flatten)]
+    policy: PolicyArgs,
+}
+
+/// What each who comes in may do.
+#[derive(Debug, clap::Args)]
+#[command(
+    next_help_heading = "What each token may do at most; where there are none, nobody but this machine comes in, and is not held to it"
+)]
+struct EachArgs {
+    /// Requests a second of a token; twice as many at once
+    #[arg(long, default_value_t = http::Each::default().requests, value_name = "N")]
+    requests_each: NonZeroU32,
+    /// Requests a second of an address without a token
+    #[arg(long, default_value_t = http::Each::default().anonymous, value_name = "N")]
+    requests_anonymous: NonZeroU32,
+    /// Sessions that fly at once, of --sessions
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    sessions_each: u32,
+    /// Leases of a token that are active
+    #[arg(long, default_value_t = http::Each::default().leases, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    leases_each: u32,
+    /// Runs that a token may create
+    #[arg(long, default_value_t = http::Each::default().runs, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    runs_each: u32,
+}
+
+impl EachArgs {
+    const fn each(&self) -> http::Each {
+        http::Each {
+            requests: self.requests_each,
+            anonymous: self.requests_anonymous,
+            runs: self.runs_each,
+            leases: self.leases_each,
+        }
+    }
+}
+
+/// Serves.
+///
+/// # Errors
+/// A database or address that cannot be used.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let served = runtime.block_on(async {
+        let clock = Clock::system();
+        let designers = args.llm.designers(&clock)?;
+        let judges = args.judge.judges(&args.llm, &clock)?;
+        let endpoint = args.policy.endpoint(&args.llm, &clock)?;
+        let idle_timeout = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
+        let sessions = SessionLimits {
+            max_sessions: args.sessions as usize,
+            max_per_client: args.each.sessions_each as usize,
+            idle_timeout,
+            resume_timeout: Duration::from_secs(args.session_resume.into()),
+            memory_mib: args.session_memory,
+            ..SessionLimits::default()
+        };
+        let bind = args.bind;
+        let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
+        let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
+        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, each: args.each.each() };
+        let mut service = Service::start(config).await?;
+        // Programs that start a server read this line to learn its port.
+        super::output::print(&format!("Sparring serves at {}", service.url()))?;
+        tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
+        tokio::select! {
+            told = told_to_stop() => told?,
+            () = stdin_ends(), if args.while_stdin => {}
+            () = service.writer_failed() => anyhow::bail!("the writer failed, nothing can be stored any more; the log says why"),
+        }
+        tracing::info!("The server is stopping.");
+        service.stop().await;
+        tracing::info!("The server stopped.");
+        Ok(ExitCode::SUCCESS)
+    });
+    // Scenarios that are still being prepared are not waited for: they are prepared again.
+    runtime.shutdown_background();
+    served
+}
+
+/// Waits for the end of standard input.
+async fn stdin_ends() {
+    let (done, ended) = tokio::sync::oneshot::channel();
+    // A thread of its own: one of the runtime's would be waited for when it ends.
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        let _ = done.send(());
+    });
+    let _ = ended.await; // the thread being gone means the same
+}
+
+/// Waits for Ctrl-C or SIGTERM.
+pub(super) async fn told_to_stop() -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+        tokio::select! {
+            interrupted = tokio::signal::ctrl_c() => interrupted,
+            _ = terminate.recv() => Ok(()),
+        }
+    }
+    #[cfg(not(unix))]
+    tokio::signal::ctrl_c().await
+}

@@ -1,0 +1,241 @@
+//! `sparring simulate-curriculum`: curricula against learners whose ability is known.
+
+mod picture;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, anyhow};
+use clap::builder::PossibleValuesParser;
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::output::{self, Format};
+use curriculum::simulation::{
+    Learner, LearnerKind, SimulationPlan, SimulationSummary, SimulationTrace, simulate,
+};
+use curriculum::{Hyperparameters, Settings, StrategyKind, Target, TaskPlan};
+
+const ALL: &str = "all";
+
+/// Let a curriculum loose on learners whose ability is known, and see what it proposes and when it moves.
+///
+/// No world is flown: a scenario is how hard it is, in rows of its task's table of levels, and a learner succeeds on contested ones
+/// with a probability that falls from one to zero around its own ability. Everything else is what the service does: the same
+/// strategies, fold, settings and rules. A simulation of 20 000 episodes takes a fraction of a second.
+///
+/// One strategy with one learner prints how it went; several print a line each. Rows are of the tables of levels: a learner of skill 4
+/// succeeds on half of the contested scenarios of level 4.
+#[derive(Debug, clap::Args)]
+#[command(after_help = after_help())]
+pub struct Args {
+    /// Strategies, each once, or all
+    #[arg(long = "strategy", value_name = "STRATEGY", value_delimiter = ',', default_value = "ladder",
+          value_parser = PossibleValuesParser::new(strategy_names()))]
+    strategies: Vec<String>,
+    /// Learners, each once, or all
+    #[arg(long = "learner", value_name = "LEARNER", value_delimiter = ',', default_value = ALL,
+          value_parser = PossibleValuesParser::new(learner_names()))]
+    learners: Vec<String>,
+    /// The tasks whose tables of levels are climbed
+    #[arg(long = "task", value_name = "TASK", value_delimiter = ',', default_values_t = usual_tasks())]
+    tasks: Vec<String>,
+    /// Episodes of each simulation
+    #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    episodes: u64,
+    /// Episodes of one scenario in a group
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    group_size: u32,
+    /// What the ladder climbs by (half where groups have more than one episode)
+    #[arg(long, value_parser = ["mastery", "half"])]
+    target: Option<String>,
+    /// Begin at level 0 instead of finding a level first
+    #[arg(long)]
+    no_placement: bool,
+    /// A setting of the strategy, as replay=0.5; repeat it for more
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    set: Vec<(String, Value)>,
+    /// Proposals that wait while one is flown
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    ahead: u32,
+    /// What everything is drawn from
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Draw it, too: an SVG file
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value = "table")]
+    format: Format,
+}
+
+fn strategy_names() -> Vec<&'static str> {
+    [ALL].into_iter().chain(StrategyKind::ALL.map(StrategyKind::name)).collect()
+}
+
+fn learner_names() -> Vec<&'static str> {
+    [ALL].into_iter().chain(LearnerKind::ALL.map(LearnerKind::name)).collect()
+}
+
+fn usual_tasks() -> Vec<String> {
+    env_core::default_tasks().iter().map(|task| task.id().to_owned()).collect()
+}
+
+fn setting(text: &str) -> Result<(String, Value), String> {
+    let (name, value) = text.split_once('=').ok_or("a setting is NAME=VALUE, as replay=0.5")?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
+    Ok((name.to_owned(), value))
+}
+
+fn after_help() -> String {
+    let mut text = "Strategies, with their settings and what these are unless told:".to_owned();
+    for kind in StrategyKind::ALL {
+        text.push_str(&format!("\n  {}: {}", kind.name(), kind.description()));
+        let settings = kind.hyperparameters().iter().map(|hyper| match hyper.range.default_json() {
+            Value::String(word) => format!("{}={word}", hyper.name),
+            value => format!("{}={value}", hyper.name),
+        });
+        let settings: Vec<String> = settings.collect();
+        if !settings.is_empty() {
+            text.push_str(&format!(" ({})", settings.join(", ")));
+        }
+    }
+    text.push_str("\n\nLearners:");
+    for kind in LearnerKind::ALL {
+        text.push_str(&format!("\n  {}: {}", kind.name(), kind.description()));
+    }
+    text + AFTER_HELP
+}
+
+const AFTER_HELP: &str = "
+
+Columns: skill of the learner at the end and the rows it faced over the last tenth, both on the mean of the tasks; success over the \
+second half of what was learnt from, then of the contested scenarios in it; the share of those groups whose episodes all came to the \
+same; the share of groups that were learnt from; levels up and down; and when every task had found its level.
+
+JSON (--format json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, summary, moves}.
+
+Examples:
+  sparring simulate-curriculum --strategy ladder --learner fast
+  sparring simulate-curriculum --strategy all --learner slow,fast --svg curricula.svg
+  sparring simulate-curriculum --strategy plr --learner fast --set score=learnability --set replay=0.5";
+
+/// One simulation and what came of it.
+#[derive(Debug)]
+pub(super) struct Simulated {
+    strategy: StrategyKind,
+    learner: LearnerKind,
+    track: SimulationTrace,
+    summary: SimulationSummary,
+}
+
+/// Simulates and prints what came of it.
+///
+/// # Errors
+/// Settings that cannot be, or a file that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    output::once("--strategy", &args.strategies)?;
+    output::once("--learner", &args.learners)?;
+    output::may_write(args.svg.as_deref())?;
+    let bar = output::progress(pairs(args).len(), "simulations")?;
+    let simulated = simulated(args, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    match args.format {
+        Format::Table => output::print(&table::tables(&simulated, args.episodes))?,
+        Format::Json => output::print_json(&told(args, &simulated))?,
+    }
+    if let Some(path) = &args.svg {
+        let drawn = picture::draw(&simulated, args.episodes).map_err(|error| anyhow!("{error}"))?;
+        std::fs::write(path, drawn).with_context(|| path.display().to_string())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Each strategy that is asked for with each learner.
+fn pairs(args: &Args) -> Vec<(StrategyKind, LearnerKind)> {
+    let learners = kinds(&args.learners, LearnerKind::ALL, LearnerKind::name);
+    let strategies = kinds(&args.strategies, StrategyKind::ALL, StrategyKind::name);
+    strategies
+        .into_iter()
+        .flat_map(|strategy| learners.iter().map(move |learner| (strategy, *learner)))
+        .collect()
+}
+
+/// All that is asked for; `done` hears of each.
+fn simulated(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<Simulated>> {
+    let one = |(strategy, learner)| {
+        let plan = plan(args, strategy)?;
+        let track =
+            simulate(&plan, Learner::new(learner, &args.tasks)).map_err(|error| anyhow!("{error}"))?;
+        done();
+        Ok(Simulated { strategy, learner, summary: SimulationSummary::new(&track), track })
+    };
+    pairs(args).into_par_iter().map(one).collect()
+}
+
+/// Those that are asked for, each once.
+fn kinds<K: Copy, const N: usize>(asked: &[String], all: [K; N], word: fn(K) -> &'static str) -> Vec<K> {
+    let every = asked.iter().any(|name| name == ALL);
+    all.into_iter().filter(|kind| every || asked.iter().any(|name| name == word(*kind))).collect()
+}
+
+fn plan(args: &Args, strategy: StrategyKind) -> anyhow::Result<SimulationPlan> {
+    let tasks = args.tasks.iter().map(|task| TaskPlan::standard(task)).collect::<Result<Vec<_>, _>>();
+    let told: BTreeMap<String, Value> = args.set.iter().cloned().collect();
+    let target = match args.target.as_deref() {
+        Some("mastery") => Target::Mastery,
+        Some(_) => Target::Half,
+        None => Target::default_for_group_size(args.group_size),
+    };
+    let settings = Settings {
+        target,
+        placement: !args.no_placement,
+        hyperparameters: Hyperparameters::parse(strategy, &told)?,
+        ..Settings::ladder(tasks?).with_strategy(strategy)
+    };
+    let (episodes, group_size, seed) = (args.episodes, args.group_size, args.seed);
+    Ok(SimulationPlan { settings, episodes, group_size, queue_length: args.ahead as usize, seed })
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    episodes: u64,
+    group_size: u32,
+    tasks: &'a [String],
+    seed: u64,
+    simulations: Vec<ToldOne<'a>>,
+}
+
+#[derive(Serialize)]
+struct ToldOne<'a> {
+    strategy: StrategyKind,
+    learner: &'static str,
+    summary: &'a SimulationSummary,
+    moves: Vec<Value>,
+}
+
+fn told<'a>(args: &'a Args, simulated: &'a [Simulated]) -> Told<'a> {
+    let one = |of: &'a Simulated| ToldOne {
+        strategy: of.strategy,
+        learner: of.learner.name(),
+        summary: &of.summary,
+        moves: of
+            .track
+            .moves
+            .iter()
+            .map(|made| serde_json::json!({"episode": made.episodes_before, "move": made.level_move}))
+            .collect(),
+    };
+    Told {
+        episodes: args.episodes,
+        group_size: args.group_size,
+        tasks: &args.tasks,
+        seed: args.seed,
+        simulations: simulated.iter().map(one).collect(),
+    }
+}

@@ -1,0 +1,244 @@
+//! `sparring suite build`: draws scenarios from the evaluation seeds.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use anyhow::{Context, bail, ensure};
+use env_core::admission::admit;
+use env_core::{Recipe, Scenario, Seed, SeedSpace, TaskSpec};
+use indicatif::ProgressBar;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
+
+use crate::options::{self, TaskOptions, Chosen};
+use crate::{output, worlds};
+use orchestrator::evaluation::suite::{SuiteEntry, SuiteGroup, SuitePart, Suite, file};
+
+/// Draws after which a level is given up on: the rarest contested scenarios of the committed levels are 1 in 27.
+const MOST_DRAWS: usize = 20_000;
+/// The levels of a suite unless told: dense where agents differ.
+const LEVELS: [usize; 8] = [0, 2, 4, 5, 6, 7, 8, 9];
+/// Draws judged together, in parallel, at least; which scenarios are kept does not depend on it.
+const BATCH: usize = 8;
+
+/// Draw scenarios and their brackets, and write them to a file.
+///
+/// For each task and level: scenarios drawn until they are contested (the reference succeeds, at most half of the blind
+/// plans do), and some as they come. Nothing is planted. Seeds come from the evaluation space, which no run and no
+/// caller of the service can be given, and are a function of the suite's name: the same name and the same options build the same suite.
+#[derive(Debug, clap::Args)]
+#[command(after_help = after_help())]
+pub struct Args {
+    /// What the suite is called; its seeds follow from it
+    #[arg(long, value_parser = good_name)]
+    name: String,
+    /// The file to write
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The tasks, or a world's name for all of its; those of the first world unless told
+    #[arg(long, value_name = "TASK|WORLD", value_delimiter = ',')]
+    tasks: Vec<String>,
+    /// The levels of each task; 0, 2, 4 to 9 unless told, as far as there are
+    #[arg(long, value_name = "LEVEL", value_delimiter = ',')]
+    levels: Vec<usize>,
+    /// Contested scenarios per task and level
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    contested: usize,
+    /// Scenarios as they come per task and level
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    as_they_come: usize,
+    /// A physics option of the suite, for all its tasks or those named; repeat it for more
+    #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
+    options: Vec<Chosen>,
+}
+
+fn after_help() -> String {
+    format!("{}\n\n{AFTER_HELP}", options::help())
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  sparring suite build --name swept-v1 --out swept-v1.json --physics contact=swept --physics kessler/formation:gravity=j2
+  sparring suite build --name my-suite-v1 --tasks kessler --out my-suite-v1.json
+  sparring suite build --name small-v1 --out small-v1.json --tasks kessler/survival --levels 5,7";
+
+/// What to draw.
+#[derive(Clone)]
+pub struct Plan {
+    /// What the suite is called.
+    pub name: String,
+    /// The tasks.
+    pub tasks: Vec<&'static dyn TaskSpec>,
+    /// The levels of each.
+    pub levels: Vec<usize>,
+    /// Contested scenarios per task and level.
+    pub contested: usize,
+    /// Scenarios as they come per task and level.
+    pub as_they_come: usize,
+    /// Physics options that are not at their defaults, by task.
+    pub options: TaskOptions,
+}
+
+impl Plan {
+    /// The command that builds this suite.
+    fn command(&self) -> String {
+        let levels: Vec<String> = self.levels.iter().map(usize::to_string).collect();
+        let tasks: Vec<&str> = self.tasks.iter().map(|task| task.id()).collect();
+        let options = self.options.iter().flat_map(|(task, options)| {
+            options.iter().map(move |(name, choice)| format!(" --physics {task}:{name}={choice}"))
+        });
+        format!(
+            "sparring {} suite build --name {} --tasks {} --levels {} --contested {} --as-they-come {}{}",
+            env!("CARGO_PKG_VERSION"),
+            self.name,
+            tasks.join(","),
+            levels.join(","),
+            self.contested,
+            self.as_they_come,
+            options.collect::<String>()
+        )
+    }
+}
+
+/// Builds a suite and writes it.
+///
+/// # Errors
+/// A task or level that does not exist, a level without contested scenarios, a file that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let plan = args.plan()?;
+    let bar = output::progress(plan.tasks.len() * plan.levels.len(), "task levels")?;
+    let suite = build(&plan, &bar)?;
+    bar.finish_and_clear();
+    let text = file::write_suite(&suite)?;
+    let hash = file::parse_suite(text.as_bytes()).context("what was built does not read back")?.hash;
+    std::fs::write(&args.out, &text).with_context(|| format!("{} cannot be written", args.out.display()))?;
+    output::print(&format!(
+        "{}: {} scenarios, {} bytes, hash {hash}",
+        args.out.display(),
+        suite.entries().count(),
+        text.len()
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Args {
+    fn plan(&self) -> anyhow::Result<Plan> {
+        let taken = file::built_in(&self.name).is_some();
+        ensure!(
+            !taken,
+            "{} comes with the program: two suites of one name would be taken for the same",
+            self.name
+        );
+        let tasks = if self.tasks.is_empty() { env_core::default_tasks() } else { named(&self.tasks)? };
+        let levels = if self.levels.is_empty() {
+            let fewest = tasks.iter().map(|task| task.levels().len()).min().unwrap_or(0);
+            LEVELS.into_iter().filter(|&level| level < fewest).collect()
+        } else {
+            self.levels.clone()
+        };
+        ensure!(self.contested + self.as_they_come > 0, "a suite needs at least one scenario per level");
+        let options = options::by_task(&self.options, &tasks)?;
+        Ok(Plan {
+            name: self.name.clone(),
+            options,
+            tasks,
+            levels,
+            contested: self.contested,
+            as_they_come: self.as_they_come,
+        })
+    }
+}
+
+/// Tasks by their ids, and all tasks of a world by its name; each once.
+pub(super) fn named(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpec>> {
+    let mut tasks: Vec<&'static dyn TaskSpec> = Vec::new();
+    for name in names {
+        let meant = match (env_core::task(name), env_core::world(name)) {
+            (Some(task), _) => vec![task],
+            (None, Some(world)) => world.tasks(),
+            (None, None) => {
+                let tasks = env_core::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", ");
+                let worlds = worlds::names().join(", ");
+                bail!("{name:?} is neither a task ({tasks}) nor a world ({worlds})");
+            }
+        };
+        for task in meant {
+            if !tasks.iter().any(|known| known.id() == task.id()) {
+                tasks.push(task);
+            }
+        }
+    }
+    Ok(tasks)
+}
+
+/// Draws a suite. The same plan gives the same suite, at any number of threads.
+///
+/// # Errors
+/// A level that a task does not have, or one where contested scenarios are too rare.
+pub fn build(plan: &Plan, bar: &ProgressBar) -> anyhow::Result<Suite> {
+    let mut groups = Vec::with_capacity(plan.tasks.len() * plan.levels.len());
+    for task in &plan.tasks {
+        for &level in &plan.levels {
+            let top = task.levels().len() - 1;
+            ensure!(level <= top, "{} has no level {level}; its levels are 0 to {top}", task.id());
+            let recipe = Recipe::at_level(*task, level)?;
+            let recipe = Arc::new(options::apply(recipe, plan.options.get(task.id()))?);
+            let mut entries = draw(plan, &recipe, level, SuitePart::Contested)?;
+            entries.extend(draw(plan, &recipe, level, SuitePart::AsTheyCome)?);
+            groups.push(SuiteGroup { level, recipe, entries });
+            bar.inc(1);
+        }
+    }
+    let planner = groups.iter().flat_map(|g| &g.entries).map(|e| e.bracket.planner_version).max().unwrap_or(0);
+    Ok(Suite { name: plan.name.clone(), planner, created_by: plan.command(), groups })
+}
+
+fn draw(plan: &Plan, recipe: &Arc<Recipe>, level: usize, part: SuitePart) -> anyhow::Result<Vec<SuiteEntry>> {
+    let wanted = if part == SuitePart::Contested { plan.contested } else { plan.as_they_come };
+    let mut seeds = seeds(&plan.name, recipe.task().id(), level, part);
+    let mut kept = Vec::with_capacity(wanted);
+    let mut draws = 0;
+    while kept.len() < wanted {
+        if draws >= MOST_DRAWS {
+            let found = kept.len();
+            bail!("{} level {level}: {found} of {wanted} found in {draws} draws", recipe.task().id());
+        }
+        let missing = wanted - kept.len();
+        let batch = if part == SuitePart::Contested { missing.max(BATCH) } else { missing };
+        let drawn: Vec<Scenario> = (0..batch).map(|_| Scenario::new(Arc::clone(recipe), seeds())).collect();
+        draws += batch;
+        let judged: Vec<Option<SuiteEntry>> = drawn.into_par_iter().map(|scenario| keep(scenario, part)).collect();
+        kept.extend(judged.into_iter().flatten().take(missing));
+    }
+    Ok(kept)
+}
+
+fn keep(scenario: Scenario, part: SuitePart) -> Option<SuiteEntry> {
+    let admission = admit(&scenario);
+    let wanted = part == SuitePart::AsTheyCome || admission.contested;
+    let mut bracket = admission.bracket.filter(|_| wanted)?;
+    bracket.reference_plan = env_core::ActionLog::new(bracket.reference_plan.dim(), bracket.reference_plan.precision());
+    Some(SuiteEntry { part, scenario, bracket })
+}
+
+/// Evaluation seeds, a stream of their own for each suite, task, level and part: one more level shifts no other.
+fn seeds(suite: &str, task: &str, level: usize, part: SuitePart) -> impl FnMut() -> Seed {
+    let key = blake3::derive_key("sparring suite seeds 1", suite.as_bytes());
+    let part = if part == SuitePart::Contested { "contested" } else { "as they come" };
+    let place = blake3::hash(format!("{task} {level} {part}").as_bytes());
+    let mut stream = [0; 8];
+    stream.copy_from_slice(&place.as_bytes()[..8]);
+    let mut generator = ChaCha8Rng::from_seed(key);
+    generator.set_stream(u64::from_le_bytes(stream));
+    move || Seed::in_space(SeedSpace::Evaluation, generator.next_u64())
+}
+
+fn good_name(name: &str) -> Result<String, String> {
+    let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    if name.is_empty() || name.len() > 64 || !name.chars().all(good) {
+        return Err("a name is 1 to 64 small letters, digits and hyphens".to_owned());
+    }
+    Ok(name.to_owned())
+}

@@ -1,0 +1,120 @@
+//! `sparring suite verify`: whether a suite is still what it says.
+
+use std::process::ExitCode;
+
+use anyhow::Context;
+use env_core::Bracket;
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use crate::output;
+use orchestrator::evaluation::suite::file::{self, LoadedSuite};
+use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
+
+/// Differences that are told one by one.
+const TOLD: usize = 10;
+
+/// Recompute every id, every bracket and the hash of a suite; exit 1 on any difference.
+///
+/// A difference means that the file was altered, or that this build's worlds or planners are not those that built it:
+/// its numbers would not compare with those of others.
+#[derive(Debug, clap::Args)]
+#[command(after_help = after_help())]
+pub struct Args {
+    /// A built-in suite by its name, or a suite file
+    #[arg(value_name = "NAME|FILE", default_value = file::DEFAULT_SUITE)]
+    suite: String,
+}
+
+fn after_help() -> String {
+    format!("Built-in suites: {}.\n\n{AFTER_HELP}", file::built_in_names())
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  sparring suite verify
+  sparring suite verify my-suite-v1.json";
+
+/// Verifies a suite and says what was found.
+///
+/// # Errors
+/// Something that is no suite at all; a difference is exit code 1.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let LoadedSuite { suite, hash } = match file::load_suite(&args.suite) {
+        Ok(loaded) => loaded,
+        Err(error) if error.is_difference() => {
+            output::print(&format!("{}: {error}", args.suite))?;
+            return Ok(ExitCode::FAILURE);
+        }
+        Err(error) => return Err(error).context(format!("suite {}", args.suite)),
+    };
+    let count = suite.entries().count();
+    let bar = output::progress(count, "brackets")?;
+    let differences = differences(&suite, &bar);
+    bar.finish_and_clear();
+    let mut text = String::new();
+    for difference in differences.iter().take(TOLD) {
+        text.push_str(difference);
+        text.push('\n');
+    }
+    if differences.len() > TOLD {
+        text.push_str(&format!("… and {} more\n", differences.len() - TOLD));
+    }
+    let verdict = if differences.is_empty() { "all as stored" } else { "DIFFERENT" };
+    text.push_str(&format!(
+        "{}: {count} scenarios, hash {hash}; ids and hash right, {} of {count} brackets recomputed by planner {} \
+         equal: {verdict}",
+        suite.name,
+        count - differences.len(),
+        planners(&suite)
+    ));
+    output::print(&text)?;
+    Ok(if differences.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The versions of the planners that made its brackets, as "1" or "1 and 2".
+fn planners(suite: &Suite) -> String {
+    let mut versions: Vec<u32> = suite.groups.iter().filter_map(SuiteGroup::planner).collect();
+    versions.sort_unstable();
+    versions.dedup();
+    versions.iter().map(u32::to_string).collect::<Vec<_>>().join(" and ")
+}
+
+/// One sentence per scenario whose bracket is not what is stored.
+#[must_use]
+pub fn differences(suite: &Suite, bar: &ProgressBar) -> Vec<String> {
+    let entries: Vec<&SuiteEntry> = suite.entries().collect();
+    entries
+        .into_par_iter()
+        .filter_map(|entry| {
+            let found = difference(entry);
+            bar.inc(1);
+            found.map(|what| format!("{} ({}): {what}", entry.scenario.id(), entry.scenario.task().id()))
+        })
+        .collect()
+}
+
+fn difference(entry: &SuiteEntry) -> Option<String> {
+    let stored = &entry.bracket;
+    let found = match entry.scenario.task().bracket(&entry.scenario) {
+        Ok(bracket) => Bracket { reference_plan: stored.reference_plan.clone(), ..bracket },
+        Err(error) => return Some(error.to_string()),
+    };
+    let planners = (found.planner_version, stored.planner_version);
+    let numbers = |b: &Bracket| format!("floor {}, reference {}", b.floor, b.reference.score);
+    if planners.0 != planners.1 {
+        Some(format!("planner {} here, {} stored", planners.0, planners.1))
+    } else if found != *stored {
+        let (here, kept) = (numbers(&found), numbers(stored));
+        let same = here == kept;
+        Some(if same {
+            format!("{here} as stored, other plans")
+        } else {
+            format!("{here} here; {kept} stored")
+        })
+    } else if entry.part == SuitePart::Contested && !env_core::admission::is_contested(&entry.scenario, stored) {
+        Some("it is not contested".to_owned())
+    } else {
+        None
+    }
+}

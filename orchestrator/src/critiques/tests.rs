@@ -1,0 +1,314 @@
+//! What is entered into a real database reads back, once, whatever the batches.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use env_core::critique::{Judgement, SpeedBands};
+use env_core::{ActionLog, SeedSpace, rollout};
+use proptest::prelude::*;
+
+use crate::runs::create_run::CreateRun;
+use crate::leases::prepare::seed_of;
+use crate::critiques::profile::{fade, FailureFinding, EncounterFinding};
+use crate::runs::settings::RunRequest;
+use crate::engine::signals::WorkerSignals;
+use crate::engine::writer::Writer;
+use crate::critiques::criticise::{CritiqueResult, StoreCritiques, criticise};
+use crate::critiques::critique_input::{CritiqueInput, CritiqueEpisode};
+use crate::critiques::profile::EpisodeFindings;
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::write_tx::WriteTx;
+use crate::clock::Clock;
+use crate::store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
+use crate::store::failure_sectors::{self, InertialSectorRow};
+use crate::store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
+use crate::store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
+
+const RUN: &str = "run";
+const TASK: &str = "kessler/survival";
+const BANDS: SpeedBands = SpeedBands { edges: &[1.0, 2.0], unit: "LU/TU" };
+
+/// Puts a lease and jobs of these sizes on the queue; the jobs.
+struct Report(Vec<usize>);
+
+impl Change for Report {
+    type Output = Vec<CritiqueJob>;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<Vec<CritiqueJob>, ServiceError> {
+        let row = LeaseRow {
+            is_compacted: false,
+            owner: None,
+            id: leases::counters(&mut tx.conn, RUN).await?.next,
+            token: "aaaaaa".to_owned(),
+            run: RUN.to_owned(),
+            purpose: Purpose::Train,
+            form: LeaseForm::Groups,
+            status: LeaseStatus::Active,
+            groups: 1,
+            group_size: 1000,
+            policy_version: 0,
+            ttl_ms: 1000,
+            created_at: 0,
+            expires_at: 1000,
+        };
+        leases::insert(&mut tx.conn, &row, &[]).await?;
+        let mut first = 0;
+        for size in self.0 {
+            let numbers: Vec<i64> = (first..).take(size).collect();
+            first += size as i64;
+            let job = NewCritiqueJob { task: TASK, lease: row.id, numbers: &numbers };
+            critiques::enqueue(&mut tx.conn, RUN, &[job]).await?;
+        }
+        Ok(critiques::oldest(&mut tx.conn, 1000).await?)
+    }
+}
+
+/// Everything that was entered.
+#[derive(Debug, PartialEq)]
+struct Entered {
+    sums: CritiqueCounters,
+    cells: Vec<(CellKey, CellCounters)>,
+    inertial: Vec<InertialSectorRow>,
+    waiting: i64,
+}
+
+struct Look;
+
+impl Change for Look {
+    type Output = Entered;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<Entered, ServiceError> {
+        let conn = &mut tx.conn;
+        let cells = failures::profile(conn, RUN, TASK).await?;
+        Ok(Entered {
+            sums: critiques::counters(conn, RUN, TASK).await?,
+            cells: cells.into_iter().map(|cell| (cell.key, cell.counters)).collect(),
+            inertial: failure_sectors::of_task(conn, RUN, TASK).await?,
+            waiting: critiques::waiting_by_run(conn).await?.values().sum(),
+        })
+    }
+}
+
+struct Kept(FailureFilter, i64);
+
+impl Change for Kept {
+    type Output = Vec<failures::ListedFailure>;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<Vec<failures::ListedFailure>, ServiceError> {
+        Ok(failures::examples(&mut tx.conn, RUN, TASK, &self.0, self.1).await?)
+    }
+}
+
+async fn open(db: &Path) -> Writer {
+    let connection = crate::store::open_writer(db).await.unwrap();
+    let (writer, _) = Writer::start(connection, None, Clock::manual(1_000).clock, WorkerSignals::default());
+    let wish = RunRequest { id: Some(RUN.to_owned()), tasks: Some(vec![TASK.to_owned()]), ..RunRequest::default() };
+    writer.change(CreateRun::read(&wish).unwrap()).await.unwrap();
+    writer
+}
+
+fn collision(bearing_deg: f64, relative_speed: f64, avoidable: Option<bool>) -> env_core::critique::Failure {
+    let encounter = env_core::critique::Encounter {
+        body: 4,
+        bearing_deg,
+        bearing_inertial_deg: None,
+        relative_speed,
+        first_visible_step: avoidable.map(|_| 0),
+        steps_left: 6,
+        avoidable,
+        cheapest: None,
+    };
+    env_core::critique::Failure {
+        mode: "collision",
+        agent: 1,
+        step: 7,
+        encounter: Some(encounter),
+        measures: Vec::new(),
+        words: String::new(),
+    }
+}
+
+fn critique(value: f64, failures: Vec<env_core::critique::Failure>) -> env_core::critique::Critique {
+    let verdict =
+        |verdict| env_core::critique::ActionVerdict { step: 1, agent: 0, cost: 1.0, verdict, gain: 0.0 };
+    env_core::critique::Critique {
+        failures,
+        actions: [env_core::critique::Verdict::Needed, env_core::critique::Verdict::Harmful]
+            .map(verdict)
+            .to_vec(),
+        judged: Judgement { value, case: "missed", words: String::new() },
+    }
+}
+
+fn done(job: CritiqueJob, notes: Vec<EpisodeFindings>) -> CritiqueResult {
+    CritiqueResult { job, notes, skipped: 0, failed: 0, reason: None }
+}
+
+#[test]
+fn a_critique_is_put_into_cells() {
+    let decay = env_core::critique::Failure { mode: "decay", encounter: None, ..collision(0.0, 0.0, None) };
+    let shown = critique(-0.5, vec![collision(-20.0, 2.0, Some(true)), decay]);
+    let note = EpisodeFindings::of(3, &shown, BANDS).unwrap();
+    assert_eq!((note.number, note.judged, note.verdicts), (3, -0.5, [1, 0, 0, 1]));
+    assert_eq!(note.failures[0].key, CellKey { mode: "collision".to_owned(), encounter: Some(EncounterBin { sector: 11, band: 2 }) });
+    assert_eq!(note.failures[1].key, CellKey { mode: "decay".to_owned(), encounter: None });
+    assert!(EpisodeFindings::of(3, &critique(f64::NAN, Vec::new()), BANDS).is_err());
+}
+
+#[tokio::test]
+async fn what_is_entered_reads_back_and_a_job_is_entered_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let writer = open(&folder.path().join("x.sqlite3")).await;
+    let jobs = writer.change(Report(vec![100, 3])).await.unwrap();
+    assert_eq!(writer.change(Look).await.unwrap().waiting, 103);
+    let notes = |count: i64| {
+        let note = |n| EpisodeFindings::of(n, &critique(0.25, vec![collision(95.0, 1.5, Some(n % 2 == 0))]), BANDS);
+        (0..count).map(|n| note(n).unwrap()).collect::<Vec<_>>()
+    };
+    let first = || done(jobs[0].clone(), notes(100));
+    writer.change(StoreCritiques(vec![first()])).await.unwrap();
+    let once = writer.change(Look).await.unwrap();
+    let closed: f64 = (0..100).map(|i| fade(1.0, i)).sum();
+    let (key, cell) = &once.cells[0];
+    assert_eq!((key.encounter, once.cells.len(), once.waiting), (Some(EncounterBin { sector: 3, band: 1 }), 1, 3));
+    assert_eq!((cell.count, cell.avoidable, cell.unavoidable, cell.steps_left), (100, 50, 50, 600));
+    assert_eq!((cell.as_of, cell.last_at), (100, 1_000));
+    // 100 multiplications and additions below 128: at most 1e-12 together.
+    assert!((cell.weight - closed).abs() < 1e-11, "{} is not {closed}", cell.weight);
+    assert_eq!((once.sums.criticised, once.sums.judged.all), (100, 25.0));
+    assert_eq!(once.sums.verdicts.map(|v| v.all), [100, 0, 0, 100]);
+
+    // A worker that was cut off after its commit does the job again: nothing changes.
+    writer.change(StoreCritiques(vec![first()])).await.unwrap();
+    assert_eq!(writer.change(Look).await.unwrap(), once);
+
+    // Skipped and failed episodes are counted, and nothing else of them.
+    let rest =
+        CritiqueResult { skipped: 2, failed: 1, reason: Some("lost".to_owned()), ..done(jobs[1].clone(), Vec::new()) };
+    writer.change(StoreCritiques(vec![rest])).await.unwrap();
+    let both = writer.change(Look).await.unwrap();
+    assert_eq!((both.sums.criticised, both.sums.skipped, both.sums.failed, both.waiting), (100, 2, 1, 0));
+    assert_eq!(both.cells, once.cells);
+
+    // The ring holds the newest, newest first, and pages follow each other.
+    let all = writer.change(Kept(FailureFilter::default(), 500)).await.unwrap();
+    let numbers: Vec<i64> = all.iter().map(|k| k.example.number).collect();
+    assert_eq!(numbers, (36..100).rev().collect::<Vec<_>>());
+    let last = all[9].clone();
+    let before = FailureCursor { place: last.example.place, cell: last.cell, nth: last.example.nth };
+    let wanted = FailureFilter { before: Some(before), ..FailureFilter::default() };
+    assert_eq!(writer.change(Kept(wanted, 5)).await.unwrap(), all[10..15]);
+    let elsewhere = FailureFilter { sector: Some(4), ..FailureFilter::default() };
+    assert!(writer.change(Kept(elsewhere, 5)).await.unwrap().is_empty());
+    let x = &all[0].example;
+    assert_eq!(
+        (x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable),
+        (Some(95.0), Some(1.5), Some(6), Some(false))
+    );
+}
+
+#[test]
+fn an_episode_that_cannot_be_criticised_is_counted_and_holds_up_no_other() {
+    let task = env_core::task(TASK).unwrap();
+    let recipe = env_core::Recipe::new(task).unwrap();
+    let scenario = env_core::Scenario::new(recipe, seed_of(SeedSpace::Training, 1, 2, 3));
+    let mut hold = task.policy("hold", &scenario, 0).unwrap();
+    let log = rollout::roll_out(&scenario, &mut *hold).unwrap().log;
+    let too_short = ActionLog::new(2, env_core::log::Precision::F64);
+    let job = CritiqueJob {
+        id: 1,
+        run: RUN.to_owned(),
+        task: TASK.to_owned(),
+        lease: 1,
+        group_size: 4,
+        numbers: "[0,1,2,3]".to_owned(),
+        episodes: 4,
+    };
+    let stage = |log: &ActionLog| CritiqueEpisode { scenario: scenario.clone(), layout: Some(7), log: log.clone() };
+    let chosen = vec![
+        (0, Ok(stage(&log))),
+        (1, Err("its log is gone".to_owned())),
+        (2, Ok(stage(&too_short))),
+        (3, Ok(stage(&log))),
+    ];
+    let done = criticise(CritiqueInput { job, chosen, skipped: 0 });
+    assert_eq!(done.notes.iter().map(|n| n.number).collect::<Vec<_>>(), [0, 3]);
+    assert!(done.notes.iter().all(|note| note.layout == Some(7)));
+    assert_eq!((done.failed, done.reason.as_deref()), (2, Some("episode 1: its log is gone")));
+}
+
+fn notes() -> impl Strategy<Value = Vec<EpisodeFindings>> {
+    let failing = (0usize..3, 0u32..3, 0u32..2, proptest::option::of(any::<bool>()), 0u32..9);
+    let failing = failing.prop_map(|(mode, sector, band, avoidable, steps_left)| FailureFinding {
+        key: CellKey {
+            mode: ["collision", "debris", "decay"][mode].to_owned(),
+            encounter: (mode < 2).then_some(EncounterBin { sector, band }),
+        },
+        agent: 0,
+        step: 5,
+        inertial: (mode < 2).then_some((sector * 5 + band) % 12),
+        met: (mode < 2).then_some(EncounterFinding { bearing_deg: 1.0, relative_speed: 1.0, steps_left, avoidable }),
+    });
+    let failures = proptest::collection::vec(failing, 0..4);
+    // Judged in eighths: their sums are exact in any order.
+    let note = (-8i32..9, [0i64..4, 0..4, 0..4, 0..4], failures).prop_map(|(eighths, verdicts, failures)| {
+        EpisodeFindings { number: 0, layout: None, judged: f64::from(eighths) / 8.0, verdicts, failures }
+    });
+    proptest::collection::vec(note, 1..60)
+}
+
+/// What does not depend on the order of episodes.
+fn totals(entered: &Entered) -> (CritiqueCounters, Vec<(CellKey, CellCounters)>) {
+    let mut sums = entered.sums.clone();
+    sums.judged.now = 0.0;
+    sums.verdicts.iter_mut().for_each(|v| v.now = 0.0);
+    let still =
+        |(key, cell): &(CellKey, CellCounters)| (key.clone(), CellCounters { weight: 0.0, as_of: 0, ..*cell });
+    (sums, entered.cells.iter().map(still).collect())
+}
+
+/// Enters notes in one batch, or in jobs and batches of other sizes; what is there then.
+async fn entered(notes: Vec<EpisodeFindings>, sizes: &[usize], batch: usize) -> Entered {
+    static DATABASES: AtomicUsize = AtomicUsize::new(0);
+    let folder = tempfile::tempdir().unwrap();
+    let name = format!("{}.sqlite3", DATABASES.fetch_add(1, Ordering::Relaxed));
+    let writer = open(&folder.path().join(name)).await;
+    let mut parts: Vec<Vec<EpisodeFindings>> = Vec::new();
+    let mut rest = notes;
+    let mut sizes = sizes.iter().cycle();
+    while !rest.is_empty() {
+        let size = sizes.next().map_or(1, |s| *s).clamp(1, rest.len());
+        let tail = rest.split_off(size);
+        parts.push(std::mem::replace(&mut rest, tail));
+    }
+    let jobs = writer.change(Report(parts.iter().map(Vec::len).collect())).await.unwrap();
+    let mut all: Vec<CritiqueResult> = jobs.into_iter().zip(parts).map(|(job, notes)| done(job, notes)).collect();
+    while !all.is_empty() {
+        let tail = all.split_off(batch.min(all.len()));
+        writer.change(StoreCritiques(std::mem::replace(&mut all, tail))).await.unwrap();
+    }
+    writer.change(Look).await.unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn the_order_of_batches_does_not_change_totals(
+        notes in notes(),
+        sizes in proptest::collection::vec(1usize..9, 1..5),
+        batch in 1usize..4,
+        turn in 0usize..60,
+    ) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let one = runtime.block_on(entered(notes.clone(), &[notes.len()], 1));
+        let many = runtime.block_on(entered(notes.clone(), &sizes, batch));
+        prop_assert_eq!(&one, &many, "how episodes are batched changes nothing at all, to the bit");
+        let mut turned = notes;
+        let by = turn % turned.len();
+        turned.rotate_left(by);
+        let other = runtime.block_on(entered(turned, &sizes, batch));
+        prop_assert_eq!(totals(&one), totals(&other), "their order changes no total");
+    }
+}

@@ -1,0 +1,83 @@
+//! The runs in memory.
+
+use std::collections::HashMap;
+
+use sqlx::SqliteConnection;
+
+use crate::engine::error::ServiceError;
+use crate::engine::run_state::RunState;
+use crate::store::curriculum::NewCurriculumEvent;
+
+/// Cache of run states, keyed by run id. It never holds a state that is ahead of what its transaction keeps: a failed change evicts
+/// the runs it touched.
+#[derive(Debug, Default)]
+pub struct RunCache {
+    runs: HashMap<String, RunState>,
+    /// Runs that the change being applied has loaded.
+    touched: Vec<String>,
+}
+
+impl RunCache {
+    /// Returns a run for reading or writing, restored from the store if it is not in memory.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::UnknownRun`] if the run does not exist, and another error if it cannot be restored.
+    pub async fn load(&mut self, conn: &mut SqliteConnection, run: &str) -> Result<&mut RunState, ServiceError> {
+        if !self.runs.contains_key(run) {
+            let state = RunState::load(conn, run).await?;
+            self.runs.insert(run.to_owned(), state);
+        }
+        if !self.touched.iter().any(|touched| touched == run) {
+            self.touched.push(run.to_owned());
+        }
+        self.runs.get_mut(run).ok_or_else(|| ServiceError::UnknownRun(run.to_owned()))
+    }
+
+    /// Returns a run if it is in memory.
+    #[must_use]
+    pub fn get(&self, run: &str) -> Option<&RunState> {
+        self.runs.get(run)
+    }
+
+    /// Returns the runs in memory, in no particular order.
+    pub fn iter(&self) -> impl Iterator<Item = &RunState> {
+        self.runs.values()
+    }
+
+    /// Starts a new change: no run is touched yet.
+    pub(crate) fn begin_change(&mut self) {
+        self.touched.clear();
+    }
+
+    /// Takes the curriculum events that the current change made and that are not written yet, by run.
+    pub(crate) fn take_unwritten(&mut self) -> Vec<(String, Vec<NewCurriculumEvent>)> {
+        let mut taken = Vec::new();
+        for run in &self.touched {
+            if let Some(state) = self.runs.get_mut(run) {
+                let events = state.take_unwritten();
+                if !events.is_empty() {
+                    taken.push((run.clone(), events));
+                }
+            }
+        }
+        taken
+    }
+
+    /// Evicts the runs that the current change touched: they are restored when next needed.
+    pub(crate) fn evict_touched(&mut self) {
+        for run in self.touched.drain(..) {
+            self.runs.remove(&run);
+        }
+    }
+
+    /// Evicts every run.
+    pub(crate) fn clear(&mut self) {
+        self.touched.clear();
+        self.runs.clear();
+    }
+
+    /// Returns every run in memory and ends the cache.
+    pub(crate) fn into_states(self) -> impl Iterator<Item = RunState> {
+        self.runs.into_values()
+    }
+}

@@ -1,0 +1,209 @@
+//! A run in memory: everything that the writer knows without a query.
+
+use std::collections::BTreeMap;
+
+use sqlx::SqliteConnection;
+
+use crate::clock::Millis;
+use crate::critiques::profile_cache::ProfileCache;
+use crate::engine::error::ServiceError;
+use crate::metrics;
+use crate::runs::settings::RunSettings;
+use crate::store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
+use crate::store::groups::GroupRole;
+use crate::store::proposals::{self, NewProposal};
+use crate::store::runs::{self, RunStatus};
+use crate::store::{StoreError, from_json, to_i64, to_json, to_u64};
+use ::curriculum::{
+    Curriculum, CurriculumEvent, GroupOutcome, LevelMove, MoveKind, ObservedOutcome, ProposalRole,
+    SequencedProposal, Settings, Snapshot,
+};
+
+/// Curriculum events between two snapshots.
+const SNAPSHOT_INTERVAL: u64 = 1000;
+/// Curriculum events read by one query when a run is restored.
+const EVENTS_PER_QUERY: i64 = 5000;
+
+/// A run in memory. A failed change evicts it, and it is restored from the store when next needed: it never runs ahead of what is
+/// committed.
+#[derive(Debug)]
+pub struct RunState {
+    /// Id of the run.
+    pub run: String,
+    /// Seed of the run's random streams.
+    pub seed: u64,
+    /// Settings in force.
+    pub settings: RunSettings,
+    /// True if the run grants no leases.
+    pub is_paused: bool,
+    /// Newest policy version that was reported.
+    pub policy_version: i64,
+    /// The curriculum: a fold over the run's curriculum events.
+    pub curriculum: Curriculum,
+    /// Failure profiles by task, of the tasks that were written since the run was loaded.
+    pub(crate) ledgers: BTreeMap<String, ProfileCache>,
+    /// Number of events at the last snapshot.
+    snapshot_at: u64,
+    /// Curriculum events that are not written yet.
+    unwritten: Vec<NewCurriculumEvent>,
+}
+
+impl RunState {
+    /// Restores a run from its newest snapshot and the events after it.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::UnknownRun`] if the run does not exist, and [`ServiceError::Restore`] or [`ServiceError::Store`] if it
+    /// cannot be restored.
+    pub async fn load(conn: &mut SqliteConnection, run: &str) -> Result<Self, ServiceError> {
+        let row = runs::get(conn, run).await?.ok_or_else(|| ServiceError::UnknownRun(run.to_owned()))?;
+        let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+        let seed = to_u64(row.seed);
+        let mut curriculum = match curriculum::newest_snapshot(conn, run).await? {
+            Some(record) => Curriculum::restore(seed, from_json::<Snapshot>("a snapshot", &record.body)?)?,
+            None => {
+                let first = match runs::first_curriculum(conn, run).await? {
+                    Some(body) => from_json("a run's first settings", &body)?,
+                    None => settings.curriculum.clone(),
+                };
+                Curriculum::new(seed, first)?
+            }
+        };
+        let snapshot_at = curriculum.next_seq();
+        loop {
+            let next = to_i64(curriculum.next_seq());
+            let page = curriculum::events(conn, run, next, EVENTS_PER_QUERY).await?;
+            if page.is_empty() {
+                break;
+            }
+            for CurriculumRecord { seq, body } in page {
+                let event: CurriculumEvent = from_json("a curriculum event", &body)?;
+                curriculum.replay_event(to_u64(seq), &event)?;
+            }
+        }
+        Ok(Self {
+            run: row.id,
+            seed,
+            settings,
+            is_paused: row.status == RunStatus::Paused,
+            policy_version: row.policy_version,
+            curriculum,
+            ledgers: BTreeMap::new(),
+            snapshot_at,
+            unwritten: Vec::new(),
+        })
+    }
+
+    /// Takes the curriculum events that are not written yet. The caller writes them.
+    pub fn take_unwritten(&mut self) -> Vec<NewCurriculumEvent> {
+        std::mem::take(&mut self.unwritten)
+    }
+
+    /// Makes `count` proposals and stores them.
+    ///
+    /// # Errors
+    /// Returns an error of the store if a statement fails.
+    pub async fn propose(
+        &mut self,
+        conn: &mut SqliteConnection,
+        now: Millis,
+        count: u64,
+    ) -> Result<Vec<SequencedProposal>, StoreError> {
+        let (mut proposed, mut rows) = (Vec::new(), Vec::new());
+        for _ in 0..count {
+            let sequenced = self.curriculum.propose();
+            let seq = to_i64(sequenced.seq);
+            rows.push(NewProposal { seq, body: to_json(&sequenced.proposal)? });
+            let body = to_json(&CurriculumEvent::Proposed(sequenced.proposal.clone()))?;
+            self.unwritten.push(NewCurriculumEvent { seq, body, at: now });
+            proposed.push(sequenced);
+        }
+        proposals::insert(conn, &self.run, &rows).await?;
+        metrics::record_proposals(self.settings.curriculum.strategy.to_string(), count);
+        self.snapshot_if_due(conn).await?;
+        Ok(proposed)
+    }
+
+    /// Passes an outcome to the curriculum, and stores the event and the level moves it caused.
+    ///
+    /// # Errors
+    /// Returns an error of the store if a statement fails.
+    pub async fn observe(
+        &mut self,
+        conn: &mut SqliteConnection,
+        outcome: GroupOutcome,
+        now: Millis,
+    ) -> Result<Vec<LevelMove>, StoreError> {
+        let ObservedOutcome { seq, moves } = self.curriculum.observe(&outcome);
+        let (seq, body) = (to_i64(seq), to_json(&CurriculumEvent::Outcome(outcome))?);
+        self.unwritten.push(NewCurriculumEvent { seq, body, at: now });
+        for level_move in &moves {
+            let row = LevelMoveRow {
+                seq,
+                task: level_move.task.clone(),
+                kind: move_kind(level_move.kind),
+                from_level: level_move.from.map(i64::from),
+                to_level: i64::from(level_move.to),
+                evidence: to_json(&level_move.evidence)?,
+                at: now,
+            };
+            curriculum::insert_move(conn, &self.run, &row).await?;
+        }
+        self.snapshot_if_due(conn).await?;
+        Ok(moves)
+    }
+
+    /// Puts other settings of the curriculum in force.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::Invalid`] if the settings are invalid.
+    pub fn change_settings(&mut self, settings: Settings, now: Millis) -> Result<(), ServiceError> {
+        let event = CurriculumEvent::Settings(settings.clone().into());
+        let seq = to_i64(self.curriculum.change_settings(settings)?);
+        self.unwritten.push(NewCurriculumEvent { seq, body: to_json(&event)?, at: now });
+        Ok(())
+    }
+
+    async fn snapshot_if_due(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
+        if self.curriculum.next_seq() - self.snapshot_at >= SNAPSHOT_INTERVAL {
+            self.snapshot(conn).await?;
+        }
+        Ok(())
+    }
+
+    /// Stores a snapshot of the curriculum, unless nothing happened since the last one.
+    ///
+    /// # Errors
+    /// Returns an error of the store if a statement fails.
+    pub async fn snapshot(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
+        let seq = self.curriculum.next_seq();
+        if seq != self.snapshot_at {
+            let body = to_json(&self.curriculum.snapshot())?;
+            curriculum::save_snapshot(conn, &self.run, to_i64(seq), &body).await?;
+            self.snapshot_at = seq;
+        }
+        Ok(())
+    }
+}
+
+/// Role of the group that serves a proposal of this role.
+pub(crate) const fn group_role(role: ProposalRole) -> GroupRole {
+    match role {
+        ProposalRole::Placement => GroupRole::Placement,
+        ProposalRole::Frontier => GroupRole::Frontier,
+        ProposalRole::Rehearsal => GroupRole::Rehearsal,
+        ProposalRole::Sample => GroupRole::Sample,
+        ProposalRole::Explore => GroupRole::Explore,
+        ProposalRole::Replay => GroupRole::Replay,
+        ProposalRole::Edit => GroupRole::Edit,
+        ProposalRole::Boundary => GroupRole::Boundary,
+    }
+}
+
+/// Direction of a level move as it is stored.
+pub(crate) const fn move_kind(kind: MoveKind) -> LevelMoveKind {
+    match kind {
+        MoveKind::Placement => LevelMoveKind::Placement,
+        MoveKind::Up => LevelMoveKind::Up,
+        MoveKind::Down => LevelMoveKind::Down,
+    }
+}

@@ -1,0 +1,38 @@
+//! The part of a write transaction that belongs to one run.
+
+use sqlx::SqliteConnection;
+
+use crate::clock::Millis;
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::outbox::Outbox;
+use crate::engine::run_state::RunState;
+use crate::store::history::HistoryBucket;
+
+/// One run inside a write transaction: its state, the connection and the outbox, borrowed at the same time.
+#[derive(Debug)]
+pub struct RunTx<'a> {
+    /// The writer's connection, inside a transaction.
+    pub conn: &'a mut SqliteConnection,
+    /// The run in memory.
+    pub state: &'a mut RunState,
+    /// Events, history counts and signals of this transaction.
+    pub outbox: &'a mut Outbox,
+    /// The time of the change being applied, in milliseconds since the epoch.
+    pub now: Millis,
+}
+
+impl RunTx<'_> {
+    /// Emits an event of the run. Listeners receive it after the commit.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::Store`] if the event cannot be written as JSON.
+    pub fn emit(&mut self, event: &RunEvent<'_>) -> Result<(), ServiceError> {
+        self.outbox.emit(&self.state.run, event, self.now)
+    }
+
+    /// Returns what the current change adds to the history of a task.
+    pub(crate) fn task_counts(&mut self, task: &str) -> &mut HistoryBucket {
+        self.outbox.task_counts(&self.state.run, task)
+    }
+}

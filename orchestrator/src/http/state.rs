@@ -1,0 +1,62 @@
+//! [`AppState`]: everything that request handlers share.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use sqlx::SqlitePool;
+use tokio::sync::watch;
+
+use super::access::Each;
+use super::health::Looked;
+use super::openenv::Boards;
+use super::polls::Polls;
+use super::room::Room;
+use super::turns::AllTurns;
+use crate::clock::Clock;
+use crate::designs::Designers;
+use crate::engine::writer::Writer;
+use crate::judging::Judges;
+use crate::leases::lease_service::LeaseService;
+use crate::rollouts::Endpoint;
+use crate::sessions::{Quota, SessionManager};
+
+/// State of the server that every request handler receives. Clones share it.
+#[derive(Debug, Clone)]
+pub struct AppState {
+    /// Handle of the database's only writer.
+    pub writer: Writer,
+    /// Read-only connections to the database.
+    pub readers: SqlitePool,
+    /// Source of the current time.
+    pub clock: Clock,
+    /// Limits for each client.
+    pub each: Each,
+    /// Service that grants leases and accepts results.
+    pub desk: LeaseService,
+    /// Manager of the environments that run on the server.
+    pub sessions: Arc<SessionManager>,
+    /// True if OpenEnv's routes need no token.
+    pub openenv_public: bool,
+    /// Last states of web sessions, for their viewers.
+    pub boards: Arc<Boards>,
+    /// Limit on large request bodies: batches of results and columns.
+    pub room: Room,
+    /// Signal of committed run events.
+    pub events: Arc<watch::Sender<u64>>,
+    /// Quota of event listeners.
+    pub listeners: Arc<Quota>,
+    /// Concurrency limits of expensive requests.
+    pub turns: AllTurns,
+    /// Designers of new layouts.
+    pub designers: Arc<dyn Designers>,
+    /// Judges of the steps in sessions.
+    pub judges: Arc<Judges>,
+    /// Language model for chat policies, if one is configured.
+    pub endpoint: Option<Endpoint>,
+    /// Requests that wait for finished groups.
+    pub polls: Polls,
+    /// Result of the last check whether the database accepts writes.
+    pub looked: Looked,
+    /// True once the server is stopping.
+    pub stopping: Arc<AtomicBool>,
+}

@@ -1,0 +1,138 @@
+//! The error of a field that cannot be read, with serde's messages in plain words.
+
+use std::fmt;
+
+use env_core::format_shortest;
+use serde::de::{self, Expected, Unexpected};
+
+/// Maximum length of user input that an error message quotes, in characters.
+const MAX_QUOTED_CHARS: usize = 60;
+
+/// Error of a field that cannot be read: its path, and the reason.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FieldError {
+    /// Dotted path of the field, list items by their index from 0; empty for the whole document.
+    pub field: String,
+    /// Reason why the field is rejected, as a sentence without its subject.
+    pub reason: String,
+}
+
+impl FieldError {
+    fn new(reason: String) -> Self {
+        Self { field: String::new(), reason }
+    }
+
+    /// Error of a key that appears twice.
+    pub(super) fn duplicate(field: &str) -> Self {
+        Self { field: shorten(field), reason: "it is given twice; which is meant?".to_owned() }
+    }
+
+    /// Error of an unknown key; `known` lists the known ones.
+    pub(crate) fn unknown(name: &str, known: &str) -> Self {
+        let known =
+            if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") };
+        Self { field: shorten(name), reason: format!("it is not a known field; {known}") }
+    }
+
+    /// Prefixes the path with the name of the object or list index that contains the field.
+    pub(super) fn nested_in(mut self, name: &str) -> Self {
+        self.field =
+            if self.field.is_empty() { shorten(name) } else { format!("{}.{}", shorten(name), self.field) };
+        self
+    }
+}
+
+impl fmt::Display for FieldError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.field.is_empty() {
+            f.write_str(&self.reason)
+        } else {
+            write!(f, "{}: {}", self.field, self.reason)
+        }
+    }
+}
+
+impl std::error::Error for FieldError {}
+
+impl de::Error for FieldError {
+    fn custom<T: fmt::Display>(message: T) -> Self {
+        Self::new(message.to_string())
+    }
+
+    fn invalid_type(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
+        Self::new(format!(
+            "it is {}, but must be {}",
+            describe_found(&found),
+            describe_expected(&wanted.to_string())
+        ))
+    }
+
+    fn invalid_value(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
+        Self::invalid_type(found, wanted)
+    }
+
+    fn invalid_length(length: usize, wanted: &dyn Expected) -> Self {
+        Self::new(format!("it has {length} entries, but must be {}", describe_expected(&wanted.to_string())))
+    }
+
+    fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {
+        Self::new(format!("it is {:?}; choose one of {}", shorten(word), known.join(", ")))
+    }
+
+    fn unknown_field(name: &str, known: &'static [&'static str]) -> Self {
+        Self::unknown(name, &known.join(", "))
+    }
+
+    fn missing_field(name: &'static str) -> Self {
+        Self { field: name.to_owned(), reason: "it is missing".to_owned() }
+    }
+
+    fn duplicate_field(name: &'static str) -> Self {
+        Self::duplicate(name)
+    }
+}
+
+/// Describes a value that was found.
+fn describe_found(found: &Unexpected<'_>) -> String {
+    match *found {
+        Unexpected::Bool(value) => value.to_string(),
+        Unexpected::Unsigned(number) => number.to_string(),
+        Unexpected::Signed(number) => number.to_string(),
+        Unexpected::Float(number) => format_shortest(number),
+        Unexpected::Char(letter) => format!("{letter:?}"),
+        Unexpected::Str(text) => format!("{:?}", shorten(text)),
+        Unexpected::Unit | Unexpected::Option => "null".to_owned(),
+        Unexpected::Seq => "a list".to_owned(),
+        Unexpected::Map => "an object".to_owned(),
+        ref other => other.to_string(),
+    }
+}
+
+/// Replaces serde's name of an expected type by plain words.
+fn describe_expected(wanted: &str) -> String {
+    let whole = |min: String, max: String| format!("a whole number from {min} to {max}");
+    match wanted {
+        "u8" => whole("0".to_owned(), u8::MAX.to_string()),
+        "u16" => whole("0".to_owned(), u16::MAX.to_string()),
+        "u32" => whole("0".to_owned(), u32::MAX.to_string()),
+        "u64" | "usize" => "a whole number, 0 or more".to_owned(),
+        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number".to_owned(),
+        "f32" | "f64" => "a number".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        "a string" => "text in quotes".to_owned(),
+        "a sequence" => "a list".to_owned(),
+        "a map" => "an object".to_owned(),
+        _ if wanted.starts_with("struct ") => "an object".to_owned(),
+        _ if wanted.starts_with("enum ") || wanted == "variant identifier" => "one of its values".to_owned(),
+        _ => wanted.to_owned(),
+    }
+}
+
+/// Cuts user input to [`MAX_QUOTED_CHARS`].
+fn shorten(text: &str) -> String {
+    if text.chars().count() <= MAX_QUOTED_CHARS {
+        text.to_owned()
+    } else {
+        text.chars().take(MAX_QUOTED_CHARS - 3).chain("...".chars()).collect()
+    }
+}

@@ -1,0 +1,223 @@
+//! Creates a lease of prepared groups.
+
+use std::ops::RangeInclusive;
+
+use sqlx::SqliteConnection;
+
+use crate::metrics::LeaseEvent;
+use crate::designs::serve;
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::run_state::RunState;
+use crate::engine::run_tx::RunTx;
+use crate::engine::write_tx::WriteTx;
+use crate::ids::{RunId, random_token};
+use crate::leases::group_row::proposed_group;
+use crate::leases::proposal_queue::{self, QUEUE_TARGET};
+use crate::leases::scenario_cache::ScenarioCache;
+use crate::runs::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
+use crate::store::design_counters::{self, TrainingGroups};
+use crate::store::groups::GroupRow;
+use crate::store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
+use crate::store::proposals::{self, QueuedProposal};
+use crate::store::servable_layouts::{self, ServableLayout};
+use crate::store::{refills, tokens};
+
+/// Most groups of a lease.
+pub const MAX_GROUPS: u32 = 1024;
+/// Most episodes of a lease.
+pub const MAX_EPISODES: u32 = 16_384;
+/// Duration of a lease, in seconds.
+pub const TTL_S: RangeInclusive<u32> = 1..=24 * 3600;
+/// Most active leases of a run.
+const MAX_ACTIVE: i64 = 1024;
+/// Most groups of a lease whose scenarios are read while the lease is granted. A client that leases so few groups waits with an agent
+/// at a standstill, and each switch of threads costs time. The scenarios of larger leases are read outside the transaction.
+const SMALL_LEASE: usize = 8;
+
+/// Creates a lease of groups.
+#[derive(Debug, Clone)]
+pub struct CreateLease {
+    /// Id of the run.
+    pub run: RunId,
+    /// Number of groups.
+    pub groups: u32,
+    /// Number of episodes in each group; `None` for the run's own.
+    pub group_size: Option<u32>,
+    /// Version of the policy that will act.
+    pub policy_version: u32,
+    /// Duration of the lease, in seconds.
+    pub ttl_s: u32,
+    /// Purpose of the episodes.
+    pub purpose: Purpose,
+    /// Owner of the lease; `None` if no token is required.
+    pub owner: Option<OwnerQuota>,
+    /// True if groups with zero variance are replaced, up to as many as the lease has.
+    pub refill: bool,
+    /// Number of the evaluation whose scenarios are requested.
+    pub evaluation: Option<i64>,
+}
+
+/// Owner of a new lease or run, and how many of them the owner may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OwnerQuota {
+    /// Number of the owner's token.
+    pub token: i64,
+    /// Most active leases, or most runs, of the token.
+    pub max: u32,
+}
+
+/// A lease that was granted.
+#[derive(Debug)]
+pub struct GrantedLease {
+    /// Row of the lease.
+    pub row: LeaseRow,
+    /// Rows of its groups; empty for a lease of columns.
+    pub groups: Vec<GroupRow>,
+    /// Scenarios and brackets of the groups, if they were read with a small lease.
+    pub scenarios: Option<ScenarioCache>,
+}
+
+impl CreateLease {
+    /// Checks the request against the run, and returns the group size.
+    pub(crate) fn check(&self, state: &RunState) -> Result<u32, ServiceError> {
+        if state.is_paused {
+            return Err(ServiceError::Paused(state.run.clone()));
+        }
+        let group_size = self.group_size.unwrap_or(state.settings.group_size);
+        within("groups", self.groups, 1, MAX_GROUPS)?;
+        within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
+        within("ttl_s", self.ttl_s, *TTL_S.start(), *TTL_S.end())?;
+        within("groups × group_size", self.groups * group_size, 1, MAX_EPISODES)?;
+        if self.evaluation.is_some() && self.purpose != Purpose::Eval {
+            let why = "its scenarios are flown with purpose: eval";
+            return Err(ServiceError::invalid("evaluation", why));
+        }
+        if self.refill && (group_size < 2 || self.purpose != Purpose::Train) {
+            let why = "only groups of two or more episodes for training can come to the same; leave it out";
+            return Err(ServiceError::invalid("refill", why));
+        }
+        Ok(group_size)
+    }
+
+    /// Builds the row of the lease, if run and owner may have another one. The row is not written yet.
+    pub(crate) async fn new_row(
+        &self,
+        conn: &mut SqliteConnection,
+        group_size: u32,
+        now: i64,
+    ) -> Result<LeaseRow, ServiceError> {
+        let leases::LeaseCounters { next, active } = leases::counters(conn, self.run.as_str()).await?;
+        if active >= MAX_ACTIVE {
+            return Err(ServiceError::TooManyLeases(active));
+        }
+        if let Some(OwnerQuota { token, max }) = self.owner {
+            let held = tokens::count_leases(conn, token).await?;
+            if held >= i64::from(max) {
+                return Err(ServiceError::TooManyLeasesOfToken(max));
+            }
+        }
+        let ttl_ms = i64::from(self.ttl_s) * 1000;
+        Ok(LeaseRow {
+            is_compacted: false,
+            owner: self.owner.map(|owner| owner.token),
+            id: next,
+            token: random_token(6),
+            run: self.run.to_string(),
+            purpose: self.purpose,
+            form: LeaseForm::Groups,
+            status: LeaseStatus::Active,
+            groups: i64::from(self.groups),
+            group_size: i64::from(group_size),
+            policy_version: i64::from(self.policy_version),
+            ttl_ms,
+            created_at: now,
+            expires_at: now + ttl_ms,
+        })
+    }
+}
+
+impl Change for CreateLease {
+    /// `None` while scenarios are still being prepared.
+    type Output = Option<GrantedLease>;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<Self::Output, ServiceError> {
+        let mut run = tx.run(self.run.as_str()).await?;
+        let group_size = self.check(run.state)?;
+        let row = self.new_row(run.conn, group_size, run.now).await?;
+        let designed = match self.purpose {
+            Purpose::Train => serve::choose(run.conn, run.state, row.id, self.groups).await?,
+            Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
+        };
+        let proposed = designed.iter().filter(|layout| layout.is_none()).count();
+        let Some(head) = self.take_proposals(&mut run, proposed).await? else { return Ok(None) };
+        let groups = self.group_rows(&mut run, head, designed).await?;
+        leases::insert(run.conn, &row, &groups).await?;
+        if self.refill {
+            refills::allow(run.conn, row.id, row.groups).await?;
+        }
+        if self.purpose == Purpose::Train {
+            let all = i64::from(self.groups);
+            let added = TrainingGroups { all, designed: all - proposed as i64 };
+            design_counters::add_groups(run.conn, self.run.as_str(), added).await?;
+        }
+        let scenarios = match groups.len() {
+            ..=SMALL_LEASE => Some(ScenarioCache::of_groups(run.conn, &groups).await?),
+            _ => None,
+        };
+        proposal_queue::fill(&mut run, QUEUE_TARGET).await?;
+        run.emit(&RunEvent::lease(&row, LeaseEvent::Taken))?;
+        Ok(Some(GrantedLease { row, groups, scenarios }))
+    }
+}
+
+impl CreateLease {
+    /// Takes prepared proposals from the head of the queue; `None` if some of them are not prepared yet.
+    async fn take_proposals(
+        &self,
+        run: &mut RunTx<'_>,
+        count: usize,
+    ) -> Result<Option<Vec<QueuedProposal>>, ServiceError> {
+        let mut head = proposals::head(run.conn, self.run.as_str(), count as i64).await?;
+        if head.len() < count {
+            // The lease is larger than the queue usually is, or queued proposals were discarded as unsolvable.
+            proposal_queue::fill(run, QUEUE_TARGET.max(self.groups)).await?;
+            head = proposals::head(run.conn, self.run.as_str(), count as i64).await?;
+        }
+        if head.iter().any(|queued| queued.scenario.is_none()) {
+            return Ok(None);
+        }
+        let seqs: Vec<i64> = head.iter().map(|queued| queued.seq).collect();
+        proposals::set_leased(run.conn, self.run.as_str(), &seqs).await?;
+        Ok(Some(head))
+    }
+
+    /// Builds the rows of the groups: a layout where one was chosen, else the next proposal.
+    async fn group_rows(
+        &self,
+        run: &mut RunTx<'_>,
+        head: Vec<QueuedProposal>,
+        designed: Vec<Option<ServableLayout>>,
+    ) -> Result<Vec<GroupRow>, ServiceError> {
+        let is_evidence = match self.purpose {
+            Purpose::Train => run.state.settings.evidence_from == EvidenceFrom::Train,
+            Purpose::Probe => true,
+            Purpose::Eval => false,
+        };
+        let (mut head, mut groups) = (head.into_iter(), Vec::new());
+        for (number, layout) in (0i64..).zip(designed) {
+            groups.push(match layout {
+                Some(layout) => {
+                    servable_layouts::add_group(run.conn, layout.id, run.now).await?;
+                    serve::group(run.state, number, layout)
+                }
+                None => {
+                    let Some(queued) = head.next() else { continue }; // the head has one proposal for each such group
+                    proposed_group(number, queued, is_evidence, self.purpose == Purpose::Train)?
+                }
+            });
+        }
+        Ok(groups)
+    }
+}

@@ -1,0 +1,25 @@
+//! Looks a lease up by its id.
+
+use sqlx::SqliteConnection;
+
+use crate::engine::error::ServiceError;
+use crate::ids::{LeaseId, RunId};
+use crate::store::compacted_leases;
+use crate::store::leases::{self, LeaseRow};
+
+/// Returns the row of a lease of this run, compacted or not.
+///
+/// # Errors
+/// Returns [`ServiceError::UnknownLease`] if there is no such lease, or if it belongs to another run or database.
+pub async fn find_lease(
+    conn: &mut SqliteConnection,
+    run: &RunId,
+    lease: &LeaseId,
+) -> Result<LeaseRow, ServiceError> {
+    let row = match leases::get(conn, lease.number).await? {
+        None => compacted_leases::get(conn, run.as_str(), lease.number).await?.map(|folded| folded.row),
+        row => row,
+    };
+    row.filter(|row| row.token == lease.token && row.run == run.as_str())
+        .ok_or_else(|| ServiceError::UnknownLease(lease.to_string()))
+}

@@ -1,0 +1,35 @@
+//! Rows of groups that serve prepared proposals.
+
+use crate::engine::error::ServiceError;
+use crate::engine::run_state::group_role;
+use crate::store::from_json;
+use crate::store::groups::{GroupRow, GroupState};
+use crate::store::proposals::QueuedProposal;
+use curriculum::Proposal;
+
+/// Builds the row of a group that serves a prepared proposal. `is_evidence` says whether the group may count as evidence of mastery,
+/// and `is_for_training` whether the trainer may learn from it.
+pub(crate) fn proposed_group(
+    number: i64,
+    queued: QueuedProposal,
+    is_evidence: bool,
+    is_for_training: bool,
+) -> Result<GroupRow, ServiceError> {
+    let proposal: Proposal = from_json("a proposal", &queued.body)?;
+    Ok(GroupRow {
+        number,
+        proposal: Some(queued.seq),
+        layout: None,
+        scenario: queued.scenario.unwrap_or_default(),
+        task: proposal.task,
+        level: proposal.level.map(i64::from),
+        role: group_role(proposal.role),
+        is_contested: queued.is_contested.unwrap_or(false),
+        state: GroupState::Open,
+        finished: 0,
+        failed: 0,
+        successes: 0,
+        is_evidence,
+        is_for_training: proposal.train && is_for_training,
+    })
+}

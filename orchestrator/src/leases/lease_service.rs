@@ -1,0 +1,144 @@
+//! The service that grants leases and takes results, for trainers (over `/v1`), sessions and rollout workers alike.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::SqlitePool;
+use tokio::sync::watch;
+
+use crate::results::audit::audit;
+use crate::results::audit_outcome::AuditedReport;
+use crate::results::reported::ReportedEpisode;
+use crate::leases::eval::create_eval_lease;
+use crate::evaluation::lease::create_suite_lease;
+use crate::store::leases::Purpose;
+use crate::leases::create::{CreateLease, GrantedLease};
+use crate::results::report::{ReportReceipts, StoreResults};
+use crate::rollouts::rollout_lease::LeaseRolloutGroup;
+use crate::engine::error::ServiceError;
+use crate::engine::writer::Writer;
+use crate::runs::settings::RunSettings;
+use crate::ids::{LeaseId, RunId};
+use crate::store::run_policies::RunPolicyRow;
+use crate::store::{from_json, runs};
+
+/// How long a lease request waits for scenarios to be prepared before it is refused with `NotReady`.
+const PREPARE_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Results written by one change; lease requests are served between two parts.
+const RESULTS_PER_CHANGE: usize = 25;
+
+/// Grants leases and takes results.
+#[derive(Debug, Clone)]
+pub struct LeaseService {
+    /// Handle to the one writer.
+    pub writer: Writer,
+    /// Pool of connections that read.
+    pub readers: SqlitePool,
+    /// Changes whenever scenarios were prepared.
+    pub ready: watch::Receiver<u64>,
+    /// Queues of waiting lease requests, by run.
+    pub gates: Arc<LeaseGates>,
+    /// Threads that replay results and prepare leases for evaluation, at a lower priority than the threads that answer and write.
+    pub replay_pool: Arc<rayon::ThreadPool>,
+}
+
+/// One gate per run. Waiting requests pass it in order, so that a large lease is not overtaken for ever.
+#[derive(Debug, Default)]
+pub struct LeaseGates(parking_lot::Mutex<HashMap<RunId, Arc<tokio::sync::Mutex<()>>>>);
+
+impl LeaseGates {
+    fn of(&self, run: &RunId) -> Arc<tokio::sync::Mutex<()>> {
+        let mut gates = self.0.lock();
+        gates.retain(|_, gate| Arc::strong_count(gate) > 1); // no request waits there
+        Arc::clone(gates.entry(run.clone()).or_default())
+    }
+}
+
+impl LeaseService {
+    /// Grants a lease. It waits up to 10 s for scenarios that are still being prepared.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::NotReady`] if the preparation takes longer, and other errors if the lease may not be granted.
+    pub async fn lease(&self, request: CreateLease) -> Result<GrantedLease, ServiceError> {
+        if let Some(evaluation) = request.evaluation.filter(|_| request.purpose == Purpose::Eval) {
+            return create_suite_lease(&self.writer, &self.replay_pool, request, evaluation).await;
+        }
+        if request.purpose == Purpose::Eval {
+            return create_eval_lease(&self.writer, &self.replay_pool, request).await;
+        }
+        let run = request.run.clone();
+        self.when_ready(&run, || self.writer.change(request.clone())).await
+    }
+
+    /// Grants a lease of one group to a rollout worker, and returns the run's policy with it. It waits as [`Self::lease`] does.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::lease`], and [`ServiceError::Paused`] if the run has no policy any more.
+    pub async fn lease_for_rollout(&self, run: &RunId) -> Result<(LeaseId, RunPolicyRow), ServiceError> {
+        self.when_ready(run, || self.writer.change(LeaseRolloutGroup { run: run.clone() })).await
+    }
+
+    /// Repeats `attempt` until it succeeds, each time scenarios were prepared, in order with the other requests of the run.
+    async fn when_ready<T, F>(&self, run: &RunId, attempt: impl Fn() -> F) -> Result<T, ServiceError>
+    where
+        F: Future<Output = Result<Option<T>, ServiceError>>,
+    {
+        let gate = self.gates.of(run);
+        let mut ready = self.ready.clone();
+        let waiting = async {
+            let _permit = gate.lock().await;
+            loop {
+                ready.mark_unchanged();
+                if let Some(granted) = attempt().await? {
+                    return Ok(granted);
+                }
+                ready.changed().await.map_err(|_| ServiceError::Stopping)?;
+            }
+        };
+        tokio::time::timeout(PREPARE_TIMEOUT, waiting).await.unwrap_or(Err(ServiceError::NotReady))
+    }
+
+    /// Replays reported episodes and stores their results. The receipts are returned after the commit.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::UnknownRun`], or an error of the store. Results that were written before the error are kept, and are
+    /// answered as duplicates when they are reported again. A report that is wrong is refused in its receipt.
+    pub async fn submit_results(
+        &self,
+        run: RunId,
+        policy_version: Option<u32>,
+        reported: Vec<ReportedEpisode>,
+    ) -> Result<ReportReceipts, ServiceError> {
+        let AuditedReport { episodes, mut brackets } = self.replay_results(&run, reported).await?;
+        let mut answer = ReportReceipts::default();
+        let mut episodes = episodes.into_iter();
+        loop {
+            let part: Vec<_> = episodes.by_ref().take(RESULTS_PER_CHANGE).collect();
+            let report = AuditedReport { episodes: part, brackets: std::mem::take(&mut brackets) };
+            let stored = self.writer.change(StoreResults { run: run.clone(), policy_version, report }).await?;
+            answer.receipts.extend(stored.receipts);
+            answer.summary.add(stored.summary);
+            if episodes.len() == 0 {
+                return Ok(answer);
+            }
+        }
+    }
+
+    /// Replays reported episodes without storing anything.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::UnknownRun`], or an error of the store.
+    pub async fn replay_results(
+        &self,
+        run: &RunId,
+        reported: Vec<ReportedEpisode>,
+    ) -> Result<AuditedReport, ServiceError> {
+        let mut conn = self.readers.acquire().await?;
+        let row = runs::get(&mut conn, run.as_str()).await?;
+        let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
+        let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+        audit(&mut conn, &self.replay_pool, run, settings, reported).await
+    }
+}

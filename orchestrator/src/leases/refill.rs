@@ -1,0 +1,43 @@
+//! Replaces groups with zero variance: a trainer learns nothing from a group whose episodes all have the same score.
+
+use crate::results::report_summary::RefilledGroups;
+use crate::leases::group_row::proposed_group;
+use crate::leases::proposal_queue;
+use crate::leases::proposal_queue::QUEUE_TARGET;
+use crate::runs::settings::EvidenceFrom;
+use crate::engine::error::ServiceError;
+use crate::engine::run_tx::RunTx;
+use crate::store::leases::{self, LeaseRow};
+use crate::store::refills::{self, OwedRefill};
+use crate::store::{groups, proposals};
+
+/// Adds `count` groups to what a lease is owed, and grants what is owed as far as scenarios are prepared.
+pub(crate) async fn request_refill(
+    run: &mut RunTx<'_>,
+    lease: &LeaseRow,
+    count: i64,
+) -> Result<Vec<RefilledGroups>, ServiceError> {
+    refills::owe(run.conn, lease.id, count).await?;
+    grant_refills(run).await
+}
+
+/// Grants the leases of a run the groups they are owed, as far as scenarios are prepared.
+pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<RefilledGroups>, ServiceError> {
+    let mut granted = Vec::new();
+    for OwedRefill { lease: id, groups: owed } in refills::owed(run.conn, &run.state.run).await? {
+        let is_evidence = run.state.settings.evidence_from == EvidenceFrom::Train;
+        let head = proposals::head(run.conn, &run.state.run, owed).await?;
+        let ready: Vec<_> = head.into_iter().take_while(|queued| queued.scenario.is_some()).collect();
+        let Some(lease) = leases::get(run.conn, id).await?.filter(|_| !ready.is_empty()) else { break };
+        let seqs: Vec<i64> = ready.iter().map(|queued| queued.seq).collect();
+        proposals::set_leased(run.conn, &run.state.run, &seqs).await?;
+        let numbered = (lease.groups..).zip(ready);
+        let rows = numbered.map(|(number, queued)| proposed_group(number, queued, is_evidence, true));
+        let rows = rows.collect::<Result<Vec<_>, _>>()?;
+        groups::insert(run.conn, id, &rows).await?;
+        refills::add_given(run.conn, OwedRefill { lease: id, groups: rows.len() as i64 }).await?;
+        granted.push(RefilledGroups { lease: lease.name(), groups: rows.iter().map(|row| row.number).collect() });
+        proposal_queue::fill(run, QUEUE_TARGET).await?;
+    }
+    Ok(granted)
+}

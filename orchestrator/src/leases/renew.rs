@@ -1,0 +1,40 @@
+//! Renews a lease.
+
+use crate::metrics::LeaseEvent;
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::write_tx::WriteTx;
+use crate::ids::{LeaseId, RunId};
+use crate::leases::find::find_lease;
+use crate::results::columns::status::is_claimed;
+use crate::store::leases::{self, LeaseRow, LeaseStatus};
+
+/// Extends an active lease by its duration, from now.
+#[derive(Debug)]
+pub struct RenewLease {
+    /// Id of the run.
+    pub run: RunId,
+    /// Id of the lease.
+    pub lease: LeaseId,
+}
+
+impl Change for RenewLease {
+    type Output = LeaseRow;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<LeaseRow, ServiceError> {
+        let mut row = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
+        if !row.is_active() || row.expires_at <= tx.now {
+            let status = if row.is_active() { LeaseStatus::Expired } else { row.status };
+            return Err(ServiceError::LeaseOver { lease: self.lease.to_string(), status });
+        }
+        if row.is_columns() && is_claimed(&mut tx.conn, row.id).await? {
+            // A trainer that knows which groups are audited must not gain time to fly them until they fit its claim.
+            return Err(ServiceError::AuditDue(self.lease.to_string()));
+        }
+        row.expires_at = tx.now + row.ttl_ms;
+        leases::set_expiry(&mut tx.conn, row.id, row.expires_at).await?;
+        tx.emit(&row.run, &RunEvent::lease(&row, LeaseEvent::Renewed))?;
+        Ok(row)
+    }
+}

@@ -1,0 +1,262 @@
+//! Metrics of the service: one function or type for each, so that names and labels are in one place. `docs/operations.md` lists
+//! them.
+
+use std::time::Duration;
+
+use axum::http::{Method, StatusCode};
+use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
+use serde::Serialize;
+
+use crate::results::receipt_status::ReceiptStatus;
+use crate::results::refusal::RefusalCode;
+
+/// Event in the life of a lease: the `state` of its events, and the label of `sparring_leases_total`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseEvent {
+    /// A client took the lease.
+    Taken,
+    /// The client renewed the lease.
+    Renewed,
+    /// All groups of the lease are closed.
+    Done,
+    /// The client returned the lease.
+    Released,
+    /// The lease has expired.
+    Expired,
+}
+
+impl LeaseEvent {
+    /// All values, in the order of their declaration.
+    pub const ALL: [Self; 5] = [Self::Taken, Self::Renewed, Self::Done, Self::Released, Self::Expired];
+
+    /// The word that events and metrics show.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Taken => "taken",
+            Self::Renewed => "renewed",
+            Self::Done => "done",
+            Self::Released => "released",
+            Self::Expired => "expired",
+        }
+    }
+}
+
+/// Describes all metrics, and registers counters at 0.
+pub fn register() {
+    describe_counter!("sparring_http_requests_total", "Requests answered, by method, route and status.");
+    describe_histogram!("sparring_http_request_seconds", Unit::Seconds, "How long requests took, by route.");
+    describe_counter!(
+        "sparring_leases_total",
+        "Leases by what happened to them: taken, renewed, done, released, expired."
+    );
+    describe_counter!("sparring_results_total", "Reported episodes, by status and code of their receipts.");
+    describe_counter!(
+        "sparring_mismatches_total",
+        "Audited episodes that did not replay to what was claimed."
+    );
+    describe_counter!("sparring_proposals_total", "Scenarios proposed, by strategy.");
+    describe_counter!("sparring_moves_total", "Level moves, by task and direction.");
+    describe_counter!("sparring_layouts_total", "Designed layouts, by the verdict of the gate.");
+    describe_counter!("sparring_rollout_groups_total", "Groups that the server's workers pushed to a feed.");
+    describe_counter!("sparring_folded_episodes_total", "Episodes of compacted leases.");
+    describe_counter!("sparring_commit_failures_total", "Commits that failed; nothing of them was kept.");
+    describe_histogram!("sparring_commit_seconds", Unit::Seconds, "How long commits took, to the disk.");
+    describe_histogram!("sparring_commit_changes", "Changes that were committed together.");
+    describe_gauge!("sparring_writable", "1 if the database could be written at the last check, else 0.");
+    describe_gauge!("sparring_writer_queue", "Changes that wait for the writer, by queue.");
+    describe_gauge!("sparring_critique_waiting", "Episodes that wait for their critique.");
+    describe_gauge!("sparring_sessions", "Active sessions.");
+    describe_gauge!("sparring_sessions_limit", "Sessions that may be active.");
+    describe_gauge!("sparring_connections", "Open connections.");
+    describe_gauge!("sparring_database_bytes", "Size of the database, by used and free pages.");
+    describe_gauge!("sparring_level", "The level of a task of a run.");
+    describe_gauge!(
+        "sparring_mastery",
+        "Mean of the posterior over success on contested scenarios at that level."
+    );
+    describe_gauge!("sparring_workers", "Busy workers, by job.");
+    describe_gauge!("sparring_build_info", "1, with the version.");
+    gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    register_zeros();
+}
+
+/// Registers counters at 0: a rate of a counter that is missing cannot be queried.
+fn register_zeros() {
+    for event in LeaseEvent::ALL {
+        counter!("sparring_leases_total", "state" => event.as_str()).absolute(0);
+    }
+    for status in ReceiptStatus::ALL {
+        counter!("sparring_results_total", "status" => status.as_str(), "code" => "").absolute(0);
+    }
+    counter!("sparring_mismatches_total").absolute(0);
+    counter!("sparring_rollout_groups_total").absolute(0);
+    counter!("sparring_folded_episodes_total").absolute(0);
+    counter!("sparring_commit_failures_total").absolute(0);
+    gauge!("sparring_connections").increment(0.0);
+}
+
+/// Counts an HTTP request that was answered.
+pub fn record_request(method: &Method, route: String, status: StatusCode, duration: Duration) {
+    histogram!("sparring_http_request_seconds", "route" => route.clone()).record(duration);
+    // Clients may send any method: unknown ones share a label.
+    let method = match method.as_str() {
+        known @ ("GET" | "HEAD" | "POST" | "PUT" | "DELETE" | "PATCH" | "OPTIONS") => known.to_owned(),
+        _ => "other".to_owned(),
+    };
+    let status = status.as_str().to_owned();
+    counter!("sparring_http_requests_total", "method" => method, "route" => route, "status" => status)
+        .increment(1);
+}
+
+/// Counts an event of a lease.
+pub fn record_lease(event: LeaseEvent) {
+    counter!("sparring_leases_total", "state" => event.as_str()).increment(1);
+}
+
+/// Counts a reported episode, by the status and code of its receipt.
+pub fn record_result(status: ReceiptStatus, code: Option<RefusalCode>) {
+    counter!("sparring_results_total", "status" => status.as_str(), "code" => code.map_or("", RefusalCode::as_str)).increment(1);
+    if code == Some(RefusalCode::NotAsClaimed) {
+        counter!("sparring_mismatches_total").increment(1);
+    }
+}
+
+/// Counts proposals of a strategy.
+pub fn record_proposals(strategy: String, count: u64) {
+    counter!("sparring_proposals_total", "strategy" => strategy).increment(count);
+}
+
+/// Counts a level move of a task.
+pub fn record_level_move(task: String, direction: String) {
+    counter!("sparring_moves_total", "task" => task, "move" => direction).increment(1);
+}
+
+/// Counts designed layouts with one verdict of the gate.
+pub fn record_layouts(verdict: &str, count: i64) {
+    counter!("sparring_layouts_total", "verdict" => verdict.to_owned()).increment(count.unsigned_abs());
+}
+
+/// Counts a group that a worker pushed to a feed.
+pub fn record_rollout_group() {
+    counter!("sparring_rollout_groups_total").increment(1);
+}
+
+/// Counts episodes of compacted leases.
+pub fn record_compacted(episodes: u64) {
+    counter!("sparring_folded_episodes_total").increment(episodes);
+}
+
+/// Counts a commit of `changes` changes, successful or not.
+pub fn record_commit(changes: usize, duration: Duration, succeeded: bool) {
+    histogram!("sparring_commit_changes").record(changes as f64);
+    histogram!("sparring_commit_seconds").record(duration);
+    if !succeeded {
+        counter!("sparring_commit_failures_total").increment(1);
+    }
+}
+
+/// Sets whether the database can be written.
+pub fn set_writable(is_writable: bool) {
+    gauge!("sparring_writable").set(f64::from(u8::from(is_writable)));
+}
+
+/// Sets how many changes wait for the writer.
+pub fn set_writer_queue(urgent: usize, bulk: usize) {
+    gauge!("sparring_writer_queue", "queue" => "urgent").set(urgent as f64);
+    gauge!("sparring_writer_queue", "queue" => "bulk").set(bulk as f64);
+}
+
+/// Sets how many episodes wait for their critique.
+pub fn set_critique_waiting(episodes: i64) {
+    gauge!("sparring_critique_waiting").set(episodes as f64);
+}
+
+/// Sets how many sessions are active, and how many may be.
+pub fn set_sessions(active: usize, limit: usize) {
+    gauge!("sparring_sessions").set(active as f64);
+    gauge!("sparring_sessions_limit").set(limit as f64);
+}
+
+/// Sets the size of the database's pages, bytes.
+pub fn set_database_bytes(all: i64, free: i64) {
+    gauge!("sparring_database_bytes", "pages" => "used").set((all - free) as f64);
+    gauge!("sparring_database_bytes", "pages" => "free").set(free as f64);
+}
+
+/// Sets level and mastery of a task of a run.
+pub fn set_task(run: &str, task: &str, level: Option<u32>, mastery: Option<f64>) {
+    let labels = [("run", run.to_owned()), ("task", task.to_owned())];
+    if let Some(level) = level {
+        gauge!("sparring_level", &labels).set(f64::from(level));
+    }
+    if let Some(mastery) = mastery {
+        gauge!("sparring_mastery", &labels).set(mastery);
+    }
+}
+
+/// Counts an open connection while it lives.
+#[derive(Debug)]
+pub struct ConnectionGuard(());
+
+impl ConnectionGuard {
+    /// Counts one more open connection.
+    #[must_use]
+    pub fn new() -> Self {
+        gauge!("sparring_connections").increment(1.0);
+        Self(())
+    }
+}
+
+impl Default for ConnectionGuard {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Drop for ConnectionGuard {
+    fn drop(&mut self) {
+        gauge!("sparring_connections").decrement(1.0);
+    }
+}
+
+/// Counts a busy worker while it lives.
+#[derive(Debug)]
+pub struct BusyGuard(&'static str);
+
+impl BusyGuard {
+    /// Counts one worker of this job.
+    #[must_use]
+    pub fn new(job: &'static str) -> Self {
+        gauge!("sparring_workers", "job" => job).increment(1.0);
+        Self(job)
+    }
+}
+
+impl Drop for BusyGuard {
+    fn drop(&mut self) {
+        gauge!("sparring_workers", "job" => self.0).decrement(1.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use metrics_exporter_prometheus::PrometheusBuilder;
+
+    use super::*;
+
+    #[test]
+    fn every_label_of_results_and_leases_starts_at_zero() {
+        let recorder = PrometheusBuilder::new().build_recorder();
+        metrics::with_local_recorder(&recorder, register);
+        let rendered = recorder.handle().render();
+        let count = |name: &str| rendered.lines().filter(|line| line.starts_with(name)).count();
+        for status in ReceiptStatus::ALL {
+            let line = format!("sparring_results_total{{status=\"{}\",code=\"\"}} 0", status.as_str());
+            assert!(rendered.lines().any(|shown| shown == line), "{line} is missing in\n{rendered}");
+        }
+        assert_eq!(count("sparring_results_total{"), ReceiptStatus::ALL.len());
+        assert_eq!(count("sparring_leases_total{"), LeaseEvent::ALL.len());
+    }
+}

@@ -1,0 +1,230 @@
+//! Closes groups: their counters and history are written, and their outcome goes to the curriculum, to their layout or to their
+//! evaluation.
+
+use std::collections::BTreeMap;
+
+use env_core::admission;
+
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::run_tx::RunTx;
+use crate::leases::refill;
+use crate::leases::scenario_cache::ScenarioCache;
+use crate::results::observe::observe;
+use crate::results::report_summary::{ClosedGroup, ReportSummary};
+use crate::store::group_counters::{self, GroupCounters};
+use crate::store::group_results::{self, GroupResult};
+use crate::store::groups::{self, GroupRow, GroupState};
+use crate::store::history::ParamValue;
+use crate::store::leases::LeaseRow;
+use crate::store::task_counters::{self, TaskCounters};
+use crate::store::{from_json, proposals, to_u32, to_u64};
+use crate::{designs, evaluation};
+use curriculum::{GroupOutcome, LearningSignals, LevelMove, Proposal};
+
+/// Times a scenario is offered at most: a scenario that crashes every trainer must not return for ever.
+const MAX_ATTEMPTS: i64 = 3;
+
+/// Groups of a task whose blind panel is examined in one transaction at most, if only the history needs it: it means reading the
+/// scenario.
+const MAX_EXAMINED_PANELS: i64 = 2;
+
+/// Closes groups of a lease. A group is complete if every episode finished, else partial if enough did, else lost; the scenario of a
+/// lost group is offered again.
+pub(crate) async fn close_groups(
+    run: &mut RunTx<'_>,
+    lease: &LeaseRow,
+    groups: Vec<GroupRow>,
+) -> Result<ReportSummary, ServiceError> {
+    update_and_close(run, lease, Vec::new(), groups).await
+}
+
+/// Writes the groups that stay open, and closes the others.
+pub(crate) async fn update_and_close(
+    run: &mut RunTx<'_>,
+    lease: &LeaseRow,
+    open: Vec<GroupRow>,
+    mut closing: Vec<GroupRow>,
+) -> Result<ReportSummary, ServiceError> {
+    let min_finished = i64::from(run.state.settings.enough(to_u32(lease.group_size)));
+    for group in &mut closing {
+        group.state = match (group.finished >= min_finished, group.finished == lease.group_size) {
+            (_, true) => GroupState::Complete,
+            (true, false) => GroupState::Partial,
+            (false, false) => GroupState::Lost,
+        };
+    }
+    let mut rows = open;
+    rows.extend(closing.iter().cloned());
+    groups::update(run.conn, lease.id, &rows, run.now).await?;
+    let (mut summary, mut group_sums) = (ReportSummary::default(), Vec::new());
+    if closing.is_empty() {
+        return Ok(summary);
+    }
+    let numbers: Vec<i64> = closing.iter().map(|group| group.number).collect();
+    let statistics = group_results::read(run.conn, lease, &numbers).await?;
+    let statistics: BTreeMap<i64, GroupResult> = statistics.into_iter().map(|of| (of.number, of)).collect();
+    for group in &closing {
+        let Some(statistics) = statistics.get(&group.number) else { continue }; // every group of the lease is in the store
+        let closed = closed_group(lease, group, statistics);
+        let is_enough = group.finished >= min_finished;
+        summary.moves.extend(close_group(run, lease, group, statistics, &closed, is_enough).await?);
+        if lease.group_size > 1 && group.counts() {
+            group_sums.push(group_counters(group, &closed));
+        }
+        summary.groups.push(closed);
+    }
+    group_counters::add(run.conn, &lease.run, &group_sums).await?;
+    if lease.is_columns() {
+        summary.groups.clear();
+        return Ok(summary);
+    }
+    let zero_variance = summary.groups.iter().filter(|group| group.zero_variance == Some(true)).count();
+    if zero_variance > 0 {
+        summary.refills = refill::request_refill(run, lease, zero_variance as i64).await?;
+    }
+    Ok(summary)
+}
+
+fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) -> ClosedGroup {
+    let is_flat = statistics.lowest.zip(statistics.highest).map(|(lowest, highest)| highest <= lowest);
+    ClosedGroup {
+        lease: lease.name(),
+        group: group.number,
+        state: group.state,
+        finished: group.finished,
+        failed: group.failed,
+        expired: (lease.group_size - group.finished - group.failed).max(0),
+        successes: group.successes,
+        mean_score: statistics.score,
+        zero_variance: is_flat.filter(|_| group.finished > 1),
+    }
+}
+
+/// Closes one group and returns the level moves it caused.
+async fn close_group(
+    run: &mut RunTx<'_>,
+    lease: &LeaseRow,
+    group: &GroupRow,
+    statistics: &GroupResult,
+    closed: &ClosedGroup,
+    is_enough: bool,
+) -> Result<Vec<LevelMove>, ServiceError> {
+    let expired = closed.expired;
+    run.emit(&RunEvent::group(lease, group, expired))?;
+    if expired > 0 && group.counts() {
+        let lost = TaskCounters { expired, ..TaskCounters::default() };
+        run.task_counts(&group.task).add(&lost, group.level);
+        task_counters::add(run.conn, &lease.run, &BTreeMap::from([(task_counters::TaskCountersKey::of(group), lost)])).await?;
+    }
+    let panel = panel_success_rate(run, group, is_enough).await?;
+    if is_enough && group.counts() {
+        add_to_history(run, lease, group, closed, panel);
+    }
+    let Some(seq) = group.proposal else {
+        return match group.layout {
+            Some(_) => designs::outcome::take(run, lease, group, is_enough, expired).await,
+            None => {
+                evaluation::fill::take(run, lease, group).await?;
+                Ok(Vec::new())
+            }
+        };
+    };
+    let Some(body) = &statistics.proposal else { return Ok(Vec::new()) };
+    let proposal: Proposal = from_json("a proposal", body)?;
+    if is_enough && group.counts() {
+        let params = proposal.params.iter().map(|(name, value)| ParamValue { name, value: *value });
+        run.task_counts(&group.task).add_params(params);
+    }
+    if !is_enough && run.state.curriculum.is_current(to_u64(seq), &proposal) {
+        proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;
+    }
+    let panel = panel.filter(|_| run.state.settings.curriculum.uses_panel());
+    let counted = |count: i64| if is_enough { to_u32(count) } else { 0 };
+    let outcome = GroupOutcome {
+        proposal: to_u64(seq),
+        level: proposal.level,
+        epoch: proposal.epoch,
+        role: proposal.role,
+        contested: group.is_contested,
+        // Too few finished episodes say nothing about the scenario, but the lost ones are passed on.
+        finished: counted(group.finished),
+        successes: counted(group.successes),
+        failed: to_u32(group.failed),
+        expired: to_u32(expired),
+        evidence: group.is_evidence,
+        mean_score: statistics.score.unwrap_or(0.0),
+        mean_skill: statistics.skill,
+        source: proposal.source,
+        params: if proposal.level.is_none() { proposal.params } else { Vec::new() },
+        signals: LearningSignals {
+            regret: statistics.regret,
+            panel,
+            positive_value_loss: statistics.positive_value_loss,
+            max_mc: statistics.max_mc,
+        },
+        task: proposal.task,
+    };
+    observe(run, outcome).await
+}
+
+/// True if the success of a group counts in the history of contested scenarios. The scenario of a layout is repeated many times:
+/// `designs/` decides about those.
+const fn is_contested_evidence(group: &GroupRow) -> bool {
+    group.is_contested && group.is_evidence && group.finished > 0 && group.layout.is_none()
+}
+
+/// Returns the share of blind plans that succeed on a group's scenario, if the strategy uses it or the history samples it.
+async fn panel_success_rate(
+    run: &mut RunTx<'_>,
+    group: &GroupRow,
+    is_enough: bool,
+) -> Result<Option<f64>, ServiceError> {
+    let is_sampled = is_enough
+        && group.counts()
+        && is_contested_evidence(group)
+        && run.outbox.examined_panels(&run.state.run, &group.task) < MAX_EXAMINED_PANELS;
+    let is_used = group.proposal.is_some() && run.state.settings.curriculum.uses_panel();
+    if !is_sampled && !is_used {
+        return Ok(None);
+    }
+    let scenarios = ScenarioCache::of(run.conn, &[&group.scenario]).await?;
+    let (scenario, bracket) = scenarios.get(&group.scenario, true)?;
+    Ok(bracket.map(|bracket| admission::panel_success_rate(scenario, bracket)))
+}
+
+/// Adds a closed group to the history of its task.
+fn add_to_history(
+    run: &mut RunTx<'_>,
+    lease: &LeaseRow,
+    group: &GroupRow,
+    closed: &ClosedGroup,
+    panel: Option<f64>,
+) {
+    let counts = run.task_counts(&group.task);
+    if lease.group_size > 1 {
+        counts.groups += 1;
+        counts.flat += i64::from(closed.zero_variance == Some(true));
+    }
+    if is_contested_evidence(group) {
+        counts.contested += 1;
+        counts.solved += group.successes as f64 / group.finished as f64;
+        if let Some(share) = panel {
+            counts.panels += 1;
+            counts.panel += share;
+        }
+    }
+}
+
+/// Counters of one group of several episodes.
+fn group_counters(group: &GroupRow, closed: &ClosedGroup) -> GroupCounters {
+    let is_in = |state: GroupState| i64::from(group.state == state);
+    GroupCounters {
+        task: group.task.clone(),
+        level: group.level.unwrap_or(-1),
+        complete: is_in(GroupState::Complete),
+        partial: is_in(GroupState::Partial),
+        lost: is_in(GroupState::Lost),
+        flat: i64::from(group.state != GroupState::Lost && closed.zero_variance == Some(true)),
+    }
+}

@@ -1,0 +1,39 @@
+//! Compares audited episodes with their claimed scores.
+
+use crate::results::columns::table::MAX_SCORE_GAP;
+use crate::store::episodes::EpisodeRow;
+use crate::store::groups::GroupRow;
+
+/// Outcome of comparing an audited episode with its claim.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum AuditCheck {
+    /// The replay agrees with the claim.
+    Agrees,
+    /// The episode failed, as claimed: no log is due.
+    Failed,
+    /// The replay contradicts the claim, for the reason in this sentence.
+    Differs(String),
+}
+
+/// Compares an audited episode with its claimed score; `None` if it is claimed to have failed.
+pub(crate) fn check_episode(claimed: Option<f64>, group: &GroupRow, row: &EpisodeRow) -> AuditCheck {
+    let (claimed, score) = match (claimed, row.score) {
+        (Some(claimed), Some(score)) => (claimed, score),
+        (None, None) => return AuditCheck::Failed,
+        (Some(_), None) => {
+            return AuditCheck::Differs("it is reported as failed, and was claimed as finished".to_owned());
+        }
+        (None, Some(_)) => {
+            return AuditCheck::Differs("it is reported as flown, and was claimed as failed".to_owned());
+        }
+    };
+    let range = env_core::task(&group.task).map_or(1.0, |task| {
+        let range = task.score_range();
+        range.max - range.min
+    });
+    if (score - claimed).abs() <= MAX_SCORE_GAP * range {
+        AuditCheck::Agrees
+    } else {
+        AuditCheck::Differs(format!("its log replays to {score:.6}, and {claimed:.6} was claimed"))
+    }
+}

@@ -1,0 +1,197 @@
+//! Stores a claim: the results of all episodes of a lease as columns.
+
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::run_tx::RunTx;
+use crate::engine::write_tx::WriteTx;
+use crate::ids::{LeaseId, RunId};
+use crate::leases::find::find_lease;
+use crate::leases::lease_service::LeaseService;
+use crate::results::columns::draw::{DrawnGroup, RecipeRange, draw_audit};
+use crate::results::columns::settle::settle;
+use crate::results::columns::status::{ClaimStatus, claim_status_of};
+use crate::results::columns::table::{Columns, MAX_SCORE_GAP, range_episodes, range_totals};
+use crate::runs::settings::{EvidenceFrom, RunSettings};
+use crate::store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
+use crate::store::compacted_leases::{self, CompactedClaim};
+use crate::store::groups::{self, GroupRow, GroupState};
+use crate::store::leases::{self, LeaseRow, LeaseStatus, Purpose};
+use crate::store::scenarios::{self, ScenarioLoader};
+use crate::store::{from_json, runs};
+
+/// Share of failed episodes above which a claim is no evidence; the same share as of a block.
+const MAX_FAILED_SHARE: f64 = 0.1;
+
+/// Stores the columns of a lease, and draws the groups to audit. The answer is sent after the commit. The same columns again receive
+/// the same answer.
+///
+/// # Errors
+/// Returns [`ServiceError::Invalid`] if the columns do not fit the lease, [`ServiceError::ClaimedOtherwise`] if they differ from the
+/// columns that were sent before, and [`ServiceError::LeaseOver`] if the lease has ended.
+pub async fn claim(
+    lease_service: &LeaseService,
+    run: RunId,
+    lease: LeaseId,
+    policy_version: Option<u32>,
+    columns: Columns,
+) -> Result<ClaimStatus, ServiceError> {
+    let mut conn = lease_service.readers.acquire().await?;
+    let stored = runs::get(&mut conn, run.as_str()).await?;
+    let stored = stored.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
+    let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
+    let row = find_lease(&mut conn, &run, &lease).await?;
+    if !row.is_columns() {
+        let why = "its episodes are reported one by one; take a lease with form: columns to send columns";
+        return Err(ServiceError::invalid("lease", why));
+    }
+    columns.check(usize::try_from(row.episodes()).unwrap_or_default())?;
+    let columns = columns.canonical();
+    let mut loader = ScenarioLoader::default();
+    let mut ranges = Vec::new();
+    for range in columns::ranges(&mut conn, row.id).await? {
+        let recipe = loader.recipe(&mut conn, &range.recipe).await?;
+        ranges.push(RecipeRange { range, recipe });
+    }
+    drop(conn);
+    let groups = settings.audit_groups;
+    let group_size = usize::try_from(row.group_size).unwrap_or(1);
+    // Compressing and drawing take milliseconds, which the threads that answer cannot spare.
+    let change = tokio::task::spawn_blocking(move || {
+        for RecipeRange { range, recipe } in &ranges {
+            check_scores(&columns, range, group_size, recipe.task().score_range())?;
+        }
+        let drawn = draw_audit(&columns, &ranges, group_size, groups as usize)?;
+        let totals = ranges.iter().map(|of| range_totals(&columns, &of.range, group_size)).collect();
+        let (digest, body) = (columns.digest(), columns.encode()?);
+        let failed = columns.failed.iter().filter(|failed| **failed).count();
+        Ok::<_, ServiceError>(StoreClaim { run, lease, policy_version, digest, body, failed, drawn, totals })
+    });
+    let change = change.await.map_err(|error| ServiceError::invalid("score", error.to_string()))??;
+    lease_service.writer.change(change).await
+}
+
+/// Checks that the claimed scores of a range are possible for its task.
+fn check_scores(
+    columns: &Columns,
+    range: &SeedRangeRow,
+    group_size: usize,
+    scores: env_core::space::ScoreRange,
+) -> Result<(), ServiceError> {
+    let tolerance = MAX_SCORE_GAP * (scores.max - scores.min);
+    for at in range_episodes(range, group_size) {
+        let score = f64::from(columns.scores[at]);
+        let is_possible = (scores.min - tolerance..=scores.max + tolerance).contains(&score);
+        if !is_possible && !columns.has_failed(at) {
+            let why =
+                format!("it is {score}, but scores of {} are {} to {}", range.task, scores.min, scores.max);
+            return Err(ServiceError::invalid(format!("score.{at}"), why));
+        }
+    }
+    Ok(())
+}
+
+/// Stores a claim, and the groups that are audited.
+struct StoreClaim {
+    run: RunId,
+    lease: LeaseId,
+    policy_version: Option<u32>,
+    digest: Vec<u8>,
+    body: Vec<u8>,
+    failed: usize,
+    drawn: Vec<DrawnGroup>,
+    totals: Vec<RangeTotals>,
+}
+
+impl Change for StoreClaim {
+    type Output = ClaimStatus;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<ClaimStatus, ServiceError> {
+        let mut lease = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
+        if let Some(before) = columns::claim(&mut tx.conn, lease.id).await? {
+            if before.digest != self.digest {
+                return Err(ServiceError::ClaimedOtherwise(self.lease.to_string()));
+            }
+            return claim_status_of(&mut tx.conn, lease, before).await;
+        }
+        if lease.is_compacted
+            && let Some(compacted) = compacted_leases::get(&mut tx.conn, self.run.as_str(), lease.id).await?
+            && let Some(CompactedClaim { state, episodes, failed }) = compacted.claim
+        {
+            // The columns were stored before and are compacted: nothing is left to compare these with.
+            let (policy_version, at) = (lease.policy_version, lease.created_at);
+            let claim =
+                ColumnClaimRow { state, digest: self.digest, policy_version, episodes, failed, why: None, at };
+            return Ok(ClaimStatus { claim, lease, audited: Vec::new() });
+        }
+        if !lease.is_active() || lease.expires_at <= tx.now {
+            let status = if lease.is_active() { LeaseStatus::Expired } else { lease.status };
+            return Err(ServiceError::LeaseOver { lease: self.lease.to_string(), status });
+        }
+        let row = ColumnClaimRow {
+            state: ClaimState::Claimed,
+            digest: self.digest,
+            policy_version: self.policy_version.map_or(lease.policy_version, i64::from),
+            episodes: lease.episodes(),
+            failed: self.failed as i64,
+            why: None,
+            at: tx.now,
+        };
+        columns::insert_claim(&mut tx.conn, lease.id, &row, &self.body).await?;
+        for totals in &self.totals {
+            columns::set_range_totals(&mut tx.conn, lease.id, totals).await?;
+        }
+        let RunTx { state, conn, .. } = tx.run(&lease.run).await?;
+        let is_evidence = lease.purpose == Purpose::Probe || state.settings.evidence_from == EvidenceFrom::Train;
+        let is_lossy = self.failed as f64 > MAX_FAILED_SHARE * lease.episodes() as f64;
+        insert_audited_groups(conn, &lease, &self.drawn, is_evidence && !is_lossy).await?;
+        lease.expires_at = tx.now + lease.ttl_ms;
+        leases::set_expiry(&mut tx.conn, lease.id, lease.expires_at).await?;
+        let event = RunEvent::Claim {
+            lease: lease.name(),
+            state: row.state,
+            episodes: row.episodes,
+            failed: row.failed,
+            audited: self.drawn.len() as i64,
+            why: None,
+        };
+        tx.emit(&lease.run, &event)?;
+        if self.drawn.is_empty() {
+            settle(tx, &lease).await?; // every episode failed: there is nothing to audit
+        }
+        // The claim may have been settled at once.
+        let claim = columns::claim(&mut tx.conn, lease.id).await?.unwrap_or(row);
+        claim_status_of(&mut tx.conn, lease, claim).await
+    }
+}
+
+/// Inserts the audited groups as groups of the lease.
+async fn insert_audited_groups(
+    conn: &mut sqlx::SqliteConnection,
+    lease: &LeaseRow,
+    drawn: &[DrawnGroup],
+    is_evidence: bool,
+) -> Result<(), ServiceError> {
+    let drawn_scenarios: Vec<_> = drawn.iter().map(|group| &group.scenario).collect();
+    scenarios::insert(conn, &drawn_scenarios).await?;
+    let row = |drawn: &DrawnGroup| GroupRow {
+        number: drawn.group,
+        proposal: Some(drawn.range.proposal),
+        layout: None,
+        scenario: drawn.scenario.id().0.to_vec(),
+        task: drawn.range.task.clone(),
+        level: drawn.range.level,
+        role: drawn.range.role,
+        is_contested: false, // known once its logs are audited
+        state: GroupState::Open,
+        finished: 0,
+        failed: lease.group_size - drawn.scores.len() as i64,
+        successes: 0,
+        is_evidence,
+        is_for_training: true,
+    };
+    groups::insert(conn, lease.id, &drawn.iter().map(row).collect::<Vec<_>>()).await?;
+    let scores = drawn.iter().flat_map(|group| &group.scores);
+    let scores = scores.map(|claimed| (claimed.episode, f64::from(claimed.score)));
+    Ok(columns::insert_scores(conn, lease.id, &scores.collect::<Vec<_>>()).await?)
+}

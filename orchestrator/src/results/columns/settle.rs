@@ -1,0 +1,183 @@
+//! Ends claims: a claim is accepted when every audited log replays as claimed, refused by the first log that does not, and unproven
+//! when logs are missing.
+
+use std::collections::BTreeMap;
+
+use crate::critiques::criticise::MAX_JOB_EPISODES;
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::run_tx::RunTx;
+use crate::engine::signals::Signal;
+use crate::engine::write_tx::WriteTx;
+use crate::metrics::LeaseEvent;
+use crate::results::close::close_groups;
+use crate::results::report_summary::ReportSummary;
+use crate::store::columns::{self, ClaimCounters, ClaimState, ColumnClaimRow, SeedRangeRow};
+use crate::store::critiques::{self, NewCritiqueJob};
+use crate::store::episodes::{self, FinishedEpisode};
+use crate::store::groups::{self, GroupRow, GroupState};
+use crate::store::keys::EpisodeSpan;
+use crate::store::leases::{self, LeaseRow, LeaseStatus};
+use crate::store::run_warnings::{self, NewWarning, WarningKind};
+use crate::store::runs;
+use crate::store::task_counters::{self, TaskCounters, TaskCountersKey};
+
+/// How a claim ends.
+#[derive(Debug, Clone, Copy)]
+struct Settlement<'a> {
+    claim: &'a ColumnClaimRow,
+    state: ClaimState,
+    /// Reason of a refusal.
+    why: Option<&'a str>,
+    /// Number of audited groups.
+    audited: usize,
+}
+
+/// Ends a claim whose audited groups are complete: it is accepted and counted. Nothing happens while logs are due.
+pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportSummary, ServiceError> {
+    let Some(claim) = columns::claim(&mut tx.conn, lease.id).await? else { return Ok(ReportSummary::default()) };
+    let mut groups = groups::of_lease(&mut tx.conn, lease.id).await?;
+    let is_due = groups.iter().any(|group| group.finished + group.failed < lease.group_size);
+    if claim.state != ClaimState::Claimed || is_due {
+        return Ok(ReportSummary::default());
+    }
+    let mut run = tx.run(&lease.run).await?;
+    let newest = run.state.policy_version.max(claim.policy_version);
+    run.state.policy_version = newest;
+    runs::set_policy_version(run.conn, &lease.run, newest).await?;
+    let max_staleness = run.state.settings.max_staleness;
+    let is_stale = max_staleness.is_some_and(|max| newest - claim.policy_version > i64::from(max));
+    for range in columns::ranges(run.conn, lease.id).await? {
+        let audited = groups.iter().filter(|group| range.holds(group.number)).map(|group| group.finished).sum();
+        let SeedRangeRow { finished, failed, score, .. } = range;
+        let counters = ClaimCounters { episodes: finished, audited, failed, score, ..ClaimCounters::default() };
+        columns::add_counters(run.conn, &lease.run, &range.task, range.level, &counters).await?;
+        let history = run.task_counts(&range.task);
+        history.claimed += finished - audited; // audited episodes are counted below, by their replay
+        history.add_level(range.level);
+    }
+    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Accepted, why: None, audited: groups.len() }).await?;
+    for group in &mut groups {
+        group.is_evidence &= !is_stale;
+    }
+    count_audited(tx, lease, &groups).await?;
+    tx.outbox.signal(Signal::Critique);
+    close_groups(&mut tx.run(&lease.run).await?, lease, groups).await
+}
+
+/// Counts audited groups like any others, and enqueues their episodes for the critique.
+async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) -> Result<(), ServiceError> {
+    let conn = &mut tx.conn;
+    let mut counters: BTreeMap<TaskCountersKey, TaskCounters> = BTreeMap::new();
+    let mut episodes_of: BTreeMap<&str, Vec<i64>> = BTreeMap::new();
+    for group in groups {
+        let from = group.number * lease.group_size;
+        let span = EpisodeSpan { lease: lease.id, from, to: from + lease.group_size };
+        let sum = counters.entry(TaskCountersKey::of(group)).or_default();
+        for FinishedEpisode { success, skill, score, .. } in episodes::finished(conn, span).await? {
+            sum.add(&TaskCounters {
+                episodes: 1,
+                successes: i64::from(success),
+                score,
+                skilled: i64::from(skill.is_some()),
+                skill: skill.unwrap_or(0.0),
+                ..TaskCounters::default()
+            });
+        }
+        episodes_of.entry(&group.task).or_default().extend(span.from..span.to);
+    }
+    task_counters::add(conn, &lease.run, &counters).await?;
+    for (key, sum) in &counters {
+        tx.task_counts(&lease.run, &key.task).add(sum, key.level);
+    }
+    let jobs = episodes_of.iter().flat_map(|(task, numbers)| {
+        numbers.chunks(MAX_JOB_EPISODES).map(|numbers| NewCritiqueJob { task, lease: lease.id, numbers })
+    });
+    critiques::enqueue(&mut tx.conn, &lease.run, &jobs.collect::<Vec<_>>()).await?;
+    Ok(())
+}
+
+/// Refuses a claim: nothing of it counts, and the run gets a warning.
+pub(crate) async fn refuse(tx: &mut WriteTx, lease: &LeaseRow, why: &str) -> Result<(), ServiceError> {
+    let Some(claim) = columns::claim(&mut tx.conn, lease.id).await? else { return Ok(()) };
+    if claim.state != ClaimState::Claimed {
+        return Ok(());
+    }
+    let audited = discard_groups(tx, lease).await?;
+    count_lost(tx, lease, |episodes| ClaimCounters { refused: episodes, ..ClaimCounters::default() }).await?;
+    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Refused, why: Some(why), audited }).await?;
+    let words = format!("the columns of lease {} were refused: {why}", lease.name());
+    warn(tx, lease, WarningKind::RefusedClaim, &words).await
+}
+
+/// Ends a lease of columns that expired or was released: a claim that is not proven counts for nothing.
+pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), ServiceError> {
+    match columns::claim(&mut tx.conn, lease.id).await? {
+        Some(claim) if claim.state == ClaimState::Claimed => {
+            let audited = discard_groups(tx, lease).await?;
+            count_lost(tx, lease, |episodes| ClaimCounters { unproven: episodes, ..ClaimCounters::default() })
+                .await?;
+            columns::settle(&mut tx.conn, lease.id, ClaimState::Unproven, None).await?;
+            emit(tx, lease, Settlement { claim: &claim, state: ClaimState::Unproven, why: None, audited })?;
+            // A trainer that withholds audited logs leaves as plain a trace as one whose logs contradict its claim.
+            let words = format!("of what lease {} claims, logs that were due did not come", lease.name());
+            warn(tx, lease, WarningKind::UnprovenClaim, &words).await
+        }
+        Some(_) => Ok(()),
+        None => {
+            count_lost(tx, lease, |episodes| ClaimCounters { expired: episodes, ..ClaimCounters::default() })
+                .await
+        }
+    }
+}
+
+/// Adds a warning to the run, and emits it.
+async fn warn(tx: &mut WriteTx, lease: &LeaseRow, kind: WarningKind, words: &str) -> Result<(), ServiceError> {
+    let warning = NewWarning { run: &lease.run, kind, lease: Some(lease.id), words };
+    run_warnings::insert(&mut tx.conn, &warning, tx.now).await?;
+    tx.emit(&lease.run, &RunEvent::Health { task: None, words })
+}
+
+/// Closes the audited groups without counting them, and returns their number.
+async fn discard_groups(tx: &mut WriteTx, lease: &LeaseRow) -> Result<usize, ServiceError> {
+    let mut groups = groups::of_lease(&mut tx.conn, lease.id).await?;
+    for group in &mut groups {
+        (group.state, group.is_evidence) = (GroupState::Lost, false);
+    }
+    groups::update(&mut tx.conn, lease.id, &groups, tx.now).await?;
+    Ok(groups.len())
+}
+
+/// Counts the episodes of each range that count for nothing.
+async fn count_lost(
+    tx: &mut WriteTx,
+    lease: &LeaseRow,
+    counters: impl Fn(i64) -> ClaimCounters,
+) -> Result<(), ServiceError> {
+    for range in columns::ranges(&mut tx.conn, lease.id).await? {
+        let lost = counters(range.groups * lease.group_size);
+        columns::add_counters(&mut tx.conn, &lease.run, &range.task, range.level, &lost).await?;
+    }
+    Ok(())
+}
+
+/// Stores and emits the end of a claim, and ends its lease.
+async fn end(tx: &mut WriteTx, lease: &LeaseRow, settlement: Settlement<'_>) -> Result<(), ServiceError> {
+    columns::settle(&mut tx.conn, lease.id, settlement.state, settlement.why).await?;
+    leases::set_status(&mut tx.conn, lease.id, LeaseStatus::Done).await?;
+    emit(tx, lease, settlement)?;
+    tx.emit(&lease.run, &RunEvent::lease(lease, LeaseEvent::Done))
+}
+
+fn emit(tx: &mut WriteTx, lease: &LeaseRow, settlement: Settlement<'_>) -> Result<(), ServiceError> {
+    let Settlement { claim, state, why, audited } = settlement;
+    let event = RunEvent::Claim {
+        lease: lease.name(),
+        state,
+        episodes: claim.episodes,
+        failed: claim.failed,
+        audited: audited as i64,
+        why,
+    };
+    tx.emit(&lease.run, &event)
+}

@@ -1,0 +1,86 @@
+//! Rows of audited episodes, and how repeated reports are told from contradicting ones.
+
+use crate::engine::error::ServiceError;
+use crate::results::audit_outcome::{AuditOutcome, ReplayedEpisode};
+use crate::results::receipt::Receipt;
+use crate::results::receipt_status::ReceiptStatus;
+use crate::results::refusal::{Refusal, RefusalCode};
+use crate::store::brackets::StoredOutcome;
+use crate::store::episodes::{ReportedResult, EpisodeRow, EpisodeState};
+use crate::store::keys::EpisodeKey;
+use crate::store::{self, to_json};
+
+/// Builds the row of an episode. Policy version and metrics are left to the caller.
+pub(crate) fn episode_row(
+    key: EpisodeKey,
+    outcome: &AuditOutcome,
+    is_late: bool,
+    digest: Vec<u8>,
+    at: i64,
+) -> Result<EpisodeRow, ServiceError> {
+    let in_time = |state| if is_late { EpisodeState::Late } else { state };
+    let mut row = EpisodeRow {
+        lease: key.lease,
+        number: key.number,
+        state: in_time(EpisodeState::Finished),
+        digest,
+        score: None,
+        success: None,
+        skill: None,
+        floor: None,
+        reference: None,
+        planner: None,
+        flown: None,
+        policy_version: 0,
+        reason: None,
+        metrics: None,
+        at,
+    };
+    match outcome {
+        AuditOutcome::Replayed(replayed) => {
+            let ReplayedEpisode { outcome, skill, is_success, floor, reference, planner, .. } = replayed;
+            row.score = Some(outcome.score);
+            row.success = Some(*is_success);
+            row.skill = *skill;
+            row.floor = Some(*floor);
+            row.reference = Some(*reference);
+            row.planner = Some(i64::from(*planner));
+            row.flown = Some(to_json(&StoredOutcome::from(*outcome))?);
+        }
+        AuditOutcome::Failed(reason) => {
+            row.state = in_time(EpisodeState::Failed);
+            row.reason = Some(reason.clone());
+        }
+        AuditOutcome::Refused(_) | AuditOutcome::Known { .. } => {}
+    }
+    Ok(row)
+}
+
+/// Receipt of an episode that was reported before: a duplicate if the result is the same, else a conflict.
+pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, digest: &[u8]) -> Receipt {
+    if earlier.digest == digest {
+        Receipt {
+            episode,
+            status: ReceiptStatus::Duplicate,
+            code: None,
+            detail: None,
+            score: earlier.score,
+            skill: earlier.skill,
+            success: earlier.success,
+        }
+    } else {
+        let detail = "it was reported before, and differently; the first report stands";
+        Receipt::refused(episode, Refusal::new(RefusalCode::Conflict, detail))
+    }
+}
+
+/// Digest of a result: of the action log, or of the reason of a failure.
+pub(crate) fn result_digest(outcome: &AuditOutcome) -> Vec<u8> {
+    let digest = match outcome {
+        AuditOutcome::Replayed(replayed) => replayed.log.digest,
+        AuditOutcome::Failed(reason) => store::digest(reason.as_bytes()),
+        AuditOutcome::Refused(refusal) => store::digest(refusal.detail.as_bytes()),
+        AuditOutcome::Known { .. } => store::digest(&[]),
+    };
+    digest.to_vec()
+}

@@ -1,0 +1,20 @@
+//! Results: reported episodes are replayed and stored, and closed groups are passed to the curriculum.
+//!
+//! Start reading at [`audit`] (replay), then [`report`] (storing, in one change) and [`close`] (effects of a closed group).
+//! [`columns`] is the fast path of results as columns.
+
+pub mod audit;
+pub mod audit_outcome;
+pub mod close;
+pub mod columns;
+pub mod episode_lookup;
+pub mod episode_row;
+pub mod observe;
+pub mod receipt;
+pub mod receipt_status;
+pub mod refusal;
+pub mod report;
+pub mod report_batch;
+pub mod report_summary;
+pub mod reported;
+pub mod store_verdict;

@@ -1,0 +1,19 @@
+//! Keeping what a judge said.
+
+use crate::engine::error::ServiceError;
+use crate::engine::write_tx::WriteTx;
+use crate::engine::change::Change;
+use crate::store::step_verdicts::{self, StepVerdictRow};
+
+/// Keeps a model's verdict on a step.
+#[derive(Debug)]
+pub struct StoreVerdict(pub StepVerdictRow);
+
+impl Change for StoreVerdict {
+    type Output = ();
+    const IS_BULK: bool = true;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
+        Ok(step_verdicts::insert(&mut tx.conn, &self.0, tx.now).await?)
+    }
+}

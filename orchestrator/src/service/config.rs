@@ -1,0 +1,86 @@
+//! Configuration of the service, and the errors of its start.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::clock::Clock;
+use crate::designs::{BuiltInDesigners, Designers};
+use crate::http;
+use crate::judging::Judges;
+use crate::rollouts::Endpoint;
+use crate::sessions::SessionLimits;
+use crate::store::{OpenError, StoreError};
+
+/// Configuration of the service.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Address to listen on; port 0 selects a free port.
+    pub bind: SocketAddr,
+    /// Path of the database file, which is created if it does not exist.
+    pub db: PathBuf,
+    /// Source of the current time.
+    pub clock: Clock,
+    /// Designers of new layouts.
+    pub designers: Arc<dyn Designers>,
+    /// Limits of all sessions.
+    pub sessions: SessionLimits,
+    /// Judges of the steps in sessions.
+    pub judges: Arc<Judges>,
+    /// Language model for runs with the policy `chat`, if one is configured.
+    pub endpoint: Option<Endpoint>,
+    /// True if OpenEnv's routes need no token. A server without tokens then serves only these routes.
+    pub openenv_public: bool,
+    /// Limits for each client.
+    pub each: http::Each,
+}
+
+impl Config {
+    /// Returns the configuration of a server on a free loopback port, with default limits and without a model.
+    #[must_use]
+    pub fn local(db: PathBuf) -> Self {
+        Self {
+            bind: SocketAddr::from(([127, 0, 0, 1], 0)),
+            db,
+            clock: Clock::system(),
+            designers: Arc::new(BuiltInDesigners),
+            sessions: SessionLimits::default(),
+            judges: Arc::default(),
+            endpoint: None,
+            openenv_public: false,
+            each: http::Each::default(),
+        }
+    }
+}
+
+/// Reason why the service could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The database cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The state that the last server left cannot be read or repaired.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Other hosts can reach the address, and the server has no tokens.
+    #[error(
+        "other hosts can reach {0}, and the server has no tokens: create one with `sparring token create`, bind a loopback address such as 127.0.0.1:8700, or serve only OpenEnv's routes with --openenv-public"
+    )]
+    NoTokens(SocketAddr),
+    /// Other hosts can reach the address, and none of the server's tokens is valid.
+    #[error(
+        "other hosts can reach {0}, and every token has expired or was revoked (`sparring token list` shows them): create one with `sparring token create`"
+    )]
+    NoValidTokens(SocketAddr),
+    /// The system cannot start more threads.
+    #[error("background threads cannot be started: {0}")]
+    Threads(rayon::ThreadPoolBuildError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {reason}")]
+    Listen {
+        /// Address from the configuration.
+        address: SocketAddr,
+        /// Error of the operating system.
+        reason: std::io::Error,
+    },
+}

@@ -1,0 +1,206 @@
+//! The service as a whole: database, writer, workers, sessions and HTTP, started and stopped together.
+//!
+//! [`Service::start`] builds every part from a [`Config`] and connects them; `startup` has the steps before the server
+//! listens, `background` the workers. The parts themselves are in `http`, `workers`, `sessions`, `engine` and `store`.
+
+mod background;
+mod config;
+mod startup;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use sqlx::SqlitePool;
+use tokio::sync::watch;
+use tokio::task::{JoinHandle, JoinSet};
+
+pub use self::config::{Config, StartError};
+use self::startup::{BoundListener, OpenDatabase};
+use crate::engine::signals::WorkerSignals;
+use crate::engine::writer::Writer;
+use crate::http::state::AppState;
+use crate::http::{self, Surface};
+use crate::leases::lease_service::LeaseService;
+use crate::sessions::{Quota, SessionLimits, SessionManager};
+use crate::store::{DatabaseLock, open_maintenance, open_readers};
+use crate::threads::{self, ThreadPriority};
+use crate::workers;
+
+/// Maximum number of large request bodies that are parsed and replayed at the same time. Each may need a few hundred MiB.
+const MAX_LARGE_BODIES: usize = 3;
+/// Maximum number of event listeners.
+const MAX_LISTENERS: usize = 256;
+/// Maximum number of event listeners of one client.
+const MAX_LISTENERS_PER_CLIENT: usize = MAX_LISTENERS / 4;
+/// Time that running requests and the writer have to finish when the service stops.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Service that is running.
+#[derive(Debug)]
+pub struct Service {
+    address: SocketAddr,
+    stopping: Arc<AtomicBool>,
+    stop: watch::Sender<bool>,
+    sessions: Arc<SessionManager>,
+    server: JoinHandle<()>,
+    workers: JoinSet<()>,
+    checkpointer: JoinHandle<()>,
+    writer: JoinHandle<()>,
+    readers: SqlitePool,
+    lock: Arc<DatabaseLock>,
+}
+
+impl Service {
+    /// Opens the database, starts the workers, and listens.
+    ///
+    /// # Errors
+    /// Returns [`StartError`] if the database cannot be opened, the address cannot be used or needs tokens, or the system has
+    /// no threads left.
+    pub async fn start(config: Config) -> Result<Self, StartError> {
+        http::begin_counting();
+        let BoundListener { listener, address } = startup::listen(&config).await?;
+        let OpenDatabase { lock, surface, connection } = startup::open_database(&config).await?;
+        let readers = open_readers(&config.db).await?;
+
+        let signals = WorkerSignals::default();
+        let (writer, writer_task) =
+            Writer::start(connection, Some(Arc::clone(&lock)), config.clock.clone(), signals.clone());
+        let (ready_sender, ready) = watch::channel(0);
+        let (stop, stopped) = watch::channel(false);
+        let desk = LeaseService {
+            writer: writer.clone(),
+            readers: readers.clone(),
+            ready,
+            gates: Arc::default(),
+            replay_pool: thread_pool("replay", 0, ThreadPriority::Bulk)?,
+        };
+        let sessions = create_sessions(&config, surface, &desk)?;
+        let workers = background::spawn_workers(&config, &desk, signals.clone(), ready_sender, &sessions)?;
+        let gate = http::Gate::new(
+            (readers.clone(), writer, config.clock.clone()),
+            address,
+            config.openenv_public,
+            config.each,
+        );
+        let stopping: Arc<AtomicBool> = Arc::default();
+        let checkpointer =
+            tokio::spawn(workers::checkpoint::run(open_maintenance(&config.db).await?, stopped.clone()));
+        let state = create_state(config, desk, &sessions, &signals, stopped.clone(), &stopping);
+        let routes = http::router(state, Arc::new(gate), surface);
+        let server = tokio::spawn(http::serve(listener, routes, stopped));
+        Ok(Self {
+            address,
+            stopping,
+            stop,
+            sessions,
+            server,
+            workers,
+            checkpointer,
+            writer: writer_task,
+            readers,
+            lock,
+        })
+    }
+
+    /// Returns the URL of the server.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// Returns the address that the server listens on.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Stops the service: rejects new requests, finishes running ones, ends sessions and workers, stores snapshots, and
+    /// closes the database.
+    pub async fn stop(mut self) {
+        self.stopping.store(true, Ordering::SeqCst);
+        self.stop.send_replace(true);
+        self.sessions.shut_down().await;
+        if tokio::time::timeout(SHUTDOWN_TIMEOUT, &mut self.server).await.is_err() {
+            tracing::warn!("Some requests did not end in time and were cut off.");
+            self.server.abort();
+            let _ = self.server.await;
+        }
+        // Workers have no state outside the database: aborted work is repeated after the next start.
+        self.workers.shutdown().await;
+        if let Err(error) = self.checkpointer.await {
+            tracing::error!(%error, "The checkpoint worker failed.");
+        }
+        // The writer ends when its last handle is dropped.
+        drop(self.sessions);
+        match tokio::time::timeout(SHUTDOWN_TIMEOUT, self.writer).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => tracing::error!(%error, "The writer failed."),
+            Err(_) => {
+                tracing::warn!("The writer did not end in time; everything that was acknowledged is stored.");
+            }
+        }
+        self.readers.close().await;
+        drop(self.lock);
+    }
+
+    /// Waits until the writer fails, after which nothing can be stored any more: the process should exit.
+    pub async fn writer_failed(&mut self) {
+        if let Err(error) = (&mut self.writer).await {
+            tracing::error!(%error, "The writer failed.");
+        }
+    }
+}
+
+/// Creates the manager of sessions. A server that shows only OpenEnv's routes has no sessions for runs.
+fn create_sessions(
+    config: &Config,
+    surface: Surface,
+    desk: &LeaseService,
+) -> Result<Arc<SessionManager>, StartError> {
+    let allow_runs = config.sessions.allow_runs && surface == Surface::Whole;
+    let limits = SessionLimits { allow_runs, ..config.sessions };
+    let threads = thread_pool("fly", 0, ThreadPriority::Normal)?;
+    Ok(Arc::new(SessionManager::new(limits, desk.clone(), Arc::clone(&config.judges), threads)))
+}
+
+/// Creates the state of the request handlers.
+fn create_state(
+    config: Config,
+    desk: LeaseService,
+    sessions: &Arc<SessionManager>,
+    signals: &WorkerSignals,
+    stopped: watch::Receiver<bool>,
+    stopping: &Arc<AtomicBool>,
+) -> AppState {
+    AppState {
+        writer: desk.writer.clone(),
+        readers: desk.readers.clone(),
+        clock: config.clock,
+        each: config.each,
+        desk,
+        sessions: Arc::clone(sessions),
+        openenv_public: config.openenv_public,
+        boards: Arc::default(),
+        room: http::Room::new(MAX_LARGE_BODIES),
+        events: Arc::clone(&signals.events),
+        listeners: Arc::new(Quota::new(MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT)),
+        turns: http::AllTurns::default(),
+        designers: config.designers,
+        judges: config.judges,
+        endpoint: config.endpoint,
+        polls: http::Polls::new(signals.feed.subscribe(), stopped),
+        looked: http::Looked::default(),
+        stopping: Arc::clone(stopping),
+    }
+}
+
+/// Creates a pool of `count` threads, or of one thread for each core if `count` is 0.
+fn thread_pool(
+    name: &'static str,
+    count: usize,
+    priority: ThreadPriority,
+) -> Result<Arc<rayon::ThreadPool>, StartError> {
+    threads::pool(name, count, priority).map(Arc::new).map_err(StartError::Threads)
+}

@@ -1,0 +1,334 @@
+//! Leases of sessions that run episodes for a run: they are taken, renewed, reported and released like a trainer's leases.
+//!
+//! Start reading at [`SessionLeases::reserve`]. [`pool`] has the episodes of one lease, [`reservation`] one episode while a
+//! session runs it.
+
+pub(super) mod pool;
+mod reservation;
+
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+use std::time::Duration;
+
+use parking_lot::Mutex;
+use sqlx::SqliteConnection;
+use tokio::sync::OnceCell;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+
+use self::pool::{EpisodePool, PoolGroup, PooledEpisode};
+pub(super) use self::reservation::EpisodeReservation;
+use super::session_request::EpisodeSource;
+use crate::engine::error::ServiceError;
+use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::leases::create::CreateLease;
+use crate::leases::find::find_lease;
+use crate::leases::lease_service::LeaseService;
+use crate::leases::renew::RenewLease;
+use crate::results::receipt::Receipt;
+use crate::results::reported::ReportedEpisode;
+use crate::results::store_verdict::StoreVerdict;
+use crate::runs::settings::RunSettings;
+use crate::store::leases::{LeaseRow, Purpose};
+use crate::store::runs::{self, RunRow};
+use crate::store::scenarios::ScenarioLoader;
+use crate::store::step_verdicts::StepVerdictRow;
+use crate::store::{StoreError, episodes, from_json, groups, to_u32};
+
+/// Time after which a session's own lease expires without a renewal, in seconds.
+pub const SESSION_LEASE_TTL_S: u32 = 600;
+/// Maximum number of retries of a report while the server is busy.
+const MAX_REPORT_RETRIES: u32 = 40;
+/// Pause before each retry of a report.
+const REPORT_RETRY_DELAY: Duration = Duration::from_millis(250);
+/// Maximum duration of the wait for background work at shutdown.
+const PENDING_WORK_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Pool that several sessions share.
+pub(crate) type SharedPool = Arc<Mutex<EpisodePool>>;
+
+/// Key of a shared pool.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum PoolKey {
+    /// Run and name of a group: its sessions share one lease that the server takes.
+    Group(RunId, String),
+    /// Lease that a client took.
+    Lease(RunId, LeaseId),
+}
+
+/// Leases of all sessions.
+#[derive(Debug)]
+pub(crate) struct SessionLeases {
+    lease_service: LeaseService,
+    /// True if sessions may run episodes of runs.
+    allow_runs: bool,
+    pools: Mutex<HashMap<PoolKey, Arc<OnceCell<SharedPool>>>>,
+    /// Background work that must end before the service stops: releases and reports.
+    pending: Mutex<JoinSet<()>>,
+}
+
+/// Returns the error of a session that may not run episodes of runs.
+pub(super) fn runs_not_allowed() -> ServiceError {
+    ServiceError::invalid("run", "sessions here cannot run episodes of runs")
+}
+
+impl SessionLeases {
+    /// Creates the manager without leases.
+    pub(super) fn new(lease_service: LeaseService, allow_runs: bool) -> Self {
+        Self { lease_service, allow_runs, pools: Mutex::default(), pending: Mutex::default() }
+    }
+
+    /// Returns the service that grants leases and accepts results.
+    fn lease_service(&self) -> &LeaseService {
+        &self.lease_service
+    }
+
+    /// Reserves an episode of a run or of a lease.
+    ///
+    /// # Errors
+    /// Returns an error if sessions may not use runs, no lease can be taken, or the lease has no matching free episode.
+    pub(super) async fn reserve(
+        self: &Arc<Self>,
+        source: EpisodeSource,
+    ) -> Result<EpisodeReservation, ServiceError> {
+        if !self.allow_runs {
+            return Err(runs_not_allowed());
+        }
+        match source {
+            EpisodeSource::Scenario(_) => Err(ServiceError::invalid("run", "it is missing")),
+            EpisodeSource::Run { run, group: None, group_size, policy_version } => {
+                let pool = self.lease_group(run, Some(group_size.unwrap_or(1)), policy_version).await?;
+                let is_exclusive = group_size.is_none();
+                self.reserve_in(Arc::new(Mutex::new(pool)), None, None, is_exclusive)
+            }
+            EpisodeSource::Run { run, group: Some(group), group_size, policy_version } => {
+                let cell = self.pool_cell(PoolKey::Group(run.clone(), group.clone()));
+                let lease = || async {
+                    let pool = self.lease_group(run, group_size, policy_version).await?;
+                    Ok::<_, ServiceError>(Arc::new(Mutex::new(pool)))
+                };
+                let pool = Arc::clone(cell.get_or_try_init(lease).await?);
+                self.reserve_in(pool, Some(&group), None, false)
+            }
+            EpisodeSource::Lease { run, lease, group, episode } => {
+                let pool = self.lease_pool(run, lease).await?;
+                self.reserve_in(pool, group.as_deref(), episode.as_ref(), false)
+            }
+        }
+    }
+
+    /// Returns the pool of a lease that a client took; all sessions with episodes of the lease share it.
+    ///
+    /// # Errors
+    /// Returns an error if sessions may not use runs, the lease is unknown or over, or its episodes are columns.
+    pub(super) async fn lease_pool(&self, run: RunId, lease: LeaseId) -> Result<SharedPool, ServiceError> {
+        if !self.allow_runs {
+            return Err(runs_not_allowed());
+        }
+        let cell = self.pool_cell(PoolKey::Lease(run.clone(), lease.clone()));
+        let load = || async {
+            let pool = self.load_pool(run.clone(), lease.clone()).await?;
+            Ok::<_, ServiceError>(Arc::new(Mutex::new(pool)))
+        };
+        let pool = Arc::clone(cell.get_or_try_init(load).await?);
+        // A known lease may have ended since it was loaded, or its trainer may have reported episodes.
+        let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
+        let row = find_active(&mut conn, &run, &lease).await?;
+        let reported = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
+        pool.lock().remove_reported(&reported);
+        Ok(pool)
+    }
+
+    /// Renews a lease if a third of its time is over. A failure is logged.
+    pub(super) async fn renew(&self, pool: &SharedPool) {
+        let (run, lease, previous) = {
+            let mut pool = pool.lock();
+            if pool.renewed_at.elapsed() < pool.ttl / 3 {
+                return;
+            }
+            let previous = std::mem::replace(&mut pool.renewed_at, Instant::now());
+            (pool.run.clone(), pool.lease.clone(), previous)
+        };
+        if let Err(error) = self.lease_service.writer.change(RenewLease { run, lease: lease.clone() }).await {
+            if error.is_temporary() {
+                pool.lock().renewed_at = previous; // the next step tries again
+            }
+            tracing::warn!(%lease, %error, "The lease of a session could not be renewed.");
+        }
+    }
+
+    /// Reports finished episodes; retries for a while if the server is busy.
+    ///
+    /// # Errors
+    /// Returns the last error of the report.
+    pub(super) async fn report(
+        &self,
+        run: &RunId,
+        claims: &[ReportedEpisode],
+    ) -> Result<Vec<Receipt>, ServiceError> {
+        let mut retries = 0;
+        loop {
+            match self.lease_service.submit_results(run.clone(), None, claims.to_vec()).await {
+                Err(error) if error.is_temporary() && retries < MAX_REPORT_RETRIES => {
+                    retries += 1;
+                    tokio::time::sleep(REPORT_RETRY_DELAY).await;
+                }
+                result => return result.map(|answer| answer.receipts),
+            }
+        }
+    }
+
+    /// Stores a verdict. A failure is logged, and the episode goes on.
+    pub(super) async fn store_verdict(&self, verdict: StepVerdictRow) {
+        if let Err(error) = self.lease_service.writer.change(StoreVerdict(verdict)).await {
+            tracing::warn!(%error, "A verdict could not be stored.");
+        }
+    }
+
+    /// Spawns work that must end before the service stops.
+    pub(super) fn spawn_tracked(&self, work: impl Future<Output = ()> + Send + 'static) {
+        let Ok(runtime) = tokio::runtime::Handle::try_current() else { return };
+        let mut pending = self.pending.lock();
+        while pending.try_join_next().is_some() {} // forgets finished work
+        pending.spawn_on(work, &runtime);
+    }
+
+    /// Waits, for two seconds at most, until all tracked work has ended.
+    pub(super) async fn wait_for_pending(&self) {
+        let mut pending = std::mem::take(&mut *self.pending.lock());
+        let all = async { while pending.join_next().await.is_some() {} };
+        if tokio::time::timeout(PENDING_WORK_TIMEOUT, all).await.is_err() {
+            tracing::warn!("Some leases of sessions could not be released in time; they will expire.");
+        }
+    }
+
+    /// Takes an episode of a pool.
+    fn reserve_in(
+        self: &Arc<Self>,
+        pool: SharedPool,
+        group: Option<&str>,
+        episode: Option<&EpisodeId>,
+        is_exclusive: bool,
+    ) -> Result<EpisodeReservation, ServiceError> {
+        let field = match (episode, group) {
+            (Some(_), _) => "episode_id",
+            (None, Some(_)) => "group_id",
+            (None, None) => "lease_id",
+        };
+        let (run, lease, judge, taken) = {
+            let mut pool = pool.lock();
+            let taken = pool.take(group, episode);
+            let taken = taken.map_err(|error| ServiceError::invalid(field, error.to_string()))?;
+            (pool.run.clone(), pool.lease.clone(), pool.judge, taken)
+        };
+        let PooledEpisode { index, scenario } = taken;
+        Ok(EpisodeReservation {
+            leases: Arc::clone(self),
+            pool,
+            run,
+            episode: EpisodeId { lease, index },
+            scenario,
+            judge,
+            is_exclusive,
+            is_reported: false,
+        })
+    }
+
+    /// Returns the cell of a shared pool and forgets pools that are neither in use nor leased.
+    fn pool_cell(&self, key: PoolKey) -> Arc<OnceCell<SharedPool>> {
+        let mut pools = self.pools.lock();
+        pools.retain(|_, cell| {
+            Arc::strong_count(cell) > 1 || cell.get().is_some_and(|pool| !pool.lock().is_expired())
+        });
+        Arc::clone(pools.entry(key).or_default())
+    }
+
+    /// Takes a lease of one group.
+    async fn lease_group(
+        &self,
+        run: RunId,
+        group_size: Option<u32>,
+        policy_version: Option<u32>,
+    ) -> Result<EpisodePool, ServiceError> {
+        let policy_version = match policy_version {
+            Some(version) => version,
+            None => self.current_policy_version(&run).await?,
+        };
+        let request = CreateLease {
+            run: run.clone(),
+            groups: 1,
+            group_size,
+            policy_version,
+            ttl_s: SESSION_LEASE_TTL_S,
+            purpose: Purpose::Train,
+            owner: None,
+            refill: false,
+            evaluation: None,
+        };
+        let granted = self.lease_service.lease(request).await?;
+        self.load_pool(run, granted.row.lease_id()).await
+    }
+
+    async fn current_policy_version(&self, run: &RunId) -> Result<u32, ServiceError> {
+        let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
+        Ok(to_u32(find_run(&mut conn, run).await?.policy_version))
+    }
+
+    /// Loads the pool of a stored lease, without the episodes that were reported.
+    async fn load_pool(&self, run: RunId, lease: LeaseId) -> Result<EpisodePool, ServiceError> {
+        let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
+        let row = find_active(&mut conn, &run, &lease).await?;
+        if row.is_columns() {
+            let reason =
+                "its episodes are ranges of seeds, which a trainer runs itself and claims in columns";
+            return Err(ServiceError::invalid("lease_id", reason));
+        }
+        let groups = load_groups(&mut conn, &row).await?;
+        let stored = find_run(&mut conn, &run).await?;
+        let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
+        Ok(EpisodePool {
+            run,
+            lease,
+            group_size: row.group_size,
+            ttl: Duration::from_millis(u64::try_from(row.ttl_ms).unwrap_or_default()),
+            renewed_at: Instant::now(),
+            judge: settings.judge,
+            groups,
+        })
+    }
+}
+
+async fn find_run(conn: &mut SqliteConnection, run: &RunId) -> Result<RunRow, ServiceError> {
+    let row = runs::get(conn, run.as_str()).await?;
+    row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))
+}
+
+/// Finds a lease and checks that it is active.
+async fn find_active(
+    conn: &mut SqliteConnection,
+    run: &RunId,
+    lease: &LeaseId,
+) -> Result<LeaseRow, ServiceError> {
+    let row = find_lease(conn, run, lease).await?;
+    if row.is_active() {
+        Ok(row)
+    } else {
+        Err(ServiceError::LeaseOver { lease: lease.to_string(), status: row.status })
+    }
+}
+
+/// Loads the groups of a lease with the indices of their unreported episodes.
+async fn load_groups(conn: &mut SqliteConnection, lease: &LeaseRow) -> Result<Vec<PoolGroup>, ServiceError> {
+    let reported: BTreeSet<i64> = episodes::reported(conn, lease.id).await?.into_iter().collect();
+    let rows = groups::of_lease(conn, lease.id).await?;
+    let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
+    let scenarios = ScenarioLoader::default().all(conn, &ids).await?;
+    let mut groups = Vec::with_capacity(rows.len());
+    for group in rows {
+        let scenario = scenarios.get(&group.scenario)?.clone();
+        let first = group.number * lease.group_size;
+        let free = (first..first + lease.group_size).filter(|index| !reported.contains(index)).collect();
+        groups.push(PoolGroup { number: group.number, scenario, name: None, free });
+    }
+    Ok(groups)
+}

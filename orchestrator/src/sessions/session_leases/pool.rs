@@ -1,0 +1,187 @@
+//! The episodes of one lease that sessions run.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use env_core::Scenario;
+use tokio::time::Instant;
+
+use crate::ids::{EpisodeId, LeaseId, RunId};
+use crate::judging::Judge;
+
+/// Lease with the episodes that no session has reserved.
+#[derive(Debug)]
+pub(crate) struct EpisodePool {
+    /// Id of the run.
+    pub(crate) run: RunId,
+    /// Id of the lease.
+    pub(crate) lease: LeaseId,
+    /// Number of episodes in each group.
+    pub(crate) group_size: i64,
+    /// Time from the start or renewal of the lease to its expiry.
+    pub(crate) ttl: Duration,
+    /// Time of the last renewal.
+    pub(crate) renewed_at: Instant,
+    /// Judge of the steps, if the run's settings name one.
+    pub(crate) judge: Option<Judge>,
+    /// Groups of the lease, in order.
+    pub(crate) groups: Vec<PoolGroup>,
+}
+
+/// Group of a pool.
+#[derive(Debug)]
+pub(crate) struct PoolGroup {
+    /// Number of the group in the lease.
+    pub(crate) number: i64,
+    /// Scenario of all episodes in the group.
+    pub(crate) scenario: Scenario,
+    /// Name by which clients reserve episodes of this group.
+    pub(crate) name: Option<String>,
+    /// Indices, in the lease, of the episodes that no session has reserved.
+    pub(crate) free: BTreeSet<i64>,
+}
+
+/// Episode that was taken from a pool.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PooledEpisode {
+    /// Index of the episode in the lease.
+    pub(crate) index: i64,
+    /// Scenario of the episode.
+    pub(crate) scenario: Scenario,
+}
+
+/// Reason why a pool has no episode for a request.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum PoolExhausted {
+    /// The named group has no free episode; holds the size of the group.
+    #[error("all {0} episodes of this group are finished or running")]
+    Group(i64),
+    /// The lease has no free episode, or no free group for another name.
+    #[error("all episodes of this lease are finished or running")]
+    Lease,
+    /// The named episode is not free or belongs to another lease.
+    #[error("{0} is not an episode of this lease that can still be started")]
+    Episode(EpisodeId),
+}
+
+impl EpisodePool {
+    /// Returns true if the lease has expired, as far as this server's sessions renewed it.
+    pub(super) fn is_expired(&self) -> bool {
+        self.renewed_at.elapsed() > self.ttl
+    }
+
+    /// Takes a free episode: the named one, or one of the named group, or the first one.
+    ///
+    /// The first request with a new group name assigns the name to the first group with all of its episodes free.
+    pub(super) fn take(
+        &mut self,
+        group_name: Option<&str>,
+        episode: Option<&EpisodeId>,
+    ) -> Result<PooledEpisode, PoolExhausted> {
+        if let Some(episode) = episode {
+            let group = self.groups.iter_mut().find(|group| group.free.contains(&episode.index));
+            let group = group.filter(|_| episode.lease == self.lease);
+            let group = group.ok_or_else(|| PoolExhausted::Episode(episode.clone()))?;
+            group.free.remove(&episode.index);
+            return Ok(PooledEpisode { index: episode.index, scenario: group.scenario.clone() });
+        }
+        let is_untouched =
+            |group: &PoolGroup| group.name.is_none() && group.free.len() as i64 == self.group_size;
+        let position = match group_name {
+            Some(name) => {
+                let known = self.groups.iter().position(|group| group.name.as_deref() == Some(name));
+                known.or_else(|| self.groups.iter().position(is_untouched)).ok_or(PoolExhausted::Lease)?
+            }
+            None => {
+                self.groups.iter().position(|group| !group.free.is_empty()).ok_or(PoolExhausted::Lease)?
+            }
+        };
+        let group = &mut self.groups[position];
+        if let Some(name) = group_name {
+            group.name = Some(name.to_owned());
+        }
+        let index = group.free.pop_first().ok_or(PoolExhausted::Group(self.group_size))?;
+        Ok(PooledEpisode { index, scenario: group.scenario.clone() })
+    }
+
+    /// Takes the first free episode of a task.
+    pub(crate) fn take_for_task(&mut self, task: &str) -> Option<PooledEpisode> {
+        let matches = |group: &&mut PoolGroup| !group.free.is_empty() && group.scenario.task().id() == task;
+        let group = self.groups.iter_mut().find(matches)?;
+        Some(PooledEpisode { index: group.free.pop_first()?, scenario: group.scenario.clone() })
+    }
+
+    /// Returns the groups with free episodes, in order.
+    pub(crate) fn free_groups(&self) -> impl Iterator<Item = &PoolGroup> {
+        self.groups.iter().filter(|group| !group.free.is_empty())
+    }
+
+    /// Removes episodes that were reported by other ways.
+    pub(super) fn remove_reported(&mut self, reported: &BTreeSet<i64>) {
+        for group in &mut self.groups {
+            group.free.retain(|index| !reported.contains(index));
+        }
+    }
+
+    /// Returns an episode that was taken and did not run to its end.
+    pub(crate) fn give_back(&mut self, index: i64) {
+        let number = index.checked_div(self.group_size).unwrap_or_default();
+        if let Some(group) = self.groups.iter_mut().find(|group| group.number == number) {
+            group.free.insert(index);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use env_core::{Recipe, Seed, task};
+
+    use super::*;
+
+    fn pool(groups: i64, group_size: i64) -> EpisodePool {
+        let recipe = Arc::new(Recipe::new(task("kessler/survival").unwrap()).unwrap());
+        let groups = (0..groups).map(|number| PoolGroup {
+            number,
+            scenario: Scenario::new(Arc::clone(&recipe), Seed::user(number as u64).unwrap()),
+            name: None,
+            free: (number * group_size..(number + 1) * group_size).collect(),
+        });
+        EpisodePool {
+            run: "run".parse().unwrap(),
+            lease: "7-abcdef".parse().unwrap(),
+            group_size,
+            ttl: Duration::from_secs(600),
+            renewed_at: Instant::now(),
+            judge: None,
+            groups: groups.collect(),
+        }
+    }
+
+    #[test]
+    fn group_name_selects_one_scenario() {
+        let mut pool = pool(2, 2);
+        let seed = |episode: PooledEpisode| episode.scenario.seed().get();
+        assert_eq!(pool.take(Some("a"), None).map(seed), Ok(0));
+        assert_eq!(pool.take(Some("b"), None).map(seed), Ok(1));
+        assert_eq!(pool.take(Some("a"), None).map(seed), Ok(0));
+        assert_eq!(pool.take(Some("a"), None).map(seed), Err(PoolExhausted::Group(2)));
+        assert_eq!(pool.take(Some("c"), None).map(seed), Err(PoolExhausted::Lease));
+        pool.give_back(0);
+        assert_eq!(pool.take(Some("a"), None).unwrap().index, 0, "a returned episode is free again");
+        assert_eq!(pool.take(None, None).unwrap().index, 3);
+        assert_eq!(pool.take(None, None), Err(PoolExhausted::Lease));
+    }
+
+    #[test]
+    fn named_episode_is_taken_once() {
+        let mut pool = pool(1, 2);
+        let episode: EpisodeId = "ep_7-abcdef_1".parse().unwrap();
+        assert_eq!(pool.take(None, Some(&episode)).unwrap().index, 1);
+        assert_eq!(pool.take(None, Some(&episode)), Err(PoolExhausted::Episode(episode)));
+        let of_other_lease: EpisodeId = "ep_8-abcdef_0".parse().unwrap();
+        assert!(pool.take(None, Some(&of_other_lease)).is_err());
+        assert_eq!(pool.take(None, None).unwrap().index, 0);
+    }
+}

@@ -1,0 +1,176 @@
+//! Exclusive lock of a database file: one database, one server.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use super::open_error::{OpenError, is_no_file};
+
+/// Lock of a database for this process, held while this value lives.
+///
+/// The operating system holds the lock, so that the lock of a killed server is free at once.
+#[derive(Debug)]
+pub struct DatabaseLock {
+    /// The file that is locked.
+    lock: std::fs::File,
+    /// Path of that file: the database's path and `.lock`.
+    lock_path: PathBuf,
+    /// Path of the database.
+    path: PathBuf,
+    /// Identity of the database file that was opened.
+    opened: OnceLock<Option<FileIdentity>>,
+}
+
+/// Identity of a file, independent of its name. Systems other than Unix have none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct FileIdentity {
+    device: u64,
+    inode: u64,
+}
+
+impl DatabaseLock {
+    /// Locks a database for this process.
+    ///
+    /// # Errors
+    /// Returns [`OpenError::Locked`] if another process holds the lock, [`OpenError::Linked`] if the file has several names,
+    /// and [`OpenError::NoFile`], [`OpenError::NoFolder`] or [`OpenError::ReadOnly`] if the lock file cannot be created.
+    pub fn acquire(path: &Path) -> Result<Self, OpenError> {
+        let name = path.display().to_string();
+        if is_no_file(path) {
+            return Err(OpenError::NoFile(name));
+        }
+        if link_count(path) > 1 {
+            return Err(OpenError::Linked(name));
+        }
+        // All symbolic links to a database share its lock. A database that does not exist yet has its own path.
+        let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let mut lock_path = path.clone().into_os_string();
+        lock_path.push(".lock");
+        let lock_path = PathBuf::from(lock_path);
+        let lock = std::fs::File::create(&lock_path).map_err(|error| match error.kind() {
+            std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
+                OpenError::ReadOnly(name.clone())
+            }
+            std::io::ErrorKind::NotFound => OpenError::NoFolder(name.clone()),
+            _ => OpenError::Other { path: name.clone(), reason: error.to_string() },
+        })?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { lock, lock_path, path, opened: OnceLock::new() }),
+            Err(std::fs::TryLockError::WouldBlock) => Err(OpenError::Locked(name)),
+            Err(std::fs::TryLockError::Error(error)) => {
+                Err(OpenError::Other { path: name, reason: error.to_string() })
+            }
+        }
+    }
+
+    /// Remembers the identity of the database file, for [`DatabaseLock::is_intact`]. Call this after opening the database.
+    pub fn remember_file(&self) {
+        self.opened.get_or_init(|| identity_at(&self.path));
+    }
+
+    /// True if the database file and the lock file are still at their paths.
+    ///
+    /// Writes to a file that was removed are lost when the last process closes it.
+    #[must_use]
+    pub fn is_intact(&self) -> bool {
+        let locked = self.lock.metadata().ok().as_ref().and_then(identity);
+        let opened = self.opened.get().copied().flatten();
+        locked == identity_at(&self.lock_path)
+            && opened.is_none_or(|opened| identity_at(&self.path) == Some(opened))
+    }
+}
+
+impl Drop for DatabaseLock {
+    fn drop(&mut self) {
+        // Closing is not enough: a child process that is being spawned holds a copy of the descriptor until its own program
+        // starts. If unlocking fails, the system unlocks when the last copy closes.
+        let _ = self.lock.unlock();
+    }
+}
+
+fn identity_at(path: &Path) -> Option<FileIdentity> {
+    std::fs::metadata(path).ok().as_ref().and_then(identity)
+}
+
+fn identity(file: &std::fs::Metadata) -> Option<FileIdentity> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        Some(FileIdentity { device: file.dev(), inode: file.ino() })
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        None
+    }
+}
+
+/// Number of hard links to a file.
+fn link_count(path: &Path) -> u64 {
+    #[cfg(unix)]
+    return std::fs::metadata(path).map_or(1, |file| std::os::unix::fs::MetadataExt::nlink(&file));
+    #[cfg(not(unix))]
+    1
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::super::OpenError;
+    use super::DatabaseLock;
+
+    #[test]
+    fn lock_is_shared_by_all_links_to_a_database() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (db, link) = (folder.path().join("db"), folder.path().join("link"));
+        std::fs::write(&db, "").expect("a file");
+        std::os::unix::fs::symlink("db", &link).expect("a link");
+        let first = DatabaseLock::acquire(&link).expect("the lock is free");
+        assert!(DatabaseLock::acquire(&db).is_err() && DatabaseLock::acquire(&link).is_err());
+        drop(first);
+        assert!(DatabaseLock::acquire(&db).is_ok());
+        let other = folder.path().join("other");
+        std::fs::hard_link(&db, &other).expect("a second name");
+        assert!(matches!(DatabaseLock::acquire(&db), Err(OpenError::Linked(_))));
+        std::fs::remove_file(other).expect("the second name exists");
+        assert!(DatabaseLock::acquire(&db).is_ok());
+        assert!(matches!(DatabaseLock::acquire(folder.path()), Err(OpenError::NoFile(_))));
+    }
+
+    #[test]
+    fn removed_or_replaced_file_is_not_intact() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [db, aside, lock_file] = ["db", "aside", "db.lock"].map(|name| folder.path().join(name));
+        std::fs::write(&db, "").expect("a file");
+        let lock = DatabaseLock::acquire(&db).expect("the lock is free");
+        lock.remember_file();
+        assert!(lock.is_intact());
+        std::fs::rename(&db, &aside).expect("the file exists");
+        assert!(!lock.is_intact());
+        std::fs::write(&db, "").expect("another file");
+        assert!(!lock.is_intact());
+        std::fs::rename(&aside, &db).expect("the file exists");
+        assert!(lock.is_intact());
+        std::fs::remove_file(&lock_file).expect("the lock file exists");
+        assert!(!lock.is_intact());
+    }
+
+    #[test]
+    fn released_lock_is_free_while_children_are_spawned() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let db = folder.path().join("db");
+        let done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    while !done.load(Ordering::Relaxed) {
+                        let _ = std::process::Command::new("true").status();
+                    }
+                });
+            }
+            let refused = (0..20_000).filter(|_| DatabaseLock::acquire(&db).is_err()).count();
+            done.store(true, Ordering::Relaxed);
+            assert_eq!(refused, 0);
+        });
+    }
+}

@@ -1,0 +1,106 @@
+//! Why a database cannot be opened.
+
+use std::path::Path;
+
+use super::error::ResultCode;
+
+/// Why a database cannot be opened, and how to fix it.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The file is not a database.
+    #[error("{0} is not an SQLite database: give another path with --db, or move the file away")]
+    NotADatabase(String),
+    /// Pages of the database are damaged.
+    #[error(
+        "{0} is damaged: pages of it are torn; if it was just put there, remove {0}-wal and {0}-shm, which are of what was there before; else go back to a copy, as `sparring db backup` makes them"
+    )]
+    Damaged(String),
+    /// The database belongs to another application.
+    #[error("{0} is a database, but not one of Sparring's: give another path with --db")]
+    Foreign(String),
+    /// A newer version wrote the database.
+    #[error(
+        "{path} was written by a newer Sparring (schema {found}, this one knows {known}): upgrade Sparring, or give another path with --db"
+    )]
+    Newer {
+        /// Path of the database.
+        path: String,
+        /// Schema version of the database.
+        found: i64,
+        /// Newest schema version that this program knows.
+        known: i64,
+    },
+    /// An older version wrote the database, and this command does not migrate it.
+    #[error(
+        "{path} was written by an older Sparring (schema {found}, this one has {known}): start `sparring serve` on it once, which copies it and brings it on"
+    )]
+    Older {
+        /// Path of the database.
+        path: String,
+        /// Schema version of the database.
+        found: i64,
+        /// Schema version of this program.
+        known: i64,
+    },
+    /// The process has no permission to write.
+    #[error("{0} cannot be written: check the permissions of the file and its folder")]
+    ReadOnly(String),
+    /// Another process has locked the database.
+    #[error("{0} is locked by another process: stop the other server, or give another path with --db")]
+    Locked(String),
+    /// The file has several names, and each would have its own write-ahead log (sqlite.org/howtocorrupt.html).
+    #[error(
+        "{0} has another name (it is hard-linked), and a database of two names is lost where both are used: copy it by `sparring db backup`, or remove the other name"
+    )]
+    Linked(String),
+    /// The path is a folder or a device.
+    #[error("{0} is no file: give the path of a file, which need not be there yet, with --db")]
+    NoFile(String),
+    /// The disk is full.
+    #[error("{0}: the disk is full, or the file may not grow; make room and try again")]
+    Full(String),
+    /// The file or its folder does not exist, or may not be opened.
+    #[error("{0} cannot be opened: the file or its folder does not exist or may not be opened")]
+    NoFolder(String),
+    /// The database needs a migration, and the copy before it cannot be made.
+    #[error(
+        "{path} has an older schema ({schema}), and a copy of it could not be made before it is changed: {reason}; make room beside it, or move it"
+    )]
+    NoCopy {
+        /// Path of the database.
+        path: String,
+        /// Schema version of the database.
+        schema: i64,
+        /// Why the copy cannot be made.
+        reason: String,
+    },
+    /// Any other failure to open.
+    #[error("{path} cannot be opened: {reason}")]
+    Other {
+        /// Path of the database.
+        path: String,
+        /// Message of the operating system.
+        reason: String,
+    },
+}
+
+impl OpenError {
+    /// The error for a database at this path that SQLite failed to open.
+    pub(super) fn from_sqlx(path: &Path, error: &sqlx::Error) -> Self {
+        let path = path.display().to_string();
+        match ResultCode::of(error) {
+            Some(ResultCode::NOT_A_DATABASE) => Self::NotADatabase(path),
+            Some(ResultCode::CORRUPT) => Self::Damaged(path),
+            Some(ResultCode::READ_ONLY) => Self::ReadOnly(path),
+            Some(ResultCode::BUSY | ResultCode::LOCKED) => Self::Locked(path),
+            Some(ResultCode::CANNOT_OPEN) => Self::NoFolder(path),
+            Some(ResultCode::FULL) => Self::Full(path),
+            _ => Self::Other { path, reason: error.to_string() },
+        }
+    }
+}
+
+/// True if something exists at the path that is not a file.
+pub(super) fn is_no_file(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|entry| !entry.is_file())
+}
