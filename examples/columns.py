@@ -1,12 +1,12 @@
-"""A trainer on the fast path: leases ranges of seeds, flies them in its own process, claims how they went in columns, and hands in
-the logs of what is audited.
+"""A trainer on the fast path: it leases ranges of seeds, claims scores as columns, and reports the logs of audited episodes.
 
     sparring serve &
     python examples/columns.py --rounds 3 --groups 200
 
-Nothing but the standard library and, for MessagePack, `msgpack`. What it learns is which kick at the start pays best; what flies
-is examples/kessler.py, which is slow: a real trainer flies 10^5 episodes a second in its own environments, and the rest is as here.
+It needs only the standard library, and `msgpack` for MessagePack. It learns which initial burn has the highest score. Episodes
+run in examples/kessler.py, which is slow: a real trainer runs 10^5 episodes a second in its own environments.
 """
+
 import argparse
 import http.client
 import json
@@ -21,81 +21,85 @@ import kessler
 
 try:
     import msgpack
-except ImportError:  # JSON will do
-    msgpack = None
+except ImportError:
+    msgpack = None  # JSON is used instead
 
-# Where the server wants a token.
+# Authorization header, if the server has tokens.
 TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 
 
-def call(url, body=None, packed=False):
-    """A request, made again where the server is busy or away for a moment; what is wrong with it is told by the field at fault."""
+def request(url, body=None, packed=False):
+    """Sends a request, and repeats it while the server is busy or unreachable: all requests here are safe to repeat."""
     data = None if body is None else (msgpack.packb(body) if packed else json.dumps(body).encode())
-    kind = "application/msgpack" if packed else "application/json"
-    request = urllib.request.Request(url, data, {"Content-Type": kind, **TOKEN})
+    content_type = "application/msgpack" if packed else "application/json"
+    message = urllib.request.Request(url, data, {"Content-Type": content_type, **TOKEN})
     for _ in range(60):
         try:
-            with urllib.request.urlopen(request) as answer:
-                return json.load(answer)
+            with urllib.request.urlopen(message) as response:
+                return json.load(response)
         except urllib.error.HTTPError as error:
             if error.code not in (429, 503):
                 raise SystemExit(f"{url}: {error.code} {error.read().decode()}") from error
             time.sleep(float(error.headers.get("Retry-After", 1)))
-        except (OSError, http.client.HTTPException):  # the same again is answered as before
+        except (OSError, http.client.HTTPException):
             time.sleep(1)
-    raise SystemExit(f"{url}: nobody answers")
+    raise SystemExit(f"{url}: the server does not answer")
 
 
-def fly(recipe, seed, kick):
-    """One episode by a kick at the start: its score, and its log."""
+def run_episode(recipe, seed, burn):
+    """Runs an episode with a burn of all satellites in the first step; returns its score and its action log."""
     episode, steps = kessler.Survival(recipe, seed), []
     while not episode.done:
-        steps.append([[satellite, *kick] for satellite in range(3)] if not steps and any(kick) else [])
+        steps.append([[satellite, *burn] for satellite in range(3)] if not steps and any(burn) else [])
         episode.step(steps[-1])
     return episode.score, steps
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--url", default="http://127.0.0.1:8700")
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--groups", type=int, default=200, help="scenarios of a lease, up to 100 000")
-    parser.add_argument("--forge", action="store_true", help="claim better scores than were flown, to see what becomes of it")
+    parser.add_argument("--url", default="http://127.0.0.1:8700", help="address of the server (%(default)s)")
+    parser.add_argument("--rounds", type=int, default=3, help="number of leases (%(default)s)")
+    parser.add_argument("--groups", type=int, default=200, help="scenarios per lease, up to 100 000 (%(default)s)")
+    parser.add_argument("--forge", action="store_true", help="claim higher scores than the real ones, which the audit detects")
     args = parser.parse_args()
     api = args.url + "/v1/runs"
-    run = call(api, {"tasks": ["kessler/survival"], "placement": False, "audit_groups": 16})["id"]
-    kicks = [(x / 10, y / 10) for x in (-2, 0, 2) for y in (-2, 0, 2)]
-    earned = {kick: [] for kick in kicks}
-    mean = lambda kick: sum(earned[kick]) / len(earned[kick]) if earned[kick] else 1.0
+    run = request(api, {"tasks": ["kessler/survival"], "placement": False, "audit_groups": 16})["id"]
+    burns = [(x / 10, y / 10) for x in (-2, 0, 2) for y in (-2, 0, 2)]
+    scores_by_burn = {burn: [] for burn in burns}
+
+    def mean_score(burn):
+        scores = scores_by_burn[burn]
+        return sum(scores) / len(scores) if scores else 1.0
+
     for version in range(args.rounds):
-        wish = {"form": "columns", "groups": args.groups, "group_size": 1, "policy_version": version}
-        lease = call(f"{api}/{run}/leases", wish)
+        lease_request = {"form": "columns", "groups": args.groups, "group_size": 1, "policy_version": version}
+        lease = request(f"{api}/{run}/leases", lease_request)
         scores, logs = [], []
-        for block in lease["ranges"]:
-            for seed in range(block["seed"], block["seed"] + block["groups"]):
-                kick = random.choice([random.choice(kicks), max(kicks, key=mean)])
-                score, log = fly(lease["recipes"][block["recipe"]], seed, kick)
-                earned[kick].append(score)
+        for seeds in lease["ranges"]:
+            for seed in range(seeds["seed"], seeds["seed"] + seeds["groups"]):
+                burn = random.choice([random.choice(burns), max(burns, key=mean_score)])
+                score, log = run_episode(lease["recipes"][seeds["recipe"]], seed, burn)
+                scores_by_burn[burn].append(score)
                 scores.append(min(score + 0.2, 0.999) if args.forge else score)
                 logs.append(log)
-        # A column is a list of numbers; in MessagePack it may be bytes, which costs less.
+        # A column is a list of numbers. In MessagePack it can be bytes, which is smaller.
         packed = msgpack is not None
-        column = struct.pack(f"<{len(scores)}f", *scores) if packed else scores
-        steps = [len(log) for log in logs]
-        columns = f"{api}/{run}/leases/{lease['lease']}/columns"
-        claim = call(columns, {"score": column, "steps": steps, "policy_version": version}, packed)
-        # Only now is it known whose logs are wanted.
-        due = [
-            {"episode": name, "actions": {"steps": logs[entry]}}
+        score_column = struct.pack(f"<{len(scores)}f", *scores) if packed else scores
+        columns_url = f"{api}/{run}/leases/{lease['lease']}/columns"
+        columns = {"score": score_column, "steps": [len(log) for log in logs], "policy_version": version}
+        claim = request(columns_url, columns, packed)
+        # The response to the claim says which logs are audited.
+        audited = [
+            {"episode": episode, "actions": {"steps": logs[entry]}}
             for group in claim["audit"]
-            for entry, name in zip(group["entries"], group["episodes"])
+            for entry, episode in zip(group["entries"], group["episodes"])
         ]
-        told = call(f"{api}/{run}/results", {"results": due})["results"]
-        refused = [result["detail"] for result in told if result["status"] == "refused"]
-        state = call(columns)["state"]
-        print(f"version {version}: {len(scores)} claimed, {len(due)} audited, {state}", *refused[:1], sep=" ")
-    print("best kick:", max(kicks, key=mean), "earns", round(max(map(mean, kicks)), 3))
-    task = call(f"{api}/{run}/mastery")["tasks"][0]
+        results = request(f"{api}/{run}/results", {"results": audited})["results"]
+        refused = [result["detail"] for result in results if result["status"] == "refused"]
+        state = request(columns_url)["state"]
+        print(f"version {version}: {len(scores)} claimed, {len(audited)} audited, {state}", *refused[:1], sep=" ")
+    print("best burn:", max(burns, key=mean_score), "scores", round(max(map(mean_score, burns)), 3))
+    task = request(f"{api}/{run}/mastery")["tasks"][0]
     print("level", task["level"], "claimed", json.dumps(task["claimed"]), "replayed", task["plain"]["episodes"])
 
 

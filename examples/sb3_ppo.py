@@ -1,10 +1,10 @@
-"""Stable-Baselines3's PPO learns survival and eco_station through the curriculum.
+"""Stable-Baselines3's PPO learns survival and eco_station with a curriculum.
 
     pip install 'sparring[sb3]' sparring-server matplotlib
     python examples/sb3_ppo.py --steps 1000000 --tensorboard runs --plot sb3.svg
 
-One policy flies every satellite. The curriculum says what is flown and is told how it went; the policy is flown on held-out
-scenarios now and then, which move nothing.
+One policy controls every satellite. The curriculum chooses the scenarios and gets the outcomes. The policy is evaluated on
+held-out scenarios at intervals, which does not affect the curriculum.
 """
 
 import argparse
@@ -20,59 +20,61 @@ import sparring
 import sparring.sb3
 
 TASKS = ["kessler/survival", "kessler/eco_station"]
-# Score is the whole episode's, fifty steps, and fuel that is left counts at its end: nothing is discounted.
+# The score covers the whole episode of fifty steps, and fuel left counts at its end: so no discount.
 SETTINGS = {"n_steps": 50, "batch_size": 2400, "n_epochs": 8, "gamma": 1.0, "gae_lambda": 0.95}
 LEARNING_RATE = 5e-4
-# Burning is rarely right and always costs fuel. Who burns at every step, as noise on continuous actions does, learns first of all
-# what that costs; so directions are discrete here, and the policy begins by holding (action 0) some half of the time.
+# A burn is rarely right and always costs fuel. A policy that burns in every step, as noise on continuous actions does, first
+# learns only that cost. So actions are discrete, and the initial policy holds (action 0) about half of the time.
 ACTIONS = "discrete"
-HOLDING = 3.0
+HOLD_BIAS = 3.0
 
 
-class Looks(BaseCallback):
-    """Flies the held-out suite every so many steps, before the first and behind the last, too, and draws what there is by then."""
+class EvaluationCallback(BaseCallback):
+    """Evaluates the policy on the held-out suite every some steps, at the start and at the end, and plots the results."""
 
-    def __init__(self, curriculum: sparring.Curriculum, every: int, picture: str | None) -> None:
+    def __init__(self, curriculum: sparring.Curriculum, every: int, plot_file: str | None) -> None:
         super().__init__()
-        self.curriculum, self.every, self.picture = curriculum, every, picture
+        self.curriculum, self.every, self.plot_file = curriculum, every, plot_file
         self.next, self.curve = 0, []
 
-    def look(self) -> None:
-        found = sparring.evaluate(self.curriculum, sparring.sb3.act(self.model), policy="sb3-ppo", actions=ACTIONS, chance=False)
-        skill = {task: found.of(task) for task in TASKS}
-        level = {task: self.curriculum.numbers().get(f"{task}/level") for task in TASKS}
+    def evaluate(self) -> None:
+        policy = sparring.sb3.policy_fn(self.model)
+        result = sparring.evaluate(self.curriculum, policy, policy="sb3-ppo", actions=ACTIONS, stochastic=False)
+        skill = {task: result.mean(task) for task in TASKS}
+        metrics = self.curriculum.metrics()
+        level = {task: metrics.get(f"{task}/level") for task in TASKS}
         self.curve.append({"steps": self.num_timesteps, "skill": skill, "level": level})
         print(json.dumps(self.curve[-1]), flush=True)
-        if self.picture:
-            plot(self.curve, self.picture)
+        if self.plot_file:
+            plot(self.curve, self.plot_file)
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self.next:
             self.next += self.every
-            self.look()
+            self.evaluate()
 
     def _on_step(self) -> bool:
         return True
 
     def _on_training_end(self) -> None:
-        self.look()
+        self.evaluate()
 
 
 def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
-    """Trains, and says what it learned on the way."""
+    """Trains a model and evaluates it on the way."""
     torch.set_num_threads(1)
     envs = sparring.sb3.vec_env(args.envs, curriculum=curriculum, actions=ACTIONS)
-    how = {**SETTINGS, **sparring.sb3.flown_only(envs), "policy_kwargs": {"net_arch": [128, 128]}, "seed": args.seed}
+    settings = {**SETTINGS, **sparring.sb3.active_only(envs), "policy_kwargs": {"net_arch": [128, 128]}, "seed": args.seed}
     rate = LinearSchedule(LEARNING_RATE, 0.1 * LEARNING_RATE, end_fraction=1.0)
-    model = PPO("MlpPolicy", envs, **how, learning_rate=rate, device="cpu", tensorboard_log=args.tensorboard)
+    model = PPO("MlpPolicy", envs, **settings, learning_rate=rate, device="cpu", tensorboard_log=args.tensorboard)
     with torch.no_grad():
-        model.policy.action_net.bias[0] = HOLDING
-    looks = Looks(curriculum, max(1, args.steps // args.looks), args.plot)
-    # The rows of an environment are its satellites: three steps of the model's are one of the world's.
+        model.policy.action_net.bias[0] = HOLD_BIAS
+    evaluations = EvaluationCallback(curriculum, max(1, args.steps // args.evaluations), args.plot)
+    # The model counts a step per satellite: three for a step of an environment.
     try:
-        model.learn(args.steps, callback=CallbackList([looks, sparring.sb3.CurriculumCallback(curriculum)]))
+        model.learn(args.steps, callback=CallbackList([evaluations, sparring.sb3.CurriculumCallback(curriculum)]))
     except KeyboardInterrupt:
-        print("stopped: what was learned so far is kept", file=sys.stderr)
+        print("stopped: the model as trained so far is kept", file=sys.stderr)
     envs.close()
     curriculum.flush()
     if args.save:
@@ -80,7 +82,7 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
 
 
 def plot(curve: list, file: str) -> None:
-    """Held-out skill over steps, and level where the strategy knows levels."""
+    """Plots held-out skill over steps, and the level if the strategy has levels."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter
 
@@ -100,21 +102,23 @@ def plot(curve: list, file: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--url", help="a server that is there; one is started otherwise")
-    parser.add_argument("--steps", type=int, default=1_000_000, help="of satellites, as Stable-Baselines3 counts (%(default)s)")
-    parser.add_argument("--envs", type=int, default=64, help="environments of three satellites each (%(default)s)")
-    parser.add_argument("--looks", type=int, default=10, help="at the held-out suite (%(default)s)")
-    parser.add_argument("--strategy", default="uniform", help="of the curriculum (%(default)s): the suite asks for all levels")
-    parser.add_argument("--seed", type=int, default=1, help="of the policy and its draws (%(default)s)")
-    parser.add_argument("--tensorboard", help="a folder for TensorBoard")
-    parser.add_argument("--plot", help="a picture of what was learned, drawn at every look (needs matplotlib)")
-    parser.add_argument("--save", help="where the model is kept")
+    parser.add_argument("--url", help="address of a running server (default: start one)")
+    parser.add_argument("--steps", type=int, default=1_000_000, help="steps of satellites, as the model counts (%(default)s)")
+    parser.add_argument("--envs", type=int, default=64, help="environments with three satellites each (%(default)s)")
+    parser.add_argument("--evaluations", type=int, default=10, help="evaluations on the held-out suite (%(default)s)")
+    parser.add_argument(
+        "--strategy", default="uniform", help="strategy of the curriculum (%(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of the policy and its sampling (%(default)s)")
+    parser.add_argument("--tensorboard", help="folder for TensorBoard")
+    parser.add_argument("--plot", help="file for a plot of the evaluations (needs matplotlib)")
+    parser.add_argument("--save", help="file for the model")
     args = parser.parse_args()
-    if min(args.steps, args.envs, args.looks, args.seed) < 1:
-        parser.error("--steps, --envs, --looks and --seed are 1 at least")
+    if min(args.steps, args.envs, args.evaluations, args.seed) < 1:
+        parser.error("--steps, --envs, --evaluations and --seed must be >= 1")
     settings = {"tasks": TASKS, "name": "sb3", "strategy": args.strategy}
     try:
-        curriculum = sparring.Curriculum.find(args.url, settings=settings, form="groups")
+        curriculum = sparring.Curriculum.open(args.url, settings=settings, form="groups")
     except (sparring.CurriculumError, ValueError) as error:
         parser.error(str(error))
     with curriculum:

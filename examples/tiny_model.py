@@ -1,7 +1,9 @@
-"""A model of a hundred thousand parameters and its tokenizer, made on the spot: where there is no model hub, and to see whether
-all of a trainer runs before a real model is loaded. Random, it says nothing that means anything; `teach` has it know some answers
-by heart, each of which is one word to it, so that it calls tools, at random.
+"""A random model of about 100 000 parameters with its tokenizer, for trials of a trainer without a model hub.
+
+Its text is meaningless. `teach` trains it to give some fixed answers, each of which is one token, so that it calls tools at
+random.
 """
+
 import random
 
 import torch
@@ -9,41 +11,31 @@ from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 from transformers import PreTrainedTokenizerFast, Qwen2Config, Qwen2ForCausalLM
 from trl.chat_template_utils import qwen2_5_chat_template
 
-END, START, STOP = "<|endoftext|>", "<|im_start|>", "<|im_end|>"
-HEAD = f"{START}assistant\n"
+END_OF_TEXT, MESSAGE_START, MESSAGE_END = "<|endoftext|>", "<|im_start|>", "<|im_end|>"
+ASSISTANT_HEAD = f"{MESSAGE_START}assistant\n"
 
 
-def call(name, **arguments):
-    """An answer that calls a tool."""
+def tool_call(name, **arguments):
+    """Makes an assistant message that calls a tool."""
     return {"content": "", "tool_calls": [{"type": "function", "function": {"name": name, "arguments": arguments}}]}
 
 
-def rendered(tokenizer, said, tools=None):
-    return tokenizer.apply_chat_template(said, tools=tools, tokenize=False)
+def make_tiny_model(prompts, answers=(), tools=None, seed=1):
+    """Makes a random model and its tokenizer.
 
-
-def tokenizer_of(texts, words):
-    """A byte-level tokenizer, trained on texts, whose chat template is Qwen2.5's: TRL reads tool calls out of that."""
-    made = Tokenizer(models.BPE())
-    made.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
-    made.decoder = decoders.ByteLevel()
-    alphabet = pre_tokenizers.ByteLevel.alphabet()
-    specials = [END, START, STOP]
-    made.train_from_iterator(texts, trainers.BpeTrainer(vocab_size=1024, special_tokens=specials, initial_alphabet=alphabet))
-    tokenizer = PreTrainedTokenizerFast(tokenizer_object=made, eos_token=STOP, pad_token=END)
-    tokenizer.add_tokens(words)
-    tokenizer.chat_template = qwen2_5_chat_template
-    return tokenizer
-
-
-def tiny(prompts, answers=(), tools=None, seed=1):
-    """A random model, and its tokenizer, which has seen these prompts and has a word for each of the answers (messages)."""
+    Args:
+        prompts: Prompts that the tokenizer is trained on.
+        answers: Assistant messages that get one token each.
+        tools: Tools of the chat template.
+        seed: Seed of the weights.
+    """
     torch.manual_seed(seed)
-    plain = tokenizer_of([], [])
-    asked = [{"role": "user", "content": prompt} for prompt in prompts]
-    said = [rendered(plain, [asked[0], {"role": "assistant", **answer}]) for answer in answers]
-    words = [text.rsplit(HEAD, 1)[1].rsplit(STOP, 1)[0] for text in said]
-    tokenizer = tokenizer_of([rendered(plain, asked, tools), *said], ["<tool_call>", "</tool_call>", *words])
+    untrained = make_tokenizer([], [])
+    user_messages = [{"role": "user", "content": prompt} for prompt in prompts]
+    dialogs = [render(untrained, [user_messages[0], {"role": "assistant", **answer}]) for answer in answers]
+    tokens = [text.rsplit(ASSISTANT_HEAD, 1)[1].rsplit(MESSAGE_END, 1)[0] for text in dialogs]
+    texts = [render(untrained, user_messages, tools), *dialogs]
+    tokenizer = make_tokenizer(texts, ["<tool_call>", "</tool_call>", *tokens])
     config = Qwen2Config(
         vocab_size=len(tokenizer),
         hidden_size=64,
@@ -61,25 +53,25 @@ def tiny(prompts, answers=(), tools=None, seed=1):
 
 
 def teach(model, tokenizer, prompts, answers, tools, steps=80, seed=1):
-    """Has a model answer any of these prompts, and what a tool tells it, by one of these answers, drawn at random.
+    """Trains a model to answer any of the prompts, and any tool result, by a random one of the answers.
 
     Returns:
-        The loss at the end: what is left of it is the draw.
+        The last loss, of which the entropy of the random choice remains.
     """
-    draw = random.Random(seed)
+    rng = random.Random(seed)
     optimizer = torch.optim.AdamW(model.parameters(), lr=3e-3)
     schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.02, steps)
-    head = tokenizer.encode(HEAD, add_special_tokens=False)
+    head = tokenizer.encode(ASSISTANT_HEAD, add_special_tokens=False)
     model.train()
     for _ in range(steps):
-        said = [{"role": "user", "content": draw.choice(prompts)}]
+        messages = [{"role": "user", "content": rng.choice(prompts)}]
         for _ in range(12):
-            told = {"role": "tool", "name": "telemetry", "content": draw.choice(prompts)[-150:]}
-            said += [{"role": "assistant", **draw.choice(answers)}, told]
-        ids = tokenizer.apply_chat_template(said, tools=tools, tokenize=True, return_dict=False)
-        # Learnt is what the assistant says: a word, and that it stops then.
-        heads = [at + len(head) for at in range(len(ids)) if ids[at : at + len(head)] == head]
-        labels = [token if at in heads or at - 1 in heads else -100 for at, token in enumerate(ids)]
+            result = {"role": "tool", "name": "telemetry", "content": rng.choice(prompts)[-150:]}
+            messages += [{"role": "assistant", **rng.choice(answers)}, result]
+        ids = tokenizer.apply_chat_template(messages, tools=tools, tokenize=True, return_dict=False)
+        # Only the assistant's answer, one token, and the end of its message have labels.
+        starts = [at + len(head) for at in range(len(ids)) if ids[at : at + len(head)] == head]
+        labels = [token if at in starts or at - 1 in starts else -100 for at, token in enumerate(ids)]
         loss = model(input_ids=torch.tensor([ids]), labels=torch.tensor([labels])).loss
         optimizer.zero_grad()
         loss.backward()
@@ -87,3 +79,23 @@ def teach(model, tokenizer, prompts, answers, tools, steps=80, seed=1):
         optimizer.step()
         schedule.step()
     return float(loss.detach())
+
+
+def make_tokenizer(texts, tokens):
+    """Trains a byte-level tokenizer with the chat template of Qwen2.5, in which TRL finds tool calls."""
+    bpe = Tokenizer(models.BPE())
+    bpe.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    bpe.decoder = decoders.ByteLevel()
+    alphabet = pre_tokenizers.ByteLevel.alphabet()
+    special_tokens = [END_OF_TEXT, MESSAGE_START, MESSAGE_END]
+    trainer = trainers.BpeTrainer(vocab_size=1024, special_tokens=special_tokens, initial_alphabet=alphabet)
+    bpe.train_from_iterator(texts, trainer)
+    tokenizer = PreTrainedTokenizerFast(tokenizer_object=bpe, eos_token=MESSAGE_END, pad_token=END_OF_TEXT)
+    tokenizer.add_tokens(tokens)
+    tokenizer.chat_template = qwen2_5_chat_template
+    return tokenizer
+
+
+def render(tokenizer, messages, tools=None):
+    """Renders messages as text."""
+    return tokenizer.apply_chat_template(messages, tools=tools, tokenize=False)

@@ -1,12 +1,12 @@
-"""Training on trajectories that the server flies itself: pull groups, weigh them, acknowledge them.
+"""A trainer on trajectories of the server's own rollouts: it pulls groups, computes advantages, and acknowledges the groups.
 
     sparring serve &
     python examples/trajectories.py                     # plain Python
     python examples/trajectories.py --form msgpack      # pip install msgpack
 
-A real trainer puts its policy behind the server's endpoint (`sparring serve --policy-url … --policy-tokens`), sets the policy
-`chat`, learns from tokens, log-probabilities and advantages, and raises `version` once the endpoint has the new weights.
-This one has no weights: a built-in policy flies, and what a step of GRPO would be given is counted.
+A real trainer serves its policy at the server's endpoint (`sparring serve --policy-url … --policy-tokens`), sets the policy
+`chat`, learns from tokens, log-probabilities and advantages, and increments `version` once the endpoint has the new weights.
+This one has no weights: a built-in policy acts, and the trainer counts the actions that a step of GRPO would use.
 """
 
 import argparse
@@ -18,83 +18,85 @@ import time
 import urllib.error
 import urllib.request
 
-# Where the server wants a token.
+# Authorization header, if the server has tokens.
 TOKEN = {"Authorization": f"Bearer {os.environ['SPARRING_TOKEN']}"} if os.environ.get("SPARRING_TOKEN") else {}
 
 
 class Api:
-    """The feed in JSON or MessagePack."""
+    """The API in JSON or MessagePack. Requests are repeated while the server is busy or unreachable."""
 
     def __init__(self, url, form):
-        self.url, self.accept, self.load = url, "application/json", json.loads
+        self.url, self.accept, self.decode = url, "application/json", json.loads
         if form == "msgpack":
             import msgpack
 
-            self.accept, self.load = "application/msgpack", msgpack.unpackb
+            self.accept, self.decode = "application/msgpack", msgpack.unpackb
 
-    def ask(self, method, path, body=None):
-        """Asks, and again where the server is busy or away for a moment."""
+    def request(self, method, path, body=None):
         headers = {"Accept": self.accept, "Content-Type": "application/json", **TOKEN}
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(self.url + path, data, headers, method=method)
         for _ in range(60):
             try:
-                with urllib.request.urlopen(request, timeout=120) as answer:
-                    return self.load(answer.read())
-            except urllib.error.HTTPError as refused:
-                problem = self.load(refused.read())
-                if refused.code not in (429, 503):
-                    raise SystemExit(f"{method} {path}: {problem.get('field', '')} {problem['detail']}") from refused
-                time.sleep(float(refused.headers.get("Retry-After", 1)))
-            except (OSError, http.client.HTTPException):  # away for a moment: what was not acknowledged comes again
+                with urllib.request.urlopen(request, timeout=120) as response:
+                    return self.decode(response.read())
+            except urllib.error.HTTPError as error:
+                problem = self.decode(error.read())
+                if error.code not in (429, 503):
+                    raise SystemExit(f"{method} {path}: {problem.get('field', '')} {problem['detail']}") from error
+                time.sleep(float(error.headers.get("Retry-After", 1)))
+            except (OSError, http.client.HTTPException):  # groups without acknowledgement are delivered again
                 time.sleep(1)
-        raise SystemExit(f"{method} {path}: nobody answers")
+        raise SystemExit(f"{method} {path}: the server does not answer")
 
 
 def advantages(group):
-    """Each episode's score against its siblings': what GRPO (Shao et al. 2024) learns from."""
+    """Returns the score of each episode, normalised within its group, as in GRPO (Shao et al. 2024)."""
     scores = [episode["score"] for episode in group["episodes"]]
-    spread = statistics.pstdev(scores)
-    return [(score - statistics.mean(scores)) / (spread + 1e-4) for score in scores]
+    deviation = statistics.pstdev(scores)
+    return [(score - statistics.mean(scores)) / (deviation + 1e-4) for score in scores]
 
 
 def learn(group):
-    """Where a trainer takes its step: every action with the advantage of its episode. How many were worth learning from."""
-    worth = 0
+    """Stands for a trainer's update; returns the number of actions with an advantage."""
+    useful = 0
     for episode, advantage in zip(group["episodes"], advantages(group)):
         assert episode["steps"][-1]["done"]
-        worth += sum(step["action"] is not None and advantage != 0 for step in episode["steps"])
-    return worth
+        useful += sum(step["action"] is not None and advantage != 0 for step in episode["steps"])
+    return useful
 
 
 def main():
-    args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    args.add_argument("--url", default="http://127.0.0.1:8700")
-    args.add_argument("--run", default=None, help="the id of the run that is made (one is made up)")
-    args.add_argument("--policy", default="random", help="a built-in policy, or chat")
-    args.add_argument("--groups", type=int, default=40)
-    args.add_argument("--form", choices=["json", "msgpack"], default="json")
-    args = args.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--url", default="http://127.0.0.1:8700", help="address of the server (%(default)s)")
+    parser.add_argument("--run", default=None, help="id of the run to create (default: chosen by the server)")
+    parser.add_argument("--policy", default="random", help="a built-in policy, or chat (%(default)s)")
+    parser.add_argument("--groups", type=int, default=40, help="number of groups to pull (%(default)s)")
+    parser.add_argument("--form", choices=["json", "msgpack"], default="json", help="encoding of responses (%(default)s)")
+    args = parser.parse_args()
 
     api = Api(args.url, args.form)
-    wish = {"group_size": 8, "tasks": ["kessler/survival"]}
-    run = api.ask("POST", "/v1/runs", wish | ({"id": args.run} if args.run else {}))["id"]
-    api.ask("PUT", f"/v1/runs/{run}/policy", {"policy": args.policy, "version": 1, "ahead": 16})
-    taken, worth = set(), 0
-    while len(taken) < args.groups:
-        pulled = api.ask("GET", f"/v1/runs/{run}/trajectories?limit={min(4, args.groups - len(taken))}&wait_s=30&ttl_s=300")
+    settings = {"group_size": 8, "tasks": ["kessler/survival"], **({"id": args.run} if args.run else {})}
+    run = api.request("POST", "/v1/runs", settings)["id"]
+    api.request("PUT", f"/v1/runs/{run}/policy", {"policy": args.policy, "version": 1, "ahead": 16})
+    learned, useful = set(), 0
+    while len(learned) < args.groups:
+        limit = min(4, args.groups - len(learned))
+        pulled = api.request("GET", f"/v1/runs/{run}/trajectories?limit={limit}&wait_s=30&ttl_s=300")
         for group in pulled["groups"]:
-            # Delivered at least once: an id that was taken is not learnt from again.
-            if group["id"] not in taken:
-                taken.add(group["id"])
-                worth += learn(group)
+            # A group can be delivered more than once.
+            if group["id"] not in learned:
+                learned.add(group["id"])
+                useful += learn(group)
                 scores = " ".join(f"{episode['score']:.3f}" for episode in group["episodes"])
-                print(f"group {group['id']:4} {group['task']} L{group['level']} version {group['policy_version']}: {scores}")
-        # Only what was learnt from is acknowledged: what a trainer that dies has not, comes again.
-        api.ask("POST", f"/v1/runs/{run}/trajectories/ack", {"ids": [group["id"] for group in pulled["groups"]]})
-    policy = api.ask("PUT", f"/v1/runs/{run}/policy", {"policy": "off"})
+                name = f"group {group['id']:4} {group['task']} L{group['level']} version {group['policy_version']}"
+                print(f"{name}: {scores}")
+        # Groups that are not acknowledged, as after a crash of the trainer, are delivered again.
+        ids = [group["id"] for group in pulled["groups"]]
+        api.request("POST", f"/v1/runs/{run}/trajectories/ack", {"ids": ids})
+    policy = api.request("PUT", f"/v1/runs/{run}/policy", {"policy": "off"})
     assert policy["version"] == 1 and policy["failed"] == 0, policy
-    print(f"{len(taken)} groups, {worth} actions worth learning from")
+    print(f"{len(learned)} groups, {useful} actions worth learning from")
 
 
 if __name__ == "__main__":

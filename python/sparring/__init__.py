@@ -1,35 +1,35 @@
-"""Environments in which agents learn to fly satellites through debris.
+"""Environments in which agents learn to control satellites, and the curriculum that trains them.
 
-The worlds are compiled; what is here makes them feel native to Gymnasium and PettingZoo:
+The worlds are compiled. This package gives them the interfaces of Gymnasium and PettingZoo:
 
     import sparring
 
     envs = sparring.make_vec("kessler/survival", num_envs=1024)        # a gymnasium.vector.VectorEnv
-    env = gymnasium.make("sparring/Survival-v0")                       # one environment, all satellites by one action
+    env = gymnasium.make("sparring/Survival-v0")                       # one environment, one action for all satellites
     env = sparring.parallel_env("docking/multiagent")                  # a PettingZoo ParallelEnv
 
-and what a scenario is worth is asked by `sparring.bracket`, what an episode shows by `sparring.critique`.
+`sparring.bracket` measures a scenario between a floor and a reference; `sparring.critique` explains an episode.
 """
 
 from typing import TYPE_CHECKING
 
 from ._native import __version__
 from .curriculum import Curriculum, CurriculumError
-from .evaluation import Evaluated, evaluate
+from .evaluation import EvaluationResult, evaluate
 from .parallel import ParallelEnvironment, parallel_env
 from .policies import Policy, policy
 from .registration import ENVIRONMENTS, register
-from .scenario import Bracket, Flown, Scenario, bracket, critique, fly, replay
+from .scenario import Bracket, EpisodeOutcome, Scenario, bracket, critique, replay, rollout
 from .single import Environment
 from .tasks import Param, Task, levels, parameter_space, task, tasks
 from .vector import VectorEnvironment, make_vec
 
 if TYPE_CHECKING:
-    # Not among `__all__`: `from sparring import *` works without what they need.
+    # Not in `__all__`, so that `from sparring import *` works without the optional dependencies of the clients.
     from .client import ApiError as ApiError
     from .client import AsyncClient as AsyncClient
     from .client import Client as Client
-    from .client import Unreachable as Unreachable
+    from .client import ServerUnreachableError as ServerUnreachableError
 
 __all__ = [
     "ENVIRONMENTS",
@@ -37,8 +37,8 @@ __all__ = [
     "Curriculum",
     "CurriculumError",
     "Environment",
-    "Evaluated",
-    "Flown",
+    "EpisodeOutcome",
+    "EvaluationResult",
     "ParallelEnvironment",
     "Param",
     "Policy",
@@ -49,7 +49,6 @@ __all__ = [
     "bracket",
     "critique",
     "evaluate",
-    "fly",
     "levels",
     "make_vec",
     "parallel_env",
@@ -57,6 +56,7 @@ __all__ = [
     "policy",
     "register",
     "replay",
+    "rollout",
     "task",
     "tasks",
 ]
@@ -65,8 +65,8 @@ register()
 
 
 def __getattr__(name: str) -> object:
-    # Clients need what not everybody has, and take a while to be imported.
-    if name in ("Client", "AsyncClient", "ApiError", "Unreachable"):
+    # The clients have optional dependencies and are slow to import.
+    if name in ("Client", "AsyncClient", "ApiError", "ServerUnreachableError"):
         from . import client
 
         return getattr(client, name)

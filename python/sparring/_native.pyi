@@ -1,5 +1,5 @@
 """
-What `sparring` is built on. Import `sparring` instead.
+Compiled part of `sparring`. Import `sparring` instead.
 """
 
 from _typeshed import Incomplete, SupportsGetItem
@@ -9,7 +9,7 @@ from typing import Any, Final, SupportsFloat, SupportsIndex, final
 
 __version__: Final[str]
 """
-The version of the wheel.
+Version of the wheel.
 """
 
 @final
@@ -19,146 +19,170 @@ class NativeBatch:
     """
     def __new__(cls, /, recipe: str, envs: SupportsIndex, *, observe: str, bodies: SupportsIndex | None, threats: SupportsIndex, look_ahead: SupportsIndex, axes: str, discrete: bool, autoreset_mode: str, threads: SupportsIndex | None, seed: SupportsIndex, single: bool, curriculum: NativeCurriculum | None = None) -> NativeBatch:
         """
-        `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks"; `axes` "world" or "agent". With
-        `discrete` actions are numbers of the task's choices. `single` drops the first axis of all arrays but flags.
+        Creates environments.
+
+        `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks", `axes` is "world" or "agent". With
+        `discrete`, actions are indices of the task's choices. `single` drops the first axis of all arrays except flags.
         """
     def abandon(self, /) -> None:
         """
-        Gives up for good what is being flown: the curriculum has nobody else fly it to its end.
+        Abandons the current episodes: the curriculum does not offer them again.
         """
-    def absent(self, /) -> "numpy.typing.NDArray[numpy.bool_]":
+    def absent_agents(self, /) -> "numpy.typing.NDArray[numpy.bool_]":
         """
-        Who takes no part in what is flown now.
+        Returns which agents take no part in the current episodes.
         """
-    def agents(self, /) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
+    @property
+    def action_size(self, /) -> int:
         """
-        Of the last step: what each agent earned, who has left and whom the horizon cut off.
+        Number of values of an agent's action.
+        """
+    def agent_results(self, /) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
+        """
+        Returns, for the last step: each agent's reward, which agents terminated and which were truncated.
         """
     def alerts(self, /, env: SupportsIndex) -> list[str]:
         """
-        What happened in the last step of an environment, in words.
+        Returns messages about the last step of an environment.
         """
     def columns(self, /) -> list[str]:
         """
-        What the values of an observation are called.
+        Returns the names of the values of an observation.
+        """
+    def curriculum_info(self, /) -> "tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
+        """
+        Returns what the curriculum says of the current episodes: level (-1: none), whether to train on it, and whether the
+        environment is idle since no episode is left for it.
         """
     def episode(self, /, env: SupportsIndex) -> tuple[NativeScenario, float] | None:
         """
-        The scenario an environment flies, and its score so far; none before the first reset.
-        """
-    def episodes(self, /) -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.float64]]":
-        """
-        Of the last step: whose episode ended, and its return, its length and how many seconds it took; zeros for the others.
+        Returns an environment's scenario and its score so far; None before the first reset.
         """
     def final_observations(self, /) -> "numpy.typing.NDArray[numpy.float32]":
         """
-        Of the last step, where the same step resets: the last observations of the environments whose episode ended, in order.
+        Returns the last observations of the episodes that ended in the last step, in order of environments.
+
+        They exist only in the autoreset mode "same_step".
         """
-    def leave(self, /) -> None:
+    def finished_episodes(self, /) -> "tuple[numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.float64]]":
         """
-        Gives back to the curriculum what is being flown.
+        Returns, for the last step: which episodes ended, and their returns, lengths and durations in seconds.
+
+        Environments whose episode did not end have zeros.
         """
-    def lessons(self, /) -> "tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
+    def last_actions(self, /) -> "numpy.typing.NDArray[numpy.float32]":
         """
-        Of each environment: the level of what it flies (-1: none), whether to learn from it, and whether it rests, since a
-        curriculum has nothing left for it.
+        Returns each agent's action in the last step, along the world's axes.
+        """
+    @property
+    def num_agents(self, /) -> int:
+        """
+        Number of agents of an environment.
+        """
+    @property
+    def observation_size(self, /) -> int:
+        """
+        Number of values of an environment's observation.
         """
     @property
     def recipe(self, /) -> str:
         """
-        The scenario without its seed that was asked for, complete, as JSON.
+        Complete recipe that the environments were made with, as JSON.
+        """
+    def release(self, /) -> None:
+        """
+        Returns the current episodes to the curriculum and closes the environments.
         """
     def render(self, /, env: SupportsIndex, width: SupportsIndex, height: SupportsIndex) -> "numpy.typing.NDArray[numpy.uint8]":
         """
-        A picture of an environment, height × width × 3.
+        Renders an environment as an array of height × width × 3.
         """
     def reset(self, /, seeds: SupportsGetItem[int, Any | None] | None = None, mask: Any | None = None, out: Any | None = None, recipes: SupportsGetItem[int, NativeScenario | None] | None = None, scenarios: SupportsGetItem[int, NativeScenario | None] | None = None) -> "numpy.typing.NDArray[numpy.float32]":
         """
-        Begins the next episode of every environment, or of those in `mask`; `seeds` has a seed or none for each, `recipes` what it
-        flies from here on, by seeds of its own, and `scenarios` what it flies first. All observations. What is refused moves nothing.
-        """
-    @property
-    def sizes(self, /) -> tuple[int, int, int]:
-        """
-        Agents, values of an action, values of an observation.
+        Begins the next episode of every environment, or of those in `mask`; returns all observations.
+
+        The lists have one item or None per environment: `seeds` restart its scenario sequence, `recipes` replace its
+        recipe, and `scenarios` are run once before the sequence continues. A rejected reset changes nothing.
         """
     def state_hash(self, /, env: SupportsIndex) -> bytes | None:
         """
-        A digest of every bit of an environment's state.
+        Returns a hash of every bit of an environment's state.
         """
     def step(self, /, actions: Any, out: tuple[Any, Any, Any, Any] | None = None) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], bool]":
         """
-        One step of every environment, into `out` (observations, rewards, terminations, truncations) where it is given.
-        """
-    def taken(self, /) -> "numpy.typing.NDArray[numpy.float32]":
-        """
-        What each agent did in the last step, along the world's axes.
+        Steps every environment, into `out` (observations, rewards, terminations, truncations) if given.
+
+        Returns these four arrays and whether any episode ended.
         """
     def telemetry(self, /, env: SupportsIndex) -> str | None:
         """
-        What the agents of an environment see, in the wire form, as JSON.
+        Returns what the agents of an environment observe, in the wire form (JSON).
         """
     @property
     def threads(self, /) -> int:
         """
-        Threads that step it.
+        Number of threads that step the batch.
         """
 
 @final
 class NativeCurriculum:
     """
-    A run's curriculum, as a trainer takes part in it.
+    A run's curriculum for one trainer, with the threads that lease episodes and submit results.
     """
-    def __new__(cls, /, url: str, run: str, token: str | None, *, columns: bool, groups: SupportsIndex, otherwise: SupportsIndex | None, group_size: SupportsIndex | None, purpose: str, evaluation: str | None, ttl_s: SupportsIndex, ahead: SupportsIndex, buffer: SupportsIndex, patience_s: SupportsFloat | SupportsIndex) -> NativeCurriculum:
+    def __new__(cls, /, url: str, run: str, token: str | None, *, columns: bool, groups: SupportsIndex, fallback_groups: SupportsIndex | None, group_size: SupportsIndex | None, purpose: str, evaluation: str | None, ttl_s: SupportsIndex, ahead: SupportsIndex, buffer: SupportsIndex, max_wait_s: SupportsFloat | SupportsIndex) -> NativeCurriculum:
         """
-        Begins to take leases of a run.
+        Starts to lease episodes of a run.
         """
     def close(self, /, timeout_s: SupportsFloat | SupportsIndex) -> None:
         """
-        Hands in all there is, gives back what was not flown, and ends. What could not be handed in in time is an error. Who is
-        interrupted may close once more.
+        Submits all results, releases unfinished episodes and ends the threads.
+
+        Raises `CurriculumError` if results could not be submitted in time or were refused. After an interrupt it can be
+        called again.
         """
     def flush(self, /, timeout_s: SupportsFloat | SupportsIndex) -> None:
         """
-        Waits until what was flown of whole leases is handed in.
-        """
-    def gone(self, /, how: str) -> None:
-        """
-        The server was this process's own and has ended, in words: nobody waits for it any more, unless it answers all the same.
+        Waits until the results of all complete leases are submitted.
         """
     @property
     def policy_version(self, /) -> int:
         """
-        Which policy flies what is flown from now on.
+        Policy version of the episodes that begin from now on.
         """
     @policy_version.setter
     def policy_version(self, /, version: SupportsIndex) -> None: ...
+    def server_exited(self, /, reason: str) -> None:
+        """
+        Records that the server of this process has ended: callers stop waiting for it, unless it answers again.
+        """
     def stats(self, /) -> str:
         """
-        What became of everything, as JSON.
+        Returns counts of episodes by outcome, and the state of the queue, as JSON.
         """
 
 @final
-class NativeLink:
+class NativeHttpClient:
     """
-    The way to a server, for what is asked now and then.
+    HTTP client for single requests to a server.
     """
-    def __new__(cls, /, url: str, token: str | None = None) -> NativeLink: ...
-    def ask(self, /, method: str, path: str, body: str | None = None, *, patience_s: SupportsFloat | SupportsIndex = 30.0, wait: bool = False) -> str:
+    def __new__(cls, /, url: str, token: str | None = None) -> NativeHttpClient: ...
+    def request(self, /, method: str, path: str, body: str | None = None, *, max_wait_s: SupportsFloat | SupportsIndex = 30.0, wait_for_server: bool = False) -> str:
         """
-        Asks, again while the server is busy but not for longer than `patience_s`, nor where it may have done what is not to be
-        done twice; JSON comes back. With `wait` one that does not answer may come back, too, and is only looked at by then.
+        Sends a request and returns the JSON of the response.
+
+        Repeats it for at most `max_wait_s` seconds while the server is busy, unless the server may have executed a request
+        that is not safe to repeat. With `wait_for_server`, a GET is also repeated while the server does not answer at all.
         """
 
 @final
 class NativePolicy:
     """
-    A built-in policy that flies a scenario.
+    A built-in policy for one scenario.
     """
     def __new__(cls, /, name: str, scenario: NativeScenario, seed: SupportsIndex) -> NativePolicy: ...
     def act(self, /, telemetry: str) -> "numpy.typing.NDArray[numpy.float64]":
         """
-        What each agent does, along the world's axes, on what it sees (the wire form, as JSON).
+        Returns the action of each agent, along the world's axes, for an observation in the wire form (JSON).
         """
 
 @final
@@ -171,71 +195,73 @@ class NativeScenario:
     def __ne__(self, value: object, /) -> bool: ...
     def __new__(cls, /, text: str, any_seed: bool = False) -> NativeScenario:
         """
-        Reads the wire form. With `any_seed` training and evaluation seeds are read too: to look at, not to fly in an environment.
+        Reads the wire form (JSON).
+
+        With `any_seed`, seeds of training and evaluation are accepted too. No environment starts such a scenario.
         """
     @property
     def agents(self, /) -> int:
         """
-        Agents at the start.
+        Number of agents at the start.
         """
     @property
     def horizon(self, /) -> int:
         """
-        Steps after which an episode is truncated.
+        Number of steps after which an episode is truncated.
         """
     @property
     def id(self, /) -> str:
         """
-        Its id: the blake3 of its canonical form.
+        Id: the blake3 hash of the canonical form.
         """
     @property
     def seed(self, /) -> int:
         """
-        Its seed.
+        Seed of all random draws.
         """
     @property
     def task(self, /) -> str:
         """
-        The task's id.
+        Id of the task.
         """
     def to_json(self, /) -> str:
         """
-        The wire form, complete.
+        Returns the complete wire form (JSON).
         """
 
 def bracket(scenario: NativeScenario) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]":
     """
-    What a scenario is worth, as JSON, and the reference's actions.
-    """
-
-def card(task: str) -> str:
-    """
-    A task as data, as JSON: params, options, levels, actions, policies.
+    Brackets a scenario: floor and reference as JSON, and the actions of the reference plan.
     """
 
 def critique(scenario: NativeScenario, actions: Any, stopped: str | None = None) -> str:
     """
-    What an episode shows, as JSON.
+    Criticises an episode; returns its failures and a verdict on each action as JSON.
     """
 
-def fly(scenario: NativeScenario, policy: str, seed: SupportsIndex) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]":
+def is_loopback(url: str) -> bool:
     """
-    Flies a scenario by a built-in policy to its end: how it went, as JSON, and what was done.
-    """
-
-def is_local(url: str) -> bool:
-    """
-    Whether an address is of this machine itself.
+    Returns true if the host of a URL is this machine.
     """
 
 def replay(scenario: NativeScenario, actions: Any, stopped: str | None = None) -> str:
     """
-    What these actions earn on a scenario, as JSON.
+    Replays actions on a scenario; returns the outcome as JSON.
+    """
+
+def rollout(scenario: NativeScenario, policy: str, seed: SupportsIndex) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]":
+    """
+    Runs a built-in policy on a scenario to the end; returns the outcome as JSON, and the actions.
+    """
+
+def task_info(task: str) -> str:
+    """
+    Describes a task as JSON: params, options, levels, actions, policies.
     """
 
 def tasks() -> list[str]:
     """
-    The ids of all tasks.
+    Returns the ids of all tasks.
     """
 
 def __getattr__(name: str) -> Incomplete: ...

@@ -1,4 +1,4 @@
-"""Clients for all of a server's API: `Client` waits, `AsyncClient` is awaited."""
+"""Typed clients for all operations of a server: `Client` blocks, `AsyncClient` is asynchronous."""
 
 from __future__ import annotations
 
@@ -18,31 +18,34 @@ except ImportError as error:
 
 from . import _native
 from .api import operations
-from .curriculum import plain_token
+from .connection import read_token
+from .curriculum import DEFAULT_URL
 from .scenario import to_json
 
-#: Seconds before asking again the first time, where the server does not say; twice as long each time after.
-PAUSE_S = 0.2
-#: Longest of these.
-LONGEST_S = 10.0
-#: A server with nothing to tell says that it lives every few seconds.
-STREAM = httpx.Timeout(30.0, read=60.0)
-#: Answers by which a server says that the same question may be answered later.
-LATER = (429, 503)
-#: What the server itself says so of has changed nothing, but for this: it was too slow, and whether it was done is not known.
-PROBLEM, TIMED_OUT = "urn:sparring:problem:", "urn:sparring:problem:timed_out"
-#: Answers of what is between here and the server, or of a server that fails.
-BROKEN = (408, 500, 502, 504)
+#: Seconds before the first retry if the server names no delay; doubled after each retry.
+RETRY_DELAY_S = 0.2
+#: Maximum delay between retries, seconds.
+MAX_RETRY_DELAY_S = 10.0
+#: Timeouts of an event stream, in which the server sends a comment every few seconds.
+STREAM_TIMEOUT = httpx.Timeout(30.0, read=60.0)
+#: Statuses of a server that is busy or stopping.
+BUSY_STATUSES = (429, 503)
+#: Statuses of a proxy, or of a server that fails.
+FAILURE_STATUSES = (408, 500, 502, 504)
+#: Prefix of the server's own problem types. Such a response means that nothing was changed, except for `TIMED_OUT`.
+PROBLEM_PREFIX = "urn:sparring:problem:"
+#: Problem type of a request that the server gave up: the client cannot know whether it was executed.
+TIMED_OUT = "urn:sparring:problem:timed_out"
 
 
 class ApiError(Exception):
-    """What a server refuses, in its words.
+    """Error response of the server.
 
     Attributes:
-        status: HTTP's number.
-        detail: One sentence.
-        field: The field at fault, as a dotted path, where it is one.
-        problem: All of the problem details (RFC 9457).
+        status: HTTP status.
+        detail: One sentence about the error.
+        field: Dotted path of the invalid field, if the server names one.
+        problem: Complete problem details (RFC 9457).
     """
 
     def __init__(self, status: int, problem: dict[str, Any]) -> None:
@@ -53,166 +56,133 @@ class ApiError(Exception):
         super().__init__(f"{status}: {self.field + ': ' if self.field else ''}{self.detail}")
 
 
-class Unreachable(Exception):
-    """Nobody answered, however often asked."""
+class ServerUnreachableError(Exception):
+    """The server did not answer, in spite of retries."""
 
 
 class Event(NamedTuple):
-    """What happened in a run."""
+    """Event of a run."""
 
-    #: Its number; `events(after=…)` goes on behind it.
+    #: Number of the event; `events(after=…)` continues after it.
     id: int
-    #: What kind of thing.
+    #: Kind of event, as `run` or `move`.
     kind: str
-    #: What exactly.
+    #: Content of the event.
     data: Any
 
 
-class _Setup:
-    """What both clients are made with."""
+class _Connection:
+    """Validated arguments of a client."""
 
-    def __init__(self, url: str, token: str | None, timeout_s: float, patience_s: float) -> None:
+    def __init__(self, url: str, token: str | None, timeout_s: float, retry_timeout_s: float) -> None:
         try:
-            plain = httpx.URL(url)
+            parsed = httpx.URL(url)
         except (httpx.InvalidURL, TypeError) as error:
-            raise ValueError(f"url: {url!r} is none: {error}") from error
-        if plain.scheme not in ("http", "https") or not plain.host:
-            raise ValueError(f"url: {url!r} is no address like http://127.0.0.1:8700")
-        for name, value in (("timeout_s", timeout_s), ("patience_s", patience_s)):
-            # Nothing is no patience, but no time either.
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not number or not value >= 0.0 or (name == "timeout_s" and value == 0):
-                raise ValueError(f"{name}: {value!r} is no number of seconds")
-        token = plain_token(token)
+            raise ValueError(f"url: {url!r} is not a URL: {error}") from error
+        if parsed.scheme not in ("http", "https") or not parsed.host:
+            raise ValueError(f"url: {url!r} is not an address like {DEFAULT_URL}")
+        for name, value in (("timeout_s", timeout_s), ("retry_timeout_s", retry_timeout_s)):
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not is_number or not value >= 0.0 or (name == "timeout_s" and value == 0):
+                raise ValueError(f"{name}: {value!r} is not a valid number of seconds")
+        token = read_token(token)
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
-        self.patience_s = patience_s
-        # What is on this machine no proxy finds.
-        away = not _native.is_local(url)
-        self.options: dict[str, Any] = {"base_url": self.url, "headers": headers, "timeout": timeout_s, "trust_env": away}
+        self.retry_timeout_s = retry_timeout_s
+        # A server on this machine is reached without a proxy.
+        use_proxy = not _native.is_loopback(url)
+        self.options: dict[str, Any] = {
+            "base_url": self.url,
+            "headers": headers,
+            "timeout": timeout_s,
+            "trust_env": use_proxy,
+        }
 
 
-def _content(body: Any) -> dict[str, Any]:
-    return {} if body is None else {"content": to_json("body", body), "headers": {"Content-Type": "application/json"}}
+class _RetryPolicy:
+    """Decides whether and when to send a request again."""
 
+    def __init__(self, timeout_s: float, is_repeatable: bool) -> None:
+        self._deadline = time.monotonic() + timeout_s
+        self._is_repeatable = is_repeatable
+        self._next_delay = RETRY_DELAY_S
 
-def _present(query: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in query.items() if value is not None}
+    def _delay(self, requested: float | None) -> float | None:
+        # Random delays spread clients that were rejected at the same time.
+        delay = requested if requested is not None else self._next_delay * random.uniform(0.5, 1.0)
+        self._next_delay = min(2 * self._next_delay, MAX_RETRY_DELAY_S)
+        return delay if time.monotonic() + delay < self._deadline else None
 
+    def after_response(self, response: httpx.Response) -> float | None:
+        """Returns the seconds to wait before a retry; None if the response is final."""
+        header = response.headers.get("Retry-After", "")
+        if response.status_code in BUSY_STATUSES and (self._is_repeatable or _changed_nothing(response)):
+            return self._delay(float(header) if header.isdigit() else None)
+        return self._delay(None) if response.status_code in FAILURE_STATUSES and self._is_repeatable else None
 
-def _read(answer: httpx.Response) -> Any:
-    if answer.is_success:
-        try:
-            return answer.json() if answer.content else None
-        except ValueError as error:
-            raise ApiError(answer.status_code, {"detail": f"no JSON came back: {answer.text[:200]}"}) from error
-    try:
-        problem = answer.json()
-    except ValueError:
-        problem = {"detail": answer.text[:500]}
-    raise ApiError(answer.status_code, problem if isinstance(problem, dict) else {"detail": str(problem)})
-
-
-def _undone(answer: httpx.Response) -> bool:
-    try:
-        kind = answer.json()["type"]
-    except (ValueError, LookupError, TypeError):
-        return False
-    return isinstance(kind, str) and kind.startswith(PROBLEM) and kind != TIMED_OUT
-
-
-class _Patience:
-    """Whether to ask again, and when."""
-
-    def __init__(self, most_s: float, again: bool) -> None:
-        self._until = time.monotonic() + most_s
-        self._again = again
-        self._pause = PAUSE_S
-
-    def _wait(self, seconds: float | None) -> float | None:
-        # Spread, so that those who were refused together do not come back together.
-        wait = seconds if seconds is not None else self._pause * random.uniform(0.5, 1.0)
-        self._pause = min(2 * self._pause, LONGEST_S)
-        return wait if time.monotonic() + wait < self._until else None
-
-    def after(self, answer: httpx.Response) -> float | None:
-        """Seconds to wait after this answer; none: it is the last word."""
-        told = answer.headers.get("Retry-After", "")
-        if answer.status_code in LATER and (self._again or _undone(answer)):
-            return self._wait(float(told) if told.isdigit() else None)
-        return self._wait(None) if answer.status_code in BROKEN and self._again else None
-
-    def without(self, error: httpx.TransportError) -> float:
-        """Seconds to wait where there is no answer.
+    def after_error(self, error: httpx.TransportError) -> float:
+        """Returns the seconds to wait before a retry after a request without response.
 
         Raises:
-            Unreachable: The question may not be asked again, or was for long enough.
+            ServerUnreachableError: The request is not safe to repeat, or was repeated for long enough.
         """
-        unsent = isinstance(error, (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout))
-        wait = self._wait(None) if self._again or unsent else None
-        if wait is None:
-            raise Unreachable(f"no answer: {error or type(error).__name__}") from error
-        return wait
-
-
-def _items(page: dict[str, Any]) -> list[Any]:
-    lists = [value for value in page.values() if isinstance(value, list)]
-    if len(lists) != 1:
-        raise ValueError(f"operation: it answers {len(lists)} lists: ask page by page")
-    return lists[0]
-
-
-def _event(told: httpx_sse.ServerSentEvent) -> Event | None:
-    # An id alone, or the comment that keeps a stream open, comes as an event without data, which is none (WHATWG HTML, 9.2.6).
-    return Event(int(told.id), told.event, json.loads(told.data)) if told.data else None
-
-
-def _stream(run: str, after: int | None) -> dict[str, Any]:
-    path = f"/v1/runs/{quote(run, safe='')}/events"
-    return {"method": "GET", "url": path, "params": {} if after is None else {"after": after}, "timeout": STREAM}
+        is_unsent = isinstance(error, (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout))
+        delay = self._delay(None) if self._is_repeatable or is_unsent else None
+        if delay is None:
+            raise ServerUnreachableError(f"no response: {error or type(error).__name__}") from error
+        return delay
 
 
 class Client(operations.Operations):
-    """Asks a server, and waits for its answer.
+    """Client that blocks until the server answers.
 
-    Operations are grouped by what they are about: `client.runs.create(tasks=[…])`, `client.leases.take(run, groups=64)`. They
-    take what the API takes and answer what it answers, as typed dictionaries. What is safe to ask again is asked again while
-    the server is away or busy, up to `patience_s`: results, claims and acknowledgements count once, however often they come.
+    Operations are grouped by resource: `client.runs.create(tasks=[…])`, `client.leases.take(run, groups=64)`. Arguments and
+    results are those of the API, as typed dictionaries. Requests that are safe to repeat are repeated while the server is
+    unreachable or busy, for up to `retry_timeout_s`: results, claims and acknowledgements count once.
 
     Args:
-        url: Where the server is.
-        token: Where the server wants one; `SPARRING_TOKEN` unless told.
-        timeout_s: Of one question.
-        patience_s: Of a question asked again and again.
+        url: Address of the server.
+        token: Token (default `SPARRING_TOKEN`).
+        timeout_s: Timeout of one request, seconds.
+        retry_timeout_s: Time after which a request is not repeated any more, seconds.
 
     Raises:
-        ApiError: What the server refuses.
-        Unreachable: Nobody answers.
-        ValueError: A URL or a token that is none.
+        ApiError: The server rejects a request.
+        ServerUnreachableError: The server does not answer.
+        ValueError: The URL, the token or a timeout is invalid.
     """
 
     def __init__(
-        self, url: str = "http://127.0.0.1:8700", *, token: str | None = None, timeout_s: float = 60.0, patience_s: float = 60.0
+        self,
+        url: str = DEFAULT_URL,
+        *,
+        token: str | None = None,
+        timeout_s: float = 60.0,
+        retry_timeout_s: float = 60.0,
     ) -> None:
-        self._setup = _Setup(url, token, timeout_s, patience_s)
-        self._http = httpx.Client(**self._setup.options)
-        self._begin(self._ask)
+        self._connection = _Connection(url, token, timeout_s, retry_timeout_s)
+        self._http = httpx.Client(**self._connection.options)
+        self._bind(self._send)
 
-    def _ask(self, method: str, path: str, query: dict[str, Any], body: Any, *, again: bool) -> Any:
-        patience = _Patience(self._setup.patience_s, again)
+    def _send(self, method: str, path: str, query: dict[str, Any], body: Any, *, is_repeatable: bool) -> Any:
+        retries = _RetryPolicy(self._connection.retry_timeout_s, is_repeatable)
         while True:
             try:
-                answer = self._http.request(method, path, params=_present(query), **_content(body))
-                wait = patience.after(answer)
+                response = self._http.request(method, path, params=_without_none(query), **_encode(body))
+                delay = retries.after_response(response)
             except httpx.TransportError as error:
-                time.sleep(patience.without(error))
+                time.sleep(retries.after_error(error))
                 continue
-            if wait is None:
-                return _read(answer)
-            time.sleep(wait)
+            if delay is None:
+                return _read(response)
+            time.sleep(delay)
 
-    def every(self, operation: Callable[..., Any], *args: Any, **query: Any) -> Iterator[Any]:
-        """All items of an operation that answers page by page: `client.every(client.runs.list, archived=True)`."""
+    def paginate(self, operation: Callable[..., Any], *args: Any, **query: Any) -> Iterator[Any]:
+        """Yields the items of all pages of an operation: `client.paginate(client.runs.list, archived=True)`.
+
+        Raises:
+            ValueError: The operation has no pages.
+        """
         cursor = None
         while True:
             page = operation(*args, **query, cursor=cursor)
@@ -222,32 +192,38 @@ class Client(operations.Operations):
                 return
 
     def events(self, run: str, *, after: int | None = None) -> Iterator[Event]:
-        """What happens in a run from now on, or from behind an event; goes on where it was when the connection drops."""
-        last, patience = after, _Patience(self._setup.patience_s, True)
+        """Yields the events of a run, and continues where it was when the connection is lost.
+
+        Args:
+            run: Id of the run.
+            after: Number of the event to continue after (default: only new events).
+        """
+        timeout_s = self._connection.retry_timeout_s
+        last, retries = after, _RetryPolicy(timeout_s, is_repeatable=True)
         while True:
             connected = False
             try:
-                with httpx_sse.connect_sse(self._http, **_stream(run, last)) as stream:
-                    wait = patience.after(stream.response)
-                    if wait is None:
+                with httpx_sse.connect_sse(self._http, **_stream_request(run, last)) as stream:
+                    delay = retries.after_response(stream.response)
+                    if delay is None:
                         if not stream.response.is_success:
                             stream.response.read()
                             _read(stream.response)
                         connected = True
-                        for told in stream.iter_sse():
-                            last = int(told.id) if told.id else last
-                            event = _event(told)
+                        for message in stream.iter_sse():
+                            last = int(message.id) if message.id else last
+                            event = _read_event(message)
                             if event is not None:
                                 yield event
-                        patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
+                        retries, delay = _RetryPolicy(timeout_s, is_repeatable=True), RETRY_DELAY_S
             except httpx.TransportError as error:
-                # It counts from where the connection dropped, however long nothing had happened by then.
-                patience = _Patience(self._setup.patience_s, True) if connected else patience
-                wait = patience.without(error)
-            time.sleep(wait)
+                # The time to retry begins when the connection is lost, even if the last event is much older.
+                retries = _RetryPolicy(timeout_s, is_repeatable=True) if connected else retries
+                delay = retries.after_error(error)
+            time.sleep(delay)
 
     def close(self) -> None:
-        """Lets its connections go."""
+        """Closes all connections to the server."""
         self._http.close()
 
     def __enter__(self) -> Client:
@@ -258,30 +234,35 @@ class Client(operations.Operations):
 
 
 class AsyncClient(operations.AsyncOperations):
-    """The same as `Client`, to be awaited."""
+    """Asynchronous client; see `Client` for arguments, operations and errors."""
 
     def __init__(
-        self, url: str = "http://127.0.0.1:8700", *, token: str | None = None, timeout_s: float = 60.0, patience_s: float = 60.0
+        self,
+        url: str = DEFAULT_URL,
+        *,
+        token: str | None = None,
+        timeout_s: float = 60.0,
+        retry_timeout_s: float = 60.0,
     ) -> None:
-        self._setup = _Setup(url, token, timeout_s, patience_s)
-        self._http = httpx.AsyncClient(**self._setup.options)
-        self._begin(self._ask)
+        self._connection = _Connection(url, token, timeout_s, retry_timeout_s)
+        self._http = httpx.AsyncClient(**self._connection.options)
+        self._bind(self._send)
 
-    async def _ask(self, method: str, path: str, query: dict[str, Any], body: Any, *, again: bool) -> Any:
-        patience = _Patience(self._setup.patience_s, again)
+    async def _send(self, method: str, path: str, query: dict[str, Any], body: Any, *, is_repeatable: bool) -> Any:
+        retries = _RetryPolicy(self._connection.retry_timeout_s, is_repeatable)
         while True:
             try:
-                answer = await self._http.request(method, path, params=_present(query), **_content(body))
-                wait = patience.after(answer)
+                response = await self._http.request(method, path, params=_without_none(query), **_encode(body))
+                delay = retries.after_response(response)
             except httpx.TransportError as error:
-                await asyncio.sleep(patience.without(error))
+                await asyncio.sleep(retries.after_error(error))
                 continue
-            if wait is None:
-                return _read(answer)
-            await asyncio.sleep(wait)
+            if delay is None:
+                return _read(response)
+            await asyncio.sleep(delay)
 
-    async def every(self, operation: Callable[..., Awaitable[Any]], *args: Any, **query: Any) -> AsyncIterator[Any]:
-        """All items of an operation that answers page by page."""
+    async def paginate(self, operation: Callable[..., Awaitable[Any]], *args: Any, **query: Any) -> AsyncIterator[Any]:
+        """Yields the items of all pages of an operation; see `Client.paginate`."""
         cursor = None
         while True:
             page = await operation(*args, **query, cursor=cursor)
@@ -292,31 +273,32 @@ class AsyncClient(operations.AsyncOperations):
                 return
 
     async def events(self, run: str, *, after: int | None = None) -> AsyncIterator[Event]:
-        """What happens in a run from now on, or from behind an event; goes on where it was when the connection drops."""
-        last, patience = after, _Patience(self._setup.patience_s, True)
+        """Yields the events of a run; see `Client.events`."""
+        timeout_s = self._connection.retry_timeout_s
+        last, retries = after, _RetryPolicy(timeout_s, is_repeatable=True)
         while True:
             connected = False
             try:
-                async with httpx_sse.aconnect_sse(self._http, **_stream(run, last)) as stream:
-                    wait = patience.after(stream.response)
-                    if wait is None:
+                async with httpx_sse.aconnect_sse(self._http, **_stream_request(run, last)) as stream:
+                    delay = retries.after_response(stream.response)
+                    if delay is None:
                         if not stream.response.is_success:
                             await stream.response.aread()
                             _read(stream.response)
                         connected = True
-                        async for told in stream.aiter_sse():
-                            last = int(told.id) if told.id else last
-                            event = _event(told)
+                        async for message in stream.aiter_sse():
+                            last = int(message.id) if message.id else last
+                            event = _read_event(message)
                             if event is not None:
                                 yield event
-                        patience, wait = _Patience(self._setup.patience_s, True), PAUSE_S
+                        retries, delay = _RetryPolicy(timeout_s, is_repeatable=True), RETRY_DELAY_S
             except httpx.TransportError as error:
-                patience = _Patience(self._setup.patience_s, True) if connected else patience
-                wait = patience.without(error)
-            await asyncio.sleep(wait)
+                retries = _RetryPolicy(timeout_s, is_repeatable=True) if connected else retries
+                delay = retries.after_error(error)
+            await asyncio.sleep(delay)
 
     async def aclose(self) -> None:
-        """Lets its connections go."""
+        """Closes all connections to the server."""
         await self._http.aclose()
 
     async def __aenter__(self) -> AsyncClient:
@@ -324,3 +306,51 @@ class AsyncClient(operations.AsyncOperations):
 
     async def __aexit__(self, *_: object) -> None:
         await self.aclose()
+
+
+def _encode(body: Any) -> dict[str, Any]:
+    return {} if body is None else {"content": to_json("body", body), "headers": {"Content-Type": "application/json"}}
+
+
+def _without_none(query: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in query.items() if value is not None}
+
+
+def _read(response: httpx.Response) -> Any:
+    """Returns the JSON of a response, or raises its error."""
+    if response.is_success:
+        try:
+            return response.json() if response.content else None
+        except ValueError as error:
+            detail = f"the response is not JSON: {response.text[:200]}"
+            raise ApiError(response.status_code, {"detail": detail}) from error
+    try:
+        problem = response.json()
+    except ValueError:
+        problem = {"detail": response.text[:500]}
+    raise ApiError(response.status_code, problem if isinstance(problem, dict) else {"detail": str(problem)})
+
+
+def _changed_nothing(response: httpx.Response) -> bool:
+    try:
+        kind = response.json()["type"]
+    except (ValueError, LookupError, TypeError):
+        return False
+    return isinstance(kind, str) and kind.startswith(PROBLEM_PREFIX) and kind != TIMED_OUT
+
+
+def _items(page: dict[str, Any]) -> list[Any]:
+    lists = [value for value in page.values() if isinstance(value, list)]
+    if len(lists) != 1:
+        raise ValueError(f"operation: its response has {len(lists)} lists, so it has no pages of items")
+    return lists[0]
+
+
+def _read_event(message: httpx_sse.ServerSentEvent) -> Event | None:
+    # A message with only an id, or the comment that keeps a stream open, has no data (WHATWG HTML, 9.2.6).
+    return Event(int(message.id), message.event, json.loads(message.data)) if message.data else None
+
+
+def _stream_request(run: str, after: int | None) -> dict[str, Any]:
+    path = f"/v1/runs/{quote(run, safe='')}/events"
+    return {"method": "GET", "url": path, "params": {} if after is None else {"after": after}, "timeout": STREAM_TIMEOUT}

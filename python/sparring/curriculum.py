@@ -9,138 +9,119 @@ import os
 import sys
 import weakref
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
 from . import _native
 from ._native import CurriculumError as CurriculumError
-from .scenario import plain_dict, to_json
+from .connection import needs_token, read_token
+from .curriculum_arguments import MAX_LEASE_GROUPS, Form, Purpose, check_modes, check_numbers
+from .scenario import copy_mapping, to_json
 from .server import Server
 
-Form = Literal["auto", "groups", "columns"]
-
-#: Seconds in which a program that ends without closing hands in what it flew.
-AT_EXIT_S = 15.0
-#: Environments from which on `form="auto"` takes columns.
-MANY = 256
-#: Episodes of a lease of groups, and of one of columns, at most.
-EPISODES, COLUMNS = 16_384, 100_000
+#: Address of a server with default settings.
+DEFAULT_URL = "http://127.0.0.1:8700"
+#: Seconds that a program without `close` takes at its end to submit results.
+EXIT_TIMEOUT_S = 15.0
+#: Number of environments from which on `form="auto"` uses columns.
+MIN_COLUMN_ENVS = 256
+#: Maximum number of episodes of a lease of groups.
+MAX_GROUP_EPISODES = 16_384
+#: Maximum number of episodes of a lease of columns.
+MAX_COLUMN_EPISODES = 100_000
+#: Default number of groups of a lease of groups, and the minimum for columns.
+DEFAULT_LEASE_GROUPS = 64
 
 
 class Curriculum:
-    """What a run proposes, fetched ahead and reported by threads of its own.
+    """Source of the scenarios that a run's strategy proposes; receives the outcomes.
 
-    Give it to `sparring.make_vec(curriculum=…)`: environments fly what the run's strategy proposes, and every episode goes back
-    with its actions, from which the server works out its score. Stepping waits for the network only where there is nothing
-    left to fly. A server that is away costs nothing as long as there is; what is flown meanwhile is kept, up to `buffer`
-    episodes, and handed in when it is back.
+    Pass it to `sparring.make_vec(curriculum=…)`. Background threads lease episodes ahead and submit their actions, from which
+    the server computes the scores. A step waits for the network only if no episode is ready. While the server is
+    unreachable, ready episodes are run and results are kept, up to `buffer` episodes.
 
     Args:
-        url: Where the server is.
-        run: The run's id. Without one a run is created, with `settings`.
-        token: A trainer's, where the server wants one; `SPARRING_TOKEN` unless told, and none if it is empty.
-        settings: Of a run that is created: `tasks`, `strategy`, `group_size` … as `POST /v1/runs` takes them.
-        form: How episodes are reported. `groups`: every action log is replayed, contested scenarios and designed layouts are
-            among them: for a few thousand episodes a second. `columns`: scores are claimed and some logs audited: for more.
-            `auto`: columns from 256 environments on, where the run's strategy goes with them.
-        lease: Groups of a lease (64; of columns as many as there are environments, 64 to 1 024). Of a lease of columns only the
-            groups that are audited move the mastery, and nothing does where more than a tenth was not flown: not too many.
-        group_size: Episodes of one scenario (the run's).
-        purpose: `train`, `probe` (evidence without exploring) or `eval` (evaluation seeds, which move nothing).
-        evaluation: With `purpose="eval"`: the evaluation whose scenarios are flown; environments rest when none is left.
-        ahead: Episodes that are kept ready (twice the environments, at least).
-        buffer: Episodes that are kept while the server is away.
-        patience_s: How long a step waits for something to fly, or for room, before it raises `CurriculumError`.
-        ttl_s: Seconds until what was leased and not heard of is somebody else's: longer than an episode takes.
+        url: Address of the server.
+        run: Id of the run; without it a run is created with `settings`.
+        token: Token of a trainer (default `SPARRING_TOKEN`; empty text: none).
+        settings: Settings of the run to create, as for `POST /v1/runs`: `tasks`, `strategy`, `group_size` …
+        form: How episodes are reported. `groups`: every action log is replayed, and the run serves contested scenarios and
+            designed layouts; for a few thousand episodes a second. `columns`: scores are claimed and some logs are audited;
+            for more. `auto`: columns from 256 environments on, if the run's strategy supports them.
+        lease_groups: Groups of a lease (64; for columns the number of environments, from 64 to 1 024). Of a lease of columns
+            only the audited groups move the mastery, and none if more than a tenth of its episodes did not finish.
+        group_size: Episodes per scenario (default: the run's).
+        purpose: `train`, `probe` (evidence without exploration) or `eval` (evaluation seeds, no effect on the curriculum).
+        evaluation: With `purpose="eval"`, id of the evaluation; environments become idle when no scenario is left.
+        ahead: Minimum number of episodes that are kept ready, besides two per environment.
+        buffer: Maximum number of episodes that wait to be submitted.
+        max_wait_s: Seconds that a step waits for an episode or for room in the buffer before it raises `CurriculumError`.
+        ttl_s: Seconds after which the server offers episodes of a silent client to others; longer than an episode takes.
 
-    A process that is forked has no curriculum: it makes one of its own, with the same `run`.
+    A forked process cannot use the curriculum: it makes its own with the same `run`.
 
     Raises:
-        CurriculumError: No server, no such run, or it refuses.
-        ValueError: What is unknown or out of range, with the field.
+        CurriculumError: The server does not answer, has no such run, or rejects the request.
+        ValueError: A value is unknown or out of range; the message names the field.
     """
 
     def __init__(
         self,
-        url: str = "http://127.0.0.1:8700",
+        url: str = DEFAULT_URL,
         run: str | None = None,
         *,
         token: str | None = None,
         settings: Mapping[str, Any] | None = None,
         form: Form = "auto",
-        lease: int | None = None,
+        lease_groups: int | None = None,
         group_size: int | None = None,
-        purpose: Literal["train", "probe", "eval"] = "train",
+        purpose: Purpose = "train",
         evaluation: str | None = None,
         ahead: int = 1,
         buffer: int = 100_000,
-        patience_s: float = 60.0,
+        max_wait_s: float = 60.0,
         ttl_s: int = 600,
     ) -> None:
-        if form not in ("auto", "groups", "columns"):
-            raise ValueError(f"form: {form!r} is none of auto, groups, columns")
-        if purpose not in ("train", "probe", "eval"):
-            raise ValueError(f"purpose: {purpose!r} is none of train, probe, eval")
-        if purpose == "eval" and form == "columns":
-            raise ValueError("form: an evaluation is flown as groups")
-        for name, value, most in (("lease", lease, 1024), ("group_size", group_size, 1024), ("ahead", ahead, 2**20),
-                                  ("buffer", buffer, 2**31), ("ttl_s", ttl_s, 24 * 3600)):  # fmt: skip
-            if value is not None:
-                _whole(name, value, most)
-        if not isinstance(patience_s, (int, float, np.number)) or not 0.0 <= patience_s < 1e9:
-            raise ValueError(f"patience_s: {patience_s!r} is no number of seconds")
+        check_modes(form, purpose)
+        check_numbers(max_wait_s, lease_groups=lease_groups, group_size=group_size, ahead=ahead, buffer=buffer, ttl_s=ttl_s)
         if not isinstance(url, str) or not url.startswith(("http://", "https://")):
-            raise ValueError(f"url: {url!r} is no address like http://127.0.0.1:8700")
+            raise ValueError(f"url: {url!r} is not an address like {DEFAULT_URL}")
         if run is not None and (not isinstance(run, str) or not run):
-            raise ValueError(f"run: {run!r} is no name of a run")
-        wanted = json.loads(to_json("settings", plain_dict("settings", settings)))
+            raise ValueError(f"run: {run!r} is not the id of a run")
+        body = json.loads(to_json("settings", copy_mapping("settings", settings)))
         self.url = url
-        self.token = plain_token(token)
+        self.token = read_token(token)
         self._pid = os.getpid()
-        self._link = _native.NativeLink(url, self.token)
+        self._http = _native.NativeHttpClient(url, self.token)
         if run is None:
-            run = str(self.ask("POST", "/v1/runs", wanted)["id"])
+            run = str(self.request("POST", "/v1/runs", body)["id"])
         elif settings is not None:
-            raise ValueError("settings: they are of a run that is created; this one exists")
+            raise ValueError("settings: only for a run that is created; this one exists")
         self.run = run
-        self._name = quote(run, safe="")
-        told = self.ask("GET", f"/v1/runs/{self._name}")
-        self._group_size = int(told["settings"]["group_size"])
-        #: The tasks of the run.
-        self.tasks: tuple[str, ...] = tuple(row["task"] for row in told["settings"]["curriculum"]["tasks"])
-        self._wish: dict[str, Any] = {
+        self._run_path = f"/v1/runs/{quote(run, safe='')}"
+        summary = self.request("GET", self._run_path)
+        self._run_group_size = int(summary["settings"]["group_size"])
+        #: Tasks of the run.
+        self.tasks: tuple[str, ...] = tuple(row["task"] for row in summary["settings"]["curriculum"]["tasks"])
+        self._lease_settings: dict[str, Any] = {
             "group_size": group_size,
             "purpose": purpose,
             "evaluation": evaluation,
             "ttl_s": ttl_s,
             "ahead": ahead,
             "buffer": buffer,
-            "patience_s": float(patience_s),
+            "max_wait_s": float(max_wait_s),
         }
-        self._form, self._lease = ("groups" if purpose == "eval" else form), lease
+        self._form, self._lease_groups = ("groups" if purpose == "eval" else form), lease_groups
         self._native: _native.NativeCurriculum | None = None
-        self._version = int(told["policy_version"])  # a training that goes on counts on
+        self._version = int(summary["policy_version"])  # a resumed training counts on from the newest version
         self._closed = False
         self._server: Server | None = None
-        # A program that ends without closing has what it flew handed in. By a weak reference: who is forgotten is not kept.
-        self._leave = functools.partial(_call, weakref.WeakMethod(self._at_exit))
-        atexit.register(self._leave)
-
-    def _at_exit(self) -> None:
-        # What a forked process inherits is its parent's to hand in.
-        if self._native is not None and not self._closed and os.getpid() == self._pid:
-            try:
-                self.close(AT_EXIT_S)
-            except CurriculumError as error:
-                print(f"sparring: a curriculum was not closed, and at the end: {error}", file=sys.stderr)
-
-    def __del__(self) -> None:
-        # Whoever forgets a curriculum, as a notebook's cell that is run again does, has handed in what was flown, too.
-        if hasattr(self, "_leave"):
-            self._at_exit()
-            atexit.unregister(self._leave)
+        # Submits results when the program ends without close; the weak reference lets an unused curriculum be deleted.
+        self._exit_hook = functools.partial(_call, weakref.WeakMethod(self._at_exit))
+        atexit.register(self._exit_hook)
 
     @classmethod
     def local(
@@ -151,122 +132,138 @@ class Curriculum:
         binary: str | None = None,
         **settings: Any,
     ) -> Curriculum:
-        """Starts a server on this machine for as long as the curriculum is used, on a port nobody else has.
+        """Starts a server on a free port of this machine, which stops when the curriculum is closed.
 
         Args:
-            db: Its database, which stays; one that is forgotten afterwards unless told.
-            run: A run that is in it; one is created otherwise.
-            binary: The program. Unless told it is `SPARRING_BIN`, or `sparring` beside this Python, where
-                `pip install sparring-server` puts it, or on the path.
-            settings: As `Curriculum` takes them.
+            db: Database file, which is kept; None for a temporary one.
+            run: Id of a run in the database; without it a run is created.
+            binary: Program to start (default: `SPARRING_BIN`, else the `sparring` that `pip install sparring-server` puts
+                beside this Python, else the one on the path).
+            settings: Other arguments of `Curriculum`.
 
         Raises:
-            CurriculumError: No such program, or it does not start.
+            CurriculumError: There is no such program, or it does not start.
         """
         server = Server(db, binary)
         try:
-            if settings.get("token") is None and _open(server.url):
-                settings["token"] = ""  # what `SPARRING_TOKEN` has is another's
-            made = cls(server.url, run, **settings)
+            if settings.get("token") is None and not needs_token(server.url):
+                settings["token"] = ""  # the token in `SPARRING_TOKEN` belongs to another server
+            curriculum = cls(server.url, run, **settings)
         except BaseException:
             server.stop()
             raise
-        made._server = server
-        made._watch(server)
-        return made
+        curriculum._server = server
+        curriculum._watch(server)
+        return curriculum
 
     @classmethod
-    def find(
-        cls, url: str | None = None, run: str | None = None, *, settings: Mapping[str, Any] | None = None, **wish: Any
+    def open(
+        cls, url: str | None = None, run: str | None = None, *, settings: Mapping[str, Any] | None = None, **arguments: Any
     ) -> Curriculum:
-        """The curriculum of a server that is there or, without an address, of one that is started for as long as it is used.
+        """Opens the curriculum of a running server or, without an address, of a new local server.
 
         Args:
-            url: Where the server is, if there is one.
-            run: A run of that server; one is created otherwise, with `settings`.
-            settings, wish: As `Curriculum` takes them.
+            url: Address of the server, if there is one.
+            run: Id of a run of that server; without it a run is created with `settings`.
+            settings: Settings of the run to create; ignored with `run`.
+            arguments: Other arguments of `Curriculum`.
 
         Raises:
-            ValueError: A run without the address of its server, or what `Curriculum` refuses.
-            CurriculumError: No server, no program to start, or it refuses.
+            ValueError: `run` is given without `url`, or `Curriculum` rejects an argument.
+            CurriculumError: The server does not answer, the program is missing, or the server rejects the request.
         """
         if url is None and run is not None:
-            raise ValueError("run: it is one of a server's, which url has to say")
+            raise ValueError("run: needs the url of the server that has it")
         settings = settings if run is None else None
-        return cls.local(settings=settings, **wish) if url is None else cls(url, run, settings=settings, **wish)
+        if url is None:
+            return cls.local(settings=settings, **arguments)
+        return cls(url, run, settings=settings, **arguments)
 
-    def _watch(self, server: Server) -> None:
-        server.watch(functools.partial(_call, weakref.WeakMethod(self._gone)))
+    def reopen(self, **arguments: Any) -> Curriculum:
+        """Opens the same run once more, for other environments and with other arguments, as `purpose="eval"`.
 
-    def _gone(self, why: str) -> None:
-        # Others may come back; one that was this process's own does not, and whoever waited for it would wait for nothing.
-        if self._native is not None and not self._closed:
-            self._native.gone(why)
-
-    def __repr__(self) -> str:
-        return f"Curriculum({self.url!r}, run={self._name!r})"
-
-    def _here(self) -> None:
-        if os.getpid() != self._pid:
-            raise CurriculumError("the curriculum is another process's: one that was forked makes its own, with the same run")
+        The result has this curriculum's `max_wait_s` and `policy_version`, and has to be closed separately.
+        """
+        arguments.setdefault("max_wait_s", self._lease_settings["max_wait_s"])
+        curriculum = Curriculum(self.url, self.run, token=self.token or "", **arguments)
+        curriculum.policy_version = self.policy_version
+        if self._server is not None:
+            curriculum._watch(self._server)
+        return curriculum
 
     def attach(self, num_envs: int) -> _native.NativeCurriculum:
-        """What environments fly by; the first to ask decides which form `auto` is."""
-        self._here()
+        """Returns the compiled curriculum for a batch of environments; the first call decides what form `auto` is."""
+        self._check_process()
         if self._closed:
             raise CurriculumError("the curriculum is closed")
         if self._native is None:
-            columns = self._form == "columns" or (self._form == "auto" and num_envs >= MANY and self._goes_with_columns())
-            size = self._wish["group_size"] or self._group_size
-            usual = max(1, min(64, EPISODES // size))
-            ahead = max(1, min(max(num_envs, 64), 1024, COLUMNS // size))
-            groups = self._lease or (ahead if columns else usual)
-            otherwise = self._lease or usual if self._form == "auto" else None
+            columns = self._form == "columns" or (
+                self._form == "auto" and num_envs >= MIN_COLUMN_ENVS and self._supports_columns()
+            )
+            size = self._lease_settings["group_size"] or self._run_group_size
+            default_groups = max(1, min(DEFAULT_LEASE_GROUPS, MAX_GROUP_EPISODES // size))
+            column_groups = min(max(num_envs, DEFAULT_LEASE_GROUPS), MAX_LEASE_GROUPS, MAX_COLUMN_EPISODES // size)
+            groups = self._lease_groups or (max(1, column_groups) if columns else default_groups)
+            fallback_groups = self._lease_groups or default_groups if self._form == "auto" else None
             self._native = _native.NativeCurriculum(
-                self.url, self.run, self.token, columns=columns, groups=groups, otherwise=otherwise, **self._wish
+                self.url,
+                self.run,
+                self.token,
+                columns=columns,
+                groups=groups,
+                fallback_groups=fallback_groups,
+                **self._lease_settings,
             )
             self._native.policy_version = self._version
         return self._native
 
-    def _goes_with_columns(self) -> bool:
-        mine = self.ask("GET", f"/v1/runs/{self._name}")["settings"]["curriculum"]["strategy"]
-        known = self.ask("GET", "/v1/strategies")["strategies"]
-        return any(one["columns"] for one in known if one["name"] == mine)
+    def _supports_columns(self) -> bool:
+        strategy = self.request("GET", self._run_path)["settings"]["curriculum"]["strategy"]
+        known = self.request("GET", "/v1/strategies")["strategies"]
+        return any(row["columns"] for row in known if row["name"] == strategy)
 
     @property
     def policy_version(self) -> int:
-        """Which policy flies from now on: the newest the run knows at first; set it whenever the policy has changed."""
+        """Policy version of the episodes that begin from now on; at first the newest of the run.
+
+        Set it whenever the policy has changed.
+        """
         return self._version
 
     @policy_version.setter
     def policy_version(self, version: int) -> None:
         if isinstance(version, bool) or not isinstance(version, (int, np.integer)) or not 0 <= version < 2**32:
-            raise ValueError(f"policy_version: {version!r} is not a whole number from 0 to 4294967295")
-        self._here()
+            raise ValueError(f"policy_version: {version!r} is not an integer from 0 to 4294967295")
+        self._check_process()
         if self._native is not None:
             self._native.policy_version = int(version)
         self._version = int(version)
 
     def stats(self) -> dict[str, Any]:
-        """What became of what was flown, in episodes: `flown`, `counted`, `accepted`, `waiting`, `late`, … and since when the
-        server is away (`away_s`); docs/python.md has all of it."""
-        self._here()
+        """Returns counts of this trainer's episodes by outcome: `finished`, `counted`, `accepted`, `unsent`, `late` …
+
+        `unreachable_s` says for how long the server has been unreachable. docs/python.md lists all keys.
+        """
+        self._check_process()
         return {} if self._native is None else dict(json.loads(self._native.stats()))
 
     def mastery(self) -> list[dict[str, Any]]:
-        """Per task: level, mastery with its interval, plain success, skill, params in force."""
-        return list(self.ask("GET", f"/v1/runs/{self._name}/mastery")["tasks"])
+        """Returns for each task its level, mastery with interval, plain success, skill and params in force."""
+        return list(self.request("GET", f"{self._run_path}/mastery")["tasks"])
 
-    def numbers(self) -> dict[str, float]:
-        """What is worth a curve, by its name: of each task `level` and `mastery` with `mastery_q10` and `mastery_q90` (from when
-        placement has found its level), `success`, `score` and `skill` as the scenarios came, `zero_variance_share`, each of
-        `params/…`; and of this trainer `episodes/flown`, `episodes/waiting` …"""
-        told: dict[str, float] = {}
+    def metrics(self) -> dict[str, float]:
+        """Returns metrics for training curves by name.
+
+        Each task has `level` and `mastery` with `mastery_q10` and `mastery_q90` (once placement has found its level),
+        `success`, `score` and `skill` on scenarios as they come, `zero_variance_share`, and `params/…`. `episodes/…` are the
+        numbers of `stats()`.
+        """
+        metrics: dict[str, float] = {}
         for row in self.mastery():
             task = row["task"]
-            # Strategies without levels have none, nor has anybody during placement: what is probed is no level yet.
+            # There is no level during placement, nor with strategies without levels.
             mastery, plain = (row["mastery"] or {}) if row["placed"] else {}, row["plain"]
-            named = {
+            values = {
                 "level": row["level"],
                 "mastery": mastery.get("mean"),
                 "mastery_q10": mastery.get("q10"),
@@ -275,61 +272,51 @@ class Curriculum:
                 "zero_variance_share": row["groups"]["zero_variance_share"],
                 **{f"params/{name}": value for name, value in row["params"].items()},
             }
-            told.update({f"{task}/{name}": float(value) for name, value in named.items() if value is not None})
+            metrics.update({f"{task}/{name}": float(value) for name, value in values.items() if value is not None})
         stats = self.stats()
-        told.update({f"episodes/{name}": float(value) for name, value in stats.items() if isinstance(value, (int, float))})
-        return told
+        metrics.update({f"episodes/{name}": float(value) for name, value in stats.items() if isinstance(value, (int, float))})
+        return metrics
 
-    def ask(self, method: str, path: str, body: Any = None) -> Any:
-        """Asks the server something else; `sparring.Client` has all there is, with types.
-
-        Raises:
-            CurriculumError: It refuses, or nobody answers.
-        """
-        self._here()
-        return json.loads(self._link.ask(method, path, None if body is None else to_json("body", body)))
-
-    def reach(self) -> None:
-        """Waits until the server answers, for as long as this has patience: one that is being restarted ends no training.
+    def request(self, method: str, path: str, body: Any = None) -> Any:
+        """Sends any request to the server and returns its JSON; `sparring.Client` has all operations with types.
 
         Raises:
-            CurriculumError: It does not, or refuses.
+            CurriculumError: The server rejects the request or does not answer.
         """
-        self._here()
-        # One of its own that ended does not come back.
-        self._link.ask("GET", f"/v1/runs/{self._name}", patience_s=self._wish["patience_s"], wait=self._server is None)
+        self._check_process()
+        return json.loads(self._http.request(method, path, None if body is None else to_json("body", body)))
 
-    def beside(self, **wish: Any) -> Curriculum:
-        """Another part of the same run, as patient, for other environments: `purpose="eval"`, for one. It has to be closed by
-        itself."""
-        wish.setdefault("patience_s", self._wish["patience_s"])
-        made = Curriculum(self.url, self.run, token=self.token or "", **wish)
-        made.policy_version = self.policy_version
-        if self._server is not None:
-            made._watch(self._server)
-        return made
+    def wait_for_server(self) -> None:
+        """Waits until the server answers, for at most `max_wait_s`, so that a restart of it ends no training.
+
+        Raises:
+            CurriculumError: The server does not answer in time, or rejects the request.
+        """
+        self._check_process()
+        # A server of this process is not restarted.
+        wait = self._server is None
+        self._http.request("GET", self._run_path, max_wait_s=self._lease_settings["max_wait_s"], wait_for_server=wait)
 
     def flush(self, timeout_s: float = 60.0) -> None:
-        """Waits until the server has what was flown of whole leases.
+        """Waits until the results of all complete leases are submitted.
 
         Raises:
-            CurriculumError: It has not after this time, or refuses some of it.
+            CurriculumError: They are not submitted in time, or the server refused some.
         """
-        self._here()
+        self._check_process()
         if self._native is not None:
             self._native.flush(timeout_s)
 
     def close(self, timeout_s: float = 60.0) -> None:
-        """Hands in what was flown, gives back what was not, and stops a server of its own. In a process that was forked it does
-        nothing: all of that is the parent's.
+        """Submits results, releases unfinished episodes, and stops a local server; does nothing in a forked process.
 
         Args:
-            timeout_s: How long what waits may take; `math.inf`: as long as it takes.
+            timeout_s: Maximum time to submit results, in seconds; `math.inf` for no limit.
 
         Raises:
-            CurriculumError: What was flown could not be handed in, or was refused.
-            ValueError: No number of seconds. Nothing is closed then, nor where it is interrupted: what waits is handed in by
-                closing once more, or when the program ends.
+            CurriculumError: Results could not be submitted, or were refused.
+            ValueError: The timeout is invalid. Nothing is closed then, nor after an interrupt: results are submitted by
+                another call, or when the program ends.
         """
         if self._closed or os.getpid() != self._pid:
             return
@@ -343,9 +330,35 @@ class Curriculum:
 
     def _end(self) -> None:
         self._closed = True
-        atexit.unregister(self._leave)
+        atexit.unregister(self._exit_hook)
         if self._server is not None:
             self._server.stop()
+
+    def _watch(self, server: Server) -> None:
+        server.on_exit(functools.partial(_call, weakref.WeakMethod(self._server_exited)))
+
+    def _server_exited(self, reason: str) -> None:
+        # Another process may restart its server; this process does not, so waiting for it would be in vain.
+        if self._native is not None and not self._closed:
+            self._native.server_exited(reason)
+
+    def _check_process(self) -> None:
+        if os.getpid() != self._pid:
+            raise CurriculumError("the curriculum belongs to another process: a fork makes its own, with the same run")
+
+    def _at_exit(self) -> None:
+        # The results of a forked process are its parent's to submit.
+        if self._native is not None and not self._closed and os.getpid() == self._pid:
+            try:
+                self.close(EXIT_TIMEOUT_S)
+            except CurriculumError as error:
+                print(f"sparring: a curriculum was not closed, and at exit: {error}", file=sys.stderr)
+
+    def __del__(self) -> None:
+        # A deleted curriculum submits its results too, as when a notebook runs its cell again.
+        if hasattr(self, "_exit_hook"):
+            self._at_exit()
+            atexit.unregister(self._exit_hook)
 
     def __enter__(self) -> Curriculum:
         return self
@@ -353,36 +366,11 @@ class Curriculum:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-
-def plain_token(token: str | None) -> str | None:
-    """A token that can be sent: the one that is given, an empty one being none, or `SPARRING_TOKEN`.
-
-    Raises:
-        ValueError: One that is none; it is not repeated.
-    """
-    if token is not None and not isinstance(token, str):
-        raise ValueError("token: no text")
-    token = (os.environ.get("SPARRING_TOKEN", "") if token is None else token).strip()
-    if not all("!" <= letter <= "~" for letter in token):
-        raise ValueError("token: it has other characters than a token has")
-    return token or None
+    def __repr__(self) -> str:
+        return f"Curriculum({self.url!r}, run={self.run!r})"
 
 
-def _whole(name: str, value: Any, most: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise ValueError(f"{name}: {value!r} is not a whole number from 1 to {most}")
-
-
-def _open(url: str) -> bool:
-    """Whether a server answers those without a token: none were made for its database."""
-    try:
-        _native.NativeLink(url).ask("GET", "/v1/runs?limit=1")
-    except CurriculumError:
-        return False
-    return True
-
-
-def _call(method: weakref.WeakMethod[Any], *words: str) -> None:
-    there = method()
-    if there is not None:
-        there(*words)
+def _call(method: weakref.WeakMethod[Any], *arguments: str) -> None:
+    function = method()
+    if function is not None:
+        function(*arguments)

@@ -1,4 +1,4 @@
-"""What a policy is worth on scenarios that are held out."""
+"""Evaluation of policies on held-out scenarios."""
 
 from __future__ import annotations
 
@@ -8,31 +8,34 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .curriculum import EPISODES, Curriculum, CurriculumError
+from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
 from .vector import VectorEnvironment, make_vec
+
+#: Name of the blind panel, with which a suite's rows compare policies.
+BLIND_PANEL = "blind_panel"
+#: Seconds until an evaluation whose episodes are all reported counts as stuck.
+COMPLETION_TIMEOUT_S = 120.0
+#: Maximum number of groups of a lease.
+MAX_LEASE_GROUPS = 64
 
 
 @dataclass(frozen=True)
-class Evaluated:
-    """How a policy fared on a suite."""
+class EvaluationResult:
+    """Result of an evaluation on a suite."""
 
-    #: The evaluation's id: `sparring eval`, the dashboard and `GET /v1/evaluations/compare` know it by this.
+    #: Id of the evaluation, for `sparring eval`, the dashboard and `GET /v1/evaluations/compare`.
     id: str
     #: For each task, part of the suite and policy: means with 95 % bootstrap intervals of score, success, skill, lost,
-    #: fuel_used and cvar10. Policies are this one and the plans that look at nothing.
+    #: fuel_used and cvar10. The policies are the evaluated one and the blind panel.
     rows: list[dict[str, Any]]
 
-    def of(self, task: str, number: str = "skill", part: str = "contested") -> float | None:
-        """The mean of one number of the policy itself; none where it has none."""
+    def mean(self, task: str, metric: str = "skill", part: str = "contested") -> float | None:
+        """Returns the mean of a metric of the evaluated policy; None if it is undefined."""
         for row in self.rows:
-            if (row["task"], row["part"]) == (task, part) and row["policy"] != BLIND and row.get(number):
-                mean: float | None = row[number]["mean"]
+            if (row["task"], row["part"]) == (task, part) and row["policy"] != BLIND_PANEL and row.get(metric):
+                mean: float | None = row[metric]["mean"]
                 return mean
         return None
-
-
-#: What policies of a suite's rows are compared with: plans that look at nothing.
-BLIND = "blind_panel"
 
 
 def evaluate(
@@ -43,101 +46,119 @@ def evaluate(
     tasks: Sequence[str] | None = None,
     policy: str = "policy",
     rollouts: int | None = None,
-    chance: bool | None = None,
+    stochastic: bool | None = None,
     training: str | None = None,
     training_seed: int | None = None,
     num_envs: int = 64,
     progress: Callable[[int, int], None] | None = None,
     **environment: Any,
-) -> Evaluated:
-    """Flies a held-out suite with a policy, for the run of a curriculum; moves nothing of it. What is interrupted is cancelled.
+) -> EvaluationResult:
+    """Evaluates a policy on a held-out suite, without effect on the run's curriculum.
+
+    An interrupted evaluation is cancelled.
 
     Args:
-        curriculum: Whose run it is of; its `policy_version` is what is evaluated.
-        act: Actions of all environments from their observations.
-        suite: A suite that the server knows (the newest that has one of the tasks; `GET /v1/suites` lists them).
-        tasks: Its tasks that are flown (those of the run); all that one policy flies have agents alike, as all of kessler's have.
-        policy: What the policy is called; not `blind_panel`, which is what it is compared with.
-        rollouts: Episodes of each scenario (1; 8 of a policy that `chance` is in).
-        chance: Whether the policy draws its actions.
-        training, training_seed: What trainings of one kind are called together, and which of them this is.
-        num_envs: Environments that fly it.
-        progress: Is told how many episodes are flown, and of how many.
-        environment: What `sparring.make_vec` takes: how it is observed, and what actions are.
+        curriculum: Curriculum of the run; its `policy_version` is evaluated.
+        act: Function from the observations of all environments to their actions.
+        suite: Name of a suite of the server (default: the newest with a task of the run; `GET /v1/suites` lists all).
+        tasks: Tasks of the suite to evaluate (default: those of the run). Their agents must be alike, as in kessler.
+        policy: Name of the policy; not `blind_panel`.
+        rollouts: Episodes per scenario (1; 8 if `stochastic`).
+        stochastic: True if the policy samples its actions.
+        training: Common name of all trainings of one kind.
+        training_seed: Seed of this training among those.
+        num_envs: Number of environments.
+        progress: Called with the number of finished episodes and their total.
+        environment: Arguments of `sparring.make_vec` for observations and actions.
 
     Raises:
-        CurriculumError: No such suite, or the server fails.
-        ValueError: A suite without any task of the run's, or what is unknown or out of range, with the field.
+        CurriculumError: The suite is unknown, or the server fails.
+        ValueError: The suite has no task of the run, or a value is invalid; the message names the field.
     """
-    if not isinstance(curriculum, Curriculum):
-        raise ValueError(f"curriculum: {curriculum!r} is no sparring.Curriculum")
-    if policy == BLIND:
-        raise ValueError(f"policy: {policy} is what policies are compared with; call it something else")
-    if "autoreset_mode" in environment:
-        raise ValueError("autoreset_mode: an evaluation flies each scenario once, and resets by itself")
-    curriculum.reach()
-    known = _suite(curriculum, suite, tasks)
-    wish = {**known, "rollouts": rollouts, "chance": chance, "training": training, "training_seed": training_seed}
-    begun = curriculum.ask(
-        "POST",
-        "/v1/evaluations",
-        {
-            "run": curriculum.run,
-            "policy": policy,
-            "version": curriculum.policy_version,
-            **{name: value for name, value in wish.items() if value is not None},
-        },
-    )
-    most = begun["scenarios"] * begun["rollouts"]
+    _check_arguments(curriculum, policy, environment)
+    curriculum.wait_for_server()
+    optional = {
+        **_choose_suite(curriculum, suite, tasks),
+        "rollouts": rollouts,
+        "chance": stochastic,
+        "training": training,
+        "training_seed": training_seed,
+    }
+    settings = {name: value for name, value in optional.items() if value is not None}
+    settings |= {"run": curriculum.run, "policy": policy, "version": curriculum.policy_version}
+    evaluation = curriculum.request("POST", "/v1/evaluations", settings)
     try:
-        lease = max(1, min(64, EPISODES // begun["rollouts"]))
-        with curriculum.beside(purpose="eval", evaluation=begun["id"], lease=lease) as exam:
-            envs = make_vec(num_envs=min(num_envs, most), curriculum=exam, **environment)
-            try:
-                for flown in _fly(envs, act):
-                    if progress is not None:
-                        progress(flown, most)
-            finally:
-                envs.close()
+        _run_evaluation(curriculum, evaluation, act, num_envs, progress, environment)
     except BaseException:
-        # Nobody will fly the rest, and of evaluations under way a server has only so many.
+        # The rest will not be run, and a server limits the number of open evaluations.
         with contextlib.suppress(CurriculumError):
-            curriculum.ask("POST", f"/v1/evaluations/{begun['id']}/cancel")
+            curriculum.request("POST", f"/v1/evaluations/{evaluation['id']}/cancel")
         raise
-    return _told(curriculum, begun["id"])
+    return _wait_for_result(curriculum, evaluation["id"])
 
 
-def _suite(curriculum: Curriculum, wanted: str | None, tasks: Sequence[str] | None) -> dict[str, Any]:
-    """The suite, and which of its tasks are flown."""
-    mine = tasks or curriculum.tasks
-    for known in curriculum.ask("GET", "/v1/suites")["suites"]:
-        of_it = [task for task in known["tasks"] if task in mine]
-        if wanted not in (None, known["name"]) or (wanted is None and not of_it):
+def _check_arguments(curriculum: Any, policy: str, environment: dict[str, Any]) -> None:
+    if not isinstance(curriculum, Curriculum):
+        raise ValueError(f"curriculum: {curriculum!r} is not a sparring.Curriculum")
+    if policy == BLIND_PANEL:
+        raise ValueError(f"policy: {policy} is the baseline of all suites; choose another name")
+    if "autoreset_mode" in environment:
+        raise ValueError("autoreset_mode: an evaluation runs each scenario once and resets by itself")
+
+
+def _choose_suite(curriculum: Curriculum, name: str | None, tasks: Sequence[str] | None) -> dict[str, Any]:
+    """Returns the suite and its tasks to evaluate."""
+    wanted = tasks or curriculum.tasks
+    for suite in curriculum.request("GET", "/v1/suites")["suites"]:
+        common = [task for task in suite["tasks"] if task in wanted]
+        if name not in (None, suite["name"]) or (name is None and not common):
             continue
-        if not of_it and not tasks:
-            over = f"{known['name']} is of {', '.join(known['tasks'])}, and the run of {', '.join(curriculum.tasks)}"
-            raise ValueError(f"suite: {over}")
-        return {"suite": known["name"], "tasks": list(tasks or of_it)}
-    # One that there is not is the server's to refuse.
-    return {name: value for name, value in (("suite", wanted), ("tasks", tasks)) if value}
+        if not common and not tasks:
+            listed = f"{suite['name']} has {', '.join(suite['tasks'])}, the run has {', '.join(curriculum.tasks)}"
+            raise ValueError(f"suite: no common task: {listed}")
+        return {"suite": suite["name"], "tasks": list(tasks or common)}
+    # The server rejects an unknown suite.
+    return {field: value for field, value in (("suite", name), ("tasks", tasks)) if value}
 
 
-def _fly(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:
-    seen, _ = envs.reset()
-    flown = 0
-    while not envs.rests.all():
-        seen, _, _, _, infos = envs.step(act(seen))
+def _run_evaluation(
+    curriculum: Curriculum,
+    evaluation: dict[str, Any],
+    act: Callable[[Any], Any],
+    num_envs: int,
+    progress: Callable[[int, int], None] | None,
+    environment: dict[str, Any],
+) -> None:
+    total = evaluation["scenarios"] * evaluation["rollouts"]
+    groups = max(1, min(MAX_LEASE_GROUPS, MAX_GROUP_EPISODES // evaluation["rollouts"]))
+    with curriculum.reopen(purpose="eval", evaluation=evaluation["id"], lease_groups=groups) as held_out:
+        envs = make_vec(num_envs=min(num_envs, total), curriculum=held_out, **environment)
+        try:
+            for finished in _run_episodes(envs, act):
+                if progress is not None:
+                    progress(finished, total)
+        finally:
+            envs.close()
+
+
+def _run_episodes(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:
+    """Runs all episodes; yields the number of finished ones whenever it changes."""
+    observations, _ = envs.reset()
+    finished = 0
+    while not envs.idle.all():
+        observations, _, _, _, infos = envs.step(act(observations))
         if "_episode" in infos:
-            flown += int(infos["_episode"].sum())
-            yield flown
+            finished += int(infos["_episode"].sum())
+            yield finished
 
 
-def _told(curriculum: Curriculum, evaluation: str, most_s: float = 120.0) -> Evaluated:
-    until = time.monotonic() + most_s
+def _wait_for_result(curriculum: Curriculum, id: str) -> EvaluationResult:
+    deadline = time.monotonic() + COMPLETION_TIMEOUT_S
     while True:
-        told = curriculum.ask("GET", f"/v1/evaluations/{evaluation}")
-        if told["state"] == "complete":
-            return Evaluated(evaluation, told["rows"])
-        if told["state"] == "failed" or time.monotonic() > until:
-            raise CurriculumError(f"the evaluation {evaluation} is {told['state']}: {told.get('trouble') or 'it takes too long'}")
+        evaluation = curriculum.request("GET", f"/v1/evaluations/{id}")
+        if evaluation["state"] == "complete":
+            return EvaluationResult(id, evaluation["rows"])
+        if evaluation["state"] == "failed" or time.monotonic() > deadline:
+            reason = evaluation.get("trouble") or "it did not complete in time"
+            raise CurriculumError(f"the evaluation {id} is {evaluation['state']}: {reason}")
         time.sleep(0.1)

@@ -1,4 +1,4 @@
-"""One agent for each satellite or deputy: PettingZoo's parallel interface."""
+"""Multi-agent environments: one agent per satellite or deputy, with PettingZoo's parallel interface."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
 from .curriculum import Curriculum
-from .scenario import Scenario, plain_dict, plain_seed
-from .settings import Actions, Axes, Observation, Settings, View, agent_action_space
-from .single import OPTIONS, left_early, lesson, wished
-from .window import FPS, Screen
+from .rendering import FPS, Renderer
+from .reset_request import RESET_OPTIONS, SingleBatch
+from .scenario import Scenario, copy_mapping
+from .settings import Actions, Axes, Observation, ObservationLayout, Settings, agent_action_space
 
 try:
     from pettingzoo import ParallelEnv
-except ImportError:  # the base wheel does without: what is asked for then says what to install
+except ImportError:  # optional dependency; the constructor says how to install it
     ParallelEnv = object
 
 
 class ParallelEnvironment(ParallelEnv):
-    """Agents `satellite_0`, … or `deputy_0`, …: each sees its own row, acts for itself and leaves when it is lost or done.
+    """Environment with agents `satellite_0`, … or `deputy_0`, …, each with its own observation and action.
 
-    Make one by `sparring.parallel_env`, which has the arguments.
+    An agent leaves when it is lost or done. Use `sparring.parallel_env`, which documents the arguments.
     """
 
     metadata: dict[str, Any] = {
@@ -41,125 +41,120 @@ class ParallelEnvironment(ParallelEnv):
 
             raise DependencyNotInstalled("pettingzoo is not installed: pip install 'sparring[pettingzoo]'")
         self._settings = settings
-        self._native = settings.native(1, autoreset_mode="disabled", threads=1, seed=None, single=True)
-        self._view = View(settings, self._native)
-        name = settings.told.id.replace("/", "_")
+        self._batch = SingleBatch(settings)
+        self._native = self._batch.native
+        self._layout = ObservationLayout(settings, self._native)
+        name = settings.spec.id.replace("/", "_")
         self.metadata = {**type(self).metadata, "name": f"sparring_{name}_v0"}
-        self.possible_agents = [f"{self._view.name}_{number}" for number in range(self._view.agents)]
+        self.possible_agents = [f"{self._layout.agent_name}_{number}" for number in range(self._layout.num_agents)]
         self.agents: list[str] = []
-        whole = self._view.mode == "telemetry"
-        space = self._view.space if whole else self._view.agent_space
+        # In telemetry each agent observes everything.
+        space = self._layout.space if self._layout.mode == "telemetry" else self._layout.agent_space
         self.observation_spaces = {agent: space() for agent in self.possible_agents}
-        self.action_spaces = {agent: agent_action_space(settings, self._view) for agent in self.possible_agents}
+        self.action_spaces = {agent: agent_action_space(settings, self._layout) for agent in self.possible_agents}
         self.render_mode = render_mode
-        self._screen = Screen(render_mode, render_size, self.metadata)
-        self._steps, self._warned = 0, False
+        self._renderer = Renderer(render_mode, render_size, self.metadata)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        wish = {**self._settings.wish(), "render_mode": self.render_mode, "render_size": self._screen.size}
-        return functools.partial(parallel_env, **wish), ()
+        arguments = {**self._settings.arguments(), "render_mode": self.render_mode, "render_size": self._renderer.size}
+        return functools.partial(parallel_env, **arguments), ()
 
     def observation_space(self, agent: str) -> Any:
-        """The space of an agent's observations."""
+        """Returns the observation space of an agent."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Any:
-        """The space of an agent's actions."""
+        """Returns the action space of an agent."""
         return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Begins an episode, as `sparring.Environment.reset`; agents that the scenario does without do not take part. Options
-        that are unknown are not looked at.
+        """Begins an episode, as `sparring.Environment.reset`; ignores unknown options.
+
+        Only agents that the scenario has take part.
 
         Raises:
-            ValueError: A seed, a scenario or an option that is none.
-            CurriculumError: A curriculum has nothing left to fly.
+            ValueError: The seed, a scenario or an option is invalid.
+            CurriculumError: The curriculum has no episode left.
         """
-        if self._settings.curriculum is not None and self.agents and self._steps and not self._warned:
-            self._warned = True
-            left_early(self._steps)
-        # PettingZoo's wrappers and tests hand options through that are not ours.
-        ours = {name: value for name, value in plain_dict("options", options).items() if name in OPTIONS}
-        recipe, scenario = wished(self._settings, ours)
-        plain = None if seed is None else plain_seed(seed)
-        seen = self._native.reset([plain], recipes=[recipe], scenarios=[scenario])
-        told = {"scenario": self.scenario, **lesson(self._native, self._settings)}
-        _, left, _ = self._native.agents()
-        self._steps = 0
-        self.agents = [agent for agent, absent in zip(self.possible_agents, left[0], strict=True) if not absent]
+        # PettingZoo's wrappers and tests pass options of their own.
+        known = {name: value for name, value in copy_mapping("options", options).items() if name in RESET_OPTIONS}
+        observation, info = self._batch.reset(seed, known)
+        _, terminated, _ = self._native.agent_results()
+        self.agents = [agent for agent, absent in zip(self.possible_agents, terminated[0], strict=True) if not absent]
         if self.render_mode == "human":
             self.render()
-        rows = self._rows(seen)
-        return {agent: rows[agent] for agent in self.agents}, {agent: dict(told) for agent in self.agents}
+        rows = self._agent_rows(observation)
+        return {agent: rows[agent] for agent in self.agents}, {agent: dict(info) for agent in self.agents}
 
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """One step; agents that are not in `actions` hold. Infos of all agents have the episode's `score` so far, and
-        `alerts`: what happened, in words.
+        """Runs one step; agents without an action hold.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos by agent. Each info has the episode's `score` so far
+            and `alerts`, messages about the step.
 
         Raises:
-            ValueError: An action that is none, or of nobody. Nothing has moved then.
-            gymnasium.error.ResetNeeded: Nobody is there.
+            ValueError: An action is invalid or its agent is unknown; nothing changes then.
+            gymnasium.error.ResetNeeded: There is no agent.
         """
         if not self.agents:
-            raise ResetNeeded("nobody is there: call reset first")
-        seen, *_, ended = self._native.step(self._joint(actions))
-        self._steps += 1
-        rewards, left, cut = self._native.agents()
-        rows, here = self._rows(seen), self.agents
-        numbers = [self.possible_agents.index(agent) for agent in here]
-        terminations = {agent: bool(left[0, n]) for agent, n in zip(here, numbers, strict=True)}
-        truncations = {agent: bool(cut[0, n]) for agent, n in zip(here, numbers, strict=True)}
-        episode = self._native.episode(0)
-        score, alerts = 0.0 if episode is None else episode[1], self._native.alerts(0)
-        self.agents = [agent for agent in here if not (terminations[agent] or truncations[agent] or ended)]
+            raise ResetNeeded("there is no agent: call reset first")
+        observation, *_, ended = self._native.step(self._joint_action(actions))
+        self._batch.count_step(ended)
+        rewards, terminated, truncated = self._native.agent_results()
+        rows, agents = self._agent_rows(observation), self.agents
+        numbers = [self.possible_agents.index(agent) for agent in agents]
+        terminations = {agent: bool(terminated[0, n]) for agent, n in zip(agents, numbers, strict=True)}
+        truncations = {agent: bool(truncated[0, n]) for agent, n in zip(agents, numbers, strict=True)}
+        score, alerts = self._batch.score, self._native.alerts(0)
+        self.agents = [agent for agent in agents if not (terminations[agent] or truncations[agent] or ended)]
         if self.render_mode == "human":
             self.render()
         return (
-            {agent: rows[agent] for agent in here},
-            {agent: float(rewards[0, n]) for agent, n in zip(here, numbers, strict=True)},
+            {agent: rows[agent] for agent in agents},
+            {agent: float(rewards[0, n]) for agent, n in zip(agents, numbers, strict=True)},
             terminations,
             truncations,
-            {agent: {"score": score, "alerts": alerts} for agent in here},
+            {agent: {"score": score, "alerts": alerts} for agent in agents},
         )
 
-    def _joint(self, actions: Mapping[str, Any]) -> npt.NDArray[Any]:
+    def _joint_action(self, actions: Mapping[str, Any]) -> npt.NDArray[Any]:
         discrete = self._settings.actions == "discrete"
-        shape = () if discrete else (self._view.values,)
-        joint = np.zeros((self._view.agents, *shape), np.int64 if discrete else np.float32)
-        for agent, action in plain_dict("actions", actions).items():
+        shape = () if discrete else (self._layout.action_size,)
+        joint = np.zeros((self._layout.num_agents, *shape), np.int64 if discrete else np.float32)
+        for agent, action in copy_mapping("actions", actions).items():
             if agent not in self.possible_agents:
-                raise ValueError(f"actions.{agent}: no such agent; there are {', '.join(self.possible_agents)}")
-            given = np.asarray(action)
-            if given.dtype.kind not in ("iu" if discrete else "fiu") or given.shape != shape:
-                wanted = "a whole number" if discrete else f"{self._view.values} numbers"
-                raise ValueError(f"actions.{agent}: dtype {given.dtype} of shape {given.shape}, not {wanted}")
-            joint[self.possible_agents.index(agent)] = given
+                raise ValueError(f"actions.{agent}: unknown agent; known are {', '.join(self.possible_agents)}")
+            array = np.asarray(action)
+            if array.dtype.kind not in ("iu" if discrete else "fiu") or array.shape != shape:
+                expected = "an integer" if discrete else f"{self._layout.action_size} numbers"
+                raise ValueError(f"actions.{agent}: dtype {array.dtype} of shape {array.shape}, expected {expected}")
+            joint[self.possible_agents.index(agent)] = array
         return joint
 
-    def _rows(self, seen: npt.NDArray[np.float32]) -> dict[str, Any]:
-        view = self._view.of(seen, single=True)
-        if self._view.mode == "telemetry":
+    def _agent_rows(self, observation: npt.NDArray[np.float32]) -> dict[str, Any]:
+        view = self._layout.view(observation, single=True)
+        if self._layout.mode == "telemetry":
             return {agent: {name: part.copy() for name, part in view.items()} for agent in self.possible_agents}
         return {agent: view[number].copy() for number, agent in enumerate(self.possible_agents)}
 
     @property
     def scenario(self) -> Scenario | None:
-        """What is flown; none before the first reset."""
-        episode = self._native.episode(0)
-        return None if episode is None else Scenario._of(episode[0])
+        """Scenario of the episode; None before the first reset."""
+        return self._batch.scenario
 
     def render(self) -> Any:
-        """A picture (`rgb_array`), or nothing but a window (`human`)."""
-        return self._screen.show(self._native, 0)
+        """Returns an image in mode `rgb_array`; shows it in a window and returns None in mode `human`."""
+        return self._renderer.render(self._native, 0)
 
     def close(self) -> None:
-        """Closes the window, if there is one, and gives back to the curriculum what is being flown."""
-        self._screen.close()
-        self._native.leave()
+        """Closes the window, and returns an unfinished episode to the curriculum."""
+        self._renderer.close()
+        self._native.release()
 
 
 def parallel_env(
@@ -179,13 +174,13 @@ def parallel_env(
     render_mode: str | None = None,
     render_size: tuple[int, int] = (640, 640),
 ) -> ParallelEnvironment:
-    """One environment with an agent for each satellite or deputy: a `pettingzoo.ParallelEnv`.
+    """Makes a `pettingzoo.ParallelEnv` with one agent per satellite or deputy.
 
-    Arguments are those of `sparring.Environment`; the task is docking/multiagent unless told.
+    The arguments are those of `sparring.Environment`; the default task is docking/multiagent.
 
     Raises:
-        ValueError: What is unknown or out of range, with the field.
-        gymnasium.error.DependencyNotInstalled: PettingZoo is missing.
+        ValueError: A value is unknown or out of range; the message names the field.
+        gymnasium.error.DependencyNotInstalled: PettingZoo is not installed.
     """
     if task is None and curriculum is None:
         task = "docking/multiagent"

@@ -1,4 +1,4 @@
-"""The policies without a model."""
+"""Built-in policies without a model."""
 
 from __future__ import annotations
 
@@ -10,25 +10,32 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from .scenario import Scenario, native_of, plain_seed
+from .scenario import Scenario, check_seed, native_scenario
 
 
 class Policy:
-    """A built-in policy on one scenario. Its actions are along the world's axes: make environments with `axes="world"` for it."""
+    """Built-in policy for one scenario.
+
+    Its actions are along the world's axes: make environments with `axes="world"` for it.
+    """
 
     def __init__(self, name: str, scenario: Scenario, seed: int = 0) -> None:
         self.name = name
-        self._native = _native.NativePolicy(name, native_of(scenario), plain_seed(seed))
+        self._native = _native.NativePolicy(name, native_scenario(scenario), check_seed(seed))
 
     def act(self, telemetry: Mapping[str, Any]) -> npt.NDArray[np.float64]:
-        """What each agent does, agents × values, on what it sees: `Environment.telemetry()`, or what a server says."""
+        """Returns the action of each agent, agents × values.
+
+        Args:
+            telemetry: Observation in the wire form: `Environment.telemetry()`, or a server's.
+        """
         return self._native.act(json.dumps(dict(telemetry)))
 
 
 def policy(name: str, scenario: Scenario, seed: int = 0) -> Policy:
-    """A built-in policy by name: `sparring.task(…).policies` has them, and what they do.
+    """Makes a built-in policy by name; `sparring.task(…).policies` lists and describes them.
 
     Raises:
-        ValueError: No such policy, or no scenario or seed.
+        ValueError: The policy is unknown, or the scenario or seed is invalid.
     """
     return Policy(name, scenario, seed)

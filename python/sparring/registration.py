@@ -1,4 +1,4 @@
-"""The ids that `gymnasium.make` and `gymnasium.make_vec` know."""
+"""Registration of the environments with `gymnasium.make` and `gymnasium.make_vec`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import gymnasium
 
 from .vector import VectorEnvironment, make_vec
 
-#: Gymnasium's ids, and the tasks they are.
+#: Gymnasium's ids and the tasks that they stand for.
 ENVIRONMENTS = {
     "sparring/Survival-v0": "kessler/survival",
     "sparring/EcoStation-v0": "kessler/eco_station",
@@ -19,13 +19,8 @@ ENVIRONMENTS = {
 }
 
 
-def _make_vec(num_envs: int, task: str, **settings: Any) -> VectorEnvironment:
-    """For `gymnasium.make_vec`, whose users wrap `RecordEpisodeStatistics` around what they get."""
-    return make_vec(task, num_envs, **{"episode_statistics": False, **settings})
-
-
 def register() -> None:
-    """Makes the ids known; `import sparring` does it."""
+    """Registers the ids; `import sparring` calls this."""
     for id, task in ENVIRONMENTS.items():
         if id not in gymnasium.registry:
             gymnasium.register(
@@ -34,3 +29,8 @@ def register() -> None:
                 vector_entry_point="sparring.registration:_make_vec",
                 kwargs={"task": task},
             )
+
+
+def _make_vec(num_envs: int, task: str, **settings: Any) -> VectorEnvironment:
+    """Entry point of `gymnasium.make_vec`, whose users wrap the result in `RecordEpisodeStatistics`."""
+    return make_vec(task, num_envs, **{"episode_statistics": False, **settings})

@@ -1,12 +1,11 @@
-"""RLlib, on its EnvRunners, ConnectorV2 and RLModules: environments that fly a curriculum, a module for them, and a callback that
-brings the curriculum's numbers into results.
+"""RLlib's new API stack: environments with a curriculum, a module for them, and a callback for the curriculum's metrics.
 
 run = sparring.Curriculum("http://127.0.0.1:8700", settings={"tasks": ["kessler/survival"]}).run
 config = (
     PPOConfig()
     .environment(sparring.rllib.TEAM, env_config={"curriculum": {"url": "http://127.0.0.1:8700", "run": run}})
     .env_runners(num_env_runners=2, num_envs_per_env_runner=32, gym_env_vectorize_mode="vector_entry_point")
-    .rl_module(rl_module_spec=sparring.rllib.module("kessler/survival"))
+    .rl_module(rl_module_spec=sparring.rllib.module_spec("kessler/survival"))
     .callbacks(sparring.rllib.CurriculumCallback)
 )
 algorithm = config.build_algo()
@@ -32,190 +31,198 @@ try:
     from ray.tune.registry import register_env
 
     from .rllib_module import AgentsModule as AgentsModule
-    from .rllib_module import act as act
-    from .rllib_module import module as module
+    from .rllib_module import module_spec as module_spec
+    from .rllib_module import policy_fn as policy_fn
 except ImportError as error:
     raise ImportError("sparring.rllib needs RLlib: pip install 'sparring[rllib]'") from error
 
-from .curriculum import Curriculum, CurriculumError
+from .curriculum import DEFAULT_URL, Curriculum, CurriculumError
 from .parallel import ParallelEnvironment, parallel_env
 from .vector import VectorEnvironment, make_vec
 
-#: What RLlib knows `team_env` by: one agent acts for a whole environment.
+#: RLlib's name of `team_env`: one agent acts for a whole environment.
 TEAM = "sparring/team"
-#: What RLlib knows `agents_env` by: a `MultiAgentEnv`, with an agent for each satellite or deputy.
+#: RLlib's name of `agents_env`: a `MultiAgentEnv` with one agent per satellite or deputy.
 AGENTS = "sparring/agents"
 
 
 def team_env(config: Mapping[str, Any]) -> TeamVectorEnv:
-    """Environments of one env runner, which one agent acts for: `config.environment(sparring.rllib.TEAM, env_config=…)`.
+    """Makes the environments of one env runner, with one agent each: `config.environment(sparring.rllib.TEAM, …)`.
 
-    RLlib asks for them by `env_runners(gym_env_vectorize_mode="vector_entry_point")`: they are stepped together.
+    They are stepped together, which needs `env_runners(gym_env_vectorize_mode="vector_entry_point")`.
 
     Args:
-        config: RLlib's env_config: what `sparring.make_vec` takes, not `telemetry`, which is not flat; and `curriculum`, which
-            says which one this env runner takes part in, as what `sparring.Curriculum` takes: `{"url": …, "run": …}`. A token
-            is better put into each host's `SPARRING_TOKEN`: what is in a config is written into checkpoints and logs.
+        config: RLlib's env_config: arguments of `sparring.make_vec` without `telemetry`, which is not flat. `curriculum` has
+            the arguments of `sparring.Curriculum`: `{"url": …, "run": …}`. Pass a token by `SPARRING_TOKEN` on each host,
+            since RLlib writes env_configs to checkpoints and logs.
 
     Raises:
-        ValueError: What is unknown or out of range, with the field.
-        CurriculumError: No server, no such run, or it refuses.
+        ValueError: A value is unknown or out of range; the message names the field.
+        CurriculumError: The server does not answer, has no such run, or rejects the request.
     """
-    settings = _settings(config)
+    settings = _read_config(config)
     for name in ("autoreset_mode", "episode_statistics"):
         if name in settings:
-            raise ValueError(f"{name}: RLlib wants it as it is here")
+            raise ValueError(f"{name}: RLlib requires a fixed value")
     if "num_envs" not in settings:
-        raise ValueError("gym_env_vectorize_mode: it has to be 'vector_entry_point'")
+        raise ValueError("gym_env_vectorize_mode: must be 'vector_entry_point'")
     # RLlib gives an env runner one core.
     settings.setdefault("threads", 1)
-    made: TeamVectorEnv = _flying(settings, lambda **wish: TeamVectorEnv(make_vec(**wish, episode_statistics=False)))
-    return made
+    make = functools.partial(make_vec, episode_statistics=False)
+    envs: TeamVectorEnv = _with_curriculum(settings, lambda **arguments: TeamVectorEnv(make(**arguments)))
+    return envs
 
 
 def agents_env(config: Mapping[str, Any]) -> AgentsEnv:
-    """One environment with an agent for each satellite or deputy: `config.environment(sparring.rllib.AGENTS, env_config=…)`.
+    """Makes an environment with one agent per satellite or deputy: `config.environment(sparring.rllib.AGENTS, …)`.
 
     Args:
-        config: RLlib's env_config: what `sparring.parallel_env` takes, not `telemetry`; and `curriculum`, as in `team_env`.
-            All environments of an env runner share one.
+        config: RLlib's env_config: arguments of `sparring.parallel_env` without `telemetry`; `curriculum` as for `team_env`.
+            All environments of an env runner share one curriculum.
 
     Raises:
-        ValueError: What is unknown or out of range, with the field.
-        CurriculumError: No server, no such run, or it refuses.
+        ValueError: A value is unknown or out of range; the message names the field.
+        CurriculumError: The server does not answer, has no such run, or rejects the request.
     """
-    made: AgentsEnv = _flying(_settings(config), lambda **wish: AgentsEnv(parallel_env(**wish)))
-    return made
+    settings = _read_config(config)
+    env: AgentsEnv = _with_curriculum(settings, lambda **arguments: AgentsEnv(parallel_env(**arguments)))
+    return env
 
 
 register_env(TEAM, team_env)
 register_env(AGENTS, agents_env)
 
 
-def _settings(config: Mapping[str, Any]) -> dict[str, Any]:
+def _read_config(config: Mapping[str, Any]) -> dict[str, Any]:
     settings = dict(config)
     if settings.get("observation") == "telemetry":
-        raise ValueError("observation: telemetry has no row for each agent; take tracks or state")
+        raise ValueError("observation: telemetry has no row per agent; choose tracks or state")
     return settings
 
 
-class _Shared:
-    """The curricula of this process: environments that wish for the same share one, and the last to leave closes it."""
+class _SharedCurricula:
+    """Curricula of this process: environments with equal arguments share one, and the last of them closes it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._open: dict[str, tuple[Curriculum, int]] = {}
 
-    def join(self, wish: Mapping[str, Any]) -> tuple[str, Curriculum]:
-        if not isinstance(wish, Mapping) or not wish.get("run"):
-            raise ValueError("curriculum: not a dict with the url of a server and a run of it, which all env runners share")
-        name = json.dumps(dict(wish), sort_keys=True)
+    def join(self, arguments: Mapping[str, Any]) -> tuple[str, Curriculum]:
+        if not isinstance(arguments, Mapping) or not arguments.get("run"):
+            raise ValueError("curriculum: must be a dict with the url of a server and the run that all env runners share")
+        key = json.dumps(dict(arguments), sort_keys=True)
         with self._lock:
-            curriculum, users = self._open.get(name) or (Curriculum(**wish), 0)
-            self._open[name] = curriculum, users + 1
-        return name, curriculum
+            curriculum, users = self._open.get(key) or (Curriculum(**arguments), 0)
+            self._open[key] = curriculum, users + 1
+        return key, curriculum
 
-    def leave(self, name: str) -> None:
+    def leave(self, key: str) -> None:
         with self._lock:
-            curriculum, users = self._open.pop(name)
+            curriculum, users = self._open.pop(key)
             if users > 1:
-                self._open[name] = curriculum, users - 1
+                self._open[key] = curriculum, users - 1
                 return
-        # What was flown is handed in, and what was not is given back.
         curriculum.close()
 
 
-_SHARED = _Shared()
+_SHARED_CURRICULA = _SharedCurricula()
 
 
-def _flying(settings: dict[str, Any], make: Callable[..., Any]) -> Any:
-    wish = settings.pop("curriculum", None)
-    if wish is None:
+def _with_curriculum(settings: dict[str, Any], make: Callable[..., Any]) -> Any:
+    """Makes environments, with the shared curriculum of `settings["curriculum"]` if there is one."""
+    arguments = settings.pop("curriculum", None)
+    if arguments is None:
         return make(**settings)
-    name, curriculum = _SHARED.join(wish)
+    key, curriculum = _SHARED_CURRICULA.join(arguments)
     try:
         env = make(**settings, curriculum=curriculum)
     except BaseException:
-        _SHARED.leave(name)
+        _SHARED_CURRICULA.leave(key)
         raise
-    env.curriculum, env._member = curriculum, name
+    env.curriculum, env._curriculum_key = curriculum, key
     return env
 
 
 class TeamVectorEnv(VectorEnv[Any, Any, npt.NDArray[Any]]):
-    """A `sparring.VectorEnvironment` whose observations and actions are flat, which is what RLlib's own modules take: the rows of
-    all agents, one after another. `infos` of an episode's first step say its `level` and whether to learn from it (`train`)."""
+    """A `sparring.VectorEnvironment` with flat observations and actions, as RLlib's own modules need them.
 
-    #: The curriculum that is flown, if one is.
+    The rows of all agents are concatenated. The infos of an episode's first step have its `level` and whether to learn from
+    it (`train`).
+    """
+
+    #: Shared curriculum, if there is one.
     curriculum: Curriculum | None = None
-    _member: str | None = None
+    _curriculum_key: str | None = None
 
     def __init__(self, envs: VectorEnvironment) -> None:
-        #: The environments themselves.
+        #: The wrapped environments.
         self.envs = envs
         self.num_envs = envs.num_envs
         self.metadata = envs.metadata
         self.autoreset_mode = AutoresetMode.NEXT_STEP
         self.render_mode = envs.render_mode
-        self.single_observation_space = _flat(envs.single_observation_space)
-        self.single_action_space = _flat(envs.single_action_space)
+        self.single_observation_space = _flatten(envs.single_observation_space)
+        self.single_action_space = _flatten(envs.single_action_space)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._acting = envs.action_space.shape
-        self._over = np.zeros(self.num_envs, np.bool_)
+        self._joint_shape = envs.action_space.shape
+        self._ended = np.zeros(self.num_envs, np.bool_)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
         """Begins an episode in every environment, as `sparring.VectorEnvironment.reset`."""
-        seen, infos = self.envs.reset(seed=seed, options=options)
+        observations, infos = self.envs.reset(seed=seed, options=options)
         begun = np.ones(self.num_envs, np.bool_) if not options else options.get("reset_mask", np.ones(self.num_envs, np.bool_))
-        self._over &= ~begun
-        return seen.reshape(self.num_envs, -1), {**infos, **self._lessons(begun)}
+        self._ended &= ~begun
+        return observations.reshape(self.num_envs, -1), {**infos, **self._curriculum_infos(begun)}
 
     def step(
         self, actions: npt.NDArray[Any]
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64], npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-        """One step of every environment; those whose episode was over begin the next instead."""
-        seen, rewards, terminations, truncations, infos = self.envs.step(np.asarray(actions).reshape(self._acting))
-        begun, self._over = self._over, terminations | truncations
-        return seen.reshape(self.num_envs, -1), rewards, terminations, truncations, {**infos, **self._lessons(begun)}
+        """Runs one step; environments whose episode has ended begin the next one instead."""
+        observations, rewards, terminations, truncations, infos = self.envs.step(np.asarray(actions).reshape(self._joint_shape))
+        begun, self._ended = self._ended, terminations | truncations
+        infos = {**infos, **self._curriculum_infos(begun)}
+        return observations.reshape(self.num_envs, -1), rewards, terminations, truncations, infos
 
-    def _lessons(self, begun: npt.NDArray[np.bool_]) -> dict[str, Any]:
+    def _curriculum_infos(self, begun: npt.NDArray[np.bool_]) -> dict[str, Any]:
         if self.curriculum is None or not begun.any():
             return {}
         return {"level": self.envs.levels, "_level": begun, "train": self.envs.train, "_train": begun}
 
     def render(self) -> tuple[Any, ...] | None:
-        """A picture of every environment."""
+        """Returns an image of every environment."""
         return self.envs.render()
 
     def close_extras(self, **_: Any) -> None:
-        """Hands in what was flown, and gives back what is being flown."""
+        """Returns unfinished episodes; the last user of the curriculum closes it, which submits its results."""
         self.envs.close()
-        member, self._member = self._member, None
-        if member is not None:
-            _SHARED.leave(member)
+        key, self._curriculum_key = self._curriculum_key, None
+        if key is not None:
+            _SHARED_CURRICULA.leave(key)
 
 
-def _flat(space: Any) -> Any:
+def _flatten(space: Any) -> Any:
     if isinstance(space, spaces.Box):
         return spaces.Box(space.low.reshape(-1), space.high.reshape(-1), dtype=np.float32)
     return space
 
 
 class AgentsEnv(MultiAgentEnv):
-    """A `sparring.ParallelEnvironment` as RLlib takes it. RLlib's own wrapper of PettingZoo's environments takes the agents of
-    its first episode for all there are, and does not see the end of one in whose last step some agents were lost and the others
-    cut off."""
+    """A `sparring.ParallelEnvironment` as RLlib's `MultiAgentEnv`.
 
-    #: The curriculum that is flown, if one is.
+    RLlib's own wrapper of PettingZoo takes the agents of the first episode for all agents. It also misses the end of an
+    episode in whose last step some agents terminate and the others are truncated.
+    """
+
+    #: Shared curriculum, if there is one.
     curriculum: Curriculum | None = None
-    _member: str | None = None
+    _curriculum_key: str | None = None
 
     def __init__(self, env: ParallelEnvironment) -> None:
         super().__init__()
-        #: The environment itself.
+        #: The wrapped environment.
         self.env = env
         self.metadata = dict(env.metadata)
         self.render_mode = env.render_mode
@@ -230,131 +237,136 @@ class AgentsEnv(MultiAgentEnv):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begins an episode, as `sparring.ParallelEnvironment.reset`."""
-        seen, infos = self.env.reset(seed=seed, options=options)
-        self.agents = list(seen)
-        return seen, infos
+        observations, infos = self.env.reset(seed=seed, options=options)
+        self.agents = list(observations)
+        return observations, infos
 
     def step(
         self, action_dict: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """One step: who is told something took part in it."""
-        seen, rewards, terminations, truncations, infos = self.env.step(action_dict)
-        self.agents = list(seen)
+        """Runs one step; the results are of the agents that took part in it."""
+        observations, rewards, terminations, truncations, infos = self.env.step(action_dict)
+        self.agents = list(observations)
         over = not self.env.agents
-        lost = all(terminations.values())
+        all_terminated = all(terminations.values())
         if over:
-            # Where every agent is done by itself, RLlib takes the episode for terminated, and values nothing behind the
-            # horizon: it has to be the episode that is cut off, not its agents.
+            # If every agent is done, RLlib treats the episode as terminated and does not bootstrap values at the horizon.
+            # So the episode is truncated, not its agents.
             truncations = {}
         return (
-            seen,
+            observations,
             rewards,
-            {**terminations, "__all__": over and lost},
-            {**truncations, "__all__": over and not lost},
+            {**terminations, "__all__": over and all_terminated},
+            {**truncations, "__all__": over and not all_terminated},
             infos,
         )
 
     def render(self) -> Any:
-        """A picture, or nothing but a window."""
+        """Returns an image, or shows it in a window."""
         return self.env.render()
 
     def close(self) -> None:
-        """Gives back what is being flown; the last environment of an env runner hands in what was flown."""
+        """Returns an unfinished episode; the last user of the curriculum closes it, which submits its results."""
         self.env.close()
-        member, self._member = self._member, None
-        if member is not None:
-            _SHARED.leave(member)
+        key, self._curriculum_key = self._curriculum_key, None
+        if key is not None:
+            _SHARED_CURRICULA.leave(key)
 
 
 class CurriculumCallback(RLlibCallback):
-    """Tells the curricula of all env runners after each iteration which version of the policy flies from then on (the number of
-    iterations that it learned from, after those that the run knew before), and writes the curriculum's numbers into the result
-    as `curriculum/…`: mastery, level, params, skill, the share of groups without variance, and what became of the episodes of
-    all env runners. Episodes that the curriculum only wants to know the outcome of are not learned from."""
+    """Sets the policy version of all env runners after each iteration, and adds the curriculum's metrics to the results.
+
+    The version is the number of iterations, counted on from the newest version of the run. Results have `curriculum/…`:
+    mastery, level, params, skill, the share of zero-variance groups, and the episode counts of all env runners. Episodes that
+    the curriculum only measures are removed from the samples.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self._curriculum: Curriculum | None = None
-        self._before = 0
-        self._idle: set[str] = set()
+        self._first_version = 0
+        #: Ids of running episodes that are not learned from.
+        self._excluded: set[str] = set()
 
     def on_algorithm_init(self, *, algorithm: Any, **_: Any) -> None:
-        """Looks for the curriculum in the env_config."""
-        wish = algorithm.config.env_config.get("curriculum")
-        if wish is not None:
-            # It flies nothing: env runners have their own.
-            self._curriculum = Curriculum(wish.get("url", "http://127.0.0.1:8700"), wish["run"], token=wish.get("token"))
-            self._begin(algorithm, self._curriculum)
+        """Opens the curriculum of the env_config."""
+        arguments = algorithm.config.env_config.get("curriculum")
+        if arguments is not None:
+            # It runs no episodes: env runners have curricula of their own.
+            url, token = arguments.get("url", DEFAULT_URL), arguments.get("token")
+            self._curriculum = Curriculum(url, arguments["run"], token=token)
+            self._start(algorithm, self._curriculum)
 
-    def _begin(self, algorithm: Any, curriculum: Curriculum) -> None:
-        self._before = max(0, curriculum.policy_version - algorithm.iteration)
-        _tell(algorithm, self._before + algorithm.iteration)
+    def _start(self, algorithm: Any, curriculum: Curriculum) -> None:
+        self._first_version = max(0, curriculum.policy_version - algorithm.iteration)
+        _set_policy_version(algorithm, self._first_version + algorithm.iteration)
 
     def on_train_result(self, *, algorithm: Any, result: dict[str, Any], **_: Any) -> None:
-        """Says the version, and brings the numbers."""
+        """Sets the policy version and adds the metrics."""
         if self._curriculum is None:
             return
-        flown = _tell(algorithm, self._before + result["training_iteration"])
+        stats = _set_policy_version(algorithm, self._first_version + result["training_iteration"])
         try:
-            numbers = self._curriculum.numbers()
+            metrics = self._curriculum.metrics()
         except CurriculumError:
-            # A server that is away for a while costs no training.
-            numbers = {}
-        result["curriculum"] = {**numbers, **{f"episodes/{name}": value for name, value in flown.items()}}
+            # An unreachable server does not end the training.
+            metrics = {}
+        result["curriculum"] = {**metrics, **{f"episodes/{name}": value for name, value in stats.items()}}
 
     def on_checkpoint_loaded(self, *, algorithm: Any, **_: Any) -> None:
-        """What flies next has learned from as many iterations as the checkpoint."""
+        """Sets the policy version to that of the checkpoint."""
         if self._curriculum is not None:
-            self._begin(algorithm, self._curriculum)
+            self._start(algorithm, self._curriculum)
 
     def on_env_runners_recreated(self, *, algorithm: Any, **_: Any) -> None:
-        """Env runners that were lost come back without knowing which version flies."""
+        """Sets the policy version of restarted env runners."""
         if self._curriculum is not None:
-            _tell(algorithm, self._before + algorithm.iteration)
+            _set_policy_version(algorithm, self._first_version + algorithm.iteration)
 
     def on_episode_start(self, *, episode: Any, **_: Any) -> None:
-        """Marks what is not to be learned from."""
-        if not _lesson(episode).get("train", True):
-            self._idle.add(episode.id_)
+        """Marks an episode that is not learned from."""
+        if not _first_info(episode).get("train", True):
+            self._excluded.add(episode.id_)
 
     def on_sample_end(self, *, env_runner: Any, samples: list[Any], **_: Any) -> None:
-        """Leaves out what is not to be learned from."""
-        if self._idle and not env_runner.config.in_evaluation:
-            over = {episode.id_ for episode in samples if episode.is_done}
-            samples[:] = [episode for episode in samples if episode.id_ not in self._idle]
-            self._idle -= over
+        """Removes episodes that are not learned from."""
+        if self._excluded and not env_runner.config.in_evaluation:
+            ended = {episode.id_ for episode in samples if episode.is_done}
+            samples[:] = [episode for episode in samples if episode.id_ not in self._excluded]
+            self._excluded -= ended
 
 
-def _lesson(episode: Any) -> Mapping[str, Any]:
+def _first_info(episode: Any) -> Mapping[str, Any]:
     infos = episode.get_infos(0)
-    # With several agents, each has the same.
+    # All agents have the same info.
     first = next(iter(infos.values()), None) if infos else None
     return first if isinstance(first, Mapping) else infos or {}
 
 
-def _tell(algorithm: Any, version: int) -> dict[str, float]:
-    """Tells all env runners the version; what became of their episodes, together."""
-    told: dict[str, float] = {}
+def _set_policy_version(algorithm: Any, version: int) -> dict[str, float]:
+    """Sets the policy version of all env runners; returns the sum of their episode counts."""
+    total: dict[str, float] = {}
     for group in (algorithm.env_runner_group, algorithm.eval_env_runner_group):
         if group is not None:
-            for stats in group.foreach_env_runner(functools.partial(_told, version)):
+            for stats in group.foreach_env_runner(functools.partial(_set_runner_version, version)):
                 for name, value in stats.items():
-                    # The server is away from those that wait; what else there is adds up.
-                    told[name] = max(told.get(name, 0.0), value) if name == "away_s" else told.get(name, 0.0) + value
-    return told
+                    # The duration of an outage is the longest of all runners; counts add up.
+                    is_duration = name == "unreachable_s"
+                    total[name] = max(total.get(name, 0.0), value) if is_duration else total.get(name, 0.0) + value
+    return total
 
 
-def _told(version: int, env_runner: Any) -> dict[str, float]:
-    whole = getattr(env_runner, "env", None)
-    if whole is None:
+def _set_runner_version(version: int, env_runner: Any) -> dict[str, float]:
+    runner_env = getattr(env_runner, "env", None)
+    if runner_env is None:
         return {}
-    team = isinstance(whole.unwrapped, TeamVectorEnv)
-    parts = [whole] if team else getattr(whole, "envs", [])
-    curricula: set[Curriculum | None] = {getattr(env.unwrapped, "curriculum", None) for env in parts}
-    told: dict[str, float] = {}
+    is_team = isinstance(runner_env.unwrapped, TeamVectorEnv)
+    envs = [runner_env] if is_team else getattr(runner_env, "envs", [])
+    curricula: set[Curriculum | None] = {getattr(env.unwrapped, "curriculum", None) for env in envs}
+    total: dict[str, float] = {}
     for curriculum in filter(None, curricula):
         curriculum.policy_version = version
         for name, value in curriculum.stats().items():
             if isinstance(value, (int, float)):
-                told[name] = told.get(name, 0.0) + float(value)
-    return told
+                total[name] = total.get(name, 0.0) + float(value)
+    return total

@@ -1,4 +1,4 @@
-"""Scenarios, what they are worth, and what was flown on them."""
+"""Scenarios, their brackets, and rollouts, replays and critiques of episodes."""
 
 from __future__ import annotations
 
@@ -12,68 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from .tasks import task as find
+from .tasks import task as find_task
 
-
-def recipe_of(
-    task: str,
-    *,
-    params: Mapping[str, float] | None = None,
-    physics: Mapping[str, str] | None = None,
-    layout: Mapping[str, Any] | None = None,
-    level: int | None = None,
-) -> dict[str, Any]:
-    """A scenario without its seed, as the wire has it."""
-    told = find(task)
-    at: dict[str, float] = {}
-    if level is not None:
-        if isinstance(level, bool) or not isinstance(level, (int, np.integer)) or not 0 <= level < len(told.levels):
-            raise ValueError(f"level: {level!r} is not from 0 to {len(told.levels) - 1}")
-        at.update(told.levels[int(level)])
-    at.update(plain_dict("params", params))
-    recipe: dict[str, Any] = {"task": told.id, "params": {name: _number(name, value) for name, value in at.items()}}
-    if physics:
-        recipe["physics"] = plain_dict("physics", physics)
-    if layout is not None:
-        recipe["layout"] = plain_dict("layout", layout)
-    return recipe
-
-
-def plain_dict(name: str, value: Any) -> dict[str, Any]:
-    """A mapping as a dict of its own; nothing is an empty one.
-
-    Raises:
-        ValueError: Something else, with the field.
-    """
-    if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"{name}: {value!r} is no dict")
-    return dict(value or {})
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
-        raise ValueError(f"params.{name}: {value!r} is not a finite number")
-    return float(value)
-
-
-def to_json(name: str, value: Any) -> str:
-    """JSON without what JSON does not have; numpy's numbers are numbers.
-
-    Raises:
-        ValueError: NaN, an infinity, or something that is no plain data, with the field.
-    """
-    try:
-        return json.dumps(value, allow_nan=False, default=_plain)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: {error}") from error
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    raise TypeError(f"{value!r} is no number, text, list or dict")
+#: Smallest difference between reference and floor for which a skill is defined.
+MIN_SKILL_GAP = 0.05
 
 
 class Scenario:
@@ -96,76 +38,82 @@ class Scenario:
         level: int | None = None,
         seed: int = 0,
     ) -> None:
-        """
+        """Makes a scenario of a task.
+
         Args:
-            task: Its id, or its name alone.
-            params: Those that are not at their defaults, or at the level's.
-            physics: Options that are not at their defaults.
-            layout: Explicit bodies that replace or extend what the generator would draw.
-            level: A row of the task's table, for the params that are not given.
-            seed: 0 to 2^51 - 1.
+            task: Id or name of the task.
+            params: Params that differ from their defaults, or from the level's.
+            physics: Physics options that differ from their defaults.
+            layout: Explicit bodies that replace or extend those of the generator.
+            level: Index of a level, which sets the params that are not given.
+            seed: Seed from 0 to 2^51 - 1.
 
         Raises:
-            ValueError: What is unknown or out of range, with the field.
+            ValueError: A value is unknown or out of range; the message names the field.
         """
-        fields = recipe_of(task, params=params, physics=physics, layout=layout, level=level)
-        self._native = _native.NativeScenario(to_json("scenario", {**fields, "seed": plain_seed(seed)}))
+        recipe = make_recipe(task, params=params, physics=physics, layout=layout, level=level)
+        self._native = _native.NativeScenario(to_json("scenario", {**recipe, "seed": check_seed(seed)}))
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Scenario:
-        """Reads the wire form (`GET /v1/scenarios/{id}`). Seeds of training and evaluation are read too; no environment
-        begins them by hand."""
-        return cls._of(_native.NativeScenario(to_json("scenario", dict(fields)), any_seed=True))
+        """Reads the wire form (`GET /v1/scenarios/{id}`).
+
+        Seeds of training and evaluation are accepted too, but an environment cannot be reset to such a scenario.
+
+        Raises:
+            ValueError: A value is unknown or out of range; the message names the field.
+        """
+        return cls._wrap(_native.NativeScenario(to_json("scenario", dict(fields)), any_seed=True))
 
     @classmethod
     def from_json(cls, text: str) -> Scenario:
-        """The same from text."""
-        return cls._of(_native.NativeScenario(text, any_seed=True))
+        """Reads the wire form from JSON; see `from_dict`."""
+        return cls._wrap(_native.NativeScenario(text, any_seed=True))
 
     @classmethod
-    def _of(cls, native: _native.NativeScenario) -> Scenario:
-        made = cls.__new__(cls)
-        made._native = native
-        return made
+    def _wrap(cls, native: _native.NativeScenario) -> Scenario:
+        scenario = cls.__new__(cls)
+        scenario._native = native
+        return scenario
 
     def to_dict(self) -> dict[str, Any]:
-        """The wire form, complete."""
-        told: dict[str, Any] = json.loads(self._native.to_json())
-        return told
+        """Returns the complete wire form."""
+        fields: dict[str, Any] = json.loads(self._native.to_json())
+        return fields
 
     def to_json(self) -> str:
-        """The same as text."""
+        """Returns the complete wire form as JSON."""
         return self._native.to_json()
 
     @property
     def id(self) -> str:
-        """The blake3 of its canonical form."""
+        """Id: the blake3 hash of the canonical form."""
         return self._native.id
 
     @property
     def task(self) -> str:
-        """The task's id."""
+        """Id of the task."""
         return self._native.task
 
     @property
     def seed(self) -> int:
-        """Its seed."""
+        """Seed of all random draws."""
         return self._native.seed
 
     @property
     def params(self) -> dict[str, float]:
-        """All params, those at their defaults too."""
-        told = self.to_dict()["params"]
-        return {param.name: float(told.get(param.name, param.default)) for param in find(self.task).params}
+        """All params, including those at their defaults."""
+        params = self.to_dict()["params"]
+        return {param.name: float(params.get(param.name, param.default)) for param in find_task(self.task).params}
 
     @property
     def horizon(self) -> int:
-        """Steps after which an episode is truncated."""
+        """Number of steps after which an episode is truncated."""
         return self._native.horizon
 
     @property
     def agents(self) -> int:
-        """Agents at the start."""
+        """Number of agents at the start."""
         return self._native.agents
 
     def __eq__(self, other: object) -> bool:
@@ -181,125 +129,207 @@ class Scenario:
         return Scenario.from_json, (self.to_json(),)
 
 
-def plain_seed(seed: Any) -> int:
-    """A seed that is a whole number; whether it may be chosen the worlds say.
-
-    Raises:
-        ValueError: Something else.
-    """
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**53:
-        raise ValueError(f"seed: {seed!r} is not a whole number from 0 to {2**51 - 1}")
-    return int(seed)
-
-
 @dataclass(frozen=True)
-class Flown:
-    """How an episode went."""
+class EpisodeOutcome:
+    """Outcome of an episode."""
 
-    #: The world's own number, in the task's range.
+    #: Score of the task, within its range.
     score: float
-    #: The sum of rewards, as the wire shows it.
+    #: Sum of the rewards in the wire form.
     total_reward: float
     steps: int
-    #: Agents lost.
+    #: Number of agents lost.
     lost: int
-    #: How well the task's goal was held towards the end, where it has one.
+    #: Degree to which the task's goal was held towards the end; None if the task has no goal.
     goal: float | None
-    #: Fuel spent by all agents, in the world's unit.
+    #: Fuel used by all agents, in the world's unit.
     fuel_used: float
-    #: (score - floor)/(reference - floor), where that means something; of plans of a bracket only.
+    #: (score - floor)/(reference - floor); only for plans of a bracket, and None if the gap is too small.
     skill: float | None = None
-    #: The task's own rule; of plans of a bracket only.
+    #: Success by the task's rule; only for plans of a bracket.
     success: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """What a scenario is worth."""
+    """Floor and reference of a scenario, between which skill is measured."""
 
-    #: How each blind plan fared; hold is the first.
-    panel: tuple[Flown, ...]
-    #: How many of them succeed.
+    #: Outcomes of the blind plans; the first plan is hold.
+    panel: tuple[EpisodeOutcome, ...]
+    #: Number of blind plans that succeed.
     panel_success: int
-    #: The score of acting blindly, by the task's rule.
+    #: Score of acting without observations, by the task's rule.
     floor: float
-    #: What the planner earned, with hindsight: a lower bound on the best.
-    reference: Flown
-    #: The actions that earn it: steps × agents × values.
-    witness: npt.NDArray[np.float64] = field(repr=False)
-    #: The reference succeeds.
+    #: Outcome of the planner, which knows the scenario: a lower bound on the best outcome.
+    reference: EpisodeOutcome
+    #: Actions of the reference, steps × agents × values.
+    reference_plan: npt.NDArray[np.float64] = field(repr=False)
+    #: True if the reference succeeds.
     solvable: bool
-    #: It does, and acting blindly mostly does not: acting well matters here.
+    #: True if the reference succeeds and most blind plans do not, so that acting well matters.
     contested: bool
     #: Version of the planner.
     planner: int
 
     @property
     def hold(self) -> float:
-        """The score of doing nothing."""
+        """Score of an agent that always holds."""
         return self.panel[0].score
 
     def skill(self, score: float) -> float | None:
-        """(score - floor)/(reference - floor) within -1 and 1; none where the two are nearer than 0.05."""
+        """Returns (score - floor)/(reference - floor), clipped to -1 to 1; None if the two differ by less than 0.05.
+
+        Raises:
+            ValueError: The score is not finite.
+        """
         if not math.isfinite(score):
-            raise ValueError(f"score: {score!r} is none")
+            raise ValueError(f"score: must be finite, got {score!r}")
         gap = self.reference.score - self.floor
-        return max(-1.0, min(1.0, (score - self.floor) / gap)) if gap >= 0.05 else None
-
-
-def native_of(scenario: Scenario) -> _native.NativeScenario:
-    """The compiled scenario behind it.
-
-    Raises:
-        ValueError: Something that is no scenario.
-    """
-    if not isinstance(scenario, Scenario):
-        raise ValueError(f"scenario: {type(scenario).__name__} is no sparring.Scenario")
-    return scenario._native
+        return max(-1.0, min(1.0, (score - self.floor) / gap)) if gap >= MIN_SKILL_GAP else None
 
 
 def bracket(scenario: Scenario) -> Bracket:
-    """Floor and reference of a scenario, and whether acting well matters on it. Takes a millisecond to some.
+    """Computes floor and reference of a scenario, in about a millisecond or a few.
 
     Raises:
-        ValueError: A scenario that has no fair start.
+        ValueError: The scenario has no fair start.
     """
-    text, witness = _native.bracket(native_of(scenario))
-    told = json.loads(text)
+    text, reference_plan = _native.bracket(native_scenario(scenario))
+    fields = json.loads(text)
     return Bracket(
-        panel=tuple(Flown(**flown) for flown in told.pop("panel")),
-        reference=Flown(**told.pop("reference")),
-        witness=witness,
-        **told,
+        panel=tuple(EpisodeOutcome(**outcome) for outcome in fields.pop("panel")),
+        reference=EpisodeOutcome(**fields.pop("reference")),
+        reference_plan=reference_plan,
+        **fields,
     )
 
 
-def replay(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = None) -> Flown:
-    """What these actions earn: steps × agents × values, along the world's axes, whole.
+def rollout(scenario: Scenario, policy: str = "heuristic", seed: int = 0) -> tuple[EpisodeOutcome, npt.NDArray[np.float64]]:
+    """Runs a built-in policy on a scenario; returns the outcome and the actions, steps × agents × values.
 
     Args:
-        scenario: What was flown.
-        actions: As `Environment.history` has them.
-        stopped: Why the log is shorter than the episode: `unparsable`, `too_long` or `too_late`; the rest is flown as hold.
+        scenario: Scenario to run.
+        policy: Name of a policy; `sparring.task(…).policies` lists them.
+        seed: Seed of the policy.
 
     Raises:
-        ValueError: Too many or too few steps, or what is not finite.
+        ValueError: The policy is unknown, or the scenario or seed is invalid.
     """
-    return Flown(**json.loads(_native.replay(native_of(scenario), actions, stopped)))
+    text, actions = _native.rollout(native_scenario(scenario), policy, check_seed(seed))
+    return EpisodeOutcome(**json.loads(text)), actions
+
+
+def replay(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = None) -> EpisodeOutcome:
+    """Replays the actions of a whole episode and returns its outcome.
+
+    Args:
+        scenario: Scenario of the episode.
+        actions: Actions along the world's axes, steps × agents × values, as `Environment.history` has them.
+        stopped: Why the log is shorter than the episode: `unparsable`, `too_long` or `too_late`; hold fills the rest.
+
+    Raises:
+        ValueError: There are too many or too few steps, or a value is not finite.
+    """
+    return EpisodeOutcome(**json.loads(_native.replay(native_scenario(scenario), actions, stopped)))
 
 
 def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = None) -> dict[str, Any]:
-    """What an episode shows, from its actions alone: `failures` with their geometry, `actions` with a verdict on each, and
-    `judged`, the word of the deterministic judge (-1 to 1).
+    """Criticises an episode from its actions.
+
+    Args:
+        scenario: Scenario of the episode.
+        actions: As for `replay`.
+        stopped: As for `replay`.
+
+    Returns:
+        A dict with `failures` and their geometry, `actions` with a verdict on each, and `judged`, the deterministic
+        judge's value from -1 to 1.
 
     Raises:
-        ValueError: As `replay`.
+        ValueError: As for `replay`.
     """
-    found: dict[str, Any] = json.loads(_native.critique(native_of(scenario), actions, stopped))
-    return found
+    critique: dict[str, Any] = json.loads(_native.critique(native_scenario(scenario), actions, stopped))
+    return critique
 
 
-def fly(scenario: Scenario, policy: str = "heuristic", seed: int = 0) -> tuple[Flown, npt.NDArray[np.float64]]:
-    """Flies a scenario by a built-in policy (`sparring.task(…).policies`): how it went, and what was done."""
-    text, actions = _native.fly(native_of(scenario), policy, plain_seed(seed))
-    return Flown(**json.loads(text)), actions
+def make_recipe(
+    task: str,
+    *,
+    params: Mapping[str, float] | None = None,
+    physics: Mapping[str, str] | None = None,
+    layout: Mapping[str, Any] | None = None,
+    level: int | None = None,
+) -> dict[str, Any]:
+    """Makes a recipe, a scenario without its seed, in the wire form."""
+    spec = find_task(task)
+    values: dict[str, float] = {}
+    if level is not None:
+        if isinstance(level, bool) or not isinstance(level, (int, np.integer)) or not 0 <= level < len(spec.levels):
+            raise ValueError(f"level: {level!r} is not from 0 to {len(spec.levels) - 1}")
+        values.update(spec.levels[int(level)])
+    values.update(copy_mapping("params", params))
+    recipe: dict[str, Any] = {"task": spec.id, "params": {name: _check_number(name, value) for name, value in values.items()}}
+    if physics:
+        recipe["physics"] = copy_mapping("physics", physics)
+    if layout is not None:
+        recipe["layout"] = copy_mapping("layout", layout)
+    return recipe
+
+
+def native_scenario(scenario: Scenario) -> _native.NativeScenario:
+    """Returns the compiled scenario.
+
+    Raises:
+        ValueError: The argument is not a `Scenario`.
+    """
+    if not isinstance(scenario, Scenario):
+        raise ValueError(f"scenario: {type(scenario).__name__} is not a sparring.Scenario")
+    return scenario._native
+
+
+def copy_mapping(field: str, value: Any) -> dict[str, Any]:
+    """Copies a mapping to a dict; None gives an empty one.
+
+    Raises:
+        ValueError: The value is not a mapping; the message names the field.
+    """
+    if value is not None and not isinstance(value, Mapping):
+        raise ValueError(f"{field}: {value!r} is not a dict")
+    return dict(value or {})
+
+
+def check_seed(seed: Any) -> int:
+    """Returns a seed as an int; the worlds check which seeds may be chosen.
+
+    Raises:
+        ValueError: The seed is not an integer of at most 53 bits.
+    """
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**53:
+        raise ValueError(f"seed: {seed!r} is not an integer from 0 to {2**51 - 1}")
+    return int(seed)
+
+
+def to_json(field: str, value: Any) -> str:
+    """Encodes plain data as JSON; NumPy's numbers and arrays are plain data too.
+
+    Raises:
+        ValueError: The value has NaN, an infinity or another type; the message names the field.
+    """
+    try:
+        return json.dumps(value, allow_nan=False, default=_to_plain)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{field}: {error}") from error
+
+
+def _check_number(name: str, value: Any) -> float:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
+        raise ValueError(f"params.{name}: {value!r} is not a finite number")
+    return float(value)
+
+
+def _to_plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{value!r} is not a number, text, list or dict")

@@ -1,4 +1,4 @@
-"""A server on this machine, for as long as a process needs one."""
+"""A server process on this machine that ends with this process."""
 
 from __future__ import annotations
 
@@ -15,80 +15,93 @@ from collections.abc import Callable
 
 from ._native import CurriculumError
 
-
-def _found() -> str | None:
-    # Beside this Python, where pip puts it: an environment that was not activated has nothing on the path.
-    return shutil.which("sparring", path=sysconfig.get_path("scripts")) or shutil.which("sparring")
+#: Seconds until a server that prints no address counts as failed.
+START_TIMEOUT_S = 60
+#: Lines of the server's output that are kept for error messages.
+KEPT_LINES = 50
 
 
 class Server:
-    """A server of this process's own."""
+    """Server process that this process starts and stops."""
 
     def __init__(self, db: str | os.PathLike[str] | None, binary: str | None) -> None:
-        program = binary or os.environ.get("SPARRING_BIN") or _found()
+        """Starts a server on a free port.
+
+        Args:
+            db: Database file; None for a temporary one, which the server deletes even if this process is killed.
+            binary: Program to start; by default `SPARRING_BIN`, or the installed `sparring`.
+
+        Raises:
+            CurriculumError: There is no such program, or it does not start.
+        """
+        program = binary or os.environ.get("SPARRING_BIN") or _find_program()
         if not program:
-            raise CurriculumError("there is no program `sparring`: pip install sparring-server, or name one by SPARRING_BIN")
-        # What is forgotten the server removes: it outlives a process that is killed.
-        where = ["--temporary"] if db is None else ["--db", os.fspath(db)]
-        line = [program, "serve", "--bind", "127.0.0.1:0", "--while-stdin", *where]
-        self._said: list[str] = []
-        pipe, same = subprocess.PIPE, subprocess.STDOUT
+            raise CurriculumError("program `sparring` not found: pip install sparring-server, or set SPARRING_BIN")
+        database = ["--temporary"] if db is None else ["--db", os.fspath(db)]
+        command = [program, "serve", "--bind", "127.0.0.1:0", "--while-stdin", *database]
+        self._output: list[str] = []
+        pipe, stdout = subprocess.PIPE, subprocess.STDOUT
         try:
-            # It ends with this process, whatever becomes of that, but not by a Ctrl-C that is this process's to handle:
-            # what was flown is handed in before.
-            self._process = subprocess.Popen(line, stdin=pipe, stdout=pipe, stderr=same, text=True, start_new_session=True)
+            # The server ends with this process. A Ctrl-C reaches only this process, which submits its results first.
+            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=stdout, text=True, start_new_session=True)
         except OSError as error:
             raise CurriculumError(f"{program} does not start: {error}") from error
         self._pid = os.getpid()
-        self._watching: list[Callable[[str], None]] = []
-        # When nobody has it any more, and when the program ends.
+        self._exit_callbacks: list[Callable[[str], None]] = []
+        # Stops the server when this object is deleted and when the program ends.
         self._finalizer = weakref.finalize(self, _stop, self._process, self._pid)
-        url = self._find()
+        url = self._read_url()
         if url is None:
             self.stop()
-            raise CurriculumError(f"{program} does not serve: {''.join(self._said[-5:]).strip() or 'it says nothing'}")
+            raise CurriculumError(f"{program} does not serve: {''.join(self._output[-5:]).strip() or 'it printed nothing'}")
         self.url = url
 
-    def _find(self) -> str | None:
-        found = threading.Event()
+    def _read_url(self) -> str | None:
+        """Reads the server's output in a thread; returns the address that it prints."""
+        is_known = threading.Event()
         urls: list[str] = []
 
-        # The thread keeps what it needs, and not the server, so that one that is forgotten ends.
-        process, out, said, watching = self._process, self._process.stdout, self._said, self._watching
+        # The thread refers to the parts it needs, not to self, so that an unused server is deleted and stops.
+        process, stdout, output, callbacks = self._process, self._process.stdout, self._output, self._exit_callbacks
 
         def read() -> None:
-            for text in out or ():
-                del said[:-50]
-                said.append(text)
-                at = re.search(r"serves at (http://\S+?)[.,]?(?:\s|$)", text)
-                if at and not urls:
-                    urls.append(at[1])
-                    found.set()
-            if out is not None:
-                out.close()
-            found.set()
+            for line in stdout or ():
+                del output[:-KEPT_LINES]
+                output.append(line)
+                match = re.search(r"serves at (http://\S+?)[.,]?(?:\s|$)", line)
+                if match and not urls:
+                    urls.append(match[1])
+                    is_known.set()
+            if stdout is not None:
+                stdout.close()
+            is_known.set()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(10)
-                how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
-                words = [line.strip() for line in said if " INFO " not in line]
-                for tell in watching:
-                    tell(": ".join([f"the server that was started here {how}", *words[-1:]]))
+                reason = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+                errors = [line.strip() for line in output if " INFO " not in line]
+                for callback in callbacks:
+                    callback(": ".join([f"the server that was started here {reason}", *errors[-1:]]))
 
         self._reader = threading.Thread(target=read, daemon=True, name="sparring-server")
         self._reader.start()
-        found.wait(60)
+        is_known.wait(START_TIMEOUT_S)
         return urls[0] if urls else None
 
-    def watch(self, tell: Callable[[str], None]) -> None:
-        """Has it told, by another thread, when the server ends, by itself or by being stopped."""
-        self._watching.append(tell)
+    def on_exit(self, callback: Callable[[str], None]) -> None:
+        """Registers a callback that another thread calls with a message when the server ends for any reason."""
+        self._exit_callbacks.append(callback)
 
     def stop(self) -> None:
-        """Stops it."""
+        """Stops the server and waits for its end."""
         if os.getpid() != self._pid:
-            return  # it is the parent's of a process that was forked
+            return  # the server belongs to the parent of this fork
         self._finalizer()
         self._reader.join(10)
+
+
+def _find_program() -> str | None:
+    # pip installs it beside this Python, which is not on the path of an environment that was not activated.
+    return shutil.which("sparring", path=sysconfig.get_path("scripts")) or shutil.which("sparring")
 
 
 def _stop(process: subprocess.Popen[str], pid: int) -> None:
@@ -103,4 +116,4 @@ def _stop(process: subprocess.Popen[str], pid: int) -> None:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-            warnings.warn("the server did not stop by itself and was killed", ResourceWarning, stacklevel=2)
+            warnings.warn("the server did not stop in 30 s and was killed", ResourceWarning, stacklevel=2)

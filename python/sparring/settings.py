@@ -1,4 +1,4 @@
-"""What every kind of environment is made with, and the spaces that come of it."""
+"""Settings that all kinds of environments share, and the spaces that follow from them."""
 
 from __future__ import annotations
 
@@ -13,26 +13,31 @@ from gymnasium import spaces
 
 from . import _native
 from .curriculum import Curriculum
-from .scenario import recipe_of, to_json
+from .scenario import make_recipe, to_json
 from .tasks import Task
-from .tasks import task as find
+from .tasks import task as find_task
 
 Observation = Literal["tracks", "telemetry", "state"]
 Actions = Literal["continuous", "discrete"]
 Axes = Literal["agent", "world"]
 
-#: Cells of *tracks* are within plus and minus this.
+#: Bound of the absolute value of a cell of *tracks*.
 TRACKS_LIMIT = 2.0
-#: Pieces of debris that *telemetry* has room for where a curriculum decides how many there are.
-ROOM = 320
-#: Values of one satellite, and rows of debris, in kessler's *telemetry*.
+#: Pieces of debris that *telemetry* has room for if a curriculum chooses their number.
+CURRICULUM_BODIES = 320
+#: Values per satellite in kessler's *telemetry*.
 SATELLITE_VALUES = 6
+#: Rows of the debris array in kessler's *telemetry*.
 DEBRIS_ROWS = ("x", "y", "vx", "vy")
+#: Default number of pieces of debris that a satellite observes in *tracks*.
+DEFAULT_THREATS = 8
+#: Default number of steps over which *tracks* predicts close approaches.
+DEFAULT_LOOK_AHEAD = 15
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What an environment is, beside how many there are of it."""
+    """Settings of an environment, except how many of it there are."""
 
     task: str | None
     params: Mapping[str, float] | None = None
@@ -46,59 +51,64 @@ class Settings:
     actions: Actions = "continuous"
     axes: Axes | None = None
     curriculum: Curriculum | None = None
-    told: Task = field(init=False)
+    #: Description of the task.
+    spec: Task = field(init=False)
 
     def __post_init__(self) -> None:
         if self.curriculum is not None:
             if not isinstance(self.curriculum, Curriculum):
-                raise ValueError(f"curriculum: {self.curriculum!r} is no sparring.Curriculum")
+                raise ValueError(f"curriculum: {self.curriculum!r} is not a sparring.Curriculum")
             for name in ("params", "physics", "layout", "level"):
                 if getattr(self, name) is not None:
-                    raise ValueError(f"{name}: the curriculum says what is flown")
-            self._set(task=_task_of(self.curriculum, self.task))
-        self._set(told=find("kessler/survival" if self.task is None else self.task))
-        if self.curriculum is not None and self.told.default_observation == "tracks":
-            # How many bodies there are is the curriculum's to say, and changes.
-            self._set(bodies=ROOM if self.observation == "telemetry" and self.bodies is None else self.bodies)
+                    raise ValueError(f"{name}: the curriculum chooses the scenarios")
+            self._set(task=_choose_task(self.curriculum, self.task))
+        self._set(spec=find_task("kessler/survival" if self.task is None else self.task))
+        if self.curriculum is not None and self.spec.default_observation == "tracks":
+            # The number of bodies changes with the curriculum's scenarios.
+            self._set(bodies=CURRICULUM_BODIES if self.observation == "telemetry" and self.bodies is None else self.bodies)
 
     def _set(self, **fields: Any) -> None:
         for name, value in fields.items():
             object.__setattr__(self, name, value)
 
-    def wish(self) -> dict[str, Any]:
-        """By which arguments the same is made once more: a copy of an environment is made anew, as Gymnasium's `EzPickle` does.
+    def arguments(self) -> dict[str, Any]:
+        """Returns the arguments that make an equal environment, for copies as by Gymnasium's `EzPickle`.
 
         Raises:
-            TypeError: It flies a curriculum, which has its threads where it is.
+            TypeError: The environment has a curriculum, whose threads cannot be copied.
         """
         if self.curriculum is not None:
-            raise TypeError("environments that fly a curriculum are not copied: make others, with the same run")
-        return {one.name: getattr(self, one.name) for one in fields(self) if one.init}
+            raise TypeError("environments with a curriculum cannot be copied: make others, with the same run")
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.init}
 
-    def seen(self) -> Observation:
-        """How it is observed.
+    def observation_mode(self) -> Observation:
+        """Returns the observation mode.
 
         Raises:
-            ValueError: A mode the world does not have, or what does not belong to it.
+            ValueError: The world has no such mode, or an argument does not belong to it.
         """
-        default = self.told.default_observation
-        seen = self.observation or default
-        if seen not in (default, "telemetry"):
-            raise ValueError(f"observation: {seen!r} is none of {default}, telemetry in {self.told.world}")
-        for name, mode in (("threats", "tracks"), ("look_ahead", "tracks"), ("bodies", "telemetry")):
-            if getattr(self, name) is not None and (seen != mode or default != "tracks"):
-                raise ValueError(f"{name}: it belongs to {mode} of kessler, and this is {seen} of {self.told.world}")
-        return seen  # type: ignore[return-value]
+        default = self.spec.default_observation
+        mode = self.observation or default
+        if mode not in (default, "telemetry"):
+            raise ValueError(f"observation: {mode!r} is none of {default}, telemetry in {self.spec.world}")
+        for name, owner in (("threats", "tracks"), ("look_ahead", "tracks"), ("bodies", "telemetry")):
+            if getattr(self, name) is not None and (mode != owner or default != "tracks"):
+                raise ValueError(f"{name}: applies to {owner} of kessler, not to {mode} of {self.spec.world}")
+        return mode  # type: ignore[return-value]
 
-    def axis(self) -> Axes:
-        """Along which axes continuous actions are: each agent's own with *tracks*, which are along them too."""
+    def action_axes(self) -> Axes:
+        """Returns the axes of continuous actions; the default for *tracks* is each agent's own.
+
+        Raises:
+            ValueError: The axes are unknown, or agents have no axes of their own.
+        """
         if self.axes not in (None, "agent", "world"):
             raise ValueError(f"axes: {self.axes!r} is neither 'agent' nor 'world'")
-        if self.axes == "agent" and self.told.agent_axes is None:
-            raise ValueError(f"axes: agents have no axes of their own in {self.told.world}")
-        return self.axes or ("agent" if self.seen() == "tracks" else "world")
+        if self.axes == "agent" and self.spec.agent_axes is None:
+            raise ValueError(f"axes: agents have no axes of their own in {self.spec.world}")
+        return self.axes or ("agent" if self.observation_mode() == "tracks" else "world")
 
-    def native(
+    def make_batch(
         self,
         envs: int,
         *,
@@ -107,25 +117,28 @@ class Settings:
         seed: int | None,
         single: bool,
     ) -> _native.NativeBatch:
-        """The environments themselves."""
+        """Makes the compiled environments.
+
+        Raises:
+            ValueError: A value is unknown or out of range; the message names the field.
+        """
         if self.actions not in ("continuous", "discrete"):
             raise ValueError(f"actions: {self.actions!r} is neither 'continuous' nor 'discrete'")
-        for name, value, least in (("num_envs", envs, 1), ("threads", threads, 1), ("threats", self.threats, 0),
-                                   ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
-            given = value is not None or name == "num_envs"
-            if given and (isinstance(value, bool) or not isinstance(value, (int, np.integer))
-                                      or not least <= value < 2**31):  # fmt: skip
-                raise ValueError(f"{name}: {value!r} is not a whole number from {least} on")
-        seen = self.seen()
-        recipe = recipe_of(self.told.id, params=self.params, physics=self.physics, layout=self.layout, level=self.level)
+        _check_count("num_envs", envs, 1)
+        for name, value, minimum in (("threads", threads, 1), ("threats", self.threats, 0),
+                                     ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
+            if value is not None:
+                _check_count(name, value, minimum)
+        mode = self.observation_mode()
+        recipe = make_recipe(self.spec.id, params=self.params, physics=self.physics, layout=self.layout, level=self.level)
         return _native.NativeBatch(
             to_json("scenario", recipe),
             envs,
-            observe="tracks" if seen == "tracks" else "all",
+            observe="tracks" if mode == "tracks" else "all",
             bodies=self.bodies,
-            threats=8 if self.threats is None else self.threats,
-            look_ahead=15 if self.look_ahead is None else self.look_ahead,
-            axes=self.axis(),
+            threats=DEFAULT_THREATS if self.threats is None else self.threats,
+            look_ahead=DEFAULT_LOOK_AHEAD if self.look_ahead is None else self.look_ahead,
+            axes=self.action_axes(),
             discrete=self.actions == "discrete",
             autoreset_mode=autoreset_mode,
             threads=threads,
@@ -135,95 +148,105 @@ class Settings:
         )
 
     def agent_name(self) -> str:
-        """What one agent is called."""
-        return "satellite" if self.told.world.startswith("kessler") else "deputy"
+        """Returns the prefix of agents' names."""
+        return "satellite" if self.spec.world.startswith("kessler") else "deputy"
 
 
-def _task_of(curriculum: Curriculum, task: str | None) -> str:
+def _check_count(name: str, value: Any, minimum: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not minimum <= value < 2**31:
+        raise ValueError(f"{name}: must be an integer >= {minimum}, got {value!r}")
+
+
+def _choose_task(curriculum: Curriculum, task: str | None) -> str:
+    """Returns the task that stands for all tasks of a run, whose agents must be alike."""
     tasks = curriculum.tasks
-    over = ", ".join(tasks)
-    worlds = {one.split("/")[0] for one in tasks}
+    listed = ", ".join(tasks)
+    worlds = {id.split("/")[0] for id in tasks}
     if len(worlds) > 1 or (len(tasks) > 1 and worlds == {"docking"}):
         raise ValueError(
-            f"curriculum: its run is over {over}, whose agents differ; one over kessler, or one task of docking, can be flown"
+            f"curriculum: the tasks {listed} of its run have different agents; choose tasks of kessler, or one task of docking"
         )
-    if task is not None and find(task).id not in tasks:
-        raise ValueError(f"task: the curriculum's run is over {over}, not {task}")
-    return tasks[0] if task is None else find(task).id
+    if task is not None and find_task(task).id not in tasks:
+        raise ValueError(f"task: the curriculum's run has {listed}, not {task}")
+    return tasks[0] if task is None else find_task(task).id
 
 
-class View:
-    """How flat observations of a batch are seen."""
+class ObservationLayout:
+    """Layout of the flat observations of a batch."""
 
     def __init__(self, settings: Settings, native: _native.NativeBatch) -> None:
-        self.mode = settings.seen()
-        self.name = settings.agent_name()
-        self.agents, self.values, self.width = native.sizes
-        self.kessler = settings.told.default_observation == "tracks"
-        self.bodies = (self.width - self.agents * SATELLITE_VALUES) // 5 if self.kessler else 0
-
-    def _box(self, *shape: int) -> spaces.Box:
-        return spaces.Box(-np.inf, np.inf, shape, np.float32)
+        self.mode = settings.observation_mode()
+        self.agent_name = settings.agent_name()
+        self.num_agents = native.num_agents
+        self.action_size = native.action_size
+        #: Values of one environment's observation.
+        self.size = native.observation_size
+        self.is_kessler = settings.spec.default_observation == "tracks"
+        self.bodies = (self.size - self.num_agents * SATELLITE_VALUES) // 5 if self.is_kessler else 0
 
     def agent_space(self) -> spaces.Box:
-        """Of one agent's row."""
+        """Returns the observation space of one agent."""
         if self.mode == "tracks":
-            return spaces.Box(-TRACKS_LIMIT, TRACKS_LIMIT, (self.width // self.agents,), np.float32)
-        return self._box(self.width // self.agents)
+            return spaces.Box(-TRACKS_LIMIT, TRACKS_LIMIT, (self.size // self.num_agents,), np.float32)
+        return _unbounded(self.size // self.num_agents)
 
     def space(self) -> spaces.Box | spaces.Dict:
-        """Of one environment."""
+        """Returns the observation space of one environment."""
         if self.mode != "telemetry":
             low, high = (-TRACKS_LIMIT, TRACKS_LIMIT) if self.mode == "tracks" else (-np.inf, np.inf)
-            return spaces.Box(low, high, (self.agents, self.width // self.agents), np.float32)
-        if not self.kessler:
-            return spaces.Dict({"deputies": self._box(self.agents, self.width // self.agents)})
+            return spaces.Box(low, high, (self.num_agents, self.size // self.num_agents), np.float32)
+        if not self.is_kessler:
+            return spaces.Dict({"deputies": _unbounded(self.num_agents, self.size // self.num_agents)})
         return spaces.Dict({
-            "satellites": self._box(self.agents, SATELLITE_VALUES),
-            "debris": self._box(len(DEBRIS_ROWS), self.bodies),
+            "satellites": _unbounded(self.num_agents, SATELLITE_VALUES),
+            "debris": _unbounded(len(DEBRIS_ROWS), self.bodies),
             "mask": spaces.Box(0.0, 1.0, (self.bodies,), np.float32),
         })  # fmt: skip
 
-    def of(self, flat: npt.NDArray[np.float32], *, single: bool = False) -> Any:
-        """Views of the array, none of them a copy."""
+    def view(self, flat: npt.NDArray[np.float32], *, single: bool = False) -> Any:
+        """Returns observations as views of a flat array, without copying."""
         lead = () if single else flat.shape[:1]
         if self.mode == "tracks":
             return flat
         if self.mode == "state":
-            return flat.reshape(*lead, self.agents, self.width // self.agents)
-        if not self.kessler:
-            return {"deputies": flat.reshape(*lead, self.agents, self.width // self.agents)}
-        own = self.agents * SATELLITE_VALUES
-        known = own + len(DEBRIS_ROWS) * self.bodies
+            return flat.reshape(*lead, self.num_agents, self.size // self.num_agents)
+        if not self.is_kessler:
+            return {"deputies": flat.reshape(*lead, self.num_agents, self.size // self.num_agents)}
+        satellites_end = self.num_agents * SATELLITE_VALUES
+        debris_end = satellites_end + len(DEBRIS_ROWS) * self.bodies
         return {
-            "debris": flat[..., own:known].reshape(*lead, len(DEBRIS_ROWS), self.bodies),
-            "mask": flat[..., known:],
-            "satellites": flat[..., :own].reshape(*lead, self.agents, SATELLITE_VALUES),
+            "debris": flat[..., satellites_end:debris_end].reshape(*lead, len(DEBRIS_ROWS), self.bodies),
+            "mask": flat[..., debris_end:],
+            "satellites": flat[..., :satellites_end].reshape(*lead, self.num_agents, SATELLITE_VALUES),
         }
 
-    def rows(self, flat: npt.NDArray[np.float32]) -> list[Any]:
-        """The same of each environment by itself."""
-        seen = self.of(flat)
+    def split(self, flat: npt.NDArray[np.float32]) -> list[Any]:
+        """Returns one observation per environment, as views of a flat array."""
+        observations = self.view(flat)
         if self.mode != "telemetry":
-            return list(seen)
-        if not self.kessler:
-            return [{"deputies": row} for row in seen["deputies"]]
-        # All at once: views of views are what takes time where some tens of episodes end in a step.
-        parts = zip(seen["debris"], seen["mask"], seen["satellites"], strict=True)
+            return list(observations)
+        if not self.is_kessler:
+            return [{"deputies": row} for row in observations["deputies"]]
+        # Views of views per environment would dominate steps in which tens of episodes end.
+        parts = zip(observations["debris"], observations["mask"], observations["satellites"], strict=True)
         return [{"debris": debris, "mask": mask, "satellites": satellites} for debris, mask, satellites in parts]
 
 
-def action_space(settings: Settings, view: View) -> spaces.Box | spaces.MultiDiscrete:
-    """Of one environment: all its agents."""
-    if settings.actions == "discrete":
-        return spaces.MultiDiscrete([len(settings.told.choices)] * view.agents)
-    low, high, _ = settings.told.action_range
-    return spaces.Box(low, high, (view.agents, view.values), np.float32)
+def _unbounded(*shape: int) -> spaces.Box:
+    return spaces.Box(-np.inf, np.inf, shape, np.float32)
 
 
-def agent_action_space(settings: Settings, view: View) -> spaces.Box | spaces.Discrete:
-    """Of one agent."""
+def action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | spaces.MultiDiscrete:
+    """Returns the action space of one environment: the actions of all its agents."""
     if settings.actions == "discrete":
-        return spaces.Discrete(len(settings.told.choices))
-    low, high, _ = settings.told.action_range
-    return spaces.Box(low, high, (view.values,), np.float32)
+        return spaces.MultiDiscrete([len(settings.spec.choices)] * layout.num_agents)
+    low, high, _ = settings.spec.action_range
+    return spaces.Box(low, high, (layout.num_agents, layout.action_size), np.float32)
+
+
+def agent_action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | spaces.Discrete:
+    """Returns the action space of one agent."""
+    if settings.actions == "discrete":
+        return spaces.Discrete(len(settings.spec.choices))
+    low, high, _ = settings.spec.action_range
+    return spaces.Box(low, high, (layout.action_size,), np.float32)

@@ -1,96 +1,93 @@
-"""One environment: all agents by one action, their observations side by side."""
+"""Single environments: one action for all agents, and one observation with a row per agent."""
 
 from __future__ import annotations
 
 import functools
 import json
 from collections.abc import Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
-from . import _native
-from .curriculum import Curriculum, CurriculumError
-from .scenario import Scenario, plain_dict, plain_seed, recipe_of
-from .settings import Actions, Axes, Observation, Settings, View, action_space
-from .window import FPS, Screen
-
-#: What is flown from a reset on, and what is flown first.
-Wished: TypeAlias = "tuple[_native.NativeScenario | None, _native.NativeScenario | None]"
-#: What `reset` takes as options.
-OPTIONS = ("scenario", "params", "level")
+from .curriculum import Curriculum
+from .rendering import FPS, Renderer
+from .reset_request import SingleBatch
+from .scenario import Scenario
+from .settings import Actions, Axes, Observation, ObservationLayout, Settings, action_space
 
 
 class Environment(gymnasium.Env[Any, Any]):
-    """One environment of a task, whose agents act by one action.
+    """One environment of a task, whose agents act by one joint action.
 
     ## Action space
 
-    | `actions` | world | space | what |
+    | `actions` | world | space | meaning |
     |---|---|---|---|
-    | `continuous` | kessler | `Box(-1, 1, (agents, 2))` | a change of velocity of each satellite, LU/TU |
-    | `continuous` | docking | `Box(-1, 1, (agents, 3))` | a thrust of each deputy, N |
-    | `discrete` | kessler | `MultiDiscrete([17] * agents)` | of each a row of `sparring.task(…).choices` |
-    | `discrete` | docking | `MultiDiscrete([27] * agents)` | the same |
+    | `continuous` | kessler | `Box(-1, 1, (agents, 2))` | change of velocity of each satellite, LU/TU |
+    | `continuous` | docking | `Box(-1, 1, (agents, 3))` | thrust of each deputy, N |
+    | `discrete` | kessler | `MultiDiscrete([17] * agents)` | index into `sparring.task(…).choices` for each satellite |
+    | `discrete` | docking | `MultiDiscrete([27] * agents)` | the same for each deputy |
 
     Zero holds, and so does choice 0. With *tracks*, continuous actions are along each satellite's own radial and in-track
-    directions, else along x and y, unless `axes` says.
+    directions, else along x and y; `axes` overrides this.
 
     ## Observation space, float32
 
-    | `observation` | world | space | what |
+    | `observation` | world | space | meaning |
     |---|---|---|---|
-    | `tracks` | kessler | `Box(-2, 2, (agents, 16 + 7·threats))` | own state, and the debris that comes nearest, scaled |
-    | `telemetry` | kessler | `Dict` | three of them: |
+    | `tracks` | kessler | `Box(-2, 2, (agents, 16 + 7·threats))` | own state and the nearest approaching debris, scaled |
+    | `telemetry` | kessler | `Dict` with three parts: | |
     | | | `satellites (agents, 6)` | x, y, vx, vy, fuel, survival; LU, LU/TU |
     | | | `debris (4, bodies)` | rows of x, y, vx, vy |
-    | | | `mask (bodies,)` | 1 where there is one and it is seen |
-    | `state` | docking | `Box(-inf, inf, (agents, 8))` | x, y, z, vx, vy, vz, speed, the limit there; m, m/s |
+    | | | `mask (bodies,)` | 1 for each piece of debris that exists and is visible |
+    | `state` | docking | `Box(-inf, inf, (agents, 8))` | x, y, z, vx, vy, vz, speed, speed limit there; m, m/s |
     | `telemetry` | docking | `Dict(deputies (agents, 8))` | the same |
 
     `columns()` names every value in the order of the flat array.
 
     ## Rewards
 
-    The team's, of this step; the episode's score (`info["score"]`) is their sum, held within the task's range.
+    The reward is the team's reward of the step. The score (`info["score"]`) is the sum of rewards, clipped to the task's
+    range.
 
     ## Starting state
 
-    What the generator draws from params and seed, or a `layout`; from a fair start in kessler, unless `physics` says.
+    The generator draws it from params and seed, or a `layout` sets it. In kessler it is fair unless `physics` says otherwise.
 
     ## Episode end
 
     | | kessler | docking |
     |---|---|---|
-    | terminated | no satellite is left | every deputy has docked, crashed, left, collided, been too fast or run out of time |
-    | truncated | at step 50, while some fly | as time runs out for some, which the task punishes: both flags are set |
+    | terminated | no satellite is left | every deputy docked, crashed, left, collided, was too fast or ran out of time |
+    | truncated | at step 50, with satellites left | a deputy ran out of time, which the task punishes: both flags are set |
 
     ## Infos
 
-    `score`, and `alerts`: what happened, in words; of a reset `scenario`.
+    A step has `score`, and `alerts`, messages about the step. A reset has `scenario` and, with a curriculum, `level` and
+    `train`.
 
     Args:
-        task: Its id, or its name alone: `kessler/survival`, which is flown unless told, or `survival`.
-        params: Those that are not at their defaults (`sparring.parameter_space`), or at the level's.
-        physics: Options that are not at their defaults.
-        layout: Explicit bodies that replace or extend what the generator would draw.
-        level: A row of the task's table (`sparring.levels`), for the params that are not given.
+        task: Id or name: `kessler/survival` (the default) or `survival`.
+        params: Params that differ from their defaults (`sparring.parameter_space`), or from the level's.
+        physics: Physics options that differ from their defaults.
+        layout: Explicit bodies that replace or extend those of the generator.
+        level: Index of a level (`sparring.levels`), which sets the params that are not given.
         observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking.
-        threats: With *tracks*: pieces of debris a satellite sees (8).
-        look_ahead: With *tracks*: steps over which they are foreseen (15).
-        bodies: With *telemetry*: pieces of debris there is room for (as many as the params can have).
-        actions: `continuous`, or `discrete`: a number for each agent out of `sparring.task(…).choices`.
-        axes: Along which continuous actions are: each `agent`'s own, or the `world`'s.
-        curriculum: Says which scenarios are flown, and is told how they went, as in `sparring.make_vec`; seeds and the rest of
-            what says that are then its business.
-        render_mode: `rgb_array`, or `human`: a window, which needs pygame.
-        render_size: Width and height of a picture, pixels.
+        threats: Pieces of debris that a satellite observes in *tracks* (8).
+        look_ahead: Steps over which *tracks* predicts close approaches (15).
+        bodies: Pieces of debris that *telemetry* has room for (by default the maximum for the params).
+        actions: `continuous`, or `discrete`: for each agent an index into `sparring.task(…).choices`.
+        axes: Axes of continuous actions: each `agent`'s own, or the `world`'s.
+        curriculum: Source of the scenarios, which receives the outcomes, as in `sparring.make_vec`. It replaces seeds,
+            `params`, `physics`, `layout` and `level`.
+        render_mode: `rgb_array`, or `human` for a window, which needs pygame.
+        render_size: Width and height of an image, pixels.
 
     Raises:
-        ValueError: What is unknown or out of range, with the field.
+        ValueError: A value is unknown or out of range; the message names the field.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": FPS}
@@ -117,149 +114,103 @@ class Environment(gymnasium.Env[Any, Any]):
             task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes, curriculum
         )
         self._settings = settings
-        self._native = settings.native(1, autoreset_mode="disabled", threads=1, seed=None, single=True)
-        self._view = View(settings, self._native)
-        self.observation_space = self._view.space()
-        self.action_space = action_space(settings, self._view)
-        self.screen = Screen(render_mode, render_size, self.metadata)
+        self._batch = SingleBatch(settings)
+        self._native = self._batch.native
+        self._layout = ObservationLayout(settings, self._native)
+        self.observation_space = self._layout.space()
+        self.action_space = action_space(settings, self._layout)
+        self._renderer = Renderer(render_mode, render_size, self.metadata)
         self.render_mode = render_mode
         self._history: list[npt.NDArray[np.float32]] = []
-        self._flies = self._warned = False
+        self._is_running = False
 
     def __reduce__(self) -> tuple[Any, ...]:
-        wish = {**self._settings.wish(), "render_mode": self.render_mode, "render_size": self.screen.size}
-        return functools.partial(type(self), **wish), (), {"spec": self.spec}
+        arguments = {**self._settings.arguments(), "render_mode": self.render_mode, "render_size": self._renderer.size}
+        return functools.partial(type(self), **arguments), (), {"spec": self.spec}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begins an episode: of the scenario with this seed, or of the next in the row that the last seed began.
+        """Begins an episode: the scenario of the seed, or the next scenario of the sequence that the last seed started.
 
         Args:
-            seed: 0 to 2^51 - 1.
-            options: `scenario` (a `Scenario` or its dict) is flown now as it is, and the row goes on behind it; `params` and
-                `level` replace the environment's, until the next reset that has either.
+            seed: Seed from 0 to 2^51 - 1.
+            options: `scenario` (a `Scenario` or its dict) is run once before the sequence continues; `params` and `level`
+                replace the environment's until the next reset that has either.
 
         Raises:
-            ValueError: A seed, a scenario or an option that is none. Nothing has moved then.
+            ValueError: The seed, a scenario or an option is invalid; nothing changes then.
+            CurriculumError: The curriculum has no episode left.
         """
-        plain = None if seed is None else plain_seed(seed)
-        self._left_early()
-        recipe, scenario = wished(self._settings, options)
-        seen = self._native.reset([plain], recipes=[recipe], scenarios=[scenario])
-        if plain is not None:
-            super().reset(seed=plain)
-        self._history, self._flies = [], True
+        observation, info = self._batch.reset(seed, options)
+        if seed is not None:
+            super().reset(seed=int(seed))
+        self._history, self._is_running = [], True
         if self.render_mode == "human":
             self.render()
-        return self._view.of(seen, single=True), {"scenario": self.scenario, **lesson(self._native, self._settings)}
-
-    def _left_early(self) -> None:
-        if self._settings.curriculum is not None and self._flies and self._history and not self._warned:
-            self._warned = True
-            left_early(len(self._history))
-
-    def _abandon(self) -> None:
-        """Gives up for good what is flown: nobody flies it to its end."""
-        self._native.abandon()
-        self._flies = False
+        return self._layout.view(observation, single=True), info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One step of the world.
+        """Runs one step of the world.
 
         Returns:
-            Observation, the team's reward, terminated (nobody is left, by the rules of the task), truncated (the horizon cut
-            somebody off), and info: `score`, the world's own number so far; `alerts`, what happened, in words.
+            The observation, the team's reward, terminated (no agent is left, by the rules of the task), truncated (the
+            horizon cut off an agent), and info with `score` so far and `alerts`, messages about the step.
 
         Raises:
-            ValueError: An action that is none. Nothing has moved then.
+            ValueError: The action is invalid; nothing changes then.
             gymnasium.error.ResetNeeded: There is no episode, or it is over.
         """
-        if not self._flies:
-            raise ResetNeeded("nothing flies: call reset first")
-        seen, rewards, terminations, truncations, ended = self._native.step(action)
-        self._history.append(self._native.taken()[0])
-        episode = self._native.episode(0)
-        info = {"score": 0.0 if episode is None else episode[1], "alerts": self._native.alerts(0)}
-        self._flies = not ended
+        if not self._is_running:
+            raise ResetNeeded("there is no episode: call reset first")
+        observation, rewards, terminations, truncations, ended = self._native.step(action)
+        self._history.append(self._native.last_actions()[0])
+        self._batch.count_step(ended)
+        info = {"score": self._batch.score, "alerts": self._native.alerts(0)}
+        self._is_running = not ended
         if self.render_mode == "human":
             self.render()
         terminated, truncated = bool(terminations[0]), bool(truncations[0])
-        return self._view.of(seen, single=True), float(rewards[0]), terminated, truncated, info
+        return self._layout.view(observation, single=True), float(rewards[0]), terminated, truncated, info
+
+    def abandon(self) -> None:
+        """Abandons the episode: with a curriculum, its scenario is not offered again."""
+        self._batch.abandon()
+        self._is_running = False
 
     @property
     def scenario(self) -> Scenario | None:
-        """What is flown; none before the first reset."""
-        episode = self._native.episode(0)
-        return None if episode is None else Scenario._of(episode[0])
+        """Scenario of the episode; None before the first reset."""
+        return self._batch.scenario
 
     @property
     def history(self) -> npt.NDArray[np.float32]:
-        """What was asked for in this episode, steps × agents that take part × values, along the world's axes: what
-        `sparring.replay` and `sparring.critique` take, which cut it off and refuse it as the environment did."""
+        """Actions of the episode so far, steps × agents × values, along the world's axes and before clamping.
+
+        Agents that take no part are left out. `sparring.replay` and `sparring.critique` accept this array, and clamp and
+        reject actions as the environment did.
+        """
         scenario = self.scenario
-        agents = self._view.agents if scenario is None else scenario.agents
-        shape = (0, agents, self._view.values)
+        agents = self._layout.num_agents if scenario is None else scenario.agents
+        shape = (0, agents, self._layout.action_size)
         return np.stack(self._history)[:, :agents] if self._history else np.zeros(shape, np.float32)
 
     def telemetry(self) -> dict[str, Any] | None:
-        """What is seen now in the wire form of the public kessler-env, for built-in policies and language models."""
+        """Returns the observation in the wire form of the public kessler-env, for built-in policies and language models."""
         text = self._native.telemetry(0)
         return None if text is None else dict(json.loads(text))
 
     def columns(self) -> list[str]:
-        """What the values of an observation are called, in the order of the flat array."""
+        """Returns the names of the values of an observation, in the order of the flat array."""
         return self._native.columns()
 
     def state_hash(self) -> bytes | None:
-        """A digest of every bit of the state: equal where everything is."""
+        """Returns a hash of every bit of the state."""
         return self._native.state_hash(0)
 
     def render(self) -> Any:
-        """A picture (`rgb_array`), or nothing but a window (`human`)."""
-        return self.screen.show(self._native, 0)
+        """Returns an image in mode `rgb_array`; shows it in a window and returns None in mode `human`."""
+        return self._renderer.render(self._native, 0)
 
     def close(self) -> None:
-        """Closes the window, if there is one, and gives back to the curriculum what is being flown."""
-        self.screen.close()
-        self._native.leave()
-
-
-def left_early(steps: int) -> None:
-    """A curriculum learns only from whole episodes: who cuts all of them off would never know."""
-    gymnasium.logger.warn(
-        f"an episode was left after {steps} steps: the curriculum is not told, and its scenario is flown again. Horizons are the"
-        " scenarios' own; leave max_episode_steps out"
-    )
-
-
-def lesson(native: Any, settings: Settings) -> dict[str, Any]:
-    """What a curriculum says of the episode that one environment flies: its level, and whether to learn from it."""
-    if settings.curriculum is None:
-        return {}
-    levels, train, rests = native.lessons()
-    if rests[0]:
-        raise CurriculumError("there is nothing left to fly: the evaluation is flown")
-    return {"level": int(levels[0]), "train": bool(train[0])}
-
-
-def wished(settings: Settings, options: Mapping[str, Any] | None) -> Wished:
-    """What the options of a reset say: what is flown from then on, and what is flown first.
-
-    Raises:
-        ValueError: An option that is none, with the field.
-    """
-    options = plain_dict("options", options)
-    for name in options:
-        if name not in OPTIONS:
-            raise ValueError(f"options.{name}: unknown; there are {', '.join(OPTIONS)}")
-    recipe = None
-    if "params" in options or "level" in options:
-        params = {**(settings.params or {}), **plain_dict("options.params", options.get("params"))}
-        level = options.get("level", settings.level)
-        fields = recipe_of(settings.told.id, params=params, physics=settings.physics, layout=settings.layout, level=level)
-        recipe = Scenario.from_dict({**fields, "seed": 0})._native
-    scenario = options.get("scenario")
-    if isinstance(scenario, Mapping):
-        scenario = Scenario.from_dict(scenario)
-    if scenario is not None and not isinstance(scenario, Scenario):
-        raise ValueError("options.scenario: not a sparring.Scenario, nor the dict of one")
-    return recipe, None if scenario is None else scenario._native
+        """Closes the window, and returns an unfinished episode to the curriculum."""
+        self._renderer.close()
+        self._native.release()

@@ -1,4 +1,4 @@
-"""Tasks as data."""
+"""Descriptions of tasks and their parameters."""
 
 from __future__ import annotations
 
@@ -12,61 +12,62 @@ from . import _native
 
 @dataclass(frozen=True)
 class Param:
-    """One number that makes a task easier or harder."""
+    """Numeric parameter that makes a task easier or harder."""
 
     name: str
-    #: Its unit; empty for a pure number.
+    #: Unit; empty for a pure number.
     unit: str
     min: float
     max: float
-    #: The grid designers move on.
+    #: Step of the grid that designers use.
     step: float
-    #: Only whole numbers make sense.
+    #: True if only integers are valid.
     whole: bool
     default: float
-    #: Which way is harder: `up` or `down`.
+    #: Direction in which the task gets harder: `up` or `down`.
     harder: str
     about: str
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a task is."""
+    """Description of a task."""
 
     id: str
-    #: The world and its version, as `kessler@1`.
+    #: World and its version, as `kessler@1`.
     world: str
     about: str
-    #: Steps after which an episode is truncated, by default params.
+    #: Number of steps after which an episode is truncated, with default params.
     horizon: int
-    #: Agents, by default params.
+    #: Number of agents, with default params.
     agents: int
     params: tuple[Param, ...]
-    #: Physics options, each with its choices; the first is the default.
+    #: Choices of each physics option; the first is the default.
     options: dict[str, tuple[str, ...]]
     #: Params of each level, from easy to hard.
     levels: tuple[dict[str, float], ...]
     score_range: tuple[float, float]
-    #: What the values of an action are called, along the world's axes.
-    action: tuple[str, ...]
-    #: And along each agent's own; none in a world where agents have none.
+    #: Names of the values of an action along the world's axes.
+    action_columns: tuple[str, ...]
+    #: Names of the values of an action along the agent's own axes; None if agents have no axes of their own.
     agent_axes: tuple[str, ...] | None
-    #: Smallest and largest value of an action, and its unit.
+    #: Minimum and maximum of each value of an action, and its unit.
     action_range: tuple[float, float, str]
-    #: The actions that `actions="discrete"` chooses from, and what they are.
+    #: Actions that `actions="discrete"` chooses from.
     choices: tuple[tuple[float, ...], ...]
+    #: Description of these actions.
     choices_about: str
-    #: Built-in policies and what they do.
+    #: Names and descriptions of the built-in policies.
     policies: dict[str, str]
 
     @property
     def default_observation(self) -> str:
-        """`tracks` where the world has such, else `state`."""
+        """Default observation mode: `tracks` in a world that has it, else `state`."""
         return "state" if self.agent_axes is None else "tracks"
 
 
 def tasks() -> list[str]:
-    """The ids of all tasks.
+    """Returns the ids of all tasks.
 
     >>> tasks()[0]
     'kessler/survival'
@@ -76,36 +77,39 @@ def tasks() -> list[str]:
 
 @functools.cache
 def task(id: str) -> Task:
-    """A task by its id, or by its name alone: `kessler/survival` or `survival`.
+    """Returns the description of a task.
+
+    Args:
+        id: Id or name: `kessler/survival` or `survival`.
 
     Raises:
-        ValueError: No such task; the message has those there are.
+        ValueError: The task is unknown; the message lists all tasks.
     """
     if not isinstance(id, str):
-        raise ValueError(f"task: {id!r} is no name of one")
-    card: dict[str, Any] = json.loads(_native.card(id))
-    actions = card["actions"]
+        raise ValueError(f"task: {id!r} is not a task id")
+    info: dict[str, Any] = json.loads(_native.task_info(id))
+    actions = info["actions"]
     return Task(
-        id=card["id"],
-        world=card["world"],
-        about=card["about"],
-        horizon=card["horizon"],
-        agents=card["agents"],
-        params=tuple(Param(**param) for param in card["params"]),
-        options={option["name"]: tuple(option["choices"]) for option in card["options"]},
-        levels=tuple(card["levels"]),
-        score_range=(card["score_range"]["min"], card["score_range"]["max"]),
-        action=tuple(actions["columns"]),
-        agent_axes=tuple(card["agent_axes"]) if card["agent_axes"] else None,
+        id=info["id"],
+        world=info["world"],
+        about=info["about"],
+        horizon=info["horizon"],
+        agents=info["agents"],
+        params=tuple(Param(**param) for param in info["params"]),
+        options={option["name"]: tuple(option["choices"]) for option in info["options"]},
+        levels=tuple(info["levels"]),
+        score_range=(info["score_range"]["min"], info["score_range"]["max"]),
+        action_columns=tuple(actions["columns"]),
+        agent_axes=tuple(info["agent_axes"]) if info["agent_axes"] else None,
         action_range=(actions["low"], actions["high"], actions["unit"]),
-        choices=tuple(map(tuple, card["choices"]["rows"])),
-        choices_about=card["choices"]["about"],
-        policies={spec["name"]: spec["about"] for spec in card["policies"]},
+        choices=tuple(map(tuple, info["choices"]["rows"])),
+        choices_about=info["choices"]["about"],
+        policies={policy["name"]: policy["about"] for policy in info["policies"]},
     )
 
 
 def parameter_space(id: str) -> dict[str, Param]:
-    """The parameter space of a task: name, unit, bounds, step, and which direction is harder.
+    """Returns the params of a task by name, with unit, bounds, step and the direction that is harder.
 
     >>> parameter_space("survival")["debris"].max
     1000.0
@@ -114,5 +118,5 @@ def parameter_space(id: str) -> dict[str, Param]:
 
 
 def levels(id: str) -> tuple[dict[str, float], ...]:
-    """The params of each level of a task, from easy to hard."""
+    """Returns the params of each level of a task, from easy to hard."""
     return tuple(dict(row) for row in task(id).levels)

@@ -1,4 +1,7 @@
-//! Arrays in and out: what callers give is checked by dtype, shape and layout; what they get is written in place.
+//! NumPy arrays as arguments and as results.
+//!
+//! Input arrays are checked for dtype, shape and layout. Result arrays are written in place: into the caller's array, or
+//! into a recycled one of [`ArrayRecycler`].
 
 use numpy::{
     Element, IxDyn, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadwriteArrayDyn,
@@ -8,105 +11,91 @@ use pyo3::prelude::*;
 
 use crate::errors::invalid;
 
-/// `numpy.asarray` of anything, and that it is an array of plain numbers of this shape.
-fn numbers<'py>(
-    field: &str,
-    given: &Bound<'py, PyAny>,
-    shape: &[usize],
-    kinds: &str,
-) -> PyResult<Bound<'py, PyUntypedArray>> {
-    let numpy = given.py().import("numpy")?;
-    let array = match given.cast::<PyUntypedArray>() {
-        Ok(array) => array.clone(),
-        Err(_) => numpy
-            .call_method1("asarray", (given,))
-            .ok()
-            .and_then(|array| array.cast_into::<PyUntypedArray>().ok())
-            .ok_or_else(|| invalid(field, "not an array of numbers"))?,
-    };
-    let kind = char::from(array.dtype().kind());
-    if !kinds.contains(kind) {
-        let wanted = if kinds.contains('f') { "numbers" } else { "whole numbers" };
-        return Err(invalid(field, format!("dtype {} holds no {wanted}", array.dtype())));
-    }
-    if array.shape() != shape {
-        return Err(invalid(field, format!("shape {:?}, not {shape:?}", array.shape())));
-    }
-    Ok(array)
-}
-
-/// The same as a C-ordered array of this dtype: the array itself where it is one.
-fn ordered<'py, T: Element>(
-    field: &str,
-    array: &Bound<'py, PyUntypedArray>,
-) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    let numpy = array.py().import("numpy")?;
-    let made = numpy.call_method1("ascontiguousarray", (array, numpy::dtype::<T>(array.py())))?;
-    made.cast_into::<PyArrayDyn<T>>().map_err(|_| invalid(field, "not an array of numbers"))
-}
-
-/// Copies numbers of this shape into `into`, as f32.
+/// Copies an array of numbers with this shape into `target`, as f32.
+///
+/// # Errors
+/// `ValueError` if `value` is not an array of numbers with this shape.
 pub(crate) fn copy_f32(
     field: &str,
-    given: &Bound<'_, PyAny>,
+    value: &Bound<'_, PyAny>,
     shape: &[usize],
-    into: &mut Vec<f32>,
+    target: &mut Vec<f32>,
 ) -> PyResult<()> {
-    into.clear();
-    if let Ok(array) = given.cast::<PyArrayDyn<f32>>()
+    target.clear();
+    if let Ok(array) = value.cast::<PyArrayDyn<f32>>()
         && array.shape() == shape
         && let Ok(read) = array.try_readonly()
         && let Ok(values) = read.as_slice()
     {
-        into.extend_from_slice(values);
+        target.extend_from_slice(values);
         return Ok(());
     }
-    let array = numbers(field, given, shape, "fiu")?;
-    let array = ordered::<f32>(field, &array)?;
+    let array = numeric_array(field, value, shape, "fiu")?;
+    let array = contiguous::<f32>(field, &array)?;
     let read = array.try_readonly().map_err(|error| invalid(field, error))?;
-    into.extend_from_slice(read.as_slice().map_err(|error| invalid(field, error))?);
+    target.extend_from_slice(read.as_slice().map_err(|error| invalid(field, error))?);
     Ok(())
 }
 
-/// Whole numbers of this shape.
-pub(crate) fn read_i64(field: &str, given: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<Vec<i64>> {
-    let array = ordered::<i64>(field, &numbers(field, given, shape, "iu")?)?;
+/// Reads an array of integers with this shape.
+///
+/// # Errors
+/// `ValueError` if `value` is not an array of integers with this shape.
+pub(crate) fn read_i64(field: &str, value: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<Vec<i64>> {
+    let array = contiguous::<i64>(field, &numeric_array(field, value, shape, "iu")?)?;
     array.to_vec().map_err(|error| invalid(field, error))
 }
 
-/// Numbers of any length along the first axis, and of this shape along the others; whether they are in single precision.
-pub(crate) fn read_f64(
-    field: &str,
-    given: &Bound<'_, PyAny>,
-    inner: &[usize],
-) -> PyResult<(Vec<f64>, usize, bool)> {
-    let numpy = given.py().import("numpy")?;
+/// Numbers of an array whose first axis has any length.
+pub(crate) struct NumericRows {
+    /// All values in C order.
+    pub(crate) values: Vec<f64>,
+    /// Length of the first axis.
+    pub(crate) len: usize,
+    /// True if the array holds floats of at most 32 bits.
+    pub(crate) is_single_precision: bool,
+}
+
+/// Reads an array whose first axis has any length and whose other axes have the lengths `inner`.
+///
+/// # Errors
+/// `ValueError` if `value` is not such an array of numbers.
+pub(crate) fn read_f64(field: &str, value: &Bound<'_, PyAny>, inner: &[usize]) -> PyResult<NumericRows> {
+    let numpy = value.py().import("numpy")?;
     let array =
-        numpy.call_method1("asarray", (given,)).map_err(|_| invalid(field, "not an array of numbers"))?;
+        numpy.call_method1("asarray", (value,)).map_err(|_| invalid(field, "not an array of numbers"))?;
     let array = array.cast::<PyUntypedArray>().map_err(|_| invalid(field, "not an array of numbers"))?;
-    let rows = array.shape().first().copied().unwrap_or(0);
-    let shape: Vec<usize> = std::iter::once(rows).chain(inner.iter().copied()).collect();
-    let single = array.dtype().itemsize() <= size_of::<f32>() && char::from(array.dtype().kind()) == 'f';
-    let array = ordered::<f64>(field, &numbers(field, array, &shape, "fiu")?)?;
-    Ok((array.to_vec().map_err(|error| invalid(field, error))?, rows, single))
+    let len = array.shape().first().copied().unwrap_or(0);
+    let shape: Vec<usize> = std::iter::once(len).chain(inner.iter().copied()).collect();
+    let is_single_precision =
+        array.dtype().itemsize() <= size_of::<f32>() && char::from(array.dtype().kind()) == 'f';
+    let array = contiguous::<f64>(field, &numeric_array(field, array, &shape, "fiu")?)?;
+    let values = array.to_vec().map_err(|error| invalid(field, error))?;
+    Ok(NumericRows { values, len, is_single_precision })
 }
 
-/// A mask of this length.
-pub(crate) fn read_mask(field: &str, given: &Bound<'_, PyAny>, len: usize) -> PyResult<Vec<bool>> {
-    let wanted = || invalid(field, format!("not a numpy array of {len} bools"));
-    let mask = given.cast::<PyArray1<bool>>().map_err(|_| wanted())?;
+/// Reads a NumPy array of `len` bools.
+///
+/// # Errors
+/// `ValueError` if `value` is something else.
+pub(crate) fn read_mask(field: &str, value: &Bound<'_, PyAny>, len: usize) -> PyResult<Vec<bool>> {
+    let error = || invalid(field, format!("not a numpy array of {len} bools"));
+    let mask = value.cast::<PyArray1<bool>>().map_err(|_| error())?;
     let mask: Vec<bool> = mask.try_readonly().map_err(|error| invalid(field, error))?.as_array().to_vec();
-    if mask.len() == len { Ok(mask) } else { Err(wanted()) }
+    if mask.len() == len { Ok(mask) } else { Err(error()) }
 }
 
-/// A caller's array, to be written: of just this dtype and shape, C-ordered, and writable.
+/// Borrows a caller's array for writing.
+///
+/// # Errors
+/// `ValueError` unless the array has exactly this dtype and shape, is C-contiguous and writable.
 pub(crate) fn writable<'py, T: Element>(
     field: &str,
-    given: &Bound<'py, PyAny>,
+    value: &Bound<'py, PyAny>,
     shape: &[usize],
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
-    let dtype = numpy::dtype::<T>(given.py());
-    let array = given
+    let dtype = numpy::dtype::<T>(value.py());
+    let array = value
         .cast::<PyArrayDyn<T>>()
         .map_err(|_| invalid(field, format!("not a numpy array of dtype {dtype}")))?;
     if array.shape() != shape {
@@ -118,48 +107,88 @@ pub(crate) fn writable<'py, T: Element>(
     array.try_readwrite().map_err(|error| invalid(field, error))
 }
 
-/// Arrays that are handed out and, once nobody has them any more, written again: who holds on to an array, or to a view of it,
-/// keeps it as it was; who does not pays for no memory.
-pub(crate) struct Shelf<T> {
+/// Converts `value` by `numpy.asarray`; checks its shape and that its dtype is one of `kinds` (NumPy's letters).
+fn numeric_array<'py>(
+    field: &str,
+    value: &Bound<'py, PyAny>,
+    shape: &[usize],
+    kinds: &str,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let numpy = value.py().import("numpy")?;
+    let array = match value.cast::<PyUntypedArray>() {
+        Ok(array) => array.clone(),
+        Err(_) => numpy
+            .call_method1("asarray", (value,))
+            .ok()
+            .and_then(|array| array.cast_into::<PyUntypedArray>().ok())
+            .ok_or_else(|| invalid(field, "not an array of numbers"))?,
+    };
+    let kind = char::from(array.dtype().kind());
+    if !kinds.contains(kind) {
+        let expected = if kinds.contains('f') { "numbers" } else { "integers" };
+        return Err(invalid(field, format!("dtype {}, expected {expected}", array.dtype())));
+    }
+    if array.shape() != shape {
+        return Err(invalid(field, format!("shape {:?}, not {shape:?}", array.shape())));
+    }
+    Ok(array)
+}
+
+/// Converts an array to C order and dtype `T`; returns the array itself if it already has both.
+fn contiguous<'py, T: Element>(
+    field: &str,
+    array: &Bound<'py, PyUntypedArray>,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let numpy = array.py().import("numpy")?;
+    let converted = numpy.call_method1("ascontiguousarray", (array, numpy::dtype::<T>(array.py())))?;
+    converted.cast_into::<PyArrayDyn<T>>().map_err(|_| invalid(field, "not an array of numbers"))
+}
+
+/// Result arrays of one shape that are reused once no caller holds them.
+///
+/// A caller that keeps an array, or a view of it, keeps its values. A caller that drops it causes no allocation.
+pub(crate) struct ArrayRecycler<T> {
     shape: Vec<usize>,
     arrays: Vec<Py<PyArrayDyn<T>>>,
 }
 
-/// Arrays that are kept for the next step: what was returned last, what the caller still holds of the step before, and one more.
-const KEPT: usize = 4;
+/// Arrays kept for reuse: the last result, the one before that the caller may still hold, and two spare ones.
+const MAX_RECYCLED_ARRAYS: usize = 4;
 
-impl<T: Element> Shelf<T> {
+impl<T: Element> ArrayRecycler<T> {
+    /// Creates a recycler without arrays.
     pub(crate) fn new(shape: &[usize]) -> Self {
         Self { shape: shape.to_vec(), arrays: Vec::new() }
     }
 
+    /// Shape of the arrays.
     pub(crate) fn shape(&self) -> &[usize] {
         &self.shape
     }
 
-    /// An array that nobody else has.
+    /// Returns an array that no caller holds.
     pub(crate) fn take<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArrayDyn<T>> {
         #[expect(
             deprecated,
-            reason = "the count means nothing in an interpreter without its lock; abi3 modules do not load there"
+            reason = "the count is meaningless in an interpreter without GIL; abi3 modules do not load there"
         )]
         while let Some(free) = self.arrays.iter().position(|array| array.get_refcnt(py) == 1) {
             let array = self.arrays[free].bind(py).clone();
-            if self.is_whole(&array) {
+            if self.is_unmodified(&array) {
                 return array;
             }
             self.arrays.remove(free);
         }
-        let made = PyArrayDyn::zeros(py, IxDyn(&self.shape), false);
-        if self.arrays.len() >= KEPT {
+        let array = PyArrayDyn::zeros(py, IxDyn(&self.shape), false);
+        if self.arrays.len() >= MAX_RECYCLED_ARRAYS {
             self.arrays.remove(0);
         }
-        self.arrays.push(made.clone().unbind());
-        made
+        self.arrays.push(array.clone().unbind());
+        array
     }
 
-    /// Who had an array may have changed its shape, its dtype or its flags in place.
-    fn is_whole(&self, array: &Bound<'_, PyArrayDyn<T>>) -> bool {
+    /// True if no former holder changed the array's shape, dtype or flags in place.
+    fn is_unmodified(&self, array: &Bound<'_, PyArrayDyn<T>>) -> bool {
         array.shape() == self.shape
             && array.is_c_contiguous()
             && array.dtype().is_equiv_to(&numpy::dtype::<T>(array.py()))

@@ -1,31 +1,36 @@
-//! The worlds for Python. Arrays are written in place, with the interpreter's lock let go; everything else goes through JSON.
+//! Native module of the Python package `sparring`, `sparring._native`.
+//!
+//! Environments write NumPy arrays in place, with the interpreter lock released. Everything else crosses the boundary as
+//! JSON. The public API is the Python code in `python/sparring`; nothing here is meant to be imported by users.
+//!
+//! Start with [`batch`], which steps environments, and [`curriculum`], which leases their episodes from a server.
 
 mod arrays;
 mod batch;
+mod batch_state;
 mod curriculum;
 mod errors;
-mod feed;
-mod picture;
-mod pool;
+mod renderer;
 mod scenario;
-mod state;
+mod scenario_sequence;
+mod step_threads;
 mod tasks;
 
 use pyo3::prelude::pymodule;
 
-/// What `sparring` is built on. Import `sparring` instead.
+/// Compiled part of `sparring`. Import `sparring` instead.
 #[pymodule]
 mod _native {
     #[pymodule_export]
     use super::batch::NativeBatch;
     #[pymodule_export]
-    use super::curriculum::{CurriculumError, NativeCurriculum, NativeLink, is_local};
+    use super::curriculum::{CurriculumError, NativeCurriculum, NativeHttpClient, is_loopback};
     #[pymodule_export]
-    use super::scenario::{NativeScenario, bracket, critique, fly, replay};
+    use super::scenario::{NativeScenario, bracket, critique, replay, rollout};
     #[pymodule_export]
-    use super::tasks::{NativePolicy, card, tasks};
+    use super::tasks::{NativePolicy, task_info, tasks};
 
-    /// The version of the wheel.
+    /// Version of the wheel.
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "Python's name for it")]
     const __version__: &str = env!("CARGO_PKG_VERSION");

@@ -1,77 +1,70 @@
-//! Scenarios, what they are worth, and what was flown on them.
+//! Scenarios, their brackets, and replays and critiques of episodes.
 
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use env_core::bracket::{admit, panel_success, success};
+use env_core::admission::{admit, count_panel_successes, is_success};
 use env_core::log::Precision;
-use env_core::rollout;
-use env_core::{ActionLog, Bracket, Flown, Recipe, Scenario, Stopped, SuccessRule};
+use env_core::rollout as rollouts;
+use env_core::{ActionLog, Bracket, EpisodeOutcome, Recipe, Scenario, StopReason, SuccessRule};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
-use crate::arrays::read_f64;
-use crate::errors::{self, invalid};
+use crate::arrays::{NumericRows, read_f64};
+use crate::errors::{invalid, scenario_error};
 
 /// A scenario: `(scenario, actions)` decides every bit of an episode.
 #[pyclass(frozen, eq, from_py_object, module = "sparring._native")]
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct NativeScenario(pub(crate) Scenario);
 
-fn read(text: &str) -> PyResult<Value> {
-    serde_json::from_str(text).map_err(|error| invalid("scenario", error))
-}
-
-/// A recipe out of JSON.
-pub(crate) fn recipe(text: &str) -> PyResult<Arc<Recipe>> {
-    Recipe::from_json(&read(text)?).map(Arc::new).map_err(|error| errors::scenario(&error))
-}
-
 #[pymethods]
 impl NativeScenario {
-    /// Reads the wire form. With `any_seed` training and evaluation seeds are read too: to look at, not to fly in an environment.
+    /// Reads the wire form (JSON).
+    ///
+    /// With `any_seed`, seeds of training and evaluation are accepted too. No environment starts such a scenario.
     #[new]
     #[pyo3(signature = (text, any_seed=false))]
     fn new(text: &str, any_seed: bool) -> PyResult<Self> {
-        let scenario = Scenario::from_json(&read(text)?).map_err(|error| errors::scenario(&error))?;
+        let scenario = Scenario::from_json(&parse_json(text)?).map_err(|error| scenario_error(&error))?;
         if !any_seed {
-            env_core::Seed::user(scenario.seed().get()).map_err(|error| errors::scenario(&error))?;
+            env_core::Seed::user(scenario.seed().get()).map_err(|error| scenario_error(&error))?;
         }
         Ok(Self(scenario))
     }
 
-    /// The wire form, complete.
+    /// Returns the complete wire form (JSON).
     fn to_json(&self) -> String {
         self.0.to_json().to_string()
     }
 
-    /// Its id: the blake3 of its canonical form.
+    /// Id: the blake3 hash of the canonical form.
     #[getter]
     fn id(&self) -> String {
         self.0.id().to_string()
     }
 
-    /// The task's id.
+    /// Id of the task.
     #[getter]
     fn task(&self) -> &'static str {
         self.0.task().id()
     }
 
-    /// Its seed.
+    /// Seed of all random draws.
     #[getter]
     fn seed(&self) -> u64 {
         self.0.seed().get()
     }
 
-    /// Steps after which an episode is truncated.
+    /// Number of steps after which an episode is truncated.
     #[getter]
     fn horizon(&self) -> u32 {
         self.0.task().horizon(self.0.recipe())
     }
 
-    /// Agents at the start.
+    /// Number of agents at the start.
     #[getter]
     fn agents(&self) -> u32 {
         self.0.task().agents(self.0.recipe())
@@ -84,98 +77,34 @@ impl NativeScenario {
     }
 }
 
-fn told(scenario: &Scenario, bracket: &Bracket, flown: &Flown) -> Value {
-    json!({
-        "score": flown.score,
-        "total_reward": flown.total,
-        "steps": flown.steps,
-        "lost": flown.lost,
-        "goal": flown.goal,
-        "fuel_used": flown.fuel_used,
-        "skill": bracket.skill(flown.score),
-        "success": success(scenario, SuccessRule::Task, bracket, flown),
-    })
-}
-
-fn unplanned(flown: &Flown) -> Value {
-    json!({
-        "score": flown.score,
-        "total_reward": flown.total,
-        "steps": flown.steps,
-        "lost": flown.lost,
-        "goal": flown.goal,
-        "fuel_used": flown.fuel_used,
-    })
-}
-
-/// A log as an array: steps × agents × values, zeros where nothing was done.
-fn dense<'py>(py: Python<'py>, scenario: &Scenario, log: &ActionLog) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let agents = scenario.task().agents(scenario.recipe()) as usize;
-    let dim = log.dim();
-    let mut values = vec![0.0; log.len() * agents * dim];
-    for (step, action) in log.steps().enumerate() {
-        for (&agent, acted) in action.agents.iter().zip(action.values.chunks_exact(dim.max(1))) {
-            let at = (step * agents + agent as usize) * dim;
-            if let Some(cells) = values.get_mut(at..at + dim) {
-                cells.iter_mut().zip(acted).for_each(|(cell, value)| *cell += value);
-            }
-        }
-    }
-    PyArray1::from_vec(py, values).reshape([log.len(), agents, dim])
-}
-
-/// An array (steps × agents × values) as a log; in single precision where the array is.
-fn log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&str>) -> PyResult<ActionLog> {
-    let task = scenario.task();
-    let (agents, dim) = (task.agents(scenario.recipe()) as usize, task.action_space().columns.len());
-    let (values, steps, single) = read_f64("actions", actions, &[agents, dim])?;
-    if !values.iter().all(|value| value.is_finite()) {
-        return Err(invalid("actions", "not all are finite numbers"));
-    }
-    let mut log = ActionLog::new(dim, if single { Precision::F32 } else { Precision::F64 });
-    for step in values.chunks_exact((agents * dim).max(1)).take(steps) {
-        for (agent, acted) in (0u32..).zip(step.chunks_exact(dim)) {
-            log.act(agent, acted);
-        }
-        log.end_step();
-    }
-    log.stopped = stopped
-        .map(|word| {
-            Stopped::from_word(word).ok_or_else(|| {
-                invalid("stopped", format!("{word:?} is none of unparsable, too_long, too_late"))
-            })
-        })
-        .transpose()?;
-    Ok(log)
-}
-
-/// What a scenario is worth, as JSON, and the reference's actions.
+/// Brackets a scenario: floor and reference as JSON, and the actions of the reference plan.
 #[pyfunction]
 #[pyo3(signature = (scenario) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]")]
 pub(crate) fn bracket<'py>(
     py: Python<'py>,
     scenario: &NativeScenario,
 ) -> PyResult<(String, Bound<'py, PyArray3<f64>>)> {
-    let of = &scenario.0;
-    let admission = py.detach(|| admit(of));
-    admission.fair.as_ref().map_err(errors::scenario)?;
+    let scenario = &scenario.0;
+    let admission = py.detach(|| admit(scenario));
+    admission.fair.as_ref().map_err(scenario_error)?;
     let Some(bracket) = &admission.bracket else {
         return Err(invalid("scenario", "it has no bracket"));
     };
-    let panel: Vec<Value> = bracket.panel.iter().map(|flown| told(of, bracket, flown)).collect();
+    let panel: Vec<Value> =
+        bracket.panel.iter().map(|outcome| bracketed_json(scenario, bracket, outcome)).collect();
     let json = json!({
-        "planner": bracket.planner,
+        "planner": bracket.planner_version,
         "panel": panel,
-        "panel_success": panel_success(of, bracket),
+        "panel_success": count_panel_successes(scenario, bracket),
         "floor": bracket.floor,
-        "reference": told(of, bracket, &bracket.reference),
+        "reference": bracketed_json(scenario, bracket, &bracket.reference),
         "solvable": admission.solvable,
         "contested": admission.contested,
     });
-    Ok((json.to_string(), dense(py, of, &bracket.witness)?))
+    Ok((json.to_string(), log_to_array(py, scenario, &bracket.reference_plan)?))
 }
 
-/// What an episode shows, as JSON.
+/// Criticises an episode; returns its failures and a verdict on each action as JSON.
 #[pyfunction]
 #[pyo3(signature = (scenario, actions, stopped=None))]
 pub(crate) fn critique(
@@ -184,13 +113,13 @@ pub(crate) fn critique(
     actions: &Bound<'_, PyAny>,
     stopped: Option<&str>,
 ) -> PyResult<String> {
-    let log = log(&scenario.0, actions, stopped)?;
-    let found = py.detach(|| scenario.0.task().critique(&scenario.0, &log));
-    let found = found.map_err(|error| invalid("actions", error))?;
-    serde_json::to_string(&found).map_err(|error| invalid("actions", error))
+    let log = read_log(&scenario.0, actions, stopped)?;
+    let critique = py.detach(|| scenario.0.task().critique(&scenario.0, &log));
+    let critique = critique.map_err(|error| invalid("actions", error))?;
+    serde_json::to_string(&critique).map_err(|error| invalid("actions", error))
 }
 
-/// What these actions earn on a scenario, as JSON.
+/// Replays actions on a scenario; returns the outcome as JSON.
 #[pyfunction]
 #[pyo3(signature = (scenario, actions, stopped=None))]
 pub(crate) fn replay(
@@ -199,23 +128,102 @@ pub(crate) fn replay(
     actions: &Bound<'_, PyAny>,
     stopped: Option<&str>,
 ) -> PyResult<String> {
-    let log = log(&scenario.0, actions, stopped)?;
-    let flown = py.detach(|| rollout::replay(&scenario.0, &log));
-    Ok(unplanned(&flown.map_err(|error| invalid("actions", error))?).to_string())
+    let log = read_log(&scenario.0, actions, stopped)?;
+    let outcome = py.detach(|| rollouts::replay(&scenario.0, &log));
+    Ok(outcome_json(&outcome.map_err(|error| invalid("actions", error))?).to_string())
 }
 
-/// Flies a scenario by a built-in policy to its end: how it went, as JSON, and what was done.
+/// Runs a built-in policy on a scenario to the end; returns the outcome as JSON, and the actions.
 #[pyfunction]
 #[pyo3(signature = (scenario, policy, seed) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]")]
-pub(crate) fn fly<'py>(
+pub(crate) fn rollout<'py>(
     py: Python<'py>,
     scenario: &NativeScenario,
     policy: &str,
     seed: u64,
 ) -> PyResult<(String, Bound<'py, PyArray3<f64>>)> {
-    let of = &scenario.0;
-    let mut pilot = of.task().policy(policy, of, seed).map_err(|error| invalid("policy", error))?;
-    let flown = py.detach(|| rollout::fly(of, &mut *pilot));
-    let (flown, log) = flown.map_err(|error| invalid("scenario", error))?;
-    Ok((unplanned(&flown).to_string(), dense(py, of, &log)?))
+    let scenario = &scenario.0;
+    let mut policy =
+        scenario.task().policy(policy, scenario, seed).map_err(|error| invalid("policy", error))?;
+    let finished = py.detach(|| rollouts::roll_out(scenario, &mut *policy));
+    let rollout = finished.map_err(|error| invalid("scenario", error))?;
+    Ok((outcome_json(&rollout.outcome).to_string(), log_to_array(py, scenario, &rollout.log)?))
+}
+
+/// Parses a recipe from JSON.
+///
+/// # Errors
+/// `ValueError` if the text is no JSON or no valid recipe.
+pub(crate) fn parse_recipe(text: &str) -> PyResult<Arc<Recipe>> {
+    Recipe::from_json(&parse_json(text)?).map(Arc::new).map_err(|error| scenario_error(&error))
+}
+
+fn parse_json(text: &str) -> PyResult<Value> {
+    serde_json::from_str(text).map_err(|error| invalid("scenario", error))
+}
+
+fn outcome_json(outcome: &EpisodeOutcome) -> Value {
+    json!({
+        "score": outcome.score,
+        "total_reward": outcome.total,
+        "steps": outcome.steps,
+        "lost": outcome.lost,
+        "goal": outcome.goal,
+        "fuel_used": outcome.fuel_used,
+    })
+}
+
+/// Outcome of a plan of the bracket, with its skill and success.
+fn bracketed_json(scenario: &Scenario, bracket: &Bracket, outcome: &EpisodeOutcome) -> Value {
+    let mut json = outcome_json(outcome);
+    json["skill"] = json!(bracket.skill(outcome.score));
+    json["success"] = json!(is_success(scenario, SuccessRule::Task, bracket, outcome));
+    json
+}
+
+/// Converts an action log to an array of steps × agents × values; an agent without an action gets zeros.
+fn log_to_array<'py>(
+    py: Python<'py>,
+    scenario: &Scenario,
+    log: &ActionLog,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let agents = scenario.task().agents(scenario.recipe()) as usize;
+    let dim = log.dim();
+    let mut values = vec![0.0; log.len() * agents * dim];
+    for (number, step) in log.steps().enumerate() {
+        for (&agent, action) in step.agents.iter().zip(step.values.chunks_exact(dim.max(1))) {
+            let start = (number * agents + agent as usize) * dim;
+            if let Some(cells) = values.get_mut(start..start + dim) {
+                cells.iter_mut().zip(action).for_each(|(cell, value)| *cell += value);
+            }
+        }
+    }
+    PyArray1::from_vec(py, values).reshape([log.len(), agents, dim])
+}
+
+/// Converts an array of steps × agents × values to an action log of the same precision.
+fn read_log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&str>) -> PyResult<ActionLog> {
+    let task = scenario.task();
+    let (agents, dim) = (task.agents(scenario.recipe()) as usize, task.action_space().columns.len());
+    let NumericRows { values, len: steps, is_single_precision } =
+        read_f64("actions", actions, &[agents, dim])?;
+    if !values.iter().all(|value| value.is_finite()) {
+        return Err(invalid("actions", "not all are finite numbers"));
+    }
+    let precision = if is_single_precision { Precision::F32 } else { Precision::F64 };
+    let mut log = ActionLog::new(dim, precision);
+    for step in values.chunks_exact((agents * dim).max(1)).take(steps) {
+        for (agent, action) in (0u32..).zip(step.chunks_exact(dim)) {
+            log.push_entry(agent, action);
+        }
+        log.end_step();
+    }
+    log.stopped = stopped
+        .map(|word| {
+            StopReason::from_name(word).ok_or_else(|| {
+                invalid("stopped", format!("{word:?} is none of unparsable, too_long, too_late"))
+            })
+        })
+        .transpose()?;
+    Ok(log)
 }

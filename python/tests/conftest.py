@@ -1,3 +1,5 @@
+"""Fixtures and helpers of all tests."""
+
 import os
 
 import gymnasium
@@ -6,10 +8,10 @@ import pytest
 
 import sparring
 
-#: The program whose server tests start.
+#: Program of the server that tests start.
 BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
-#: `make test-python` and the others build it and name it: there nothing is left out.
-served = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY names no program: build it, or run make test-python")
+#: Skips a test without a server program. `make test-python` builds the program, so it runs all tests.
+needs_server = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY is not set: build the program, or run make test-python")
 
 
 @pytest.fixture(params=sorted(sparring.ENVIRONMENTS))
@@ -22,23 +24,23 @@ def task(request):
     return request.param
 
 
-def equal(a, b):
-    """Observations or infos that are the same to the bit."""
+def bitwise_equal(a, b):
+    """Returns True if observations or infos are equal to the bit."""
     if isinstance(a, dict):
-        return isinstance(b, dict) and a.keys() == b.keys() and all(equal(a[key], b[key]) for key in a)
+        return isinstance(b, dict) and a.keys() == b.keys() and all(bitwise_equal(a[key], b[key]) for key in a)
     a, b = np.asarray(a), np.asarray(b)
     if a.dtype == object:
         return a.shape == b.shape and all(
-            (x is None and y is None) or equal(x, y) for x, y in zip(a.ravel(), b.ravel(), strict=True)
+            (x is None and y is None) or bitwise_equal(x, y) for x, y in zip(a.ravel(), b.ravel(), strict=True)
         )
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
 
 
-def short(task):
-    """Params by which episodes end early now and then, so that resets are seen."""
+def short_episode_params(task):
+    """Returns params with which some episodes end early, so that tests see resets."""
     if task.startswith("docking"):
         return {"start_radius": 10.0, "time_limit_s": 60.0}
     return {"debris": 120.0, "spread": 1.0}
 
 
-__all__ = ["BINARY", "equal", "gymnasium", "served", "short"]
+__all__ = ["BINARY", "bitwise_equal", "gymnasium", "needs_server", "short_episode_params"]

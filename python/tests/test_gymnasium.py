@@ -1,4 +1,4 @@
-"""Single environments against Gymnasium's own checker, and against what its API says."""
+"""Single environments pass Gymnasium's checker and follow its API."""
 
 import copy
 import pickle
@@ -6,7 +6,7 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
-from conftest import equal, short
+from conftest import bitwise_equal, short_episode_params
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
@@ -18,42 +18,43 @@ import sparring
 @pytest.mark.filterwarnings(
     "ignore:.*(A Box observation space|not within the range|minimum value is -infinity|maximum value is infinity).*"
 )
-def test_check_env(id, observation, actions):
+def test_environment_passes_gymnasiums_checker(id, observation, actions):
     env = gymnasium.make(id, observation=observation, actions=actions, disable_env_checker=True)
     check_env(env.unwrapped, skip_render_check=True)
     env.close()
 
 
 @pytest.mark.filterwarnings("ignore:.*(minimum value is -infinity|maximum value is infinity).*")
-def test_check_env_draws(id):
+def test_rendering_passes_gymnasiums_checker(id):
     env = gymnasium.make(id, render_mode="rgb_array", disable_env_checker=True)
     check_env(env.unwrapped)
     env.close()
 
 
-def flown(env, seed, actions):
-    seen = [env.reset(seed=seed)[0]]
-    rest = []
+def run_episode(env, seed, actions):
+    """Returns the observations of an episode, and its rewards, flags and scores."""
+    observations = [env.reset(seed=seed)[0]]
+    results = []
     for action in actions:
         observation, reward, terminated, truncated, info = env.step(action)
-        seen.append(observation)
-        rest.append((reward, terminated, truncated, info["score"]))
+        observations.append(observation)
+        results.append((reward, terminated, truncated, info["score"]))
         if terminated or truncated:
             break
-    return seen, rest
+    return observations, results
 
 
-def test_whole_episodes_are_the_same_again(task):
-    env = sparring.Environment(task, params=short(task))
+def test_episodes_are_deterministic(task):
+    env = sparring.Environment(task, params=short_episode_params(task))
     env.action_space.seed(3)
     actions = [env.action_space.sample() * 0.2 for _ in range(60)]
-    first = flown(env, 11, actions)
-    flown(env, 12, actions)
-    again = flown(env, 11, actions)
-    other = flown(sparring.Environment(task, params=short(task)), 11, actions)
-    for told in (again, other):
-        assert all(equal(a, b) for a, b in zip(first[0], told[0], strict=True))
-        assert first[1] == told[1]
+    first = run_episode(env, 11, actions)
+    run_episode(env, 12, actions)
+    again = run_episode(env, 11, actions)
+    other = run_episode(sparring.Environment(task, params=short_episode_params(task)), 11, actions)
+    for repeated in (again, other):
+        assert all(bitwise_equal(a, b) for a, b in zip(first[0], repeated[0], strict=True))
+        assert first[1] == repeated[1]
 
 
 def test_flags_are_bools_and_rewards_floats(task):
@@ -64,23 +65,23 @@ def test_flags_are_bools_and_rewards_floats(task):
     assert isinstance(info["score"], float) and isinstance(info["alerts"], list)
 
 
-def test_observations_are_the_callers():
+def test_kept_observations_do_not_change():
     env = sparring.Environment("kessler/survival")
     kept = [env.reset(seed=5)[0]]
     copies = [kept[0].copy()]
     for _ in range(20):
         kept.append(env.step(env.action_space.sample())[0])
         copies.append(kept[-1].copy())
-    assert all(equal(a, b) for a, b in zip(kept, copies, strict=True))
-    row = env.step(env.action_space.sample())[0][1]  # a view alone keeps the array too
+    assert all(bitwise_equal(a, b) for a, b in zip(kept, copies, strict=True))
+    row = env.step(env.action_space.sample())[0][1]  # a view keeps its array, too
     copy = row.copy()
     for _ in range(5):
         env.step(env.action_space.sample())
-    assert equal(row, copy)
+    assert bitwise_equal(row, copy)
 
 
-def test_an_episode_that_is_over_wants_a_reset(task):
-    env = sparring.Environment(task, params=short(task))
+def test_step_after_the_end_needs_a_reset(task):
+    env = sparring.Environment(task, params=short_episode_params(task))
     with pytest.raises(ResetNeeded):
         env.step(env.action_space.sample())
     env.reset(seed=2)
@@ -89,45 +90,45 @@ def test_an_episode_that_is_over_wants_a_reset(task):
         if terminated or truncated:
             break
     else:
-        pytest.fail("no end")
+        pytest.fail("the episode does not end")
     with pytest.raises(ResetNeeded):
         env.step(env.action_space.sample())
     env.reset()
     env.step(env.action_space.sample())
 
 
-def test_actions_along_each_agents_own_axes_are_those_along_the_worlds_when_turned():
+def test_agent_axes_are_rotated_world_axes():
     own = sparring.Environment("kessler/survival", observation="telemetry", axes="agent")
     world = sparring.Environment("kessler/survival", observation="telemetry")
-    seen, _ = own.reset(seed=4)
+    observation, _ = own.reset(seed=4)
     world.reset(seed=4)
     rng = np.random.default_rng(1)
     for _ in range(30):
         action = rng.uniform(-0.05, 0.05, (3, 2)).astype(np.float32)
-        x, y = seen["satellites"][:, 0].astype(float), seen["satellites"][:, 1].astype(float)
-        out = np.stack([x, y], 1) / np.hypot(x, y)[:, None]
-        along = np.stack([-out[:, 1], out[:, 0]], 1)
-        turned = action[:, :1] * out + action[:, 1:] * along
-        seen, *_, own_info = own.step(action)
-        told, *_, world_info = world.step(turned.astype(np.float32))
-        # Positions are told in single precision, so directions differ by some 1e-7, and what comes of them grows from there.
-        np.testing.assert_allclose(seen["satellites"], told["satellites"], rtol=1e-4, atol=1e-3)
+        x, y = observation["satellites"][:, 0].astype(float), observation["satellites"][:, 1].astype(float)
+        radial = np.stack([x, y], 1) / np.hypot(x, y)[:, None]
+        in_track = np.stack([-radial[:, 1], radial[:, 0]], 1)
+        rotated = action[:, :1] * radial + action[:, 1:] * in_track
+        observation, *_, own_info = own.step(action)
+        expected, *_, world_info = world.step(rotated.astype(np.float32))
+        # Observations have single precision, so directions differ by about 1e-7, and the difference grows.
+        np.testing.assert_allclose(observation["satellites"], expected["satellites"], rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(own.history, world.history, atol=1e-5)
     assert own_info["score"] == pytest.approx(world_info["score"], abs=1e-9)
 
 
-def test_choices_do_what_the_task_says():
+def test_discrete_actions_are_the_tasks_choices():
     env = sparring.Environment("kessler/survival", actions="discrete", observation="telemetry")
-    seen, _ = env.reset(seed=4)
+    observation, _ = env.reset(seed=4)
     env.step([0, 3, 4])
     burns = env.history[0]
-    own = seen["satellites"]
-    out = own[:, :2] / np.linalg.norm(own[:, :2], axis=1, keepdims=True)
-    along = np.stack([-out[:, 1], out[:, 0]], 1)
-    np.testing.assert_allclose(burns, [[0, 0], -0.05 * along[1], -0.05 * out[2]], atol=1e-6)
+    position = observation["satellites"][:, :2]
+    radial = position / np.linalg.norm(position, axis=1, keepdims=True)
+    in_track = np.stack([-radial[:, 1], radial[:, 0]], 1)
+    np.testing.assert_allclose(burns, [[0, 0], -0.05 * in_track[1], -0.05 * radial[2]], atol=1e-6)
 
 
-def test_scenarios_and_params_by_options():
+def test_reset_options_choose_the_scenario():
     env = sparring.Environment("kessler/survival")
     scenario = sparring.Scenario("survival", params={"debris": 60}, seed=99)
     env.reset(seed=1, options={"scenario": scenario})
@@ -155,41 +156,41 @@ UNFAIR = {"mode": "replace", "bodies": {
 }}  # fmt: skip
 
 
-def test_a_scenario_is_flown_once_and_the_row_goes_on():
+def test_scenario_option_runs_once_and_sequence_continues():
     plain, env = sparring.Environment("survival"), sparring.Environment("survival")
-    given = sparring.Scenario("survival", params={"debris": 1}, physics={"gravity": "j2"}, seed=99)
-    flown = []
-    for one, options in ((plain, None), (env, {"scenario": given})):
-        flown.append([one.reset(seed=7)[1]["scenario"], one.reset(options=options)[1]["scenario"]])
-        flown[-1] += [one.reset()[1]["scenario"] for _ in range(2)]
-    assert flown[1] == [flown[0][0], given, *flown[0][1:3]]
-    assert env.reset(seed=5, options={"scenario": given, "level": 2})[1]["scenario"] == given
+    once = sparring.Scenario("survival", params={"debris": 1}, physics={"gravity": "j2"}, seed=99)
+    scenarios = []
+    for one, options in ((plain, None), (env, {"scenario": once})):
+        scenarios.append([one.reset(seed=7)[1]["scenario"], one.reset(options=options)[1]["scenario"]])
+        scenarios[-1] += [one.reset()[1]["scenario"] for _ in range(2)]
+    assert scenarios[1] == [scenarios[0][0], once, *scenarios[0][1:3]]
+    assert env.reset(seed=5, options={"scenario": once, "level": 2})[1]["scenario"] == once
     assert env.reset()[1]["scenario"] == sparring.Scenario("survival", level=2, seed=5)
 
 
-def test_a_reset_that_is_refused_moves_nothing():
+def test_rejected_reset_changes_nothing():
     docking = sparring.Environment("docking/multiagent")
     kessler = sparring.Environment("survival")
     unfair = sparring.Scenario("survival", params={"debris": 1}, seed=1, layout=UNFAIR)
-    for env, wishes in (
+    for env, rejected in (
         (docking, [{"options": {"level": 9}}, {"options": {"params": {"deputies": 4}}, "seed": 3}]),
         (kessler, [{"options": {"scenario": unfair}}, {"options": {"level": 9}, "seed": 2**51}, {"seed": -1}]),
     ):
         first = env.reset(seed=1)[1]["scenario"]
         env.step(env.action_space.sample())
-        for wish in wishes:
+        for arguments in rejected:
             before = env._native.state_hash(0)
             with pytest.raises(ValueError, match=r"options|seed"):
-                env.reset(**wish)
+                env.reset(**arguments)
             assert env._native.state_hash(0) == before
             assert env.scenario == first
             env.step(env.action_space.sample())
         assert env.reset(seed=1)[1]["scenario"] == first
-    with pytest.raises(ValueError, match=r"options: params\.deputies .*; environments have room for what they were made with"):
+    with pytest.raises(ValueError, match=r"options: params\.deputies .*; environments have room for the agents"):
         docking.reset(options={"level": 9})
 
 
-def test_what_was_asked_for_is_of_those_who_took_part():
+def test_history_has_only_agents_that_take_part():
     env = sparring.Environment("docking/multiagent")
     env.reset(seed=0, options={"params": {"deputies": 1}})
     total, over = 0.0, False
@@ -197,24 +198,24 @@ def test_what_was_asked_for_is_of_those_who_took_part():
         _, reward, terminated, truncated, _ = env.step(np.ones((3, 3), np.float32))
         total, over = total + reward, terminated or truncated
     assert env.history.shape[1:] == (1, 3)
-    # Rewards are float32 each.
+    # Each reward has single precision.
     assert sparring.replay(env.scenario, env.history).total_reward == pytest.approx(total, abs=1e-4)
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copied", "pickled"])
-def test_a_copy_is_made_anew_with_the_same_settings(copied):
-    how = {"level": 3, "actions": "discrete", "render_mode": "rgb_array", "render_size": (96, 64)}
-    env = gymnasium.make("sparring/Survival-v0", **how).unwrapped
+def test_copy_has_the_same_settings(copied):
+    settings = {"level": 3, "actions": "discrete", "render_mode": "rgb_array", "render_size": (96, 64)}
+    env = gymnasium.make("sparring/Survival-v0", **settings).unwrapped
     again = copied(env)
-    assert equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
+    assert bitwise_equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
     assert again.action_space == env.action_space
     assert again.render().shape == (64, 96, 3)
     envs = copied(sparring.make_vec("docking/single", 3, autoreset_mode="same_step", threads=1))
     assert (envs.num_envs, envs.threads, envs.autoreset_mode) == (3, 1, gymnasium.vector.AutoresetMode.SAME_STEP)
-    assert equal(envs.reset(seed=1)[0], sparring.make_vec("docking/single", 3).reset(seed=1)[0])
+    assert bitwise_equal(envs.reset(seed=1)[0], sparring.make_vec("docking/single", 3).reset(seed=1)[0])
 
 
-def test_seeds_of_training_and_evaluation_are_not_begun_by_hand():
+def test_training_and_evaluation_seeds_are_rejected():
     env = sparring.Environment("kessler/survival")
     for space in (1, 2):
         seed = space << 51

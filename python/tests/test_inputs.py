@@ -1,4 +1,4 @@
-"""Whatever is given: taken, or a ValueError that names the field. Never a crash, and nothing moves where it is refused."""
+"""Any argument is accepted or raises a ValueError that names the field. A rejected call changes nothing."""
 
 import subprocess
 import sys
@@ -33,11 +33,11 @@ anything = st.one_of(
 )
 
 
-def good(actions, whole):
-    """What must be taken: numbers of the right shape, finite in single precision, or whole and within the choices."""
+def is_valid(actions, is_discrete):
+    """Returns True for numbers of the right shape: finite in single precision, or integers within the choices."""
     if not isinstance(actions, np.ndarray):
         return False
-    if whole:
+    if is_discrete:
         return actions.dtype.kind in "iu" and actions.shape == (ENVS, 3) and ((actions >= 0) & (actions < 17)).all()
     with np.errstate(all="ignore"):
         return actions.dtype.kind in "fiu" and actions.shape == SHAPE and np.isfinite(actions.astype(np.float32)).all()
@@ -46,10 +46,10 @@ def good(actions, whole):
 @settings(max_examples=400, deadline=None)
 @given(anything, st.booleans())
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_actions(actions, whole):
-    batch = discrete if whole else envs
+def test_actions_are_stepped_or_rejected(actions, is_discrete):
+    batch = discrete if is_discrete else envs
     before = [batch.state_hash(env) for env in range(ENVS)]
-    if good(actions, whole):
+    if is_valid(actions, is_discrete):
         batch.step(actions)
     else:
         with pytest.raises(ValueError, match="actions"):
@@ -57,7 +57,7 @@ def test_actions(actions, whole):
         assert before == [batch.state_hash(env) for env in range(ENVS)]
 
 
-def test_strides_and_readonly_actions_are_taken():
+def test_strided_and_readonly_actions_are_accepted():
     wide = np.zeros((ENVS, 3, 4), np.float32)
     envs.step(wide[..., ::2])
     envs.step(np.asfortranarray(np.zeros(SHAPE, np.float32)))
@@ -69,25 +69,25 @@ def test_strides_and_readonly_actions_are_taken():
     envs.step(np.zeros(SHAPE, np.float16))
 
 
-def outs():
-    return [envs.empty(), np.zeros(ENVS), np.zeros(ENVS, bool), np.zeros(ENVS, bool)]
+def make_out():
+    return [envs.empty_observations(), np.zeros(ENVS), np.zeros(ENVS, bool), np.zeros(ENVS, bool)]
 
 
 @pytest.mark.parametrize("place", range(4))
-@pytest.mark.parametrize("spoil", ["readonly", "dtype", "shape", "strides", "none", "order"])
-def test_out(place, spoil):
-    out = outs()
-    if spoil == "readonly":
+@pytest.mark.parametrize("defect", ["readonly", "dtype", "shape", "strides", "none", "order"])
+def test_invalid_out_array_is_rejected(place, defect):
+    out = make_out()
+    if defect == "readonly":
         out[place].setflags(write=False)
-    elif spoil == "dtype":
+    elif defect == "dtype":
         out[place] = out[place].astype(np.int16)
-    elif spoil == "shape":
+    elif defect == "shape":
         out[place] = out[place][:-1]
-    elif spoil == "strides":
+    elif defect == "strides":
         out[place] = np.repeat(out[place], 2, axis=0)[::2]
-    elif spoil == "order":
+    elif defect == "order":
         if place:
-            pytest.skip("one dimension has one order")
+            pytest.skip("an array of one dimension has one order")
         out[place] = np.asfortranarray(out[place])
     else:
         out[place] = None
@@ -97,8 +97,8 @@ def test_out(place, spoil):
     assert envs.state_hash(0) == before
 
 
-def test_out_that_overlaps():
-    out = outs()
+def test_overlapping_out_arrays_are_rejected():
+    out = make_out()
     out[3] = out[2]
     with pytest.raises(ValueError, match=r"out\[3\]"):
         envs.step(np.zeros(SHAPE, np.float32), out=tuple(out))
@@ -109,13 +109,15 @@ def test_out_that_overlaps():
 
 @settings(max_examples=200, deadline=None)
 @given(st.one_of(st.integers(), st.floats(), st.text(), st.lists(st.one_of(st.none(), st.integers()), max_size=4), st.booleans()))
-def test_seeds(seed):
-    def fits(one):
+def test_seed_is_accepted_or_rejected(seed):
+    def is_valid_seed(one):
         return one is None or (not isinstance(one, bool) and isinstance(one, int) and 0 <= one < 2**51)
 
-    each = isinstance(seed, list)
-    taken = len(seed) == ENVS and all(map(fits, seed)) if each else fits(seed) and fits(seed + ENVS - 1)
-    if taken:
+    if isinstance(seed, list):
+        accepted = len(seed) == ENVS and all(map(is_valid_seed, seed))
+    else:
+        accepted = is_valid_seed(seed) and is_valid_seed(seed + ENVS - 1)
+    if accepted:
         envs.reset(seed=seed)
     else:
         with pytest.raises(ValueError, match="seed"):
@@ -123,7 +125,7 @@ def test_seeds(seed):
 
 
 @pytest.mark.parametrize(
-    ("given", "field"),
+    ("arguments", "field"),
     [
         ({"task": "kessler/none"}, "task"),
         ({"num_envs": 0}, "num_envs"),
@@ -161,12 +163,12 @@ def test_seeds(seed):
     ],
     ids=str,
 )
-def test_settings(given, field):
+def test_invalid_setting_is_named(arguments, field):
     with pytest.raises(ValueError, match=field):
-        sparring.make_vec(**given)
+        sparring.make_vec(**arguments)
 
 
-def test_more_environments_than_memory_are_refused():
+def test_more_environments_than_memory_are_rejected():
     program = """
 import resource, sparring
 sparring.make_vec(num_envs=8192, observation="telemetry").reset(seed=1)
@@ -176,11 +178,11 @@ try:
 except MemoryError as error:
     print(error)
 """
-    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
-    assert told.stdout.startswith("num_envs: 1048576 environments take "), told
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert ended.stdout.startswith("num_envs: 1048576 environments take "), ended
 
 
-def test_what_is_no_dict_is_named():
+def test_wrong_type_is_named():
     agents = sparring.parallel_env("survival")
     agents.reset(seed=1)
     with pytest.raises(ValueError, match="actions"):
@@ -191,18 +193,17 @@ def test_what_is_no_dict_is_named():
     with pytest.raises(ValueError, match=r"options\.params"):
         envs.reset(options={"params": 5})
     with pytest.raises(ValueError, match="out"):
-        envs.step(np.zeros(SHAPE, np.float32), out=outs())
+        envs.step(np.zeros(SHAPE, np.float32), out=make_out())
     for env in (-1, ENVS, 0.5, True):
-        for ask in (envs.score, envs.scenario, envs.state_hash):
+        for method in (envs.score, envs.scenario, envs.state_hash):
             with pytest.raises(ValueError, match="env"):
-                ask(env)
+                method(env)
 
 
 @settings(max_examples=100, deadline=None)
 @given(anything)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_logs(actions):
-    """A log that is none is refused by whoever reads it."""
+def test_invalid_log_is_rejected(actions):
     scenario = sparring.Scenario("survival", seed=3)
     for read in (sparring.replay, sparring.critique):
         with pytest.raises(ValueError, match="actions"):
@@ -218,8 +219,7 @@ nested = st.recursive(
 
 @settings(max_examples=200, deadline=None)
 @given(nested)
-def test_scenarios(fields):
-    """Whatever a dict has: a scenario or a ValueError."""
+def test_dict_is_a_scenario_or_rejected(fields):
     if not isinstance(fields, dict):
         fields = {"task": "kessler/survival", "seed": 1, "layout": fields}
     try:
@@ -229,7 +229,7 @@ def test_scenarios(fields):
     assert sparring.Scenario.from_dict(scenario.to_dict()) == scenario
 
 
-def test_two_threads_at_once_take_turns():
+def test_threads_step_one_batch_in_turns():
     import threading
 
     batch = sparring.make_vec("kessler/survival", 128, threads=2)
@@ -237,14 +237,14 @@ def test_two_threads_at_once_take_turns():
     actions = np.zeros(batch.action_space.shape, np.float32)
     failures = []
 
-    def fly():
+    def step():
         try:
             for _ in range(200):
                 batch.step(actions)
         except BaseException as error:
             failures.append(error)
 
-    threads = [threading.Thread(target=fly) for _ in range(4)]
+    threads = [threading.Thread(target=step) for _ in range(4)]
     [thread.start() for thread in threads]
     [thread.join() for thread in threads]
     assert not failures

@@ -1,10 +1,10 @@
-"""Against PettingZoo's own tests."""
+"""Multi-agent environments pass PettingZoo's own tests."""
 
 import copy
 
 import numpy as np
 import pytest
-from conftest import equal, short
+from conftest import bitwise_equal, short_episode_params
 
 import sparring
 
@@ -14,61 +14,61 @@ from pettingzoo.utils import parallel_to_aec  # noqa: E402
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])
-def test_parallel_api(task, actions):
-    parallel_api_test(sparring.parallel_env(task, params=short(task), actions=actions), num_cycles=300)
+def test_environment_passes_parallel_api_test(task, actions):
+    parallel_api_test(sparring.parallel_env(task, params=short_episode_params(task), actions=actions), num_cycles=300)
 
 
-def test_parallel_seed(task):
+def test_environment_passes_parallel_seed_test(task):
     parallel_seed_test(lambda: sparring.parallel_env(task))
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_aec(task):
-    env = parallel_to_aec(sparring.parallel_env(task, params=short(task)))
+def test_converted_environment_passes_api_test(task):
+    env = parallel_to_aec(sparring.parallel_env(task, params=short_episode_params(task)))
     assert env.metadata["is_parallelizable"]
     api_test(env, num_cycles=200)
 
 
-def test_whole_episodes_are_the_same_again(task):
-    """What `parallel_seed_test` says of one step, of whole episodes."""
+def test_episodes_are_deterministic(task):
+    """`parallel_seed_test` checks a single step."""
 
-    def flown():
-        env = sparring.parallel_env(task, params=short(task))
+    def run_episodes():
+        env = sparring.parallel_env(task, params=short_episode_params(task))
         rows = []
         for seed in (3, None, None):
-            seen, _ = env.reset(seed=seed)
+            observations, _ = env.reset(seed=seed)
             rng = np.random.default_rng(4)
-            rows.append(seen)
+            rows.append(observations)
             while env.agents:
                 actions = {agent: rng.uniform(-0.3, 0.3, env.action_space(agent).shape) for agent in env.agents}
-                seen, rewards, terminations, truncations, _ = env.step(actions)
-                rows.append((seen, rewards, terminations, truncations))
+                observations, rewards, terminations, truncations, _ = env.step(actions)
+                rows.append((observations, rewards, terminations, truncations))
         return rows
 
-    first, again = flown(), flown()
+    first, again = run_episodes(), run_episodes()
     assert len(first) > 20
     for a, b in zip(first, again, strict=True):
         if isinstance(a, dict):
-            assert equal(a, b)
+            assert bitwise_equal(a, b)
         else:
-            assert equal(a[0], b[0]) and a[1:] == b[1:]
+            assert bitwise_equal(a[0], b[0]) and a[1:] == b[1:]
 
 
-def test_agents_leave_and_flags_are_bools():
-    env = sparring.parallel_env("docking/multiagent", params=short("docking"))
+def test_agents_leave_one_by_one():
+    env = sparring.parallel_env("docking/multiagent", params=short_episode_params("docking"))
     env.reset(seed=1)
     assert env.agents == ["deputy_0", "deputy_1", "deputy_2"]
-    seen_leaving = False
+    has_left = False
     while env.agents:
         before = list(env.agents)
-        seen, rewards, terminations, truncations, _ = env.step({})
-        assert set(seen) == set(rewards) == set(terminations) == set(truncations) == set(before)
+        observations, rewards, terminations, truncations, _ = env.step({})
+        assert set(observations) == set(rewards) == set(terminations) == set(truncations) == set(before)
         assert all(type(flag) is bool for flag in [*terminations.values(), *truncations.values()])
         assert env.agents == [a for a in before if not (terminations[a] or truncations[a])]
-        seen_leaving |= 0 < len(env.agents) < len(before)
+        has_left |= 0 < len(env.agents) < len(before)
 
 
-def test_what_is_no_action_is_refused_with_the_agent():
+def test_invalid_action_names_the_agent():
     env = sparring.parallel_env("docking/multiagent")
     env.reset(seed=1)
     for actions, field in [
@@ -81,14 +81,14 @@ def test_what_is_no_action_is_refused_with_the_agent():
             env.step(actions)
 
 
-def test_a_copy_is_made_anew_with_the_same_settings():
+def test_copy_has_the_same_settings():
     env = sparring.parallel_env("docking/multiagent", level=9)
     again = copy.deepcopy(env)
     assert again.possible_agents == env.possible_agents and len(again.possible_agents) == 5
-    assert equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
+    assert bitwise_equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
 
 
-def test_infos_say_what_is_flown_and_what_happened():
+def test_infos_have_scenario_and_alerts():
     env = sparring.parallel_env("survival", params={"fuel": 0.1})
     _, infos = env.reset(seed=3)
     assert {info["scenario"] for info in infos.values()} == {env.scenario}

@@ -1,38 +1,38 @@
-"""`python -m sparring.experiments`: the experiments there are."""
+"""`python -m sparring.experiments`: selects an experiment."""
 
 import sys
 
 USAGE = """usage: python -m sparring.experiments {ppo,curriculum} ...
 
-  ppo         one training by a learner in one file, in the manner of CleanRL
-  curriculum  the same learner under several curricula, evaluated on held-out scenarios
+  ppo         train a policy by PPO in one file, in the manner of CleanRL
+  curriculum  compare several curricula with the same learner on held-out scenarios
 
 Each has a --help."""
 
 
 def main() -> int:
-    """Hands over to one of them."""
+    """Runs the command line of an experiment; returns its exit status."""
     if not sys.argv[1:]:
         print(USAGE, file=sys.stderr)
         return 2
-    name, *rest = sys.argv[1:]
+    name, *arguments = sys.argv[1:]
     if name in ("-h", "--help"):
         print(USAGE)
         return 0
     try:
         if name == "ppo":
-            from .ppo import main as ppo
+            from .ppo_cli import main as run_ppo
 
-            ppo(rest)
+            run_ppo(arguments)
             return 0
         if name == "curriculum":
-            from .command import main as curriculum
+            from .cli import main as run_curriculum
 
-            return curriculum(rest)
+            return run_curriculum(arguments)
     except ImportError as error:
         print(f"{error}: pip install 'sparring[experiments]'", file=sys.stderr)
         return 2
-    print(f"{name!r} is no experiment: ppo or curriculum", file=sys.stderr)
+    print(f"unknown experiment {name!r}: choose ppo or curriculum", file=sys.stderr)
     return 2
 
 

@@ -1,4 +1,4 @@
-"""One training of an experiment: flown, looked at on the way, evaluated at its end, and written down."""
+"""One training of an experiment, with its evaluations and its files."""
 
 from __future__ import annotations
 
@@ -14,120 +14,125 @@ import torch
 import sparring
 
 from . import ppo
-from .plan import DONE, Experiment, Training, Where, versions, write
+from .experiment import DONE_FILE, Experiment, ServerAddress, Training, package_versions, write_json
 
-#: Environments that fly an evaluation.
-EXAMINED = 256
+#: Number of environments of an evaluation.
+EVALUATION_ENVS = 256
 
-#: Told how many steps more were flown.
+#: Called with the number of new steps.
 Progress = Callable[[int], None]
 
 
 def is_done(folder: Path, training: Training) -> bool:
-    """Whether a training is done."""
-    return (folder / training.folder / DONE).exists()
+    """Returns True if a training is complete."""
+    return (folder / training.folder / DONE_FILE).exists()
 
 
-def fly(folder: Path, experiment: Experiment, training: Training, at: Where, progress: Progress) -> None:
-    """Flies a training from its beginning: what an earlier try left is removed.
+def run(folder: Path, experiment: Experiment, training: Training, address: ServerAddress, progress: Progress) -> None:
+    """Runs a training from its beginning; deletes the files of an earlier attempt.
 
     Raises:
-        CurriculumError: The server fails, or refuses something.
+        CurriculumError: The server fails or rejects a request.
     """
-    into = folder / training.folder
-    shutil.rmtree(into, ignore_errors=True)
-    into.mkdir(parents=True)
+    target = folder / training.folder
+    shutil.rmtree(target, ignore_errors=True)
+    target.mkdir(parents=True)
     settings = experiment.run_settings(training.arm, training.seed)
     config = ppo.Config(steps=experiment.budget, num_envs=experiment.num_envs, seed=training.seed)
-    began = time.monotonic()
-    with sparring.Curriculum(at.url, token=at.token, settings=settings, form="groups") as curriculum:
-        watch = _Watch(experiment, curriculum, progress)
-        policy = ppo.train(config, curriculum, watch.after)
-        flown_s = time.monotonic() - began - watch.looked_s
+    started = time.monotonic()
+    with sparring.Curriculum(address.url, token=address.token, settings=settings, form="groups") as curriculum:
+        monitor = _TrainingMonitor(experiment, curriculum, progress)
+        policy = ppo.train(config, curriculum, monitor.after_rollout)
+        training_s = time.monotonic() - started - monitor.evaluation_s
         curriculum.flush()
-        found = _examine(experiment, curriculum, policy.draw, training, rollouts=experiment.rollouts, chance=True)
-        _write(into / "curve.csv", watch.curve)
-        _write(into / "scenarios.csv", _scenarios(curriculum, found.id))
-        torch.save(policy.state_dict(), into / "policy.pt")
-        told = {
+        result = _evaluate(experiment, curriculum, policy.sample, training, rollouts=experiment.rollouts, stochastic=True)
+        _write_csv(target / "curve.csv", monitor.curve)
+        _write_csv(target / "scenarios.csv", _read_scenarios(curriculum, result.id))
+        torch.save(policy.state_dict(), target / "policy.pt")
+        done = {
             "arm": training.arm,
             "seed": training.seed,
             "run": curriculum.run,
-            "evaluation": found.id,
-            "rows": found.rows,
+            "evaluation": result.id,
+            "rows": result.rows,
             "tasks": curriculum.mastery(),
             "episodes": curriculum.stats(),
-            "steps": watch.steps,
-            "flown_s": flown_s,
-            "all_s": time.monotonic() - began,
-            "versions": versions(),
-            "server": curriculum.ask("GET", "/openapi.json")["info"]["version"],
+            "steps": monitor.steps,
+            "training_s": training_s,
+            "total_s": time.monotonic() - started,
+            "versions": package_versions(),
+            "server": curriculum.request("GET", "/openapi.json")["info"]["version"],
         }
-    write(into / DONE, told)
+    write_json(target / DONE_FILE, done)
 
 
-class _Watch:
-    """Looks at a training now and then."""
+class _TrainingMonitor:
+    """Evaluates the policy at intervals during a training."""
 
     def __init__(self, experiment: Experiment, curriculum: sparring.Curriculum, progress: Progress) -> None:
         self.experiment, self.curriculum, self.progress = experiment, curriculum, progress
         self.curve: list[dict[str, Any]] = []
-        self.looked_s = 0.0
+        #: Seconds that evaluations took.
+        self.evaluation_s = 0.0
         self.steps = 0
         self._next = 0
 
-    def after(self, steps: int, policy: ppo.Policy, told: dict[str, float]) -> None:
-        """After each rollout. The first look is at a policy that has learned from one: as good as none."""
+    def after_rollout(self, steps: int, policy: ppo.Policy, metrics: dict[str, float]) -> None:
+        """Evaluates the policy if it is due. The first evaluation is after one rollout, when it has hardly learned."""
         self.progress(steps - self.steps)
         self.steps = steps
         if steps < self._next and steps < self.experiment.budget:
             return
         while self._next <= steps:
-            self._next += max(1, self.experiment.budget // self.experiment.looks)
-        began = time.monotonic()
-        found = _examine(self.experiment, self.curriculum, policy.act, None, rollouts=1, chance=False)
-        numbers = self.curriculum.numbers()
+            self._next += max(1, self.experiment.budget // self.experiment.evaluations)
+        started = time.monotonic()
+        result = _evaluate(self.experiment, self.curriculum, policy.act, None, rollouts=1, stochastic=False)
+        curriculum_metrics = self.curriculum.metrics()
         for task in self.experiment.tasks:
-            contested = {name: found.of(task, name) for name in ("skill", "success", "score")}
-            faced = {name.removeprefix(f"{task}/"): value for name, value in numbers.items() if name.startswith(f"{task}/")}
+            held_out = {name: result.mean(task, name) for name in ("skill", "success", "score")}
+            prefix = f"{task}/"
+            task_metrics = {
+                name.removeprefix(prefix): value for name, value in curriculum_metrics.items() if name.startswith(prefix)
+            }
             self.curve.append(
                 {
                     "steps": steps,
                     "task": task,
-                    **{f"heldout_{name}": value for name, value in contested.items()},
-                    **faced,
-                    **{f"learner_{name}": value for name, value in told.items()},
+                    **{f"heldout_{name}": value for name, value in held_out.items()},
+                    **task_metrics,
+                    **{f"learner_{name}": value for name, value in metrics.items()},
                 }
             )
-        self.looked_s += time.monotonic() - began
+        self.evaluation_s += time.monotonic() - started
 
 
-def _examine(
+def _evaluate(
     experiment: Experiment,
     curriculum: sparring.Curriculum,
     act: Callable[[Any], Any],
     training: Training | None,
-    **how: Any,
-) -> sparring.Evaluated:
-    # What is drawn here is none of the training's: it goes on as if nobody had looked.
+    **arguments: Any,
+) -> sparring.EvaluationResult:
+    # An evaluation does not change the training's random state.
     with torch.random.fork_rng():
-        named: dict[str, Any] = {} if training is None else {"training": training.arm, "training_seed": training.seed}
-        policy = "look" if training is None else training.arm
-        return sparring.evaluate(curriculum, act, suite=experiment.suite, policy=policy, num_envs=EXAMINED, **named, **how)
+        if training is not None:
+            arguments |= {"training": training.arm, "training_seed": training.seed}
+        policy = "checkpoint" if training is None else training.arm
+        return sparring.evaluate(curriculum, act, suite=experiment.suite, policy=policy, num_envs=EVALUATION_ENVS, **arguments)
 
 
-def _scenarios(curriculum: sparring.Curriculum, evaluation: str) -> list[dict[str, Any]]:
+def _read_scenarios(curriculum: sparring.Curriculum, evaluation: str) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     cursor = ""
     while True:
-        page = curriculum.ask("GET", f"/v1/evaluations/{evaluation}/scenarios?limit=500{cursor}")
+        page = curriculum.request("GET", f"/v1/evaluations/{evaluation}/scenarios?limit=500{cursor}")
         rows += page["scenarios"]
         if not page.get("next"):
             return rows
         cursor = f"&cursor={page['next']}"
 
 
-def _write(file: Path, rows: list[dict[str, Any]]) -> None:
+def _write_csv(file: Path, rows: list[dict[str, Any]]) -> None:
     names = list(dict.fromkeys(name for row in rows for name in row))
     with file.open("w", newline="") as opened:
         writer = csv.DictWriter(opened, names)

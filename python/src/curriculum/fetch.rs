@@ -1,36 +1,40 @@
-//! The thread that takes leases ahead.
+//! Thread that leases episodes ahead.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::lease::Episodes;
-use super::link::{Failure, Link};
-use super::stock::Shared;
+use super::episode_queue::SharedQueue;
+use super::http_client::{HttpClient, RequestError};
+use super::lease::LeaseEpisodes;
 
-/// How long to wait before asking again, where the server does not say.
-const PAUSE: Duration = Duration::from_secs(1);
-/// How often a thread that has nothing to do looks up.
-const LOOK: Duration = Duration::from_secs(5);
+/// Delay before a repeated request if the server names none.
+const RETRY_DELAY: Duration = Duration::from_secs(1);
+/// Interval at which an idle thread checks the queue even without a notification.
+const IDLE_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
-/// What leases are asked for.
+/// Parameters of all lease requests of a curriculum.
 #[derive(Debug, Clone)]
-pub(super) struct Wish {
+pub(super) struct LeaseRequest {
     pub(super) run: String,
     pub(super) columns: bool,
+    /// Number of groups per lease.
     pub(super) groups: u32,
-    /// Groups of a lease that is not of columns, where the run's strategy comes not to go with them.
-    pub(super) otherwise: Option<u32>,
+    /// Groups per lease of groups, requested once the run's strategy rejects columns; `None` treats that as an error.
+    pub(super) fallback_groups: Option<u32>,
     pub(super) group_size: Option<u32>,
     pub(super) purpose: String,
     pub(super) evaluation: Option<String>,
     pub(super) ttl: Duration,
 }
 
-impl Wish {
-    fn body(&self, version: u32) -> Value {
+impl LeaseRequest {
+    fn body(&self, policy_version: u32) -> Value {
         let mut body = json!({
-            "groups": self.groups, "policy_version": version, "ttl_s": self.ttl.as_secs(), "purpose": self.purpose,
+            "groups": self.groups,
+            "policy_version": policy_version,
+            "ttl_s": self.ttl.as_secs(),
+            "purpose": self.purpose,
             "form": if self.columns { "columns" } else { "groups" },
         });
         if let Some(size) = self.group_size {
@@ -42,89 +46,87 @@ impl Wish {
         body
     }
 
-    /// Takes a lease.
-    pub(super) fn take(&self, link: &Link, version: u32) -> Result<Episodes, Failure> {
-        let granted = link.post(&format!("/v1/runs/{}/leases", self.run), &self.body(version))?;
-        Episodes::read(granted, self.ttl, self.purpose == "eval").map_err(|why| Failure::Refused {
-            status: 201,
-            field: None,
-            kind: None,
-            why,
-        })
+    fn send(&self, client: &HttpClient, policy_version: u32) -> Result<LeaseEpisodes, RequestError> {
+        let response = client.post(&format!("/v1/runs/{}/leases", self.run), &self.body(policy_version))?;
+        let episodes = LeaseEpisodes::read(response, self.ttl, self.purpose == "eval");
+        episodes.map_err(|message| RequestError::Rejected { status: 201, field: None, kind: None, message })
     }
 }
 
 /// Keeps episodes ready until the curriculum is closed.
-pub(super) fn fetch(shared: &Shared, link: &Link, wish: &Wish) {
-    let mut wish = wish.clone();
-    loop {
-        let version = {
-            let mut stock = shared.lock();
-            while !stock.closing
-                && (stock.ready() >= stock.wanted || stock.fault.is_some() || stock.exhausted)
-            {
-                stock = shared.wait(stock, LOOK);
-            }
-            if stock.closing {
-                return;
-            }
-            stock.asking = true;
-            stock.version
-        };
-        let taken = wish.take(link, version);
-        let mut stock = shared.lock();
-        stock.asking = false;
-        shared.tell(); // whoever closes waits for this
-        match taken {
-            Ok(episodes) if episodes.left == 0 => stock.exhausted = true,
-            Ok(episodes) => {
-                stock.answered();
-                stock.paused = None;
-                stock.add(episodes);
-                if stock.closing {
-                    // It came too late to be flown, and is given back with the others.
-                    stock.give_up();
-                }
-            }
-            // A run that is paused is one that goes on some time.
-            Err(Failure::Refused { status: 409, why, .. }) => {
-                stock.answered();
-                stock.paused = Some(why);
-                drop(stock);
-                pause(shared, PAUSE);
-            }
-            // A run's strategy may change while it goes on.
-            Err(Failure::Refused { field: Some(field), .. })
-                if field == "form"
-                    && wish.columns
-                    && let Some(groups) = wish.otherwise =>
-            {
-                (wish.columns, wish.groups) = (false, groups);
-            }
-            // An evaluation of which nothing is left is flown, once what is leased is; all of that is begun here, or elsewhere.
-            Err(Failure::Refused { field: Some(field), .. })
-                if field == "evaluation" && stock.tally.leases > 0 =>
-            {
-                stock.exhausted = true;
-            }
-            Err(Failure::Refused { status, why, .. }) => {
-                stock.fault = Some(format!("the server refuses leases ({status}): {why}"));
-            }
-            Err(Failure::Away { why, after, .. }) => {
-                stock.paused = None; // nobody knows whether it still is
-                stock.away.get_or_insert((Instant::now(), why));
-                drop(stock);
-                pause(shared, after.unwrap_or(PAUSE));
-            }
+pub(super) fn run_fetch(shared: &SharedQueue, client: &HttpClient, request: &LeaseRequest) {
+    let mut request = request.clone();
+    while let Some(policy_version) = wait_for_demand(shared) {
+        let response = request.send(client, policy_version);
+        let delay = handle_response(shared, &mut request, response);
+        if let Some(delay) = delay {
+            shared.pause(delay);
         }
     }
 }
 
-/// Waits, but no longer than until the curriculum is closed.
-pub(super) fn pause(shared: &Shared, most: Duration) {
-    let until = Instant::now() + most;
-    let mut stock = shared.lock();
-    while !stock.closing && Instant::now() < until {
-        stock = shared.wait(stock, until.saturating_duration_since(Instant::now()));
+/// Waits until episodes are needed; returns the policy version, or `None` if the curriculum is closed.
+fn wait_for_demand(shared: &SharedQueue) -> Option<u32> {
+    let mut queue = shared.lock();
+    while !queue.is_closing && (queue.ready() >= queue.target || queue.error.is_some() || queue.is_exhausted)
+    {
+        queue = shared.wait(queue, IDLE_CHECK_INTERVAL);
     }
+    if queue.is_closing {
+        return None;
+    }
+    queue.is_fetching = true;
+    Some(queue.policy_version)
+}
+
+/// Adds the leased episodes, or records the error; returns how long to wait before the next request.
+fn handle_response(
+    shared: &SharedQueue,
+    request: &mut LeaseRequest,
+    response: Result<LeaseEpisodes, RequestError>,
+) -> Option<Duration> {
+    let mut queue = shared.lock();
+    queue.is_fetching = false;
+    shared.notify(); // a caller that closes the curriculum waits for this
+    match response {
+        Ok(episodes) if episodes.left == 0 => queue.is_exhausted = true,
+        Ok(episodes) => {
+            queue.end_outage();
+            queue.paused = None;
+            queue.add(episodes);
+            if queue.is_closing {
+                // The lease arrived too late to be used and is released with the others.
+                queue.give_up();
+            }
+        }
+        // A paused run may resume.
+        Err(RequestError::Rejected { status: 409, message, .. }) => {
+            queue.end_outage();
+            queue.paused = Some(message);
+            return Some(RETRY_DELAY);
+        }
+        // The strategy of a run may change to one that rejects columns.
+        Err(RequestError::Rejected { field: Some(field), .. })
+            if field == "form"
+                && request.columns
+                && let Some(groups) = request.fallback_groups =>
+        {
+            (request.columns, request.groups) = (false, groups);
+        }
+        // All scenarios of the evaluation are leased, here or by another client.
+        Err(RequestError::Rejected { field: Some(field), .. })
+            if field == "evaluation" && queue.counts.leases > 0 =>
+        {
+            queue.is_exhausted = true;
+        }
+        Err(RequestError::Rejected { status, message, .. }) => {
+            queue.error = Some(format!("the server refuses leases ({status}): {message}"));
+        }
+        Err(RequestError::Unavailable { message, retry_after, .. }) => {
+            queue.paused = None; // unknown during an outage
+            queue.begin_outage(message);
+            return Some(retry_after.unwrap_or(RETRY_DELAY));
+        }
+    }
+    None
 }

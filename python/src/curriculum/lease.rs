@@ -1,56 +1,90 @@
-//! A lease as it is granted, and its episodes one by one.
+//! Leases as the server grants them, and their episodes one by one.
 
 use std::sync::Arc;
 use std::time::Duration;
 
+use env_core::batch::episode_assigner::PooledEpisode;
 use env_core::seed::SeedSpace;
 use env_core::{Recipe, Scenario, Seed};
 use serde::Deserialize;
 use serde_json::Value;
 
-/// What is known of a lease by all its episodes.
+/// Properties that all episodes of a lease share.
 #[derive(Debug)]
 pub(super) struct Lease {
     pub(super) id: String,
+    /// True if results are claimed as columns, false if they are reported as action logs.
     pub(super) columns: bool,
-    /// Episodes of all its groups.
+    /// Number of episodes of all groups.
     pub(super) episodes: usize,
     pub(super) ttl: Duration,
-    /// The policy it was taken for.
-    pub(super) version: u32,
+    /// Policy version that the lease was taken for.
+    pub(super) policy_version: u32,
 }
 
 /// An episode of a lease.
 #[derive(Debug, Clone)]
-pub(crate) struct Episode {
+pub(crate) struct LeasedEpisode {
     pub(super) lease: Arc<Lease>,
     pub(super) index: usize,
-    /// Its level, where it has one.
+    /// Level of the scenario; `None` if the strategy has no levels.
     pub(crate) level: Option<i64>,
-    /// Whether to learn from it.
+    /// True if the trainer should learn from the episode.
     pub(crate) train: bool,
 }
 
-impl Episode {
-    /// What it is reported as.
-    pub(super) fn name(&self) -> String {
+impl LeasedEpisode {
+    /// Id under which the episode is reported.
+    pub(super) fn id(&self) -> String {
         format!("ep_{}_{}", self.lease.id, self.index)
     }
 }
 
+/// Episodes of a lease that were not handed out yet.
+#[derive(Debug)]
+pub(super) struct LeaseEpisodes {
+    pub(super) lease: Arc<Lease>,
+    group_size: usize,
+    ranges: Vec<SeedRange>,
+    next: Position,
+    /// Number of episodes that were not handed out yet.
+    pub(super) left: usize,
+}
+
+/// Consecutive groups of one recipe whose seeds are consecutive too.
+#[derive(Debug)]
+struct SeedRange {
+    recipe: Arc<Recipe>,
+    first_group: usize,
+    groups: usize,
+    first_seed: u64,
+    level: Option<i64>,
+    train: bool,
+}
+
+/// Position of an episode in a lease.
+#[derive(Debug, Clone, Copy, Default)]
+struct Position {
+    range: usize,
+    /// Group within the range.
+    group: usize,
+    /// Episode within the group.
+    member: usize,
+}
+
 #[derive(Deserialize)]
-struct Granted {
+struct LeaseResponse {
     lease: String,
     form: String,
     group_size: usize,
     policy_version: u32,
     recipes: Vec<Value>,
-    groups: Vec<Group>,
-    ranges: Option<Vec<Range>>,
+    groups: Vec<GroupResponse>,
+    ranges: Option<Vec<RangeResponse>>,
 }
 
 #[derive(Deserialize)]
-struct Group {
+struct GroupResponse {
     group: usize,
     recipe: usize,
     seed: u64,
@@ -59,7 +93,7 @@ struct Group {
 }
 
 #[derive(Deserialize)]
-struct Range {
+struct RangeResponse {
     recipe: usize,
     level: Option<i64>,
     first: usize,
@@ -67,116 +101,100 @@ struct Range {
     seed: u64,
 }
 
-/// A run of groups whose seeds follow each other.
-#[derive(Debug)]
-struct Stretch {
-    recipe: Arc<Recipe>,
-    first: usize,
-    groups: usize,
-    seed: u64,
-    level: Option<i64>,
-    train: bool,
-}
-
-/// The episodes of a lease that were not handed out yet.
-#[derive(Debug)]
-pub(super) struct Episodes {
-    pub(super) lease: Arc<Lease>,
-    group_size: usize,
-    stretches: Vec<Stretch>,
-    /// Stretch, group and sibling that come next.
-    at: (usize, usize, usize),
-    pub(super) left: usize,
-}
-
-impl Episodes {
-    /// Reads what the server granted.
+impl LeaseEpisodes {
+    /// Reads the server's response to a lease request.
     ///
     /// # Errors
-    /// What is no lease, or of worlds that this wheel does not know.
-    pub(super) fn read(granted: Value, ttl: Duration, evaluation: bool) -> Result<Self, String> {
-        let granted: Granted =
-            serde_json::from_value(granted).map_err(|error| format!("no lease: {error}"))?;
-        let recipes = granted.recipes.iter().map(Recipe::from_json).map(|recipe| recipe.map(Arc::new));
-        let recipes = recipes.collect::<Result<Vec<_>, _>>();
-        let recipes =
-            recipes.map_err(|error| format!("a scenario that this version does not know: {error}"))?;
-        let recipe = |at: usize| recipes.get(at).map(Arc::clone).ok_or("a recipe that is not there");
-        let mut stretches = Vec::new();
-        match &granted.ranges {
-            Some(ranges) => {
-                for range in ranges {
-                    let Range { first, groups, seed, level, .. } = *range;
-                    stretches.push(Stretch {
-                        recipe: recipe(range.recipe)?,
-                        first,
-                        groups,
-                        seed,
-                        level,
-                        train: true,
-                    });
-                }
-            }
-            None => {
-                for group in &granted.groups {
-                    let Group { group: first, seed, level, train, .. } = *group;
-                    stretches.push(Stretch {
-                        recipe: recipe(group.recipe)?,
-                        first,
-                        groups: 1,
-                        seed,
-                        level,
-                        train,
-                    });
-                }
-            }
-        }
-        // Who trains on what is held out learns nothing about itself; no server gives such a lease.
-        let held_out = |stretch: &Stretch| {
-            Seed::new(stretch.seed).is_ok_and(|seed| seed.space() == SeedSpace::Evaluation)
+    /// Returns a message if the response is malformed, has a recipe that this version does not know, or has evaluation
+    /// seeds although `evaluation` is false.
+    pub(super) fn read(response: Value, ttl: Duration, evaluation: bool) -> Result<Self, String> {
+        let response: LeaseResponse =
+            serde_json::from_value(response).map_err(|error| format!("malformed lease: {error}"))?;
+        let ranges = read_ranges(&response)?;
+        // A policy that trains on held-out scenarios invalidates its evaluations; no server grants such a lease.
+        let is_held_out = |range: &SeedRange| {
+            Seed::new(range.first_seed).is_ok_and(|seed| seed.space() == SeedSpace::Evaluation)
         };
-        if stretches.iter().any(held_out) && !evaluation {
+        if ranges.iter().any(is_held_out) && !evaluation {
             return Err(
-                "it has seeds of evaluations, which are flown under leases of theirs alone".to_owned()
+                "the lease has evaluation seeds, which are only for leases of an evaluation".to_owned()
             );
         }
-        let last = |stretch: &Stretch| Seed::new(stretch.seed + stretch.groups.saturating_sub(1) as u64);
-        if let Some(error) = stretches.iter().find_map(|stretch| last(stretch).err()) {
+        let last_seed =
+            |range: &SeedRange| Seed::new(range.first_seed + range.groups.saturating_sub(1) as u64);
+        if let Some(error) = ranges.iter().find_map(|range| last_seed(range).err()) {
             return Err(error.to_string());
         }
-        let left = stretches.iter().map(|stretch| stretch.groups).sum::<usize>() * granted.group_size;
+        let left = ranges.iter().map(|range| range.groups).sum::<usize>() * response.group_size;
         let lease = Lease {
-            id: granted.lease,
-            columns: granted.form == "columns",
+            id: response.lease,
+            columns: response.form == "columns",
             episodes: left,
             ttl,
-            version: granted.policy_version,
+            policy_version: response.policy_version,
         };
         let lease = Arc::new(lease);
-        Ok(Self { lease, group_size: granted.group_size, stretches, at: (0, 0, 0), left })
+        Ok(Self { lease, group_size: response.group_size, ranges, next: Position::default(), left })
     }
 
-    /// The recipe of the first.
+    /// Scenario of the first episode of the lease.
     pub(super) fn first(&self) -> Option<Scenario> {
-        let stretch = self.stretches.first()?;
-        Some(Scenario::new(Arc::clone(&stretch.recipe), Seed::new(stretch.seed).ok()?))
+        let range = self.ranges.first()?;
+        Some(Scenario::new(Arc::clone(&range.recipe), Seed::new(range.first_seed).ok()?))
     }
 
-    /// The next; siblings of a group follow each other.
-    pub(super) fn next(&mut self) -> Option<(Episode, Scenario)> {
-        let (mut stretch, mut group, mut sibling) = self.at;
-        if sibling == self.group_size {
-            (group, sibling) = (group + 1, 0);
+    /// Hands out the next episode; the episodes of a group are consecutive.
+    pub(super) fn next(&mut self) -> Option<PooledEpisode<LeasedEpisode>> {
+        let mut position = self.next;
+        if position.member == self.group_size {
+            position = Position { group: position.group + 1, member: 0, ..position };
         }
-        if self.stretches.get(stretch).is_some_and(|of| of.groups == group) {
-            (stretch, group) = (stretch + 1, 0);
+        if self.ranges.get(position.range).is_some_and(|range| range.groups == position.group) {
+            position = Position { range: position.range + 1, group: 0, ..position };
         }
-        let of = self.stretches.get(stretch)?;
-        let seed = Seed::new(of.seed + group as u64).ok()?;
-        let index = (of.first + group) * self.group_size + sibling;
-        self.at = (stretch, group, sibling + 1);
+        let range = self.ranges.get(position.range)?;
+        let seed = Seed::new(range.first_seed + position.group as u64).ok()?;
+        let index = (range.first_group + position.group) * self.group_size + position.member;
+        self.next = Position { member: position.member + 1, ..position };
         self.left -= 1;
-        let episode = Episode { lease: Arc::clone(&self.lease), index, level: of.level, train: of.train };
-        Some((episode, Scenario::new(Arc::clone(&of.recipe), seed)))
+        let lease = Arc::clone(&self.lease);
+        let id = LeasedEpisode { lease, index, level: range.level, train: range.train };
+        Some(PooledEpisode { id, scenario: Scenario::new(Arc::clone(&range.recipe), seed) })
     }
+}
+
+fn read_ranges(response: &LeaseResponse) -> Result<Vec<SeedRange>, String> {
+    let recipes = response.recipes.iter().map(Recipe::from_json).map(|recipe| recipe.map(Arc::new));
+    let recipes = recipes.collect::<Result<Vec<_>, _>>();
+    let recipes = recipes.map_err(|error| format!("a scenario that this version does not know: {error}"))?;
+    let recipe =
+        |index: usize| recipes.get(index).map(Arc::clone).ok_or("the lease refers to a missing recipe");
+    let mut seed_ranges = Vec::new();
+    match &response.ranges {
+        Some(ranges) => {
+            for range in ranges {
+                seed_ranges.push(SeedRange {
+                    recipe: recipe(range.recipe)?,
+                    first_group: range.first,
+                    groups: range.groups,
+                    first_seed: range.seed,
+                    level: range.level,
+                    train: true,
+                });
+            }
+        }
+        None => {
+            for group in &response.groups {
+                seed_ranges.push(SeedRange {
+                    recipe: recipe(group.recipe)?,
+                    first_group: group.group,
+                    groups: 1,
+                    first_seed: group.seed,
+                    level: group.level,
+                    train: group.train,
+                });
+            }
+        }
+    }
+    Ok(seed_ranges)
 }

@@ -1,277 +1,321 @@
-//! The thread that hands in what was flown, and keeps leases from running out meanwhile.
+//! Thread that submits results and renews leases.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use env_core::batch::book::Tape;
+use env_core::batch::episode_assigner::RecordedActions;
 use serde_json::{Value, json};
 
-use super::fetch::pause;
+use super::episode_queue::{ColumnLease, EpisodeCounts, EpisodeResult, SharedQueue, Submission};
+use super::http_client::{HttpClient, RequestError};
 use super::lease::Lease;
-use super::link::{Failure, Link};
-use super::stock::{Ledger, Parcel, Shared, Tally};
 
-/// How long to wait before sending the same again, where the server does not say.
-const PAUSE: Duration = Duration::from_secs(1);
-/// How often a thread that has nothing to do looks up.
-const LOOK: Duration = Duration::from_secs(1);
-/// The server's word for a lease that ran out before what was flown of it came.
+/// Delay before a repeated request if the server names none.
+const RETRY_DELAY: Duration = Duration::from_secs(1);
+/// Interval at which an idle thread checks the queue even without a notification.
+const IDLE_CHECK_INTERVAL: Duration = Duration::from_secs(1);
+/// Problem type of a lease that ended before its results arrived.
 const LEASE_OVER: &str = "lease_over";
-/// Results that are sent together, at most, and numbers in them.
-const RESULTS: usize = 256;
-const NUMBERS: usize = 400_000;
+/// Maximum number of results in one request.
+const MAX_BATCH_RESULTS: usize = 256;
+/// Maximum number of action values in one request, unless a single episode has more.
+const MAX_BATCH_VALUES: usize = 400_000;
 
-/// Hands in until the curriculum is closed and all is told.
-pub(super) fn report(shared: &Shared, link: &Link, run: &str) {
-    let mut looked = Instant::now();
-    loop {
-        let parcels = {
-            let mut stock = shared.lock();
-            while stock.outbox.is_empty()
-                && (!stock.closing || stock.asking)
-                && looked.elapsed() < renewal(&stock.active())
-            {
-                stock = shared.wait(stock, LOOK);
-            }
-            if stock.outbox.is_empty() && stock.closing && !stock.asking {
-                stock.ended = true;
-                shared.tell();
-                return;
-            }
-            let parcels = next(&mut stock.outbox);
-            stock.sending = !parcels.is_empty();
-            parcels
-        };
-        let active = shared.lock().active();
-        if looked.elapsed() >= renewal(&active) {
-            looked = Instant::now();
+/// Submits results until the curriculum is closed and everything is sent.
+pub(super) fn run_report(shared: &SharedQueue, client: &HttpClient, run: &str) {
+    let api = RunApi { shared, client, run };
+    let mut renewed = Instant::now();
+    while let Some(submissions) = wait_for_submissions(shared, renewed) {
+        let active = shared.lock().active_leases();
+        if renewed.elapsed() >= renewal_interval(&active) {
+            renewed = Instant::now();
             for lease in active {
-                // One that cannot be renewed runs out, and what is handed in of it then says so.
-                let _ = link.post(&format!("/v1/runs/{run}/leases/{}/renew", lease.id), &json!({}));
+                // A lease that cannot be renewed expires; its results are then reported as late.
+                let _ = client.post(&format!("/v1/runs/{run}/leases/{}/renew", lease.id), &json!({}));
             }
         }
-        if parcels.is_empty() {
-            continue;
+        if !submissions.is_empty() {
+            let outcome = api.submit(&submissions);
+            record_outcome(shared, &submissions, outcome);
         }
-        let count: usize = parcels.iter().map(Parcel::episodes).sum();
-        let told = send(shared, link, run, &parcels);
-        let mut stock = shared.lock();
-        stock.sending = false;
-        stock.waiting = stock.waiting.saturating_sub(count);
-        for parcel in &parcels {
-            if let Parcel::Result { episode, .. } = parcel {
-                stock.told(&episode.lease);
-            }
-        }
-        if stock.abandoned && !matches!(told, Err(Untold::Abandoned(_))) {
-            // Whoever closed did not wait for it, and it was told after all.
-            stock.tally.lost = stock.tally.lost.saturating_sub(count as u64);
-        }
-        match told {
-            Ok(None) => {}
-            // Whole logs of a lease that is over are told one by one; of columns none is taken.
-            Err(Untold::Late) => stock.tally.late += count as u64,
-            Err(Untold::Refused(why)) => {
-                stock.tally.refused += count as u64;
-                stock.fault = Some(why);
-            }
-            Ok(Some(why)) | Err(Untold::Abandoned(why)) => stock.fault = Some(why),
-        }
-        shared.tell();
     }
 }
 
-/// Half of the shortest time that any lease holds.
-fn renewal(active: &[Arc<Lease>]) -> Duration {
+/// Waits for something to send or to renew; `None` if the curriculum is closed and everything is sent.
+fn wait_for_submissions(shared: &SharedQueue, renewed: Instant) -> Option<Vec<Submission>> {
+    let mut queue = shared.lock();
+    while queue.outbox.is_empty()
+        && (!queue.is_closing || queue.is_fetching)
+        && renewed.elapsed() < renewal_interval(&queue.active_leases())
+    {
+        queue = shared.wait(queue, IDLE_CHECK_INTERVAL);
+    }
+    if queue.outbox.is_empty() && queue.is_closing && !queue.is_fetching {
+        queue.is_drained = true;
+        shared.notify();
+        return None;
+    }
+    let submissions = take_batch(&mut queue.outbox);
+    queue.is_sending = !submissions.is_empty();
+    Some(submissions)
+}
+
+/// Half of the shortest time to live of any lease.
+fn renewal_interval(active: &[Arc<Lease>]) -> Duration {
     active.iter().map(|lease| lease.ttl / 2).min().unwrap_or(Duration::MAX)
 }
 
-/// What is sent next: results of several episodes together, or one of the others.
-fn next(outbox: &mut std::collections::VecDeque<Parcel>) -> Vec<Parcel> {
-    let (mut parcels, mut numbers) = (Vec::new(), 0);
-    while let Some(parcel) = outbox.front() {
-        let weight = match parcel {
-            Parcel::Result { tape, .. } => tape.len(),
-            Parcel::Columns(_) | Parcel::Release(_) if parcels.is_empty() => {
+/// Takes the submissions of the next request: several results, or one claim or release.
+fn take_batch(outbox: &mut VecDeque<Submission>) -> Vec<Submission> {
+    let (mut batch, mut values) = (Vec::new(), 0);
+    while let Some(submission) = outbox.front() {
+        let len = match submission {
+            Submission::Result { actions, .. } => actions.len(),
+            Submission::Columns(_) | Submission::Release(_) if batch.is_empty() => {
                 return outbox.pop_front().into_iter().collect();
             }
-            Parcel::Columns(_) | Parcel::Release(_) => break,
+            Submission::Columns(_) | Submission::Release(_) => break,
         };
-        if parcels.len() == RESULTS || (numbers > 0 && numbers + weight > NUMBERS) {
+        if batch.len() == MAX_BATCH_RESULTS || (values > 0 && values + len > MAX_BATCH_VALUES) {
             break;
         }
-        numbers += weight;
-        parcels.extend(outbox.pop_front());
+        values += len;
+        batch.extend(outbox.pop_front());
     }
-    parcels
+    batch
 }
 
-/// Why something was not handed in.
-enum Untold {
-    /// Its lease was over.
+/// Updates the queue after a request.
+fn record_outcome(
+    shared: &SharedQueue,
+    submissions: &[Submission],
+    outcome: Result<Option<String>, SubmitError>,
+) {
+    let count: usize = submissions.iter().map(Submission::episodes).sum();
+    let mut queue = shared.lock();
+    queue.is_sending = false;
+    queue.unsent = queue.unsent.saturating_sub(count);
+    for submission in submissions {
+        if let Submission::Result { episode, .. } = submission {
+            queue.mark_reported(&episode.lease);
+        }
+    }
+    if queue.is_abandoned && !matches!(outcome, Err(SubmitError::Abandoned(_))) {
+        // The caller did not wait for these results when it closed, but they were submitted after all.
+        queue.counts.lost = queue.counts.lost.saturating_sub(count as u64);
+    }
+    match outcome {
+        Ok(None) => {}
+        // Results of an ended lease of groups have a status each; an ended lease of columns is late as a whole.
+        Err(SubmitError::Late) => queue.counts.late += count as u64,
+        Err(SubmitError::Refused(message)) => {
+            queue.counts.refused += count as u64;
+            queue.error = Some(message);
+        }
+        Ok(Some(message)) | Err(SubmitError::Abandoned(message)) => queue.error = Some(message),
+    }
+    shared.notify();
+}
+
+/// Reason why a submission failed.
+enum SubmitError {
+    /// The lease had ended.
     Late,
-    /// The server does not take any of it: why.
+    /// The server refused all of it, with a message.
     Refused(String),
-    /// Nobody waits for it any more: why it took so long.
+    /// The curriculum was closed before the server answered; the message says why it did not.
     Abandoned(String),
 }
 
-/// Sends it until it is told, or until nobody waits for that any more. Why the server refuses some of it, if it does.
-fn send(shared: &Shared, link: &Link, run: &str, parcels: &[Parcel]) -> Result<Option<String>, Untold> {
-    match parcels {
-        [Parcel::Columns(ledger)] => claim(shared, link, run, ledger),
-        [Parcel::Release(lease)] => {
-            let path = format!("/v1/runs/{run}/leases/{}/release", lease.id);
-            insist(shared, || link.post(&path, &json!({}))).map(|_| None)
-        }
-        _ => {
-            let results = parcels.iter().filter_map(|parcel| match parcel {
-                Parcel::Result { episode, tape, version } => Some(
-                    json!({"episode": episode.name(), "actions": actions(tape), "policy_version": version}),
-                ),
-                _ => None,
-            });
-            let told = results_of(shared, link, run, &results.collect::<Vec<_>>())?;
-            tally_up(&mut shared.lock().tally, &told.statuses);
-            Ok(told.refused)
-        }
-    }
+/// The server's response to a batch of results.
+struct ResultsSummary {
+    /// Number of results with each status.
+    statuses: BTreeMap<String, u64>,
+    /// Message of the first refused result.
+    refused: Option<String>,
 }
 
-/// The same again until it is answered, or refused for good.
-fn insist(shared: &Shared, ask: impl Fn() -> Result<Value, Failure>) -> Result<Value, Untold> {
-    loop {
-        match ask() {
-            Ok(answer) => {
-                shared.lock().answered();
-                return Ok(answer);
+/// The endpoints of one run.
+struct RunApi<'a> {
+    shared: &'a SharedQueue,
+    client: &'a HttpClient,
+    run: &'a str,
+}
+
+impl RunApi<'_> {
+    /// Sends a batch and repeats it until the server answers or the curriculum is abandoned.
+    ///
+    /// Returns a message if the server refused some of the results.
+    ///
+    /// # Errors
+    /// [`SubmitError`] if the server took none of it.
+    fn submit(&self, submissions: &[Submission]) -> Result<Option<String>, SubmitError> {
+        match submissions {
+            [Submission::Columns(columns)] => self.claim(columns).map(|()| None),
+            [Submission::Release(lease)] => {
+                let path = format!("/v1/runs/{}/leases/{}/release", self.run, lease.id);
+                self.retry(|| self.client.post(&path, &json!({}))).map(|_| None)
             }
-            Err(Failure::Refused { kind: Some(kind), .. }) if kind == LEASE_OVER => return Err(Untold::Late),
-            Err(Failure::Refused { status, why, .. }) => {
-                return Err(Untold::Refused(format!("the server refuses what was flown ({status}): {why}")));
+            _ => {
+                let results = submissions.iter().filter_map(|submission| match submission {
+                    Submission::Result { episode, actions, policy_version } => Some(json!({
+                        "episode": episode.id(),
+                        "actions": action_log(actions),
+                        "policy_version": policy_version,
+                    })),
+                    _ => None,
+                });
+                let summary = self.report_results(&results.collect::<Vec<_>>())?;
+                add_statuses(&mut self.shared.lock().counts, &summary.statuses);
+                Ok(summary.refused)
             }
-            Err(Failure::Away { why, after, .. }) => {
-                let closing = {
-                    let mut stock = shared.lock();
-                    if stock.abandoned {
-                        return Err(Untold::Abandoned(format!(
-                            "what was flown could not be handed in: {why}"
-                        )));
-                    }
-                    stock.away.get_or_insert((Instant::now(), why));
-                    stock.closing
-                };
-                shared.tell();
-                if closing {
-                    std::thread::sleep(PAUSE / 5);
-                } else {
-                    pause(shared, after.unwrap_or(PAUSE));
+        }
+    }
+
+    /// Repeats a request until the server answers or rejects it.
+    fn retry(&self, send: impl Fn() -> Result<Value, RequestError>) -> Result<Value, SubmitError> {
+        loop {
+            match send() {
+                Ok(response) => {
+                    self.shared.lock().end_outage();
+                    return Ok(response);
+                }
+                Err(RequestError::Rejected { kind: Some(kind), .. }) if kind == LEASE_OVER => {
+                    return Err(SubmitError::Late);
+                }
+                Err(RequestError::Rejected { status, message, .. }) => {
+                    let message = format!("the server refuses finished episodes ({status}): {message}");
+                    return Err(SubmitError::Refused(message));
+                }
+                Err(RequestError::Unavailable { message, retry_after, .. }) => {
+                    self.wait_for_server(message, retry_after)?;
                 }
             }
         }
     }
+
+    /// Waits before a repeated request.
+    fn wait_for_server(&self, reason: String, retry_after: Option<Duration>) -> Result<(), SubmitError> {
+        let is_closing = {
+            let mut queue = self.shared.lock();
+            if queue.is_abandoned {
+                let message = format!("finished episodes could not be submitted: {reason}");
+                return Err(SubmitError::Abandoned(message));
+            }
+            queue.begin_outage(reason);
+            queue.is_closing
+        };
+        self.shared.notify();
+        if is_closing {
+            std::thread::sleep(RETRY_DELAY / 5);
+        } else {
+            self.shared.pause(retry_after.unwrap_or(RETRY_DELAY));
+        }
+        Ok(())
+    }
+
+    /// Reports results with action logs.
+    fn report_results(&self, results: &[Value]) -> Result<ResultsSummary, SubmitError> {
+        let path = format!("/v1/runs/{}/results", self.run);
+        let body = json!({ "results": results });
+        let response = self.retry(|| self.client.post(&path, &body))?;
+        let mut summary = ResultsSummary { statuses: BTreeMap::new(), refused: None };
+        for result in response["results"].as_array().into_iter().flatten() {
+            let status = result["status"].as_str().unwrap_or_default();
+            *summary.statuses.entry(status.to_owned()).or_default() += 1;
+            if matches!(status, "refused" | "conflict") {
+                let detail = result["detail"].as_str().unwrap_or(status);
+                let message = || format!("the server refuses a finished episode: {detail}");
+                summary.refused.get_or_insert_with(message);
+            }
+        }
+        Ok(summary)
+    }
+
+    /// Claims a lease of columns and reports the episodes that the server audits.
+    fn claim(&self, columns: &ColumnLease) -> Result<(), SubmitError> {
+        let path = format!("/v1/runs/{}/leases/{}/columns", self.run, columns.lease.id);
+        let body = claim_body(columns);
+        let claim = self.retry(|| self.client.post(&path, &body))?;
+        let mut audited = audited_episodes(columns, &claim).into_iter().peekable();
+        while audited.peek().is_some() {
+            let (mut batch, mut values) = (Vec::new(), 0);
+            while let Some((id, actions)) = audited.next_if(|(_, actions)| {
+                batch.len() < MAX_BATCH_RESULTS && (values == 0 || values + actions.len() <= MAX_BATCH_VALUES)
+            }) {
+                values += actions.len();
+                batch.push(json!({"episode": id, "actions": action_log(actions)}));
+            }
+            if let Some(message) = self.report_results(&batch)?.refused {
+                return Err(SubmitError::Refused(message));
+            }
+        }
+        let state = self.retry(|| self.client.get(&path))?;
+        let episodes = columns.results.iter().flatten().count() as u64;
+        let counts = &mut self.shared.lock().counts;
+        match state["state"].as_str() {
+            Some("accepted") => counts.accepted += episodes,
+            Some("refused") => counts.refused += episodes,
+            _ => counts.unproven += episodes,
+        }
+        Ok(())
+    }
 }
 
-/// An action log, without entries of those who do nothing.
-fn actions(tape: &Tape) -> Value {
+fn claim_body(columns: &ColumnLease) -> Value {
+    let results = columns.results.iter().map(Option::as_ref);
+    let scores = results.clone().map(|result| result.map_or(0.0, |result| result.score));
+    let steps = results.clone().map(|result| result.map_or(0, |result| result.actions.steps() as u64));
+    let failed = results.map(|result| u8::from(result.is_none()));
+    json!({
+        "score": scores.collect::<Vec<f64>>(),
+        "steps": steps.collect::<Vec<u64>>(),
+        "failed": failed.collect::<Vec<u8>>(),
+        "policy_version": columns.policy_version,
+    })
+}
+
+/// Ids and actions of the episodes that the response to a claim asks for.
+fn audited_episodes<'a>(columns: &'a ColumnLease, claim: &Value) -> Vec<(String, &'a RecordedActions)> {
+    let mut audited = Vec::new();
+    for group in claim["audit"].as_array().into_iter().flatten() {
+        let entries = group["entries"].as_array().into_iter().flatten().filter_map(Value::as_u64);
+        let ids = group["episodes"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        for (entry, id) in entries.zip(ids) {
+            let result = usize::try_from(entry).ok().and_then(|entry| columns.results.get(entry)?.as_ref());
+            if let Some(EpisodeResult { actions, .. }) = result {
+                audited.push((id.to_owned(), actions));
+            }
+        }
+    }
+    audited
+}
+
+/// Action log as JSON, without entries of agents that hold.
+fn action_log(actions: &RecordedActions) -> Value {
     let step = |step: &[f32]| -> Vec<Value> {
-        let entries = step.chunks_exact(tape.action()).enumerate();
-        let acted = entries.filter(|(_, values)| values.iter().any(|value| *value != 0.0));
-        acted
+        let entries = step.chunks_exact(actions.action_dim()).enumerate();
+        let active = entries.filter(|(_, values)| values.iter().any(|value| *value != 0.0));
+        active
             .map(|(agent, values)| {
                 let values = values.iter().map(|value| json!(f64::from(*value)));
                 Value::Array(std::iter::once(json!(agent)).chain(values).collect())
             })
             .collect()
     };
-    json!({"steps": tape.rows().map(step).collect::<Vec<_>>(), "precision": "f32"})
+    json!({"steps": actions.rows().map(step).collect::<Vec<_>>(), "precision": "f32"})
 }
 
-/// What a server said to results.
-struct Told {
-    /// How many have which status.
-    statuses: BTreeMap<String, u64>,
-    /// Why the first of those was refused that were.
-    refused: Option<String>,
-}
-
-fn results_of(shared: &Shared, link: &Link, run: &str, results: &[Value]) -> Result<Told, Untold> {
-    let path = format!("/v1/runs/{run}/results");
-    let body = json!({ "results": results });
-    let answer = insist(shared, || link.post(&path, &body))?;
-    let mut told = Told { statuses: BTreeMap::new(), refused: None };
-    for result in answer["results"].as_array().into_iter().flatten() {
-        let status = result["status"].as_str().unwrap_or_default();
-        *told.statuses.entry(status.to_owned()).or_default() += 1;
-        if matches!(status, "refused" | "conflict") {
-            let why = result["detail"].as_str().unwrap_or(status);
-            told.refused
-                .get_or_insert_with(|| format!("the server refuses an episode that was flown: {why}"));
-        }
-    }
-    Ok(told)
-}
-
-fn tally_up(tally: &mut Tally, statuses: &BTreeMap<String, u64>) {
+fn add_statuses(counts: &mut EpisodeCounts, statuses: &BTreeMap<String, u64>) {
     for (status, count) in statuses {
         match status.as_str() {
-            "counted" => tally.counted += count,
-            "stored" => tally.stored += count,
-            "duplicate" => tally.duplicate += count,
-            "late" => tally.late += count,
-            "refused" | "conflict" => tally.refused += count,
+            "counted" => counts.counted += count,
+            "stored" => counts.stored += count,
+            "duplicate" => counts.duplicate += count,
+            "late" => counts.late += count,
+            "refused" | "conflict" => counts.refused += count,
             _ => {}
         }
     }
-}
-
-/// Claims a lease of columns and hands in what is audited of it.
-fn claim(shared: &Shared, link: &Link, run: &str, ledger: &Ledger) -> Result<Option<String>, Untold> {
-    let path = format!("/v1/runs/{run}/leases/{}/columns", ledger.lease.id);
-    let of = |number: &dyn Fn(&super::stock::Line) -> f64| -> Vec<f64> {
-        ledger.flown.iter().map(|line| line.as_ref().map_or(0.0, number)).collect()
-    };
-    let failed: Vec<u8> = ledger.flown.iter().map(|line| u8::from(line.is_none())).collect();
-    let body = json!({
-        "score": of(&|line| line.score),
-        "steps": of(&|line| line.tape.steps() as f64).into_iter().map(|steps| steps as u64).collect::<Vec<_>>(),
-        "failed": failed,
-        "policy_version": ledger.version,
-    });
-    let claimed = insist(shared, || link.post(&path, &body))?;
-    let mut due = Vec::new();
-    for group in claimed["audit"].as_array().into_iter().flatten() {
-        let entries = group["entries"].as_array().into_iter().flatten().filter_map(Value::as_u64);
-        let names = group["episodes"].as_array().into_iter().flatten().filter_map(Value::as_str);
-        for (entry, name) in entries.zip(names) {
-            let line = usize::try_from(entry).ok().and_then(|entry| ledger.flown.get(entry)?.as_ref());
-            if let Some(line) = line {
-                due.push((name.to_owned(), &line.tape));
-            }
-        }
-    }
-    let mut due = due.into_iter().peekable();
-    while due.peek().is_some() {
-        let (mut batch, mut numbers) = (Vec::new(), 0);
-        while let Some((name, tape)) = due
-            .next_if(|(_, tape)| batch.len() < RESULTS && (numbers == 0 || numbers + tape.len() <= NUMBERS))
-        {
-            numbers += tape.len();
-            batch.push(json!({"episode": name, "actions": actions(tape)}));
-        }
-        if let Some(why) = results_of(shared, link, run, &batch)?.refused {
-            return Err(Untold::Refused(why));
-        }
-    }
-    let state = insist(shared, || link.get(&path))?;
-    let episodes = ledger.flown.iter().flatten().count() as u64;
-    let mut stock = shared.lock();
-    let tally = &mut stock.tally;
-    match state["state"].as_str() {
-        Some("accepted") => tally.accepted += episodes,
-        Some("refused") => tally.refused += episodes,
-        _ => tally.unproven += episodes,
-    }
-    Ok(None)
 }

@@ -1,0 +1,135 @@
+"""`python -m sparring.experiments ppo`: trains a policy by PPO."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import sparring
+
+from . import ppo
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line."""
+    parser = _parser()
+    args = parser.parse_args(arguments)
+    if args.run and not args.url:
+        parser.error("--run needs --url, the address of the server that has it")
+    if args.level is not None and (args.url or args.local):
+        parser.error("--level: the curriculum chooses the scenarios")
+    for name, file in (("save", args.save), ("csv", args.csv)):
+        if file and not Path(file).resolve().parent.is_dir():
+            parser.error(f"--{name}: there is no folder {Path(file).resolve().parent}")
+    try:
+        config = ppo.Config(**{name: getattr(args, name) for name in asdict(ppo.Config())})
+        ppo.make_envs(config, None).close()
+    except ValueError as error:
+        parser.error(str(error))
+    try:
+        _run(args, config)
+    except (sparring.CurriculumError, OSError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        sys.exit(130)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sparring.experiments ppo", description=ppo.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for option in fields(ppo.Config):
+        kind = {"task": str, "level": int}.get(option.name, type(option.default))
+        help = option.metadata["help"] + ("" if option.default is None else " (%(default)s)")
+        parser.add_argument(f"--{option.name.replace('_', '-')}", type=kind, default=option.default, help=help)
+    server = parser.add_mutually_exclusive_group()
+    server.add_argument("--url", help="address of a running server with a curriculum (`sparring serve`)")
+    server.add_argument("--local", action="store_true", help="start a server for this training (pip install sparring-server)")
+    parser.add_argument("--run", help="id of a run of that server (default: create one)")
+    parser.add_argument("--save", help="file for the policy, which `Policy.load` reads")
+    parser.add_argument("--csv", help="file for the metrics of each rollout")
+    parser.add_argument("--tensorboard", help="folder for TensorBoard, with the curriculum's metrics")
+    return parser
+
+
+def _run(args: argparse.Namespace, config: ppo.Config) -> None:
+    print(f"{ppo.measure_speed(config):,.0f} env-steps/s without a policy, on {config.threads} thread(s)")
+    curriculum = _open_curriculum(args)
+    log = _TrainingLog(args, config, curriculum)
+    try:
+        policy = ppo.train(config, curriculum, log.report)
+        if curriculum:
+            curriculum.flush()
+            result = sparring.evaluate(curriculum, policy.act, policy="ppo", stochastic=False)
+            for task in curriculum.tasks:
+                skill = result.mean(task)
+                shown = "no" if skill is None else format(skill, ".3f")
+                print(f"{task}: {shown} skill on held-out contested scenarios ({result.id})")
+    finally:
+        log.close()
+        if curriculum:
+            curriculum.close()
+
+
+def _open_curriculum(args: argparse.Namespace) -> sparring.Curriculum | None:
+    if not (args.url or args.local):
+        return None
+    return sparring.Curriculum.open(args.url, args.run, settings={"tasks": [args.task or "kessler/survival"]})
+
+
+class _TrainingLog:
+    """Metrics on the terminal, in a CSV file and in TensorBoard; saves the policy at the end."""
+
+    def __init__(self, args: argparse.Namespace, config: ppo.Config, curriculum: sparring.Curriculum | None) -> None:
+        self._args, self._config, self._curriculum = args, config, curriculum
+        self._rows: list[dict[str, float]] = []
+        self._policy: ppo.Policy | None = None
+        self._writer: Any = None
+        if args.tensorboard:
+            from torch.utils.tensorboard import SummaryWriter
+
+            self._writer = SummaryWriter(args.tensorboard)
+
+    def report(self, steps: int, policy: ppo.Policy, metrics: dict[str, float]) -> None:
+        """Records a rollout; every tenth one is shown."""
+        self._policy = policy
+        self._rows.append({"steps": steps, **metrics})
+        if len(self._rows) % 10 != 1 and steps < self._config.steps:
+            return
+        if self._writer:
+            for name, value in {**metrics, **self._curriculum_metrics()}.items():
+                self._writer.add_scalar(name, value, steps)
+        print(
+            f"{steps:>10,} steps  return {metrics.get('return', float('nan')):7.3f}  "
+            f"{metrics['steps_per_s']:>9,.0f} env-steps/s with learning ({metrics['rollout_steps_per_s']:,.0f} without)",
+            flush=True,
+        )
+
+    def _curriculum_metrics(self) -> dict[str, float]:
+        try:
+            metrics = self._curriculum.metrics() if self._curriculum else {}
+        except sparring.CurriculumError:
+            return {}  # an unreachable server costs a point of the curves, not the training
+        return {f"curriculum/{name}": value for name, value in metrics.items()}
+
+    def close(self) -> None:
+        """Saves the policy and the metrics, however the training ended."""
+        if self._args.save and self._policy:
+            self._policy.save(self._args.save)
+        if self._writer:
+            self._writer.close()
+        if self._args.csv and self._rows:
+            with open(self._args.csv, "w", newline="") as file:
+                writer = csv.DictWriter(file, list(dict.fromkeys(name for row in self._rows for name in row)))
+                writer.writeheader()
+                writer.writerows(self._rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""TRL: an `environment_factory` whose groups run the curriculum's scenarios, and a callback for the curriculum's metrics.
+
+curriculum = sparring.Curriculum("http://127.0.0.1:8700", settings={"tasks": ["kessler/survival"], "group_size": 8})
+envs = sparring.trl.EnvironmentFactory(curriculum, group_size=8)
+trainer = GRPOTrainer(
+    model="Qwen/Qwen3-4B",
+    args=GRPOConfig(num_generations=8, per_device_train_batch_size=8, report_to="tensorboard"),
+    train_dataset=envs.dataset(1000),
+    environment_factory=envs,
+    callbacks=[sparring.trl.CurriculumCallback(envs)],
+)
+trainer.train()
+envs.close()
+"""
+
+from ..text_obs import describe_telemetry
+from .callback import CurriculumCallback
+from .factory import PROMPT, EnvironmentFactory, Reward
+from .tool_environment import ToolEnvironment
+
+__all__ = ["PROMPT", "CurriculumCallback", "EnvironmentFactory", "Reward", "ToolEnvironment", "describe_telemetry"]

@@ -1,0 +1,94 @@
+"""The trainer callback that sets the policy version and logs the curriculum's metrics."""
+
+from __future__ import annotations
+
+import logging
+import os
+from typing import Any
+
+try:
+    from transformers import TrainerCallback
+except ImportError as error:
+    raise ImportError("sparring.trl needs TRL: pip install 'sparring[trl]'") from error
+
+from ..curriculum import Curriculum, CurriculumError
+from .factory import EnvironmentFactory
+
+logger = logging.getLogger(__name__)
+
+
+class CurriculumCallback(TrainerCallback):
+    """Increments the policy version with the trainer's steps, and logs the curriculum's metrics with the trainer's.
+
+    The trainer's log gets `curriculum/…`: mastery, level, params, skill and the share of zero-variance groups. With
+    `report_to="tensorboard"` they are also a run `curriculum` beside the trainer's own. Callbacks of `report_to` are called
+    before this one; for others, as Weights & Biases, use `report_to="none"` and
+    `callbacks=[CurriculumCallback(envs), WandbCallback()]`.
+
+    Args:
+        source: The trainer's `environment_factory`; or a curriculum, with other environments.
+    """
+
+    def __init__(self, source: EnvironmentFactory | Curriculum) -> None:
+        self.source = source
+        self._first_version = 0
+        self._writer: Any = None
+
+    def on_train_begin(self, args: Any, state: Any, control: Any, **_: Any) -> None:
+        """Checks the trainer's settings and sets the policy version.
+
+        Raises:
+            ValueError: With these settings the members of a group would run in different processes, or evaluation episodes
+                would count as training.
+        """
+        if isinstance(self.source, EnvironmentFactory):
+            _check_arguments(args, self.source.group_size)
+        # A resumed run already has versions: a new training counts on from the newest.
+        self._first_version = max(0, self.source.policy_version - state.global_step)
+        self.source.policy_version = self._first_version + state.global_step
+        if state.is_world_process_zero and "tensorboard" in args.report_to:
+            from torch.utils.tensorboard import SummaryWriter
+
+            runs = os.environ.get("TENSORBOARD_LOGGING_DIR") or os.path.join(args.output_dir, "runs")
+            self._writer = SummaryWriter(os.path.join(runs, "curriculum"))
+
+    def on_step_end(self, args: Any, state: Any, control: Any, **_: Any) -> None:
+        """Sets the policy version after an update."""
+        self.source.policy_version = self._first_version + state.global_step
+
+    def on_log(self, args: Any, state: Any, control: Any, logs: dict[str, Any] | None = None, **_: Any) -> None:
+        """Adds the metrics to the logs."""
+        if not state.is_world_process_zero or logs is None:
+            return
+        try:
+            metrics = {f"curriculum/{name}": value for name, value in self.source.metrics().items()}
+        except CurriculumError as error:
+            # An unreachable server costs a point of the curves, not the training.
+            logger.warning("no metrics of the curriculum: %s", error)
+            return
+        logs.update(metrics)
+        if state.log_history:
+            state.log_history[-1].update(metrics)
+        if self._writer is not None:
+            for name, value in metrics.items():
+                self._writer.add_scalar(name, value, state.global_step)
+            self._writer.flush()
+
+    def on_train_end(self, args: Any, state: Any, control: Any, **_: Any) -> None:
+        """Closes the writer of TensorBoard."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+
+
+def _check_arguments(args: Any, group_size: int) -> None:
+    if args.num_generations != group_size:
+        raise ValueError(f"num_generations: {args.num_generations} differs from the group size {group_size}")
+    per_process = args.per_device_train_batch_size * args.steps_per_generation
+    if per_process % group_size:
+        raise ValueError(
+            f"per_device_train_batch_size: each process generates {per_process} episodes at once, which is not a multiple of the"
+            f" group size {group_size}: a group has to run in one process"
+        )
+    if args.eval_strategy != "no":
+        raise ValueError("eval_strategy: episodes of an evaluation by the trainer would count as training")

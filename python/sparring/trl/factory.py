@@ -1,0 +1,132 @@
+"""The `environment_factory` for TRL's `GRPOTrainer`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+try:
+    from datasets import Dataset
+except ImportError as error:
+    raise ImportError("sparring.trl needs TRL: pip install 'sparring[trl]'") from error
+
+from ..curriculum import Curriculum
+from .group_episodes import GroupEpisodes
+from .tool_environment import Reward as Reward
+from .tool_environment import ToolEnvironment
+
+#: Prompt before the first observation.
+PROMPT = (
+    "You fly three satellites around the Earth, which is at (0, 0); distances are in LU, a step is one TU. Debris that comes "
+    "nearer than 2 LU destroys a satellite. Call fire_thrusters where something will pass too near: a change of velocity of 0.1 "
+    "some steps before is enough, and costs fuel. Call hold where nothing will. What you leave unflown is flown by holding."
+)
+
+
+class EnvironmentFactory:
+    """Makes environments for `GRPOTrainer(environment_factory=…)`; all members of a group run one scenario.
+
+    The first member of a group to be reset takes a group of the run. Up to `group_size` members with the same `group_id` run
+    its scenario. Environments run in this process; the actions of each episode are submitted when it ends, and the server
+    computes its score. Leases are taken ahead, renewed, and released by `close`.
+
+    Args:
+        curriculum: Curriculum of a run with tasks of kessler.
+        group_size: `num_generations` of the trainer.
+        reward: Result of `get_reward`: the episode's `score`, or its `skill`, which is 0 for acting blindly, 1 for a planner
+            that knows the scenario, and 0 if nothing can be gained. Both order the members of a group in the same way.
+        max_debris: Pieces of debris per satellite that are described after an action. A piece takes about 35 tokens of
+            `max_completion_length`.
+        lease_groups: Groups of a lease. A smaller number follows the curriculum more closely.
+        ttl_s: Seconds until a lease expires; it is renewed after half of them.
+        max_wait_s: Seconds that a reset waits for an episode while the server is unreachable.
+
+    Raises:
+        ValueError: The run has tasks of another world, or a value is out of range.
+        CurriculumError: The server rejects the request.
+    """
+
+    def __init__(
+        self,
+        curriculum: Curriculum,
+        group_size: int,
+        *,
+        reward: Reward = "score",
+        max_debris: int = 2,
+        lease_groups: int = 1,
+        ttl_s: int = 600,
+        max_wait_s: float = 600.0,
+    ) -> None:
+        others = [task for task in curriculum.tasks if not task.startswith("kessler/")]
+        if others:
+            raise ValueError(f"curriculum: its run has {', '.join(others)}; the tools are for kessler only")
+        if reward not in ("score", "skill"):
+            raise ValueError(f"reward: {reward!r} is neither score nor skill")
+        if group_size < 1:
+            raise ValueError(f"group_size: must be >= 1, got {group_size}")
+        self.curriculum = curriculum
+        self.group_size = group_size
+        self.reward: Reward = reward
+        self.max_debris = max_debris
+        # A separate lease queue: other users of the curriculum would take episodes out of the middle of groups.
+        self._own_curriculum = curriculum.reopen(
+            form="groups", group_size=group_size, lease_groups=lease_groups, ttl_s=ttl_s, max_wait_s=max_wait_s
+        )
+        self._episodes = GroupEpisodes(self._own_curriculum, group_size)
+
+    def __call__(self) -> ToolEnvironment:
+        """Makes one environment for the trainer."""
+        return ToolEnvironment(self._episodes, self.reward, self.max_debris)
+
+    def dataset(self, groups: int, prompt: str = PROMPT) -> Dataset:
+        """Makes a dataset with one prompt and one `group_id` per group.
+
+        Args:
+            groups: Number of groups. Scenarios are chosen when they are run, so a second epoch runs other scenarios.
+            prompt: Prompt before the first observation.
+        """
+        row = [{"role": "user", "content": prompt + "\n\n"}]
+        return Dataset.from_list([{"prompt": row, "group_id": f"group-{number}"} for number in range(groups)])
+
+    @property
+    def policy_version(self) -> int:
+        """Policy version of the episodes that begin from now on; `CurriculumCallback` sets it."""
+        return self._own_curriculum.policy_version
+
+    @policy_version.setter
+    def policy_version(self, version: int) -> None:
+        self._own_curriculum.policy_version = version
+        self.curriculum.policy_version = version
+
+    def metrics(self) -> dict[str, float]:
+        """Returns `Curriculum.metrics` of the run, with the episodes of these environments.
+
+        Raises:
+            CurriculumError: The server is unreachable.
+        """
+        return self._own_curriculum.metrics()
+
+    def stats(self) -> dict[str, Any]:
+        """Returns `Curriculum.stats` of these environments."""
+        return self._own_curriculum.stats()
+
+    def flush(self, timeout_s: float = 60.0) -> None:
+        """Waits until all results are submitted.
+
+        Raises:
+            CurriculumError: They are not submitted in time, or the server refused some.
+        """
+        self._own_curriculum.flush(timeout_s)
+
+    def close(self, timeout_s: float = 60.0) -> None:
+        """Submits results and releases unfinished episodes; the owner of the curriculum closes that.
+
+        Raises:
+            CurriculumError: Results could not be submitted, or were refused.
+        """
+        self._own_curriculum.close(timeout_s)
+
+    def __enter__(self) -> EnvironmentFactory:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
