@@ -13,7 +13,7 @@ export default ts.config(
     files: ["**/*.svelte", "**/*.svelte.ts"],
     languageOptions: { parserOptions: { parser: ts.parser, extraFileExtensions: [".svelte"], svelteConfig } },
   },
-  // What a model or a trainer wrote is text, never markup.
+  // Texts of language models and trainers are never rendered as markup.
   { rules: { "svelte/no-at-html-tags": "error", "svelte/require-each-key": "error" } },
   { ignores: ["dist/", "src/lib/schema.d.ts"] },
 );

@@ -5,24 +5,24 @@ import { brotliCompress, constants, gzip } from "node:zlib";
 import { svelte } from "@sveltejs/vite-plugin-svelte";
 import { defineConfig, type Plugin } from "vite";
 
-const brotli = promisify(brotliCompress);
-const zip = promisify(gzip);
+const brotliAsync = promisify(brotliCompress);
+const gzipAsync = promisify(gzip);
 
-/** Each file once more as .br and .gz: the service sends them as they are. */
-function compressed(): Plugin {
+/** Compresses each file to .br and .gz, which the server sends unchanged. */
+function compressFiles(): Plugin {
   return {
-    name: "compressed",
+    name: "compress-files",
     apply: "build",
     enforce: "post",
-    // What was written, not the bundle in hand: Vite itself changes that once more.
+    // Reads the written files, not the bundle object: Vite changes the files once more.
     async writeBundle(options, bundle) {
       for (const name of Object.keys(bundle)) {
         const file = join(options.dir ?? "dist", name);
         const source = await readFile(file);
         if (source.length < 512) continue;
-        const best = { params: { [constants.BROTLI_PARAM_QUALITY]: constants.BROTLI_MAX_QUALITY } };
-        await writeFile(`${file}.br`, await brotli(source, best));
-        await writeFile(`${file}.gz`, await zip(source, { level: 9 }));
+        const bestQuality = { params: { [constants.BROTLI_PARAM_QUALITY]: constants.BROTLI_MAX_QUALITY } };
+        await writeFile(`${file}.br`, await brotliAsync(source, bestQuality));
+        await writeFile(`${file}.gz`, await gzipAsync(source, { level: 9 }));
       }
     },
   };
@@ -30,7 +30,7 @@ function compressed(): Plugin {
 
 export default defineConfig({
   base: "/dashboard/",
-  plugins: [svelte(), compressed()],
+  plugins: [svelte(), compressFiles()],
   build: { target: "es2022", assetsInlineLimit: 0, sourcemap: false },
   server: {
     proxy: {

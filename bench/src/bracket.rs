@@ -1,4 +1,4 @@
-//! The bracket: panel, floor, reference and witness of a scenario, one thread.
+//! Brackets of scenarios on one thread: panel, floor, reference and its plan.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,44 +9,63 @@ use crate::Row;
 
 const SCENARIOS: u64 = 3000;
 
-/// Task, params, goal in milliseconds.
-type Cell = (&'static str, &'static [(&'static str, f64)], f64);
+/// Task and params of a measurement, with the goal.
+struct BracketCase {
+    task: &'static str,
+    params: &'static [(&'static str, f64)],
+    goal_ms: f64,
+}
 
-/// The same under `risk: pc`, where every passage of every body counts: easy, and as hard as can be asked by hand.
-const AT_RISK: [Cell; 4] = [
-    ("kessler/survival", &[("debris", 150.0), ("spread", 1.0)], 1000.0),
-    ("kessler/survival", &[("debris", 150.0), ("spread", 1.0), ("sigma", 10.0)], 1000.0),
-    ("kessler/survival", &[("debris", 1000.0), ("spread", 1.0), ("sigma", 10.0)], 5000.0),
-    ("kessler/formation", &[("debris", 1000.0), ("spread", 1.0)], 5000.0),
+impl BracketCase {
+    const fn new(task: &'static str, params: &'static [(&'static str, f64)], goal_ms: f64) -> Self {
+        Self { task, params, goal_ms }
+    }
+}
+
+const CASES: [BracketCase; 5] = [
+    BracketCase::new("kessler/survival", &[("debris", 50.0)], 0.5),
+    BracketCase::new("kessler/survival", &[("debris", 50.0), ("spread", 1.0), ("fuel", 20.0)], 0.5),
+    BracketCase::new("kessler/eco_station", &[("debris", 50.0)], 0.5),
+    BracketCase::new("kessler/rendezvous", &[("debris", 50.0)], 5.0),
+    BracketCase::new("docking/multiagent", &[("deputies", 3.0)], 5.0),
 ];
-const SCENARIOS_AT_RISK: u64 = 5;
+
+/// Cases with `risk: pc`, where every passage of every body counts: easy ones, and the hardest that the API accepts.
+const PC_CASES: [BracketCase; 4] = [
+    BracketCase::new("kessler/survival", &[("debris", 150.0), ("spread", 1.0)], 1000.0),
+    BracketCase::new("kessler/survival", &[("debris", 150.0), ("spread", 1.0), ("sigma", 10.0)], 1000.0),
+    BracketCase::new("kessler/survival", &[("debris", 1000.0), ("spread", 1.0), ("sigma", 10.0)], 5000.0),
+    BracketCase::new("kessler/formation", &[("debris", 1000.0), ("spread", 1.0)], 5000.0),
+];
+const PC_SCENARIOS: u64 = 5;
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    let cells: [Cell; 5] = [
-        ("kessler/survival", &[("debris", 50.0)], 0.5),
-        ("kessler/survival", &[("debris", 50.0), ("spread", 1.0), ("fuel", 20.0)], 0.5),
-        ("kessler/eco_station", &[("debris", 50.0)], 0.5),
-        ("kessler/rendezvous", &[("debris", 50.0)], 5.0),
-        ("docking/multiagent", &[("deputies", 3.0)], 5.0),
-    ];
-    for (task, params, goal_ms) in cells {
-        let scenarios = if goal_ms > 1.0 { SCENARIOS / 10 } else { SCENARIOS };
-        rows.push(row((task, params, goal_ms), scenarios, None)?);
+    for case in &CASES {
+        let scenarios = if case.goal_ms > 1.0 { SCENARIOS / 10 } else { SCENARIOS };
+        rows.push(measure_case(case, scenarios, None)?);
     }
-    for cell in AT_RISK {
-        rows.push(row(cell, SCENARIOS_AT_RISK, Some(("risk", "pc")))?);
+    for case in &PC_CASES {
+        rows.push(measure_case(case, PC_SCENARIOS, Some(PhysicsChoice { option: "risk", choice: "pc" }))?);
     }
     Ok(rows)
 }
 
-fn row((task, params, goal_ms): Cell, scenarios: u64, option: Option<(&str, &str)>) -> anyhow::Result<Row> {
+/// Physics option of a recipe that differs from its default.
+#[derive(Clone, Copy)]
+struct PhysicsChoice {
+    option: &'static str,
+    choice: &'static str,
+}
+
+fn measure_case(case: &BracketCase, scenarios: u64, physics: Option<PhysicsChoice>) -> anyhow::Result<Row> {
+    let BracketCase { task, params, goal_ms } = *case;
     let spec = env_core::task(task).ok_or_else(|| anyhow::anyhow!("{task} is gone"))?;
     let mut recipe = Recipe::with_params(spec, params.iter().copied())?;
-    let mut named: Vec<String> = params.iter().map(|(n, v)| format!("{n} {v}")).collect();
-    if let Some((name, choice)) = option {
-        recipe = recipe.with_option(name, choice)?;
-        named.push(format!("{name}: {choice}"));
+    let mut description: Vec<String> = params.iter().map(|(n, v)| format!("{n} {v}")).collect();
+    if let Some(PhysicsChoice { option, choice }) = physics {
+        recipe = recipe.with_option(option, choice)?;
+        description.push(format!("{option}: {choice}"));
     }
     let recipe = Arc::new(recipe);
     let mut times = Vec::new();
@@ -60,7 +79,7 @@ fn row((task, params, goal_ms): Cell, scenarios: u64, option: Option<(&str, &str
     let mean = times.iter().sum::<f64>() / times.len() as f64;
     let p99 = times[times.len() * 99 / 100];
     Ok(Row {
-        what: format!("bracket, {task} at {}", named.join(", ")),
+        label: format!("bracket, {task} at {}", description.join(", ")),
         measured: format!("{mean:.3} ms mean, {p99:.2} p99"),
         goal: format!("≤ {goal_ms} ms mean"),
         ratio: Some(goal_ms / mean),

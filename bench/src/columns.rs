@@ -1,5 +1,5 @@
-//! Columns over HTTP: leases of 100 000 episodes, their columns in MessagePack, audits and their logs, all acknowledged on disk; a
-//! real server in a process of its own, small leases taken meanwhile. Clients share the machine with the server.
+//! Column claims over HTTP: leases of 100 000 episodes with columns in MessagePack, audits and logs, all acknowledged after
+//! their commit. The server is a process of its own, and small leases are measured meanwhile. Clients share its machine.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,10 +7,10 @@ use std::time::Instant;
 use env_core::{ActionLog, Recipe, Scenario, Seed};
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use system_tests::{Api, Lease, Process, flown, wire};
+use system_tests::{ApiClient, Lease, ServerProcess, log_to_json, run_policy};
 
 use crate::Row;
-use crate::results::{lease_times, stored};
+use crate::results::{database_bytes, measure_leases};
 
 const LEASES: usize = 12;
 const EPISODES: usize = 100_000;
@@ -19,8 +19,8 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     tokio::runtime::Runtime::new()?.block_on(run())
 }
 
-/// A lease whose columns are ready to be sent. Nothing was burnt in it: the scores are what holding earns.
-pub(crate) struct Ready {
+/// Lease with an encoded claim of the scores of a holding policy.
+pub(crate) struct PreparedClaim {
     lease: Lease,
     body: Vec<u8>,
 }
@@ -28,34 +28,34 @@ pub(crate) struct Ready {
 async fn run() -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("bench.sqlite3");
-    let server = Process::start(&file);
+    let server = ServerProcess::start(&file);
     let api = server.api();
-    // Levels at which an episode is short work: what is measured is the feed.
-    let wish = json!({"id": "bench", "seed": 1, "placement": false, "tasks": ["kessler/survival", "kessler/eco_station"],
+    // Levels with episodes that run quickly, because the benchmark measures the feed.
+    let request = json!({"id": "bench", "seed": 1, "placement": false, "tasks": ["kessler/survival", "kessler/eco_station"],
                       "design": {"designer": "off"}});
-    let created = api.post("/v1/runs", wish).await;
+    let created = api.post("/v1/runs", request).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
-    let mut ready = Vec::new();
+    let mut claims = Vec::new();
     for _ in 0..LEASES {
-        ready.push(prepare(&api, "bench", EPISODES).await?);
+        claims.push(prepare_claim(&api, "bench", EPISODES).await?);
     }
     let (done, leasing) = {
-        let (done, until) = tokio::sync::oneshot::channel::<()>();
-        (done, tokio::spawn(lease_times(api.clone(), until)))
+        let (done, stop) = tokio::sync::oneshot::channel::<()>();
+        (done, tokio::spawn(measure_leases(api.clone(), stop)))
     };
     let (start, mut audited, mut bytes) = (Instant::now(), 0, 0);
-    for ready in &ready {
-        bytes += ready.body.len();
-        audited += claim(&api, "bench", ready).await?;
+    for claim in &claims {
+        bytes += claim.body.len();
+        audited += claim_columns(&api, "bench", claim).await?;
     }
     let seconds = start.elapsed().as_secs_f64();
     drop(done);
-    let (_, p99) = leasing.await?;
+    let p99 = leasing.await?.p99_ms;
     let rate = (LEASES * EPISODES) as f64 / seconds;
-    let stored = stored(server, &file)?;
+    let stored = database_bytes(server, &file)?;
     Ok(vec![
         Row {
-            what: format!(
+            label: format!(
                 "episodes claimed in columns of {EPISODES}, {} audited and replayed, {:.1} bytes each",
                 audited,
                 bytes as f64 / (LEASES * EPISODES) as f64
@@ -65,13 +65,13 @@ async fn run() -> anyhow::Result<Vec<Row>> {
             ratio: Some(rate / 200_000.0),
         },
         Row {
-            what: "a lease of one group, under that load".into(),
+            label: "a lease of one group, under that load".into(),
             measured: format!("{p99:.1} ms p99"),
             goal: "p99 < 20 ms".into(),
             ratio: Some(20.0 / p99),
         },
         Row {
-            what: "the database after that, a claimed episode".into(),
+            label: "the database after that, a claimed episode".into(),
             measured: format!("{:.1} bytes", stored as f64 / (LEASES * EPISODES) as f64),
             goal: String::new(),
             ratio: None,
@@ -79,24 +79,30 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     ])
 }
 
-/// The scenario of a group.
-fn scenario(lease: &Lease, group: usize) -> anyhow::Result<Scenario> {
-    let whole = |value: &Value, key: &str| value[key].as_u64().unwrap_or_default();
+/// Builds the scenario of a group.
+fn group_scenario(lease: &Lease, group: usize) -> anyhow::Result<Scenario> {
+    let unsigned = |value: &Value, key: &str| value[key].as_u64().unwrap_or_default();
     let ranges = lease.0["ranges"].as_array().map_or(&[][..], Vec::as_slice);
-    let holds = |range: &&Value| {
-        (whole(range, "first")..whole(range, "first") + whole(range, "groups")).contains(&(group as u64))
+    let contains_group = |range: &&Value| {
+        (unsigned(range, "first")..unsigned(range, "first") + unsigned(range, "groups"))
+            .contains(&(group as u64))
     };
-    let range = ranges.iter().find(holds).ok_or_else(|| anyhow::anyhow!("no range holds group {group}"))?;
-    let recipe = Recipe::from_json(&lease.0["recipes"][whole(range, "recipe") as usize])?;
-    let seed = whole(range, "seed") + group as u64 - whole(range, "first");
+    let range =
+        ranges.iter().find(contains_group).ok_or_else(|| anyhow::anyhow!("no range holds group {group}"))?;
+    let recipe = Recipe::from_json(&lease.0["recipes"][unsigned(range, "recipe") as usize])?;
+    let seed = unsigned(range, "seed") + group as u64 - unsigned(range, "first");
     Ok(Scenario::new(Arc::new(recipe), Seed::new(seed)?))
 }
 
-pub(crate) async fn prepare(api: &Api, run: &str, episodes: usize) -> anyhow::Result<Ready> {
-    let wish = json!({"form": "columns", "groups": episodes, "ttl_s": 3600});
-    let answer = api.post(&format!("/v1/runs/{run}/leases"), wish).await;
-    anyhow::ensure!(answer.status == 201, "no lease: {}", answer.body);
-    let lease = Lease(answer.body);
+pub(crate) async fn prepare_claim(
+    api: &ApiClient,
+    run: &str,
+    episodes: usize,
+) -> anyhow::Result<PreparedClaim> {
+    let request = json!({"form": "columns", "groups": episodes, "ttl_s": 3600});
+    let response = api.post(&format!("/v1/runs/{run}/leases"), request).await;
+    anyhow::ensure!(response.status == 201, "no lease: {}", response.body);
+    let lease = Lease(response.body);
     let ranges = lease.0["ranges"].as_array().cloned().unwrap_or_default();
     let scores: Vec<Vec<f32>> = ranges
         .into_par_iter()
@@ -106,7 +112,7 @@ pub(crate) async fn prepare(api: &Api, run: &str, episodes: usize) -> anyhow::Re
             let seed = range["seed"].as_u64().unwrap_or_default();
             let score = |group| {
                 let scenario = Scenario::new(Arc::clone(&recipe), Seed::new(seed + group)?);
-                Ok::<_, anyhow::Error>(held(&scenario))
+                Ok::<_, anyhow::Error>(hold_score(&scenario))
             };
             (0..range["groups"].as_u64().unwrap_or_default()).map(score).collect()
         })
@@ -115,33 +121,38 @@ pub(crate) async fn prepare(api: &Api, run: &str, episodes: usize) -> anyhow::Re
     let mut body = b"\x81\xa5score\xc6".to_vec();
     body.extend_from_slice(&(bytes.len() as u32).to_be_bytes());
     body.extend_from_slice(&bytes);
-    Ok(Ready { lease, body })
+    Ok(PreparedClaim { lease, body })
 }
 
-/// What holding earns; nothing where there is no fair start.
-fn held(scenario: &Scenario) -> f32 {
+/// Returns the score of holding, or 0 without a valid start.
+fn hold_score(scenario: &Scenario) -> f32 {
     let width = scenario.task().action_space().columns.len();
     let mut log = ActionLog::new(width, env_core::log::Precision::F64);
-    log.stopped = Some(env_core::Stopped::TooLate);
-    env_core::rollout::replay(scenario, &log).map_or(0.0, |flown| flown.score as f32)
+    log.stopped = Some(env_core::StopReason::TooLate);
+    env_core::rollout::replay(scenario, &log).map_or(0.0, |outcome| outcome.score as f32)
 }
 
-/// Sends columns, then the logs that are due; how many those were.
-pub(crate) async fn claim(api: &Api, run: &str, Ready { lease, body }: &Ready) -> anyhow::Result<usize> {
+/// Sends a claim, then the audited logs; returns their number.
+pub(crate) async fn claim_columns(
+    api: &ApiClient,
+    run: &str,
+    PreparedClaim { lease, body }: &PreparedClaim,
+) -> anyhow::Result<usize> {
     let path = format!("/v1/runs/{run}/leases/{}/columns", lease.id());
-    let claim = api.raw("POST", &path, "application/msgpack", body.clone()).await;
+    let claim = api.request("POST", &path, "application/msgpack", body.clone()).await;
     anyhow::ensure!(claim.status == 200, "not taken: {}", claim.body);
     let mut results = Vec::new();
     for audit in claim.body["audit"].as_array().cloned().unwrap_or_default() {
-        let scenario = scenario(lease, audit["group"].as_u64().unwrap_or_default() as usize)?;
-        let (_, log) = flown(&scenario, "hold");
-        results.push(json!({"episode": audit["episodes"][0], "actions": wire(&log)}));
+        let scenario = group_scenario(lease, audit["group"].as_u64().unwrap_or_default() as usize)?;
+        let log = run_policy(&scenario, "hold").log;
+        results.push(json!({"episode": audit["episodes"][0], "actions": log_to_json(&log)}));
     }
-    let due = results.len();
-    let told = api.report(run, results).await;
-    let fine = told["results"].as_array().is_some_and(|all| all.iter().all(|r| r["status"] == "audited"));
-    anyhow::ensure!(fine, "an audit failed: {told}");
-    let standing = api.get(&path).await;
-    anyhow::ensure!(standing.body["state"] == "accepted", "not accepted: {}", standing.body);
-    Ok(due)
+    let audited = results.len();
+    let report = api.report(run, results).await;
+    let is_audited =
+        report["results"].as_array().is_some_and(|all| all.iter().all(|r| r["status"] == "audited"));
+    anyhow::ensure!(is_audited, "an audit failed: {report}");
+    let state = api.get(&path).await;
+    anyhow::ensure!(state.body["state"] == "accepted", "not accepted: {}", state.body);
+    Ok(audited)
 }

@@ -1,34 +1,35 @@
-//! The batch engine beside the bare kernel, in turns: what the rules cost, and what a second core gives.
+//! The batch engine compared with the baseline kernel: cost of the rules, gain of a second core, cost per body.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use orchestrator::cli::bench::flying::Flying;
+use cli::bench::flying::Flying;
 
 use crate::Row;
-use crate::bare::Bare;
+use crate::baseline_kernel::BaselineKernel;
 
 /// Environments of a batch.
 const ENVS: usize = 256;
-/// Slices a measurement is cut into; rivals take turns, and of each the best tenth is
-/// told: what the machine gives when nothing else runs on it.
+/// Number of time slices of a measurement. Contestants alternate, and the best tenth of their slices counts, which is the
+/// speed of a machine without other load.
 const SLICES: usize = 80;
 const SLICE: Duration = Duration::from_millis(8);
-/// Environments of a batch that two cores share: a step of them takes half a millisecond, and handing half of it over costs
-/// some 30 µs.
-const MANY: usize = 8 * ENVS;
-/// Largest burn per axis, LU/TU.
-const BURN: f64 = 0.05;
+/// Environments of a batch that two cores share: a step takes half a millisecond, and the handover to a second core 30 µs.
+const TWO_CORE_ENVS: usize = 8 * ENVS;
+/// Largest burn per axis, in LU/TU.
+const MAX_BURN: f64 = 0.05;
 
-/// Rates of rivals that take turns: of each, what its best tenth of slices reaches.
-pub(crate) fn race(rivals: &mut [&mut dyn FnMut() -> anyhow::Result<usize>]) -> anyhow::Result<Vec<f64>> {
-    let mut rates = vec![Vec::new(); rivals.len()];
+/// Runs the contestants in alternating time slices; returns the 90th percentile of each rate, in items a second.
+pub(crate) fn measure_alternating(
+    contestants: &mut [&mut dyn FnMut() -> anyhow::Result<usize>],
+) -> anyhow::Result<Vec<f64>> {
+    let mut rates = vec![Vec::new(); contestants.len()];
     for slice in 0..=SLICES {
-        for (rival, rates) in rivals.iter_mut().zip(&mut rates) {
+        for (contestant, rates) in contestants.iter_mut().zip(&mut rates) {
             let (begun, mut done) = (Instant::now(), 0);
             while begun.elapsed() < SLICE {
                 for _ in 0..4 {
-                    done += rival()?;
+                    done += contestant()?;
                 }
             }
             if slice > 0 {
@@ -51,23 +52,23 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for debris in [25, 50, 150] {
         let params = [("debris", f64::from(debris))];
-        let mut flying = Flying::new("kessler/survival", &params, ENVS, BURN)?;
+        let mut flying = Flying::new("kessler/survival", &params, ENVS, MAX_BURN)?;
         let bodies = (flying.shape().observation - 18) / 5;
-        let mut bare = Bare::new(ENVS, debris as usize, bodies);
-        let mut seen = vec![0.0; ENVS * flying.shape().observation];
+        let mut baseline = BaselineKernel::new(ENVS, debris as usize, bodies);
+        let mut observations = vec![0.0; ENVS * flying.shape().observation];
         let rates = one.install(|| {
-            race(&mut [
+            measure_alternating(&mut [
                 &mut || {
-                    black_box(bare.step(&mut seen));
+                    black_box(baseline.step(&mut observations));
                     Ok(ENVS)
                 },
                 &mut || flying.step().map(|()| ENVS),
             ])
         })?;
         rows.push(Row {
-            what: format!("kessler batch of {ENVS}, {debris} debris, one core, beside the bare kernel"),
+            label: format!("kessler batch of {ENVS}, {debris} debris, one core, and the baseline kernel"),
             measured: format!("{:.2} of {:.2} M steps/s", rates[1] / 1e6, rates[0] / 1e6),
-            goal: "≥ 0.6 of it".into(),
+            goal: "≥ 0.6 of the kernel".into(),
             ratio: Some(rates[1] / rates[0] / 0.6),
         });
     }
@@ -79,27 +80,28 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
 
 fn second_core(one: &rayon::ThreadPool, two: &rayon::ThreadPool) -> anyhow::Result<Row> {
     let params = [("debris", 50.0)];
-    let mut alone = Flying::new("kessler/survival", &params, MANY, BURN)?;
-    let mut shared = Flying::new("kessler/survival", &params, MANY, BURN)?;
-    let rates = race(&mut [&mut || one.install(|| alone.step()).map(|()| MANY), &mut || {
-        two.install(|| shared.step()).map(|()| MANY)
-    }])?;
+    let mut alone = Flying::new("kessler/survival", &params, TWO_CORE_ENVS, MAX_BURN)?;
+    let mut shared = Flying::new("kessler/survival", &params, TWO_CORE_ENVS, MAX_BURN)?;
+    let rates = measure_alternating(&mut [
+        &mut || one.install(|| alone.step()).map(|()| TWO_CORE_ENVS),
+        &mut || two.install(|| shared.step()).map(|()| TWO_CORE_ENVS),
+    ])?;
     Ok(Row {
-        what: format!("kessler batch of {MANY}, 50 debris, two cores beside one"),
+        label: format!("kessler batch of {TWO_CORE_ENVS}, 50 debris, two cores and one"),
         measured: format!("{:.2} of {:.2} M steps/s", rates[1] / 1e6, rates[0] / 1e6),
         goal: "≥ 1.8 times".into(),
         ratio: Some(rates[1] / rates[0] / 1.8),
     })
 }
 
-/// Cost per body from few to very many, and memory.
+/// Measures time per body and memory per environment, from few to very many bodies.
 fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for debris in [25usize, 50, 100, 250, 500, 1000] {
-        let mut flying = Flying::new("kessler/survival", &[("debris", debris as f64)], 64, BURN)?;
-        let rate = one.install(|| race(&mut [&mut || flying.step().map(|()| 64)]))?[0];
+        let mut flying = Flying::new("kessler/survival", &[("debris", debris as f64)], 64, MAX_BURN)?;
+        let rate = one.install(|| measure_alternating(&mut [&mut || flying.step().map(|()| 64)]))?[0];
         rows.push(Row {
-            what: format!("kessler, {debris} debris: time a body and step; memory an environment"),
+            label: format!("kessler, {debris} debris: time a body and step; memory an environment"),
             measured: format!("{:.2} ns; {} bytes", 1e9 / rate / (debris + 3) as f64, flying.bytes_per_env()),
             goal: String::new(),
             ratio: None,
@@ -108,17 +110,17 @@ fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Deputies flown by full random thrust; those that have left do not count.
+/// Measures deputies with full random thrust; deputies that have left do not count.
 fn docking(one: &rayon::ThreadPool) -> anyhow::Result<Row> {
     let mut flying = Flying::new("docking/multiagent", &[("deputies", 3.0)], ENVS, 1.0)?;
     let rate = one.install(|| {
-        race(&mut [&mut || {
+        measure_alternating(&mut [&mut || {
             flying.step()?;
             Ok(flying.agents())
         }])
     })?[0];
     Ok(Row {
-        what: format!("docking batch of {ENVS}, three deputies, one core"),
+        label: format!("docking batch of {ENVS}, three deputies, one core"),
         measured: format!("{:.1} M agent-steps/s; {} bytes", rate / 1e6, flying.bytes_per_env()),
         goal: "≥ 5 M agent-steps/s".into(),
         ratio: Some(rate / 5e6),

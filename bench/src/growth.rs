@@ -1,25 +1,26 @@
-//! A run of weeks in an hour: what its database comes to, and how long lists of it take.
+//! Growth of a long run: size of the database and duration of list requests, after up to ten million episodes.
 
 use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
-use system_tests::{Api, Process};
+use system_tests::{ApiClient, ServerProcess};
 use tokio::task::JoinSet;
 
 use crate::{Row, results};
 
-/// Trainers that report at the same time.
+/// Number of concurrent trainers.
 const TRAINERS: usize = 3;
-/// Lines of the table.
-const LINES: u64 = 10;
-/// Times that each list is asked for.
-const ASKED: usize = 5;
+/// Number of rows of the table.
+const ROWS: u64 = 10;
+/// Number of requests of each list; their median counts.
+const REQUESTS: usize = 5;
 
-/// Bytes that 10⁷ episodes may take, and milliseconds that a list of them may.
-const MOST_BYTES: f64 = (1u64 << 30) as f64;
-const MOST_MS: f64 = 50.0;
+/// Goal of the size of the database after 10⁷ episodes, in bytes.
+const GOAL_BYTES: f64 = (1u64 << 30) as f64;
+/// Goal of the slowest list request, in milliseconds.
+const GOAL_MS: f64 = 50.0;
 
 pub(crate) fn measure(episodes: u64, group_size: u32) -> anyhow::Result<Vec<Row>> {
     tokio::runtime::Runtime::new()?.block_on(run(episodes, group_size))
@@ -28,55 +29,55 @@ pub(crate) fn measure(episodes: u64, group_size: u32) -> anyhow::Result<Vec<Row>
 async fn run(episodes: u64, group_size: u32) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("bench.sqlite3");
-    let server = Process::start(&file);
+    let server = ServerProcess::start(&file);
     let api = server.api();
-    // Everything at its defaults but the number of episodes of a scenario, and the task: the one that is prepared soonest.
-    let wish = json!({"id": "bench", "seed": 1, "group_size": group_size, "tasks": ["kessler/survival"]});
-    let created = api.post("/v1/runs", wish).await;
+    // All settings have defaults, except the group size and the task, which is the fastest to prepare.
+    let settings = json!({"id": "bench", "seed": 1, "group_size": group_size, "tasks": ["kessler/survival"]});
+    let created = api.post("/v1/runs", settings).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
-    let (mut rows, mut done, begun) = (Vec::new(), 0, Instant::now());
+    let (mut rows, mut done, start) = (Vec::new(), 0, Instant::now());
     let (mut bytes, mut slowest) = (0.0f64, 0.0f64);
-    for line in 1..=LINES {
-        done += report(&api, episodes * line / LINES - done).await?;
-        let lists = lists(&api).await?;
-        bytes = on_disk(&file)?;
+    for line in 1..=ROWS {
+        done += report(&api, episodes * line / ROWS - done).await?;
+        let lists = measure_lists(&api).await?;
+        bytes = database_and_wal_bytes(&file)?;
         let (name, ms) = lists.iter().max_by(|a, b| a.1.total_cmp(&b.1)).cloned().unwrap_or_default();
         slowest = slowest.max(ms);
         let all: Vec<String> = lists.iter().map(|(name, ms)| format!("{name} {ms:.0}")).collect();
         writeln!(
             std::io::stderr(),
             "{done:>9} episodes, {:>6.0} s: {:>6.0} MiB; ms: {}",
-            begun.elapsed().as_secs_f64(),
+            start.elapsed().as_secs_f64(),
             bytes / f64::from(1 << 20),
             all.join(", ")
         )?;
         rows.push(Row {
-            what: format!("the database after {done} episodes in groups of {group_size}"),
+            label: format!("the database after {done} episodes in groups of {group_size}"),
             measured: format!("{:.0} MiB; {name} {ms:.0} ms", bytes / f64::from(1 << 20)),
             goal: "≤ 1024 MiB; < 50 ms".into(),
-            ratio: Some((MOST_BYTES / bytes).min(MOST_MS / ms)),
+            ratio: Some((GOAL_BYTES / bytes).min(GOAL_MS / ms)),
         });
     }
     drop(server);
     rows.push(Row {
-        what: "the database at the end, the slowest list of all".into(),
+        label: "the database at the end, and the slowest list request".into(),
         measured: format!("{:.0} MiB; {slowest:.0} ms", bytes / f64::from(1 << 20)),
         goal: "≤ 1024 MiB; < 50 ms".into(),
-        ratio: Some((MOST_BYTES / bytes).min(MOST_MS / slowest)),
+        ratio: Some((GOAL_BYTES / bytes).min(GOAL_MS / slowest)),
     });
     Ok(rows)
 }
 
-/// Reports at least so many episodes.
-async fn report(api: &Api, episodes: u64) -> anyhow::Result<u64> {
+/// Reports at least `episodes` episodes and returns their number.
+async fn report(api: &ApiClient, episodes: u64) -> anyhow::Result<u64> {
     let mut trainers: JoinSet<anyhow::Result<u64>> = JoinSet::new();
     for _ in 0..TRAINERS {
         let api = api.clone();
         trainers.spawn(async move {
             let mut done = 0;
             while done < episodes / TRAINERS as u64 {
-                for body in results::prepared(&api, "bench").await? {
-                    done += results::send(&api, "bench", body).await?;
+                for body in results::lease_and_build_batches(&api, "bench").await? {
+                    done += results::send_batch(&api, "bench", body).await?;
                 }
             }
             Ok(done)
@@ -89,8 +90,8 @@ async fn report(api: &Api, episodes: u64) -> anyhow::Result<u64> {
     Ok(done)
 }
 
-/// The lists of a run: at their beginning, and at their end.
-async fn lists(api: &Api) -> anyhow::Result<Vec<(String, f64)>> {
+/// Measures list requests of a run, at the start and at the end of long lists; returns names and milliseconds.
+async fn measure_lists(api: &ApiClient) -> anyhow::Result<Vec<(String, f64)>> {
     let last = api.lease("bench", json!({"groups": 1, "ttl_s": 60})).await;
     let number: i64 = last.id().split('-').next().and_then(|text| text.parse().ok()).unwrap_or(i64::MAX);
     let mut times = Vec::new();
@@ -106,21 +107,21 @@ async fn lists(api: &Api) -> anyhow::Result<Vec<(String, f64)>> {
         ("failures", "/v1/runs/bench/failures/list?limit=500&task=kessler/survival".to_owned()),
         ("designs", "/v1/runs/bench/designs?limit=500".to_owned()),
     ] {
-        let mut of_one = Vec::new();
-        for _ in 0..ASKED {
+        let mut durations = Vec::new();
+        for _ in 0..REQUESTS {
             let start = Instant::now();
-            let answer = api.get(&path).await;
-            of_one.push(start.elapsed().as_secs_f64() * 1e3);
-            anyhow::ensure!(answer.status == 200, "{path}: {}", answer.body);
+            let response = api.get(&path).await;
+            durations.push(start.elapsed().as_secs_f64() * 1e3);
+            anyhow::ensure!(response.status == 200, "{path}: {}", response.body);
         }
-        of_one.sort_by(f64::total_cmp);
-        times.push((name.to_owned(), of_one[ASKED / 2]));
+        durations.sort_by(f64::total_cmp);
+        times.push((name.to_owned(), durations[REQUESTS / 2]));
     }
     Ok(times)
 }
 
-/// Bytes of the database and what is still to be folded into it.
-fn on_disk(file: &Path) -> anyhow::Result<f64> {
+/// Returns the size of the database with its write-ahead log, in bytes.
+fn database_and_wal_bytes(file: &Path) -> anyhow::Result<f64> {
     let log = file.with_extension("sqlite3-wal");
     let size = |file: &Path| std::fs::metadata(file).map_or(0, |meta| meta.len());
     Ok((size(file) + size(&log)) as f64)

@@ -1,40 +1,43 @@
-//! What the levels are worth: policies on contested scenarios, task by task; the tables of `docs/kessler.md` and
-//! `docs/docking.md`. Asked for by name: it measures success, not speed.
+//! Difficulty of the levels: success of policies on contested scenarios, for the tables of `docs/kessler.md` and
+//! `docs/docking.md`. It measures no speed and runs only if it is named.
 
 use std::sync::Arc;
 
 use anyhow::Context;
-use env_core::bracket::{admit, success};
-use env_core::rollout::fly;
+use env_core::admission::{admit, is_success};
+use env_core::rollout::roll_out;
 use env_core::{Recipe, Scenario, Seed, SuccessRule, TaskSpec};
 use rayon::prelude::*;
 
 use crate::Row;
 
-/// Contested scenarios a cell.
-const CELL: usize = 200;
-/// Scenarios looked at for them.
-const MOST: u64 = 2000;
-/// The first seed.
-const FIRST: u64 = 7_000_000;
+/// Contested scenarios of each task and level.
+const CONTESTED: usize = 200;
+/// Largest number of scenarios that are drawn for them.
+const MAX_DRAWN: u64 = 2000;
+/// First of the user seeds.
+const FIRST_SEED: u64 = 7_000_000;
 const POLICIES: [&str; 4] = ["heuristic", "frozen", "blind", "hold"];
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for task in env_core::tasks() {
         for level in 0..task.levels().len() {
-            let (drawn, wins) = cell(task, level)?;
-            let share = |wins: usize| wins as f64 / CELL.min(drawn.1).max(1) as f64;
-            let told: Vec<String> =
-                POLICIES.iter().zip(wins).map(|(name, wins)| format!("{name} {:.2}", share(wins))).collect();
+            let result = measure_level(task, level)?;
+            let share = |wins: usize| wins as f64 / CONTESTED.min(result.contested).max(1) as f64;
+            let shares: Vec<String> = POLICIES
+                .iter()
+                .zip(result.wins)
+                .map(|(name, wins)| format!("{name} {:.2}", share(wins)))
+                .collect();
             rows.push(Row {
-                what: format!(
+                label: format!(
                     "{} L{level}, contested {:.2} of {} drawn",
                     task.id(),
-                    drawn.1 as f64 / drawn.0 as f64,
-                    drawn.0
+                    result.contested as f64 / result.drawn as f64,
+                    result.drawn
                 ),
-                measured: told.join(", "),
+                measured: shares.join(", "),
                 goal: String::new(),
                 ratio: None,
             });
@@ -43,29 +46,37 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// (drawn, contested), and how many of the contested each policy wins.
-fn cell(task: &'static dyn TaskSpec, level: usize) -> anyhow::Result<((usize, usize), [usize; 4])> {
-    let recipe = Arc::new(Recipe::with_params(task, task.levels().params(level))?);
-    let (mut drawn, mut contested, mut wins) = (0, 0, [0; 4]);
-    for seeds in (FIRST..FIRST + MOST).collect::<Vec<_>>().chunks(CELL) {
-        let found: anyhow::Result<Vec<Option<[bool; 4]>>> =
-            seeds.par_iter().map(|&seed| scenario(task, &recipe, seed)).collect();
-        for outcome in found? {
-            drawn += 1;
+/// Successes of the policies at one level of a task.
+#[derive(Default)]
+struct LevelResult {
+    drawn: usize,
+    contested: usize,
+    /// Number of contested scenarios on which each policy succeeds.
+    wins: [usize; 4],
+}
+
+fn measure_level(task: &'static dyn TaskSpec, level: usize) -> anyhow::Result<LevelResult> {
+    let recipe = Arc::new(Recipe::at_level(task, level)?);
+    let mut result = LevelResult::default();
+    for seeds in (FIRST_SEED..FIRST_SEED + MAX_DRAWN).collect::<Vec<_>>().chunks(CONTESTED) {
+        let outcomes: anyhow::Result<Vec<Option<[bool; 4]>>> =
+            seeds.par_iter().map(|&seed| policy_successes(task, &recipe, seed)).collect();
+        for outcome in outcomes? {
+            result.drawn += 1;
             if let Some(won) = outcome {
-                contested += 1;
-                wins.iter_mut().zip(won).for_each(|(wins, won)| *wins += usize::from(won));
+                result.contested += 1;
+                result.wins.iter_mut().zip(won).for_each(|(wins, won)| *wins += usize::from(won));
             }
-            if contested == CELL {
-                return Ok(((drawn, contested), wins));
+            if result.contested == CONTESTED {
+                return Ok(result);
             }
         }
     }
-    Ok(((drawn, contested), wins))
+    Ok(result)
 }
 
-/// Who wins a scenario; none where it is not contested.
-fn scenario(
+/// Returns which policies succeed on a scenario, or `None` if it is not contested.
+fn policy_successes(
     task: &'static dyn TaskSpec,
     recipe: &Arc<Recipe>,
     seed: u64,
@@ -76,8 +87,8 @@ fn scenario(
     let mut won = [false; 4];
     for (won, name) in won.iter_mut().zip(POLICIES) {
         let mut policy = task.policy(name, &scenario, seed).context(name)?;
-        let (flown, _) = fly(&scenario, &mut *policy)?;
-        *won = success(&scenario, SuccessRule::Task, &bracket, &flown);
+        let flown = roll_out(&scenario, &mut *policy)?.outcome;
+        *won = is_success(&scenario, SuccessRule::Task, &bracket, &flown);
     }
     Ok(Some(won))
 }

@@ -1,38 +1,38 @@
-//! Sixty-four trainers at once for some minutes, each with a lease, its results and the next: how long they wait, and what the
-//! server's memory does meanwhile.
+//! Sixty-four concurrent trainers for some minutes: latency of leases and results, and memory of the server.
 
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
-use system_tests::{Api, Lease, Process, result};
+use system_tests::{ApiClient, Lease, ServerProcess, episode_result};
 use tokio::task::JoinSet;
 
 use crate::Row;
 use crate::sockets::process;
 
 const TRAINERS: usize = 64;
-/// Groups of a lease, and episodes of a group.
+/// Groups of a lease.
 const GROUPS: u32 = 2;
+/// Episodes of a group.
 const GROUP_SIZE: u32 = 4;
-/// What a trainer does between two leases beside flying: it learns.
-const LEARNS: Duration = Duration::from_millis(500);
-/// Memory at the end over that of the second minute, at most.
-const FLAT: f64 = 1.15;
+/// Pause of a trainer between its results and the next lease, in which a real one would learn.
+const LEARNING_PAUSE: Duration = Duration::from_millis(500);
+/// Largest allowed ratio of the memory at the end to that of the second minute.
+const MAX_GROWTH: f64 = 1.15;
 
-/// Milliseconds that requests took, by kind.
+/// Durations of requests in milliseconds, and counts.
 #[derive(Default)]
-struct Times {
+struct LoadStatistics {
     leases: Vec<f64>,
     results: Vec<f64>,
-    /// Episodes that counted.
+    /// Number of episodes that counted.
     counted: u64,
-    /// Answers that ask to come again.
+    /// Number of 429 and 503 responses.
     busy: u64,
 }
 
-type Shared = Arc<Mutex<Times>>;
+type SharedStatistics = Arc<Mutex<LoadStatistics>>;
 
 pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
     tokio::runtime::Runtime::new()?.block_on(run(minutes.max(2)))
@@ -40,96 +40,108 @@ pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
 
 async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
-    let server = Process::start(&folder.path().join("bench.sqlite3"));
+    let server = ServerProcess::start(&folder.path().join("bench.sqlite3"));
     let api = server.api();
-    let wish = json!({"id": "load", "seed": 1, "group_size": GROUP_SIZE});
-    let created = api.post("/v1/runs", wish).await;
+    let settings = json!({"id": "load", "seed": 1, "group_size": GROUP_SIZE});
+    let created = api.post("/v1/runs", settings).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
-    let times = Shared::default();
+    let times = SharedStatistics::default();
     let mut trainers = JoinSet::new();
     for _ in 0..TRAINERS {
-        trainers.spawn(train(Api::new(api.base()), Arc::clone(&times)));
+        trainers.spawn(train(ApiClient::new(api.base()), Arc::clone(&times)));
     }
-    let (begun, mut memory) = (Instant::now(), Vec::new());
+    let (start, mut memory) = (Instant::now(), Vec::new());
     for minute in 1..=minutes {
         tokio::select! {
-            () = tokio::time::sleep_until((begun + Duration::from_secs(60) * minute).into()) => {}
+            () = tokio::time::sleep_until((start + Duration::from_secs(60) * minute).into()) => {}
             Some(ended) = trainers.join_next() => match ended? {
                 Ok(never) => match never {},
                 Err(error) => return Err(error),
             },
         }
-        let mib = process::resident(server.pid())? as f64 / f64::from(1 << 20);
+        let mib = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);
         memory.push(mib);
         writeln!(std::io::stderr(), "minute {minute}: {mib:.0} MiB")?;
     }
     trainers.shutdown().await;
     let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
-    let counted = times.counted as f64 / begun.elapsed().as_secs_f64();
+    let counted = times.counted as f64 / start.elapsed().as_secs_f64();
     let busy = times.busy;
     let growth = memory[memory.len() - 1] / memory[1];
-    let told: Vec<String> = memory.iter().map(|mib| format!("{mib:.0}")).collect();
-    let row = |what: String, measured: String| Row { what, measured, goal: String::new(), ratio: None };
+    let minutes_mib: Vec<String> = memory.iter().map(|mib| format!("{mib:.0}")).collect();
+    let row = |label: String, measured: String| Row { label, measured, goal: String::new(), ratio: None };
     Ok(vec![
         row(
-            format!(
-                "{TRAINERS} trainers for {minutes} minutes, leases of {GROUPS} groups of {GROUP_SIZE}, flown here"
-            ),
-            format!("{counted:.0} episodes/s; {busy} asked again"),
+            format!("{TRAINERS} trainers for {minutes} minutes, leases of {GROUPS} groups of {GROUP_SIZE}"),
+            format!("{counted:.0} episodes/s; {busy} retries"),
         ),
-        row("a lease".into(), quantiles(&mut times.leases)),
-        row("its results, replayed and on disk".into(), quantiles(&mut times.results)),
+        row("lease".into(), format_quantiles(&mut times.leases)),
+        row("results of a lease, replayed and committed".into(), format_quantiles(&mut times.results)),
         Row {
-            what: format!("memory of the server, MiB a minute: {}", told.join(" ")),
+            label: format!("memory of the server, MiB a minute: {}", minutes_mib.join(" ")),
             measured: format!("{growth:.2} of minute 2"),
-            goal: format!("≤ {FLAT}"),
-            ratio: Some(FLAT / growth),
+            goal: format!("≤ {MAX_GROWTH}"),
+            ratio: Some(MAX_GROWTH / growth),
         },
     ])
 }
 
-fn quantiles(times: &mut [f64]) -> String {
+fn format_quantiles(times: &mut [f64]) -> String {
     times.sort_by(f64::total_cmp);
     let at = |share: f64| times.get((times.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN);
     format!("{:.1} ms median, {:.1} p99 of {}", at(0.5), at(0.99), times.len())
 }
 
-async fn train(api: Api, times: Shared) -> anyhow::Result<std::convert::Infallible> {
+async fn train(api: ApiClient, times: SharedStatistics) -> anyhow::Result<std::convert::Infallible> {
     loop {
-        let lease = Lease(ask(&api, &times, "leases", &json!({"groups": GROUPS, "ttl_s": 600})).await?);
+        let lease = Lease(
+            request_until_accepted(&api, &times, "leases", &json!({"groups": GROUPS, "ttl_s": 600})).await?,
+        );
         let results = tokio::task::spawn_blocking(move || {
-            let flown = lease.episodes().into_iter().map(|(id, scenario)| result(&id, &scenario, "hold"));
-            flown.collect::<Vec<Value>>()
+            let episodes = lease.episodes().into_iter();
+            episodes.map(|(id, scenario)| episode_result(&id, &scenario, "hold")).collect::<Vec<Value>>()
         });
-        let told = ask(&api, &times, "results", &json!({"results": results.await?})).await?;
-        let counted = told["results"].as_array().map_or(0, |all| {
-            all.iter().filter(|told| matches!(told["status"].as_str(), Some("counted" | "stored"))).count()
+        let receipts =
+            request_until_accepted(&api, &times, "results", &json!({"results": results.await?})).await?;
+        let counted = receipts["results"].as_array().map_or(0, |all| {
+            all.iter()
+                .filter(|receipt| matches!(receipt["status"].as_str(), Some("counted" | "stored")))
+                .count()
         });
         times.lock().unwrap_or_else(PoisonError::into_inner).counted += counted as u64;
-        tokio::time::sleep(LEARNS).await;
+        tokio::time::sleep(LEARNING_PAUSE).await;
     }
 }
 
-/// Asks until it is granted; how long each answer took is noted.
-async fn ask(api: &Api, times: &Shared, what: &str, body: &Value) -> anyhow::Result<Value> {
+/// Sends a request until the server accepts it, and records the duration of each attempt.
+async fn request_until_accepted(
+    api: &ApiClient,
+    times: &SharedStatistics,
+    resource: &str,
+    body: &Value,
+) -> anyhow::Result<Value> {
     loop {
-        let begun = Instant::now();
-        let answer = api.post(&format!("/v1/runs/load/{what}"), body.clone()).await;
-        let ms = begun.elapsed().as_secs_f64() * 1e3;
-        let again = {
+        let start = Instant::now();
+        let response = api.post(&format!("/v1/runs/load/{resource}"), body.clone()).await;
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let is_busy = matches!(response.status, 429 | 503);
+        {
             let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
-            if what == "leases" {
+            if resource == "leases" {
                 times.leases.push(ms);
             } else {
                 times.results.push(ms);
             }
-            let again = matches!(answer.status, 429 | 503);
-            times.busy += u64::from(again);
-            again
-        };
-        if !again {
-            anyhow::ensure!(matches!(answer.status, 200 | 201), "{what}: {} {}", answer.status, answer.body);
-            return Ok(answer.body);
+            times.busy += u64::from(is_busy);
+        }
+        if !is_busy {
+            anyhow::ensure!(
+                matches!(response.status, 200 | 201),
+                "{resource}: {} {}",
+                response.status,
+                response.body
+            );
+            return Ok(response.body);
         }
         tokio::time::sleep(Duration::from_millis(200)).await;
     }

@@ -1,5 +1,5 @@
-//! Vector sessions of `/v1/sessions` over loopback: environments stepped a second, the client included, the server in a process
-//! of its own; its memory; and how long a lease takes meanwhile.
+//! Vector sessions of `/v1/sessions` over loopback: env-steps a second with the client included, memory of the server, and
+//! latency of leases meanwhile. The server is a process of its own.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
-use system_tests::{Api, Process};
+use system_tests::{ApiClient, ServerProcess};
 use tokio::net::TcpStream;
 use tokio::task::JoinSet;
 use tokio_tungstenite::tungstenite::{Bytes, Message};
@@ -17,41 +17,54 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_conf
 use crate::Row;
 use crate::sockets::process;
 
-/// Sessions, and environments of each: the best of these counts.
-const SHAPES: [(usize, usize); 5] = [(1, 1024), (1, 4096), (2, 512), (2, 2048), (3, 1024)];
-const SECONDS: Duration = Duration::from_secs(4);
+/// Number of sessions, and of environments of each.
+#[derive(Clone, Copy)]
+struct Shape {
+    sessions: usize,
+    envs: usize,
+}
+
+/// Measured shapes; the fastest one counts.
+const SHAPES: [Shape; 5] = [
+    Shape { sessions: 1, envs: 1024 },
+    Shape { sessions: 1, envs: 4096 },
+    Shape { sessions: 2, envs: 512 },
+    Shape { sessions: 2, envs: 2048 },
+    Shape { sessions: 3, envs: 1024 },
+];
+const DURATION: Duration = Duration::from_secs(4);
 const DEBRIS: u32 = 50;
-/// What the trainer's side gives the frames of a session, in turn.
-const VARIETY: usize = 8;
+/// Number of different action frames that a session sends in turn.
+const ACTION_FRAMES: usize = 8;
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     tokio::runtime::Runtime::new()?.block_on(run())
 }
 
-/// A vector session, as cheap for the client as can be.
-pub(crate) struct Session {
+/// Vector session with little work for the client: frames are built in advance.
+pub(crate) struct VectorSession {
     socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
     frames: Vec<Vec<u8>>,
     sequence: u32,
     bytes: usize,
 }
 
-impl Session {
+impl VectorSession {
     pub(crate) async fn open(base: &str, envs: usize, seed: u64) -> anyhow::Result<Self> {
         let url = format!("{}/v1/sessions", base.replacen("http", "ws", 1));
         let (mut socket, _) = connect_async_with_config(url, None, true).await?;
-        let wish = json!({"type": "open", "version": 1, "task": "survival", "params": {"debris": DEBRIS}, "seed": seed,
+        let open_message = json!({"type": "open", "version": 1, "task": "survival", "params": {"debris": DEBRIS}, "seed": seed,
                           "vector": {"envs": envs, "observe": "tracks"}});
-        socket.send(Message::text(wish.to_string())).await?;
+        socket.send(Message::text(open_message.to_string())).await?;
         let Some(Ok(Message::Text(text))) = socket.next().await else { bail!("no answer") };
-        let told: Value = serde_json::from_str(&text)?;
-        anyhow::ensure!(told["type"] == "opened", "{told}");
-        let size = |name: &str| told[name].as_u64().map(|n| n as usize).context("a size");
+        let reply: Value = serde_json::from_str(&text)?;
+        anyhow::ensure!(reply["type"] == "opened", "{reply}");
+        let size = |name: &str| reply[name].as_u64().map(|n| n as usize).context("a size");
         let width = size("agents")? * size("action")?;
         let frame = |turn: usize| {
             let mut frame = b"SPVF\x01\0\x01\0\0\0\0\0".to_vec();
             frame.extend((envs as u32).to_le_bytes());
-            // Small burns now and then, so that episodes last and actions are read.
+            // A small burn in each seventh value, so that episodes last and actions matter.
             let value = |cell: usize| {
                 if (cell + turn).is_multiple_of(7) {
                     ((cell * 31 + turn) % 9) as f32 / 100.0 - 0.04
@@ -62,12 +75,13 @@ impl Session {
             (0..envs * width).for_each(|cell| frame.extend(value(cell).to_le_bytes()));
             frame
         };
-        let mut session = Self { socket, frames: (0..VARIETY).map(frame).collect(), sequence: 0, bytes: 0 };
-        session.bytes = session.answer().await?.len();
+        let mut session =
+            Self { socket, frames: (0..ACTION_FRAMES).map(frame).collect(), sequence: 0, bytes: 0 };
+        session.bytes = session.receive_frame().await?.len();
         Ok(session)
     }
 
-    async fn answer(&mut self) -> anyhow::Result<Bytes> {
+    async fn receive_frame(&mut self) -> anyhow::Result<Bytes> {
         match self.socket.next().await.context("the server hung up")?? {
             Message::Binary(bytes) => Ok(bytes),
             other => bail!("the server answered {other:?}"),
@@ -76,38 +90,50 @@ impl Session {
 
     pub(crate) async fn step(&mut self) -> anyhow::Result<()> {
         self.sequence += 1;
-        let frame = &mut self.frames[self.sequence as usize % VARIETY];
+        let frame = &mut self.frames[self.sequence as usize % ACTION_FRAMES];
         frame[8..12].copy_from_slice(&self.sequence.to_le_bytes());
         self.socket.send(Message::binary(frame.clone())).await?;
-        let told = self.answer().await?;
+        let reply = self.receive_frame().await?;
         anyhow::ensure!(
-            told.len() == self.bytes && told[8..12] == self.sequence.to_le_bytes(),
+            reply.len() == self.bytes && reply[8..12] == self.sequence.to_le_bytes(),
             "another answer"
         );
         Ok(())
     }
 }
 
-/// Environments stepped a second, and per second of the server's processor.
-async fn rate(server: &Process, (sessions, envs): (usize, usize)) -> anyhow::Result<(f64, f64, usize)> {
+/// Measured speed of a shape.
+struct SteppingRate {
+    /// Env-steps a second of elapsed time.
+    per_s: f64,
+    /// Env-steps a second of the server's processor time.
+    per_cpu_s: f64,
+    /// Size of a reply frame.
+    frame_bytes: usize,
+}
+
+async fn measure_rate(
+    server: &ServerProcess,
+    Shape { sessions, envs }: Shape,
+) -> anyhow::Result<SteppingRate> {
     let mut open = JoinSet::new();
     let steps = Arc::new(AtomicU64::new(0));
     let mut bytes = 0;
     let mut all = Vec::new();
     for seed in 0..sessions {
-        let mut session = Session::open(server.api().base(), envs, seed as u64).await?;
-        // Memory grows in the first episodes.
+        let mut session = VectorSession::open(server.api().base(), envs, seed as u64).await?;
+        // Warm-up: memory grows in the first episodes.
         for _ in 0..60 {
             session.step().await?;
         }
         bytes = session.bytes;
         all.push(session);
     }
-    let (cpu, begun) = (process::cpu_s(server.pid())?, Instant::now());
+    let (cpu, start) = (process::cpu_s(server.pid())?, Instant::now());
     for mut session in all {
         let steps = Arc::clone(&steps);
         open.spawn(async move {
-            while begun.elapsed() < SECONDS {
+            while start.elapsed() < DURATION {
                 session.step().await?;
                 steps.fetch_add(1, Ordering::Relaxed);
             }
@@ -118,85 +144,95 @@ async fn rate(server: &Process, (sessions, envs): (usize, usize)) -> anyhow::Res
         done??;
     }
     let stepped = steps.load(Ordering::Relaxed) as f64 * envs as f64;
-    Ok((stepped / begun.elapsed().as_secs_f64(), stepped / (process::cpu_s(server.pid())? - cpu), bytes))
+    Ok(SteppingRate {
+        per_s: stepped / start.elapsed().as_secs_f64(),
+        per_cpu_s: stepped / (process::cpu_s(server.pid())? - cpu),
+        frame_bytes: bytes,
+    })
 }
 
-/// Takes leases of one group until told to stop: how long each took, ascending, milliseconds.
-async fn leases(api: Api, stop: Arc<AtomicBool>) -> anyhow::Result<Vec<f64>> {
-    let mut took = Vec::new();
+/// Leases one group at a time until `stop` is set; returns the sorted durations in milliseconds.
+async fn lease_until_stopped(api: ApiClient, stop: Arc<AtomicBool>) -> anyhow::Result<Vec<f64>> {
+    let mut durations = Vec::new();
     while !stop.load(Ordering::Relaxed) {
-        let begun = Instant::now();
-        let answer = api.post("/v1/runs/bench/leases", json!({"groups": 1, "ttl_s": 60})).await;
-        match answer.status {
+        let start = Instant::now();
+        let response = api.post("/v1/runs/bench/leases", json!({"groups": 1, "ttl_s": 60})).await;
+        match response.status {
             201 => {
-                took.push(begun.elapsed().as_secs_f64() * 1e3);
+                durations.push(start.elapsed().as_secs_f64() * 1e3);
                 let path = format!(
                     "/v1/runs/bench/leases/{}/release",
-                    answer.body["lease"].as_str().unwrap_or_default()
+                    response.body["lease"].as_str().unwrap_or_default()
                 );
                 let _ = api.post(&path, json!({})).await;
             }
             429 | 503 => {}
-            _ => bail!("no lease: {}", answer.body),
+            _ => bail!("no lease: {}", response.body),
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    took.sort_by(f64::total_cmp);
-    Ok(took)
+    durations.sort_by(f64::total_cmp);
+    Ok(durations)
 }
 
 async fn run() -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
-    let server = Process::start(&folder.path().join("bench.sqlite3"));
+    let server = ServerProcess::start(&folder.path().join("bench.sqlite3"));
     let mut rows = Vec::new();
     let (mut best, mut shape) = (0.0, SHAPES[0]);
-    for (sessions, envs) in SHAPES {
-        let (clock, cpu, bytes) = rate(&server, (sessions, envs)).await?;
-        if clock > best {
-            (best, shape) = (clock, (sessions, envs));
+    for Shape { sessions, envs } in SHAPES {
+        let SteppingRate { per_s, per_cpu_s, frame_bytes } =
+            measure_rate(&server, Shape { sessions, envs }).await?;
+        if per_s > best {
+            (best, shape) = (per_s, Shape { sessions, envs });
         }
         rows.push(Row {
-            what: format!(
+            label: format!(
                 "{sessions} × {envs} environments over WebSocket, tracks, {DEBRIS} debris, {} KiB a frame",
-                bytes / 1024
+                frame_bytes / 1024
             ),
-            measured: format!("{clock:.0}/s, {cpu:.0}/CPU-s"),
+            measured: format!("{per_s:.0}/s, {per_cpu_s:.0}/CPU-s"),
             goal: String::new(),
             ratio: None,
         });
     }
     rows.push(Row {
-        what: format!("env-steps a second of vector sessions, the best of these ({} × {})", shape.0, shape.1),
+        label: format!(
+            "env-steps a second of vector sessions, best shape ({} × {})",
+            shape.sessions, shape.envs
+        ),
         measured: format!("{best:.0} steps/s"),
         goal: "≥ 300000 steps/s".into(),
         ratio: Some(best / 300_000.0),
     });
     rows.push(Row {
-        what: "memory of the server after these".into(),
-        measured: format!("{} MiB", process::resident(server.pid())? >> 20),
+        label: "memory of the server after all shapes".into(),
+        measured: format!("{} MiB", process::resident_bytes(server.pid())? >> 20),
         goal: String::new(),
         ratio: None,
     });
-    rows.push(meanwhile(&server, shape).await?);
+    rows.push(measure_lease_latency(&server, shape).await?);
     Ok(rows)
 }
 
-/// How long a lease takes while environments are stepped as fast as can be.
-async fn meanwhile(server: &Process, shape: (usize, usize)) -> anyhow::Result<Row> {
+/// Measures the latency of leases while environments step at full speed.
+async fn measure_lease_latency(server: &ServerProcess, shape: Shape) -> anyhow::Result<Row> {
     let api = server.api();
-    let wish = json!({"id": "bench", "seed": 1, "placement": false, "design": {"designer": "off"}});
-    let created = api.post("/v1/runs", wish).await;
+    let open_message = json!({"id": "bench", "seed": 1, "placement": false, "design": {"designer": "off"}});
+    let created = api.post("/v1/runs", open_message).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
-    tokio::time::sleep(Duration::from_secs(2)).await; // scenarios are prepared
+    // Tests the passing of time: the server fills its queue of prepared scenarios.
+    tokio::time::sleep(Duration::from_secs(2)).await;
     let stop = Arc::new(AtomicBool::new(false));
-    let taking = tokio::spawn(leases(api, Arc::clone(&stop)));
-    let (clock, ..) = rate(server, shape).await?;
+    let leasing = tokio::spawn(lease_until_stopped(api, Arc::clone(&stop)));
+    let clock = measure_rate(server, shape).await?.per_s;
     stop.store(true, Ordering::Relaxed);
-    let took = taking.await??;
-    let at = |share: f64| took.get((took.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN);
+    let durations = leasing.await??;
+    let at =
+        |share: f64| durations.get((durations.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN);
     let p99 = at(0.99);
     Ok(Row {
-        what: format!("a lease of one group while {clock:.0} steps/s are taken ({} leases)", took.len()),
+        label: format!("lease of one group at {clock:.0} env-steps/s ({} leases)", durations.len()),
         measured: format!("{:.1} ms median, {p99:.1} p99", at(0.5)),
         goal: "p99 < 20 ms".into(),
         ratio: Some(20.0 / p99),

@@ -1,17 +1,20 @@
-/** Chromium as Debian packs it, and a page that remembers what went wrong in it. */
+/** Starts Chromium and opens pages that record their errors. */
 import { mkdirSync } from "node:fs";
 import { fileURLToPath } from "node:url";
-import { chromium, type Browser, type Page } from "playwright-core";
+import { chromium, type Browser, type Page, type Request } from "playwright-core";
+import { waitFor } from "./poll";
 
+/** Path of Chromium; the default is the one of Debian's package. */
 const EXECUTABLE = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
-/** Where pictures of every page go. */
-export const SHOTS =
+/** Folder of the screenshots of all pages. */
+export const SCREENSHOT_FOLDER =
   process.env["SPARRING_SHOTS"] ??
   fileURLToPath(new URL("../../target/dashboard-screenshots", import.meta.url));
-mkdirSync(SHOTS, { recursive: true });
+mkdirSync(SCREENSHOT_FOLDER, { recursive: true });
+/** A page is idle if its document has not changed for this long. */
+const QUIET_MS = 200;
 
-export function launch(): Promise<Browser> {
-  // Tests run as root in containers, where Chromium has no sandbox.
+export function launchBrowser(): Promise<Browser> {
   const quiet = [
     "--disable-gpu",
     "--disable-quic",
@@ -20,56 +23,103 @@ export function launch(): Promise<Browser> {
     "--disable-component-update",
     "--disable-sync",
   ];
+  // Tests run as root in containers, where Chromium has no sandbox.
   return chromium.launch({ executablePath: EXECUTABLE, args: ["--no-sandbox", ...quiet] });
 }
 
-export interface Watched {
+export interface ObservedPage {
   page: Page;
-  /** Errors of scripts, of the console, and requests to other addresses. */
-  wrong: string[];
+  /** Errors of scripts and of the console, dialogs, and requests to other addresses. */
+  problems: string[];
+  /** Requests without a response so far, event streams excepted. */
+  pending: Set<Request>;
 }
 
-export interface Look {
+export interface PageOptions {
   dark?: boolean;
   width?: number;
   height?: number;
 }
 
-export async function open(
+/** Opens an empty page in a context of its own; `url` is the only address that it may send requests to. */
+export async function openPage(
   browser: Browser,
   url: string,
-  { dark = false, width = 1280, height = 900 }: Look = {},
-): Promise<Watched> {
+  { dark = false, width = 1280, height = 900 }: PageOptions = {},
+): Promise<ObservedPage> {
   const context = await browser.newContext({
     viewport: { width, height },
     colorScheme: dark ? "dark" : "light",
     timezoneId: "America/New_York",
   });
   const page = await context.newPage();
-  const wrong: string[] = [];
-  page.on("pageerror", (error) => wrong.push(error.message));
+  return { page, problems: recordProblems(page, url), pending: recordPendingRequests(page) };
+}
+
+function recordProblems(page: Page, url: string): string[] {
+  const problems: string[] = [];
+  page.on("pageerror", (error) => problems.push(error.message));
   page.on("console", (message) => {
-    if (message.type() === "error") wrong.push(`${message.text()} ${message.location().url}`);
+    if (message.type() === "error") problems.push(`${message.text()} ${message.location().url}`);
   });
   page.on("request", (request) => {
-    const to = request.url();
-    if (!to.startsWith(url) && !to.startsWith("data:") && !to.startsWith("blob:"))
-      wrong.push(`a request to ${to}`);
+    const target = request.url();
+    if (!target.startsWith(url) && !target.startsWith("data:") && !target.startsWith("blob:"))
+      problems.push(`request to ${target}`);
   });
   page.on("dialog", (dialog) => {
-    wrong.push(`a dialog: ${dialog.message()}`);
+    problems.push(`dialog: ${dialog.message()}`);
     void dialog.dismiss();
   });
-  return { page, wrong };
+  return problems;
 }
 
-/** Goes to a place of the dashboard and waits until it has loaded what it shows. */
-export async function go(page: Page, url: string, place: string) {
-  await page.goto(`${url}/dashboard/#${place}`);
-  await settled(page);
+function recordPendingRequests(page: Page): Set<Request> {
+  const pending = new Set<Request>();
+  page.on("request", (request) => {
+    if (!new URL(request.url()).pathname.endsWith("/events")) pending.add(request);
+  });
+  page.on("requestfinished", (request) => pending.delete(request));
+  page.on("requestfailed", (request) => pending.delete(request));
+  return pending;
 }
 
-export async function settled(page: Page) {
+/** Opens a route of the dashboard and waits until its data is loaded. */
+export async function visit(page: Page, url: string, route: string) {
+  await page.goto(`${url}/dashboard/#${route}`);
+  await waitUntilLoaded(page);
+}
+
+export async function waitUntilLoaded(page: Page) {
   await page.locator("main :is(h1, h2)").first().waitFor();
   await page.waitForFunction(() => !/Loading …/.test(document.querySelector("main")?.textContent ?? ""));
+}
+
+/** Waits until all requests have their response and the document no longer changes: charts are drawn. */
+export async function waitUntilIdle({ page, pending }: ObservedPage) {
+  const countPending = () => Promise.resolve(pending.size);
+  do {
+    await waitFor(countPending, (count) => count === 0);
+    await page.evaluate(
+      (quietMs) =>
+        new Promise<void>((resolve) => {
+          const finish = () => {
+            observer.disconnect();
+            resolve();
+          };
+          let timer = setTimeout(finish, quietMs);
+          const observer = new MutationObserver(() => {
+            clearTimeout(timer);
+            timer = setTimeout(finish, quietMs);
+          });
+          observer.observe(document, {
+            subtree: true,
+            childList: true,
+            attributes: true,
+            characterData: true,
+          });
+        }),
+      QUIET_MS,
+    );
+  } while (pending.size > 0);
 }

@@ -1,25 +1,25 @@
-/** Every page, dark: it loads, nothing goes wrong in it, and everybody can use it. */
+/** Checks every page in the dark colour scheme: it loads, has no errors, and is accessible. */
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, inject, test } from "vitest";
-import { launch } from "./browser";
-import { EMPTY, emptied, full, look } from "./pages";
-import { Sparring } from "./sparring";
+import { launchBrowser } from "./browser";
+import { checkPages, createEmptyRun, PAGES_OF_EMPTY_RUN, pagesOfTrainedRun } from "./page-checks";
+import { SparringServer } from "./server";
 
 let browser: Browser;
-let empty: Sparring;
+let emptyServer: SparringServer;
 const [url, run] = [inject("url"), inject("run")];
 beforeAll(async () => {
-  [browser, empty] = [await launch(), await emptied(await Sparring.start())];
+  [browser, emptyServer] = [await launchBrowser(), await createEmptyRun(await SparringServer.start())];
 });
 afterAll(async () => {
   await browser.close();
-  await empty.end();
+  await emptyServer.dispose();
 });
 
-test("every page of a full database", async () => {
-  await look(browser, url, await full(url, run), true);
+test("every page of a trained run passes the checks", async () => {
+  await checkPages(browser, url, await pagesOfTrainedRun(url, run), true);
 });
 
-test("every page of an empty one", async () => {
-  await look(browser, empty.url, EMPTY, true, "empty-");
+test("every page of an empty run passes the checks", async () => {
+  await checkPages(browser, emptyServer.url, PAGES_OF_EMPTY_RUN, true, "empty-");
 });

@@ -1,49 +1,48 @@
-/** On a phone, and on the way there. */
+/** Checks the layout of all pages on a phone, and the size of the first load. */
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, inject, test } from "vitest";
-import { go, launch, open } from "./browser";
-import { full, shoot } from "./pages";
+import { launchBrowser, openPage, visit, waitUntilIdle } from "./browser";
+import { checkPage, pagesOfTrainedRun } from "./page-checks";
 
 let browser: Browser;
 const [url, run] = [inject("url"), inject("run")];
 beforeAll(async () => {
-  browser = await launch();
+  browser = await launchBrowser();
 });
 afterAll(async () => {
   await browser.close();
 });
 
-test("on a phone nothing is cut off at the side", async () => {
-  for (const [name, page] of Object.entries(await full(url, run))) {
-    const watched = await open(browser, url, { width: 390, height: 844 });
-    await shoot(watched, url, `${name}-phone`, page);
-    const over = await watched.page.evaluate(
+test("pages are not wider than a phone", async () => {
+  for (const [name, page] of Object.entries(await pagesOfTrainedRun(url, run))) {
+    const observed = await openPage(browser, url, { width: 390, height: 844 });
+    await checkPage(observed, url, `${name}-phone`, page);
+    const overflow = await observed.page.evaluate(
       () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
     );
-    expect(over, name).toBeLessThanOrEqual(0);
-    await watched.page.context().close();
+    expect(overflow, name).toBeLessThanOrEqual(0);
+    await observed.page.context().close();
   }
 });
 
-test("the first load is small, and nothing is asked of any other address", async () => {
-  const { page, wrong } = await open(browser, url);
-  let bytes = 0;
-  page.on("response", (response) => {
-    if (response.url().includes("/dashboard/"))
-      void response
-        .request()
-        .sizes()
-        .then((sizes) => (bytes += sizes.responseBodySize));
+test("the first load is small and uses one address only", async () => {
+  const observed = await openPage(browser, url);
+  const { page, problems } = observed;
+  const sizes: Promise<number>[] = [];
+  page.on("requestfinished", (request) => {
+    if (request.url().includes("/dashboard/"))
+      sizes.push(request.sizes().then(({ responseBodySize }) => responseBodySize));
   });
-  await go(page, url, `/runs/${run}`); // the heaviest page: with charts
-  await page.waitForTimeout(500);
+  await visit(page, url, `/runs/${run}`); // the heaviest page: it has charts
+  await waitUntilIdle(observed);
+  const bytes = (await Promise.all(sizes)).reduce((sum, size) => sum + size, 0);
   expect(bytes).toBeGreaterThan(20_000);
   expect(bytes).toBeLessThanOrEqual(150 * 1024);
-  expect(wrong).toEqual([]);
+  expect(problems).toEqual([]);
   const tagged = await fetch(`${url}/dashboard/`);
-  const again = await fetch(`${url}/dashboard/`, {
+  const revalidated = await fetch(`${url}/dashboard/`, {
     headers: { "if-none-match": tagged.headers.get("etag") ?? "" },
   });
-  expect(again.status).toBe(304);
+  expect(revalidated.status).toBe(304);
   await page.context().close();
 });

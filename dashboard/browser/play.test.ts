@@ -1,56 +1,56 @@
-/** Flown by hand: a burn that is dragged is the burn that is flown; a step that is taken back is said to be. */
+/** Checks the page for manual flights: burns are edited by mouse and keyboard, and steps are undone. */
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, inject, test } from "vitest";
-import { launch, open, settled } from "./browser";
+import { launchBrowser, openPage, waitUntilLoaded } from "./browser";
 
 let browser: Browser;
 const url = inject("url");
 beforeAll(async () => {
-  browser = await launch();
+  browser = await launchBrowser();
 });
 afterAll(() => browser.close());
 
-test("a burn is dragged, weighed, done and taken back", async () => {
-  const { page, wrong } = await open(browser, url);
+test("a burn is dragged, priced, executed and undone", async () => {
+  const { page, problems } = await openPage(browser, url);
   await page.goto(`${url}/web/#/play?task=kessler/survival&seed=7&level=2`);
-  await settled(page);
+  await waitUntilLoaded(page);
   await page.locator("canvas").waitFor();
-  const flight = (steps: unknown[]) =>
+  const postFlight = (steps: unknown[]) =>
     fetch(`${url}/v1/flights`, {
       method: "POST",
       headers: { "content-type": "application/json" },
-      body: JSON.stringify({ scenario: asked, steps }),
+      body: JSON.stringify({ scenario, steps }),
     });
-  const asked = {
+  const scenario = {
     task: "kessler/survival",
     seed: 7,
     params: { debris: 50, spread: 0.4, fuel: 50, radar_range: 300 },
   };
-  interface Told {
+  interface FlightResponse {
     frames: { observation: { satellites: { x: number; y: number; vx: number; fuel: number }[] } }[];
   }
-  const [first] = ((await (await flight([])).json()) as Told).frames;
-  const at = first?.observation.satellites[0];
+  const [first] = ((await (await postFlight([])).json()) as FlightResponse).frames;
+  const satellite = first?.observation.satellites[0];
   const box = await page.locator("canvas").boundingBox();
-  if (!at || !box) throw new Error("nothing to drag");
+  if (!satellite || !box) throw new Error("no satellite to drag");
   const scale = box.width / 236;
-  const [x, y] = [box.x + box.width / 2 + at.x * scale, box.y + box.height / 2 - at.y * scale];
+  const [x, y] = [box.x + box.width / 2 + satellite.x * scale, box.y + box.height / 2 - satellite.y * scale];
   await page.mouse.move(x, y);
   await page.mouse.down();
-  await page.mouse.move(x + 11 * scale, y, { steps: 4 }); // half of the 22 LU that a whole LU/TU takes
+  await page.mouse.move(x + 11 * scale, y, { steps: 4 }); // half of the 22 LU that stand for 1 LU/TU
   await page.mouse.up();
-  const drafted = page.getByLabel("delta vx of agent 0");
-  expect(Number(await drafted.inputValue())).toBeCloseTo(0.5, 1);
+  const deltaVx = page.getByLabel("delta vx of agent 0");
+  expect(Number(await deltaVx.inputValue())).toBeCloseTo(0.5, 1);
   const dv = [
-    Number(await drafted.inputValue()),
+    Number(await deltaVx.inputValue()),
     Number(await page.getByLabel("delta vy of agent 0").inputValue()),
   ];
   const cost = await page.locator('[data-agent="0"] td').last().textContent();
   expect(Number(cost)).toBeCloseTo(5 * Math.hypot(...dv), 1);
   await page.getByRole("button", { name: "Do it" }).click();
   await page.locator('output[data-step="1"]').waitFor();
-  const after = ((await (await flight([[[0, ...dv]]])).json()) as Told).frames.at(-1)?.observation
-    .satellites[0];
+  const after = ((await (await postFlight([[[0, ...dv]]])).json()) as FlightResponse).frames.at(-1)
+    ?.observation.satellites[0];
   expect(Number(await page.locator('[data-agent="0"] td').nth(2).textContent())).toBeCloseTo(
     after?.fuel ?? NaN,
     1,
@@ -63,12 +63,12 @@ test("a burn is dragged, weighed, done and taken back", async () => {
   await page.getByRole("button", { name: "Hold" }).click();
   await page.getByText("It is over.").waitFor();
   await page.getByText(/Score 0\.\d+, skill .*: (a success|no success), with steps taken back/).waitFor();
-  expect(wrong).toEqual([]);
+  expect(problems).toEqual([]);
   await page.context().close();
 });
 
-test("what is typed is weighed at once, and what is too much is not flown", async () => {
-  const { page, wrong } = await open(browser, url);
+test("a typed burn is priced at once and rejected over the limit", async () => {
+  const { page, problems } = await openPage(browser, url);
   await page.goto(`${url}/dashboard/#/play?task=kessler/survival&seed=7&level=2`);
   const burn = page.getByLabel("delta vx of agent 0");
   await burn.focus();
@@ -82,28 +82,29 @@ test("what is typed is weighed at once, and what is too much is not flown", asyn
   expect(await page.getByRole("button", { name: "Do it" }).isDisabled()).toBe(true);
   await page.getByRole("button", { name: "Drop the burns" }).click();
   expect(await burn.inputValue()).toBe("0");
-  expect(wrong).toEqual([]);
+  expect(problems).toEqual([]);
   await page.context().close();
 });
 
-test("it is shared by its address, and left by the others'", async () => {
-  const { page, wrong } = await open(browser, url);
+test("the address holds the scenario until the page is left", async () => {
+  const { page, problems } = await openPage(browser, url);
   await page.goto(`${url}/dashboard/#/play`);
   await page.locator("canvas").waitFor();
   await expect.poll(() => page.url()).toMatch(/#\/play\?task=kessler\/survival&level=2&seed=\d+$/);
   await page.getByRole("link", { name: "Runs" }).click();
   await page.getByRole("heading", { name: "Runs" }).waitFor();
+  // Tests the passing of time: a late update of the address would bring the scenario back.
   await page.waitForTimeout(500);
   expect(page.url()).toMatch(/#\/$/);
-  expect(wrong).toEqual([]);
+  expect(problems).toEqual([]);
   await page.context().close();
 });
 
-test("OpenEnv's users find it where they look", async () => {
-  const { page, wrong } = await open(browser, url);
+test("the OpenEnv address opens the page for manual flights", async () => {
+  const { page, problems } = await openPage(browser, url);
   await page.goto(`${url}/web/`);
   await page.getByRole("heading", { name: "Fly it by hand" }).waitFor();
   expect((await fetch(`${url}/web/metadata`)).status).toBe(200);
-  expect(wrong).toEqual([]);
+  expect(problems).toEqual([]);
   await page.context().close();
 });

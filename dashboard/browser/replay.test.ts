@@ -1,49 +1,49 @@
-/** A known episode: nobody acts in the first scenario of seed 7 that is lost; what is drawn is what happened. */
+/** Checks the replay of a known episode: the agents hold in the first scenario of seed 7 that loses a satellite. */
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import { go, launch, open } from "./browser";
-import { hold, Sparring } from "./sparring";
+import { launchBrowser, openPage, visit } from "./browser";
+import { reportHeldEpisodes, SparringServer } from "./server";
 
 interface Frame {
   step: number;
   state: { satellites: { id: number; x: number; y: number; status: string }[] };
 }
 
-/** Which of 64 is the first that loses a satellite, at which step, and which: the same on every machine. */
+/** First of 64 episodes that loses a satellite, with the step and the satellite; the same on every machine. */
 const KNOWN = { index: 2, step: 25, satellite: 1 };
 
 let browser: Browser;
-let service: Sparring;
+let server: SparringServer;
 let episode: string;
 let frames: Frame[];
 beforeAll(async () => {
-  [browser, service] = [await launch(), await Sparring.start()];
-  await service.post("/v1/runs", {
+  [browser, server] = [await launchBrowser(), await SparringServer.start()];
+  await server.post("/v1/runs", {
     id: "run",
     seed: 7,
     tasks: ["kessler/survival"],
     strategy: "fixed",
     design: { designer: "off" },
   });
-  const episodes = await hold(service, "run", 64);
+  const episodes = await reportHeldEpisodes(server, "run", 64);
   for (const [index, id] of episodes.entries()) {
-    ({ frames } = await service.get<{ frames: Frame[] }>(`/v1/runs/run/episodes/${id}/replay`));
-    const lost = frames.at(-1)?.state.satellites.find((one) => one.status !== "active");
+    ({ frames } = await server.get<{ frames: Frame[] }>(`/v1/runs/run/episodes/${id}/replay`));
+    const lost = frames.at(-1)?.state.satellites.find(({ status }) => status !== "active");
     if (!lost) continue;
     const step = frames.findIndex((frame) => frame.state.satellites[lost.id]?.status !== "active");
     expect({ index, step, satellite: lost.id }).toEqual(KNOWN);
     episode = id;
     return;
   }
-  throw new Error("none was lost");
+  throw new Error("no episode lost a satellite");
 });
 afterAll(async () => {
   await browser.close();
-  await service.end();
+  await server.dispose();
 });
 
-/** How many pixels around a place have about this colour. */
-async function pixels(page: Page, x: number, y: number, colour: string): Promise<number> {
+/** Counts the pixels in a square of 24 px around a position (in LU) that have about this colour. */
+async function countPixels(page: Page, x: number, y: number, colour: string): Promise<number> {
   return page.evaluate(
     ([x, y, name]) => {
       const canvas = document.querySelector("canvas");
@@ -60,65 +60,66 @@ async function pixels(page: Page, x: number, y: number, colour: string): Promise
         canvas.height / 2 - (y as number) * scale - 12,
       ];
       const { data } = ctx.getImageData(left, top, 24, 24);
-      let found = 0;
+      let count = 0;
       for (let i = 0; i < data.length; i += 4) {
         if (
           Math.abs((data[i] ?? 0) - r) + Math.abs((data[i + 1] ?? 0) - g) + Math.abs((data[i + 2] ?? 0) - b) <
           30
         )
-          found++;
+          count++;
       }
-      return found;
+      return count;
     },
     [x, y, colour],
   );
 }
 
-test("the contact is shown at its step, and not before", async () => {
-  const { page, wrong } = await open(browser, service.url);
-  await go(page, service.url, `/runs/run/episodes/${episode}?step=${String(KNOWN.step - 1)}`);
+test("a contact is shown at its step and not before", async () => {
+  const { page, problems } = await openPage(browser, server.url);
+  await visit(page, server.url, `/runs/run/episodes/${episode}?step=${String(KNOWN.step - 1)}`);
   const satellite = page.locator(`[data-satellite="${String(KNOWN.satellite)}"]`);
   await page.locator(`output[data-step="${String(KNOWN.step - 1)}"]`).waitFor();
   expect(await satellite.getAttribute("data-status")).toBe("active");
-  const place = frames[KNOWN.step]?.state.satellites[KNOWN.satellite];
-  if (!place) throw new Error("no such frame");
+  const position = frames[KNOWN.step]?.state.satellites[KNOWN.satellite];
+  if (!position) throw new Error("no such frame");
   await page.keyboard.press("ArrowRight");
   await page.locator(`output[data-step="${String(KNOWN.step)}"]`).waitFor();
   expect(await satellite.getAttribute("data-status")).toBe("destroyed");
-  // The cross where it was hit: 12 px of two strokes, 2 px wide.
-  await expect.poll(() => pixels(page, place.x, place.y, "--bad")).toBeGreaterThan(20);
+  // A cross marks the contact: two strokes of 12 px, 2 px wide.
+  await expect.poll(() => countPixels(page, position.x, position.y, "--bad")).toBeGreaterThan(20);
   await page.keyboard.press("ArrowLeft");
   await page.locator(`output[data-step="${String(KNOWN.step - 1)}"]`).waitFor();
   expect(await satellite.getAttribute("data-status")).toBe("active");
   await expect.poll(() => page.url()).toContain(`step=${String(KNOWN.step - 1)}`);
-  expect(wrong).toEqual([]);
+  expect(problems).toEqual([]);
   await page.context().close();
 });
 
-test("it plays, pauses, and stands beside what the reference does", async () => {
-  const { page, wrong } = await open(browser, service.url);
-  await go(page, service.url, `/runs/run/episodes/${episode}?step=0`);
+test("a replay plays, pauses and is compared with the reference", async () => {
+  const { page, problems } = await openPage(browser, server.url);
+  await visit(page, server.url, `/runs/run/episodes/${episode}?step=0`);
   await page.getByLabel("Speed").selectOption("20 steps/s");
   await page.getByRole("button", { name: "Play", exact: true }).click();
   await expect
     .poll(async () => Number(await page.locator("output[data-step]").getAttribute("data-step")))
     .toBeGreaterThan(5);
   await page.getByRole("button", { name: "Pause" }).click();
-  const at = await page.locator("output[data-step]").getAttribute("data-step");
+  const pausedAt = await page.locator("output[data-step]").getAttribute("data-step");
+  // Tests the passing of time: at 20 steps/s a replay that is not paused advances by 6 steps.
   await page.waitForTimeout(300);
-  expect(await page.locator("output[data-step]").getAttribute("data-step")).toBe(at);
+  expect(await page.locator("output[data-step]").getAttribute("data-step")).toBe(pausedAt);
   await page.getByLabel("Beside it").selectOption("the reference");
   await expect.poll(() => page.locator("canvas").count()).toBe(2);
-  await page.locator("h2").first().click(); // keys are not for the box that was just chosen in
+  await page.locator("h2").first().click(); // moves the focus, so that keys do not change the select box
   await page.keyboard.press("End");
-  const status = (stage: number) =>
+  const statusIn = (figure: number) =>
     page
       .locator("figure")
-      .nth(stage)
+      .nth(figure)
       .locator(`[data-satellite="${String(KNOWN.satellite)}"]`)
       .getAttribute("data-status");
-  expect(await status(0)).toBe("destroyed");
-  expect(await status(1)).toBe("active"); // the reference saves it
-  expect(wrong).toEqual([]);
+  expect(await statusIn(0)).toBe("destroyed");
+  expect(await statusIn(1)).toBe("active"); // the reference planner saves it
+  expect(problems).toEqual([]);
   await page.context().close();
 });

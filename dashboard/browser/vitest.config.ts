@@ -1,14 +1,14 @@
 import { defineConfig } from "vitest/config";
 
-// Real browsers before real services: two at a time.
+// At most two test files run at the same time, each with a browser and a server.
 export default defineConfig({
   test: {
     root: new URL("..", import.meta.url).pathname,
     include: ["browser/**/*.test.ts"],
-    globalSetup: ["browser/seeded.ts"],
+    globalSetup: ["browser/global-setup.ts"],
     testTimeout: 300_000,
     hookTimeout: 900_000,
     maxWorkers: 2,
-    expect: { poll: { timeout: 15_000 } }, // two cores, a server and a browser
+    expect: { poll: { timeout: 60_000 } }, // generous: machines may be loaded
   },
 });

@@ -1,48 +1,52 @@
-// How fast the dashboard is, in a real browser before a service that runs: node scripts/measure.js http://127.0.0.1:8700
-// Prints measured, goal and ratio. On an idle machine; a headless browser draws without a graphics card, so a real one is faster.
+// Measures the speed of the dashboard in a headless browser: node scripts/measure.js http://127.0.0.1:8700
+// Prints the measured value, the goal and their ratio. The machine must be idle and the server running. A headless
+// browser draws without a graphics card, so a browser with a window is faster.
 import { chromium } from "playwright-core";
 
 const url = process.argv[2];
 if (!url) {
-  console.error("usage: node scripts/measure.js URL-OF-A-SERVICE");
+  console.error("usage: node scripts/measure.js SERVER_URL");
   process.exit(2);
 }
-const TIMES = 7;
-const FRAMES_MS = 4000;
-/** Of survival: 150 debris. */
+/** Number of loads of which the median is reported. */
+const LOADS = 7;
+/** Duration of scrubbing, in milliseconds. */
+const SCRUB_MS = 4000;
+/** Level of kessler/survival: 150 debris. */
 const LEVEL = 7;
 
-const how = { executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] };
-const browser = await chromium.launch(how);
-const ask = async (path, body) => {
-  const answer = await fetch(
+const launchOptions = { executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] };
+const browser = await chromium.launch(launchOptions);
+const request = async (path, body) => {
+  const response = await fetch(
     url + path,
     body
       ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }
       : {},
   );
-  if (!answer.ok) throw new Error(`${path}: ${answer.status} ${await answer.text()}`);
-  return answer.json();
+  if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
+  return response.json();
 };
 const median = (values) => values.toSorted((a, b) => a - b)[Math.floor(values.length / 2)];
-const say = (what, measured, unit, goal, most) =>
+const report = (label, measured, unit, goal, lowerIsBetter) =>
   console.log(
-    `${what.padEnd(58)} ${measured.toFixed(1).padStart(9)} ${unit.padEnd(5)} goal ${most ? "<=" : ">="} ${goal}   ratio ${(most ? goal / measured : measured / goal).toFixed(2)}`,
+    `${label.padEnd(58)} ${measured.toFixed(1).padStart(9)} ${unit.padEnd(5)} goal ${lowerIsBetter ? "<=" : ">="} ${goal}   ratio ${(lowerIsBetter ? goal / measured : measured / goal).toFixed(2)}`,
   );
 
-/** The run with the most episodes. */
-async function largest() {
-  const { runs } = await ask("/v1/runs?limit=500");
+/** Returns the run with the most episodes. */
+async function largestRun() {
+  const { runs } = await request("/v1/runs?limit=500");
   const all = await Promise.all(
-    runs.map(async ({ id }) => ({ id, episodes: (await ask(`/v1/runs/${id}/overview`)).episodes })),
+    runs.map(async ({ id }) => ({ id, episodes: (await request(`/v1/runs/${id}/overview`)).episodes })),
   );
   return all.toSorted((a, b) => b.episodes - a.episodes)[0];
 }
 
-const run = await largest();
-if (!run) throw new Error("the service has no runs");
+const run = await largestRun();
+if (!run) throw new Error("the server has no runs");
 
-async function firstChart() {
+/** Loads the page of the run and returns the milliseconds until its first chart. */
+async function timeToFirstChart() {
   const page = await browser.newPage();
   await page.goto(`${url}/dashboard/#/runs/${run.id}`);
   await page.locator(".uplot canvas").first().waitFor();
@@ -50,67 +54,73 @@ async function firstChart() {
   await page.close();
   return ms;
 }
-await firstChart(); // a browser that has seen nothing yet compiles what it sees
-const charts = [];
-for (let i = 0; i < TIMES; i++) charts.push(await firstChart());
-say(`first chart, ${run.episodes} episodes`, median(charts), "ms", 1000, true);
+await timeToFirstChart(); // warms up: a new browser compiles the scripts
+const chartTimes = [];
+for (let i = 0; i < LOADS; i++) chartTimes.push(await timeToFirstChart());
+report(`first chart, ${run.episodes} episodes`, median(chartTimes), "ms", 1000, true);
 
-/** Frames a second while a replay is scrubbed to and fro. */
-async function scrubbing() {
-  const many = `/v1/runs/${run.id}/episodes/search?task=kessler/survival&level=${LEVEL}&state=finished&limit=50`;
-  const { episodes } = await ask(many);
-  // One that goes on to the end: frames of what is left of a flight that failed early are few.
-  const shown = await Promise.all(
+/** Returns the frames per second while a replay is scrubbed back and forth. */
+async function measureScrubbing() {
+  const search = `/v1/runs/${run.id}/episodes/search?task=kessler/survival&level=${LEVEL}&state=finished&limit=50`;
+  const { episodes } = await request(search);
+  // Uses a long episode: the replay of an early failure has few frames.
+  const details = await Promise.all(
     episodes.map(async ({ episode }) => ({
       episode,
-      ...(await ask(`/v1/runs/${run.id}/episodes/${episode}`)),
+      ...(await request(`/v1/runs/${run.id}/episodes/${episode}`)),
     })),
   );
-  const found = shown.find(({ flown }) => flown?.steps >= 50);
-  if (!found) throw new Error(`no episode of survival at level ${LEVEL} is kept: let a learner come so far`);
+  const found = details.find(({ flown }) => flown?.steps >= 50);
+  if (!found)
+    throw new Error(
+      `no long episode of kessler/survival at level ${LEVEL} is stored; train a learner up to that level`,
+    );
   const { episode } = found;
   const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
   await page.goto(`${url}/dashboard/#/runs/${run.id}/episodes/${episode}`);
   await page.locator("canvas").first().waitFor();
   const frames = await page.evaluate(
-    (lasts) =>
-      new Promise((done) => {
+    (durationMs) =>
+      new Promise((resolve) => {
         const scrub = document.querySelector("input.scrub");
-        const most = Number(scrub.max);
+        const lastStep = Number(scrub.max);
         let [count, at, begun] = [0, 0, performance.now()];
         requestAnimationFrame(function tick(now) {
-          at = (at + 1) % (2 * most);
-          scrub.value = String(at > most ? 2 * most - at : at);
+          at = (at + 1) % (2 * lastStep);
+          scrub.value = String(at > lastStep ? 2 * lastStep - at : at);
           scrub.dispatchEvent(new Event("input", { bubbles: true }));
           count += 1;
-          if (now - begun < lasts) requestAnimationFrame(tick);
-          else done((1000 * count) / (now - begun));
+          if (now - begun < durationMs) requestAnimationFrame(tick);
+          else resolve((1000 * count) / (now - begun));
         });
       }),
-    FRAMES_MS,
+    SCRUB_MS,
   );
   await page.close();
   return { frames, debris: found.scenario.params.debris };
 }
-const { frames, debris } = await scrubbing();
-say(`scrubbing a replay of ${debris} debris`, frames, "fps", 50, false);
+const { frames, debris } = await measureScrubbing();
+report(`scrubbing a replay of ${debris} debris`, frames, "fps", 50, false);
 
-// As somebody loads it who never did: nothing of the pages above may be in a cache.
-const fresh = await chromium.launch(how);
+// A first load: nothing may be in a cache.
+const fresh = await chromium.launch(launchOptions);
 const page = await (await fresh.newContext()).newPage();
 const network = await page.context().newCDPSession(page);
 await network.send("Network.enable");
 await network.send("Network.setCacheDisabled", { cacheDisabled: true });
-let bytes = 0;
-const sized = [];
+const pending = new Set();
+const sizes = [];
+const isPartOfDashboard = (request) => new URL(request.url()).pathname.startsWith("/dashboard");
+page.on("request", (request) => {
+  if (isPartOfDashboard(request)) pending.add(request);
+});
 page.on("requestfinished", (request) => {
-  if (new URL(request.url()).pathname.startsWith("/dashboard"))
-    sized.push(request.sizes().then(({ responseBodySize }) => (bytes += responseBodySize)));
+  if (pending.delete(request)) sizes.push(request.sizes().then(({ responseBodySize }) => responseBodySize));
 });
 await page.goto(`${url}/dashboard/#/runs/${run.id}`);
 await page.locator(".uplot canvas").first().waitFor();
-await page.waitForTimeout(500);
-await Promise.all(sized);
-say("first load of the heaviest page", bytes / 1024, "KiB", 150, true);
+while (pending.size > 0) await page.waitForEvent("requestfinished");
+const bytes = (await Promise.all(sizes)).reduce((sum, size) => sum + size, 0);
+report("first load of the heaviest page", bytes / 1024, "KiB", 150, true);
 await fresh.close();
 await browser.close();

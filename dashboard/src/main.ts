@@ -3,7 +3,7 @@ import App from "./App.svelte";
 import "uplot/dist/uPlot.min.css";
 import "./app.css";
 
-// Users of OpenEnv expect to play at /web/: it is this page, opened there.
+// OpenEnv users expect a playable page at /web/: open the play page there.
 if (location.pathname.startsWith("/web") && location.hash === "") location.hash = "#/play";
 
 const target = document.getElementById("app");

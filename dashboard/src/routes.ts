@@ -1,6 +1,6 @@
-/** The pages, by their place behind the #. What is seldom looked at is fetched when it is. */
+/** Pages by their path after the #. All but the start page load on demand. */
 import { wrap } from "svelte-spa-router/wrap";
-import Missing from "./pages/Missing.svelte";
+import NotFound from "./pages/NotFound.svelte";
 import Runs from "./pages/Runs.svelte";
 
 export const routes = {
@@ -15,5 +15,5 @@ export const routes = {
   "/evaluations/compare": wrap({ asyncComponent: () => import("./pages/Compare.svelte") }),
   "/evaluations/:evaluation": wrap({ asyncComponent: () => import("./pages/Evaluation.svelte") }),
   "/play": wrap({ asyncComponent: () => import("./pages/Play.svelte") }),
-  "*": Missing,
+  "*": NotFound,
 };

@@ -1,20 +1,27 @@
-//! Whole-system tests: a real server on a real socket with a real SQLite file, and real clients.
+//! Helpers for whole-system tests and benchmarks: a real server on a real socket with a real SQLite file.
+//!
+//! The library has the server (in this process as [`Server`], or as [`ServerProcess`]), the HTTP client [`ApiClient`],
+//! the crash test ([`crash`]) and a scripted language model ([`mock_llm`]). The tests themselves are in `tests/system`.
 
-pub mod model;
+pub mod crash;
+pub mod mock_llm;
+mod polling;
 mod process;
-pub mod survival;
+mod websocket;
 
 use std::path::PathBuf;
 
-use env_core::rollout::fly;
-use env_core::{ActionLog, Flown, Recipe, Scenario, Seed};
+use env_core::rollout::{Rollout, roll_out};
+use env_core::{ActionLog, EpisodeOutcome, Recipe, Scenario, Seed};
 use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
 use serde_json::{Value, json};
 
-pub use self::process::{Process, binary, native};
+pub use self::polling::{wait_for, wait_until};
+pub use self::process::{ServerProcess, native_module, sparring_binary};
+pub use self::websocket::{Received, TestSocket};
 
-/// A server in this process, on a database of its own.
+/// Server in this process with its own temporary database.
 pub struct Server {
     service: Option<Service>,
     folder: tempfile::TempDir,
@@ -31,27 +38,27 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Starts one.
+    /// Starts a server with the default configuration.
     ///
     /// # Panics
-    /// Where it cannot start.
+    /// Panics if the server does not start.
     pub async fn start() -> Self {
-        Self::set_up(|config| config).await
+        Self::with_config(|config| config).await
     }
 
-    /// Starts one that reads this clock.
+    /// Starts a server that reads `clock` instead of the system clock.
     ///
     /// # Panics
-    /// Where it cannot start.
+    /// Panics if the server does not start.
     pub async fn with_clock(clock: Clock) -> Self {
-        Self::set_up(move |config| Config { clock: clock.clone(), ..config }).await
+        Self::with_config(move |config| Config { clock: clock.clone(), ..config }).await
     }
 
-    /// Starts one that is set up so, now and whenever it starts again.
+    /// Starts a server whose configuration `setup` adjusts, at this start and at every restart.
     ///
     /// # Panics
-    /// Where it cannot start.
-    pub async fn set_up(setup: impl Fn(Config) -> Config + Send + Sync + 'static) -> Self {
+    /// Panics if the server does not start.
+    pub async fn with_config(setup: impl Fn(Config) -> Config + Send + Sync + 'static) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let mut server = Self { service: None, folder, setup: Box::new(setup) };
         server.open().await;
@@ -59,32 +66,32 @@ impl Server {
     }
 
     async fn open(&mut self) {
-        let config = (self.setup)(Config::local(self.db()));
+        let config = (self.setup)(Config::local(self.db_path()));
         self.service = Some(Service::start(config).await.expect("the server starts"));
     }
 
-    /// The database file.
+    /// Path of the database file.
     #[must_use]
-    pub fn db(&self) -> PathBuf {
+    pub fn db_path(&self) -> PathBuf {
         self.folder.path().join("sparring.sqlite3")
     }
 
-    /// A client of it.
+    /// Creates a client of this server.
     ///
     /// # Panics
-    /// Where it is stopped.
+    /// Panics if the server is stopped.
     #[must_use]
-    pub fn api(&self) -> Api {
-        Api::new(&self.service.as_ref().expect("the server runs").url())
+    pub fn api(&self) -> ApiClient {
+        ApiClient::new(&self.service.as_ref().expect("the server runs").url())
     }
 
-    /// Stops it in good order, and starts it again on the same database.
+    /// Stops the server gracefully and starts it again on the same database.
     pub async fn restart(&mut self) {
         self.stop().await;
         self.open().await;
     }
 
-    /// Stops it in good order.
+    /// Stops the server gracefully; does nothing if it is stopped already.
     pub async fn stop(&mut self) {
         if let Some(service) = self.service.take() {
             service.stop().await;
@@ -92,41 +99,41 @@ impl Server {
     }
 }
 
-/// An HTTP client, without TLS.
+/// Creates an HTTP client without TLS.
 ///
 /// # Panics
-/// Where there can be none.
+/// Panics if the client cannot be built.
 #[must_use]
 pub fn http_client() -> reqwest::Client {
-    designer::llm::http_client(false).expect("plain HTTP needs nothing").build().expect("a client")
+    llm::http_client_builder(false).expect("plain HTTP needs nothing").build().expect("a client")
 }
 
-/// A trainer's side of the API.
+/// HTTP client of the API, as a trainer uses it.
 #[derive(Debug, Clone)]
-pub struct Api {
+pub struct ApiClient {
     client: reqwest::Client,
     base: String,
     token: Option<String>,
 }
 
-/// A status and a JSON body.
+/// Response of the API: status, some headers and the JSON body.
 #[derive(Debug, Clone)]
-pub struct Answer {
-    /// The HTTP status.
+pub struct ApiResponse {
+    /// HTTP status of the response.
     pub status: u16,
-    /// `content-type`.
-    pub kind: String,
-    /// `retry-after`.
+    /// Value of the `content-type` header; empty if absent.
+    pub content_type: String,
+    /// Value of the `retry-after` header, if present.
     pub retry_after: Option<String>,
-    /// The body.
+    /// JSON body; a JSON string if the body is no JSON.
     pub body: Value,
 }
 
-impl Answer {
-    /// The body of an answer that must have this status.
+impl ApiResponse {
+    /// Returns the body after a check of the status.
     ///
     /// # Panics
-    /// Where it has another.
+    /// Panics if the status differs from `status`.
     #[must_use]
     #[track_caller]
     pub fn expect(self, status: u16) -> Value {
@@ -135,50 +142,56 @@ impl Answer {
     }
 }
 
-impl Api {
-    /// A client of the server at this URL.
+impl ApiClient {
+    /// Creates a client of the server at the URL `base`.
     #[must_use]
     pub fn new(base: &str) -> Self {
         Self { client: http_client(), base: base.to_owned(), token: None }
     }
 
-    /// The same with a token.
+    /// Returns the same client with a bearer token.
     #[must_use]
     pub fn with_token(self, token: &str) -> Self {
         Self { token: Some(token.to_owned()), ..self }
     }
 
-    /// Where the server is.
+    /// URL of the server.
     #[must_use]
     pub fn base(&self) -> &str {
         &self.base
     }
 
-    /// Sends a request as it is.
+    /// Sends a request with any method, content type and body.
     ///
     /// # Panics
-    /// Where the server does not answer.
-    pub async fn raw(&self, method: &str, path: &str, kind: &str, body: impl Into<reqwest::Body>) -> Answer {
-        self.attempt(method, path, kind, body).await.expect("the server answers")
-    }
-
-    /// The same, where it may be that nobody answers.
-    ///
-    /// # Errors
-    /// Nobody answers, or not to the end.
-    ///
-    /// # Panics
-    /// Where the method is none.
-    pub async fn attempt(
+    /// Panics if the server does not respond.
+    pub async fn request(
         &self,
         method: &str,
         path: &str,
-        kind: &str,
+        content_type: &str,
         body: impl Into<reqwest::Body>,
-    ) -> Result<Answer, reqwest::Error> {
-        let method = method.parse().expect("a method");
+    ) -> ApiResponse {
+        self.try_request(method, path, content_type, body).await.expect("the server responds")
+    }
+
+    /// Sends a request to a server that may be down.
+    ///
+    /// # Errors
+    /// Returns the client's error if the server cannot be reached or closes the connection early.
+    ///
+    /// # Panics
+    /// Panics if `method` is not a valid HTTP method.
+    pub async fn try_request(
+        &self,
+        method: &str,
+        path: &str,
+        content_type: &str,
+        body: impl Into<reqwest::Body>,
+    ) -> Result<ApiResponse, reqwest::Error> {
+        let method = method.parse().expect("a valid method");
         let mut request =
-            self.client.request(method, format!("{}{path}", self.base)).header("content-type", kind);
+            self.client.request(method, format!("{}{path}", self.base)).header("content-type", content_type);
         if let Some(token) = &self.token {
             request = request.bearer_auth(token);
         }
@@ -190,75 +203,75 @@ impl Api {
         let bytes = response.bytes().await?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
         let body = serde_json::from_slice(&bytes).unwrap_or(Value::String(text));
-        Ok(Answer { status, kind, retry_after, body })
+        Ok(ApiResponse { status, content_type: kind, retry_after, body })
     }
 
-    /// GET.
-    pub async fn get(&self, path: &str) -> Answer {
-        self.raw("GET", path, "application/json", "").await
+    /// Sends a GET request.
+    pub async fn get(&self, path: &str) -> ApiResponse {
+        self.request("GET", path, "application/json", "").await
     }
 
-    /// POST of JSON.
-    pub async fn post(&self, path: &str, body: Value) -> Answer {
-        self.send("POST", path, body).await
+    /// Sends a POST request with a JSON body.
+    pub async fn post(&self, path: &str, body: Value) -> ApiResponse {
+        self.send_json("POST", path, body).await
     }
 
-    /// Sends JSON by any method.
-    pub async fn send(&self, method: &str, path: &str, body: Value) -> Answer {
-        self.raw(method, path, "application/json", body.to_string()).await
+    /// Sends a JSON body with any method.
+    pub async fn send_json(&self, method: &str, path: &str, body: Value) -> ApiResponse {
+        self.request(method, path, "application/json", body.to_string()).await
     }
 
-    /// Takes a lease of `run`.
+    /// Leases groups of `run`.
     ///
     /// # Panics
-    /// Where it is not granted.
-    pub async fn lease(&self, run: &str, wish: Value) -> Lease {
-        Lease(self.post(&format!("/v1/runs/{run}/leases"), wish).await.expect(201))
+    /// Panics if the server rejects the request.
+    pub async fn lease(&self, run: &str, request: Value) -> Lease {
+        Lease(self.post(&format!("/v1/runs/{run}/leases"), request).await.expect(201))
     }
 
-    /// Reports results to `run`.
+    /// Reports results to `run` and returns the response with one receipt a result.
     ///
     /// # Panics
-    /// Where the batch is refused.
+    /// Panics if the server rejects the batch.
     pub async fn report(&self, run: &str, results: Vec<Value>) -> Value {
         self.post(&format!("/v1/runs/{run}/results"), json!({ "results": results })).await.expect(200)
     }
 }
 
-/// A lease as it was answered.
+/// Lease as the server returned it.
 #[derive(Debug, Clone)]
 pub struct Lease(pub Value);
 
 impl Lease {
-    /// Its id.
+    /// Id of the lease.
     ///
     /// # Panics
-    /// Where it has none.
+    /// Panics if the lease has no id.
     #[must_use]
     pub fn id(&self) -> &str {
-        self.0["lease"].as_str().expect("an id")
+        self.0["lease"].as_str().expect("the lease has an id")
     }
 
-    /// (episode, scenario) of every episode, group by group.
+    /// Episode id and scenario of every episode, group by group.
     ///
     /// # Panics
-    /// Where the lease is malformed.
+    /// Panics if the lease is malformed.
     #[must_use]
     pub fn episodes(&self) -> Vec<(String, Scenario)> {
         let mut episodes = Vec::new();
         for group in self.0["groups"].as_array().expect("groups") {
             let scenario = self.scenario(group);
             for episode in group["episodes"].as_array().expect("episodes") {
-                episodes.push((episode.as_str().expect("a name").to_owned(), scenario.clone()));
+                episodes.push((episode.as_str().expect("an episode id").to_owned(), scenario.clone()));
             }
         }
         episodes
     }
 
-    /// A group's scenario, from its recipe and seed as a trainer makes it.
+    /// Builds a group's scenario from its recipe and seed, as a trainer does.
     ///
     /// # Panics
-    /// Where the lease is malformed.
+    /// Panics if the lease is malformed.
     #[must_use]
     pub fn scenario(&self, group: &Value) -> Scenario {
         let recipe = &self.0["recipes"][group["recipe"].as_u64().expect("an index") as usize];
@@ -267,19 +280,29 @@ impl Lease {
     }
 }
 
-/// Flies a scenario by a built-in policy.
-///
-/// # Panics
-/// Where it cannot be flown.
-#[must_use]
-pub fn flown(scenario: &Scenario, policy: &str) -> (Flown, ActionLog) {
-    let mut policy = scenario.task().policy(policy, scenario, 1).expect("a policy");
-    fly(scenario, &mut *policy).expect("a flight")
+/// Episode that a built-in policy ran in this process.
+#[derive(Debug, Clone)]
+pub struct PolicyRollout {
+    /// Outcome of the episode.
+    pub outcome: EpisodeOutcome,
+    /// Actions of the policy.
+    pub log: ActionLog,
 }
 
-/// A log in the wire form.
+/// Runs an episode of `scenario` with a built-in policy.
+///
+/// # Panics
+/// Panics if the task has no such policy or the scenario has no valid start.
 #[must_use]
-pub fn wire(log: &ActionLog) -> Value {
+pub fn run_policy(scenario: &Scenario, policy: &str) -> PolicyRollout {
+    let mut policy = scenario.task().policy(policy, scenario, 1).expect("a built-in policy");
+    let Rollout { outcome, log } = roll_out(scenario, &mut *policy).expect("an episode");
+    PolicyRollout { outcome, log }
+}
+
+/// Converts a log to the JSON form of the API.
+#[must_use]
+pub fn log_to_json(log: &ActionLog) -> Value {
     let steps: Vec<Value> = log
         .steps()
         .map(|step| {
@@ -294,8 +317,8 @@ pub fn wire(log: &ActionLog) -> Value {
     json!({ "steps": steps })
 }
 
-/// A result: this episode flown by this policy.
+/// Runs an episode with a built-in policy and returns the result as the API expects it.
 #[must_use]
-pub fn result(episode: &str, scenario: &Scenario, policy: &str) -> Value {
-    json!({ "episode": episode, "actions": wire(&flown(scenario, policy).1) })
+pub fn episode_result(episode: &str, scenario: &Scenario, policy: &str) -> Value {
+    json!({ "episode": episode, "actions": log_to_json(&run_policy(scenario, policy).log) })
 }

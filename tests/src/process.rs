@@ -1,156 +1,158 @@
-//! The program in a process of its own.
+//! The `sparring` binary, and servers in their own process.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 
-use crate::Api;
+use crate::ApiClient;
 
-/// The `sparring` binary: the one that `SPARRING_BINARY` names, else built if need be.
+/// Path of the `sparring` binary: the value of `SPARRING_BINARY`, or a binary that this function builds.
 ///
 /// # Panics
-/// Where it cannot be built.
+/// Panics if the binary does not build.
 #[must_use]
-pub fn binary() -> &'static Path {
+pub fn sparring_binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
         if let Some(built) = std::env::var_os("SPARRING_BINARY") {
             return built.into();
         }
-        built(&["-p", "orchestrator", "--bin", "sparring"])
+        cargo_build(&["-p", "cli", "--bin", "sparring"])
             .join(format!("sparring{}", std::env::consts::EXE_SUFFIX))
     })
 }
 
-/// What `import sparring` loads: beside the binary that is named, built otherwise.
+/// Path of the native module that `import sparring` loads.
+///
+/// The module is expected beside `SPARRING_BINARY`; this function builds it if that variable is not set.
 ///
 /// # Panics
-/// Where it does not build.
+/// Panics if the module does not build.
 #[must_use]
-pub fn native() -> PathBuf {
+pub fn native_module() -> PathBuf {
     let folder = match std::env::var_os("SPARRING_BINARY") {
         Some(binary) => Path::new(&binary).parent().expect("a folder").to_owned(),
-        None => built(&["-p", "sparring-python", "--lib"]),
+        None => cargo_build(&["-p", "sparring-python", "--lib"]),
     };
     folder.join(format!("{}_native{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX))
 }
 
-/// Builds something; the folder in which it is then.
-fn built(what: &[&str]) -> PathBuf {
-    // Tests live in target/<profile>/deps, programs and the binary one folder up.
-    let here = std::env::current_exe().expect("a path");
-    let folder = here.parent().expect("a folder");
+/// Runs `cargo build` with `args` in the profile of the tests and returns the folder of the artifacts.
+fn cargo_build(args: &[&str]) -> PathBuf {
+    // Test executables are in target/<profile>/deps; binaries are one folder up.
+    let executable = std::env::current_exe().expect("the path of the test executable");
+    let folder = executable.parent().expect("the folder of the test executable");
     let folder = if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
     let profile = match folder.file_name().and_then(|n| n.to_str()) {
         Some("release") => "release",
         _ => "dev",
     };
-    let built = Command::new(env!("CARGO"))
+    let status = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", profile])
-        .args(what)
+        .args(args)
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .status()
         .expect("cargo runs");
-    assert!(built.success(), "{what:?} does not build");
+    assert!(status.success(), "cargo build {args:?} failed");
     folder.to_owned()
 }
 
-/// A server in a process of its own, that can be killed.
+/// Server in its own process, which a test can kill. Dropping it kills the process.
 #[derive(Debug)]
-pub struct Process {
+pub struct ServerProcess {
     child: Child,
     url: String,
 }
 
-impl Process {
-    /// Starts `sparring serve` on a free port.
+impl ServerProcess {
+    /// Starts `sparring serve` on a free port of the loopback interface.
     ///
     /// # Panics
-    /// Where it does not start.
+    /// Panics if the server does not start.
     #[must_use]
     pub fn start(db: &Path) -> Self {
-        Self::start_with(db, &[])
+        Self::start_with_options(db, &[])
     }
 
-    /// Starts one with further options.
+    /// Starts `sparring serve` on a free port with further options.
     ///
     /// # Panics
-    /// Where it does not start.
+    /// Panics if the server does not start.
     #[must_use]
-    pub fn start_with(db: &Path, options: &[&str]) -> Self {
+    pub fn start_with_options(db: &Path, options: &[&str]) -> Self {
         Self::start_at("127.0.0.1:0", db, options)
     }
 
-    /// Starts one at this address, where clients expect one that is started anew.
+    /// Starts `sparring serve` at the address `bind`, for clients that reconnect to a restarted server.
     ///
     /// # Panics
-    /// Where it does not start.
+    /// Panics if the server does not start.
     #[must_use]
     pub fn start_at(bind: &str, db: &Path, options: &[&str]) -> Self {
-        let mut command = Command::new(binary());
+        let mut command = Command::new(sparring_binary());
         command.args(["serve", "--bind", bind, "--db"]).arg(db).args(options);
-        Self::run(command, Stdio::null())
+        Self::spawn(command, Stdio::null())
     }
 
-    /// Runs `sparring serve` as a command that has all else; where its log goes.
+    /// Runs a complete `sparring serve` command and sends its log to `log`.
     ///
     /// # Panics
-    /// Where it does not start.
+    /// Panics if the server does not start.
     #[must_use]
-    pub fn run(mut command: Command, log: Stdio) -> Self {
+    pub fn spawn(mut command: Command, log: Stdio) -> Self {
         let mut child = command.stdout(Stdio::piped()).stderr(log).spawn().expect("the server starts");
         let mut line = String::new();
-        let stdout = child.stdout.take().expect("its output");
-        BufReader::new(stdout).read_line(&mut line).expect("its first line");
+        let stdout = child.stdout.take().expect("stdout is piped");
+        BufReader::new(stdout).read_line(&mut line).expect("the server prints its URL");
         let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
         assert!(url.starts_with("http://127.0.0.1:"), "{line}");
         Self { child, url }
     }
 
-    /// Its number.
+    /// Process id of the server.
     #[must_use]
     pub fn pid(&self) -> u32 {
         self.child.id()
     }
 
-    /// Where it listens, as an address to be bound again.
+    /// Address and port of the server, in the form that `start_at` takes.
     #[must_use]
     pub fn address(&self) -> &str {
         self.url.strip_prefix("http://").unwrap_or(&self.url)
     }
 
-    /// A client of it.
+    /// Creates a client of this server.
     #[must_use]
-    pub fn api(&self) -> Api {
-        Api::new(&self.url)
+    pub fn api(&self) -> ApiClient {
+        ApiClient::new(&self.url)
     }
 
-    /// Asks it to stop, as `kill` and service managers do; its exit code.
+    /// Sends SIGTERM, as service managers do, waits for the end and returns the exit code.
     ///
     /// # Panics
-    /// Where it cannot be asked.
+    /// Panics if the signal cannot be sent.
     #[cfg(unix)]
     #[must_use]
     pub fn terminate(mut self) -> Option<i32> {
-        let asked = Command::new("kill").arg(self.child.id().to_string()).status().expect("kill runs");
-        assert!(asked.success(), "the server is gone");
-        self.child.wait().expect("its end").code()
+        let signalled = Command::new("kill").arg(self.child.id().to_string()).status().expect("kill runs");
+        assert!(signalled.success(), "the server exited before SIGTERM");
+        self.child.wait().expect("the server exits").code()
     }
 
-    /// Kills it without warning.
+    /// Kills the process with SIGKILL.
     pub fn kill(mut self) {
-        self.end();
+        self.kill_and_wait();
     }
 
-    fn end(&mut self) {
+    fn kill_and_wait(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-impl Drop for Process {
+impl Drop for ServerProcess {
     fn drop(&mut self) {
-        self.end();
+        self.kill_and_wait();
     }
 }

@@ -1,17 +1,17 @@
-//! The designer: whether its layouts hit what an agent is weak at, whether anything unfair gets through, and how fast it is.
+//! The designer: speed, whether layouts hit the weaknesses of agents, and whether unfair layouts are admitted.
 
-mod again;
 pub(crate) mod learner;
 mod rates;
-mod spots;
+mod replay_check;
+mod weaknesses;
 
-pub(crate) use self::again::check as check_again;
+pub(crate) use self::replay_check::check_layouts;
 
 use crate::Row;
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = rates::measure()?;
-    rows.extend(spots::measure()?);
-    rows.extend(again::measure()?);
+    rows.extend(weaknesses::measure()?);
+    rows.extend(replay_check::measure()?);
     Ok(rows)
 }

@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
-import { TimeRange, endOf } from "./range.svelte";
+import { TimeRange, endOfData } from "./time-range.svelte";
 import { csv } from "./series";
 
-test("CSV has a row for each point, its intervals, and quotes where a name has them", () => {
+test("CSV has a row for each point, columns for intervals, and escaped quotes", () => {
   const text = csv(
     [0, 60],
     [
@@ -18,25 +18,25 @@ test("CSV has a row for each point, its intervals, and quotes where a name has t
   ]);
 });
 
-test("a stretch stays within what there is", () => {
+test("a selection stays within the available interval", () => {
   const range = new TimeRange();
-  range.whole = { from: 0, to: 10_000 };
-  range.choose(-500, 4_000);
+  range.available = { from: 0, to: 10_000 };
+  range.select(-500, 4_000);
   expect(range.shown).toEqual({ from: 0, to: 4_000 });
   range.pan(10);
   expect(range.shown).toEqual({ from: 6_000, to: 10_000 });
   range.zoom(0.5);
   expect(range.shown).toEqual({ from: 7_000, to: 9_000 });
-  range.choose(5, 10); // shorter than can be told apart
+  range.select(5, 10); // shorter than the minimum
   expect(range.shown).toEqual({ from: 7_000, to: 9_000 });
   range.zoom(10);
-  expect(range.chosen).toBeNull();
+  expect(range.selected).toBeNull();
   range.last(1_000);
   expect(range.shown).toEqual({ from: 9_000, to: 10_000 });
 });
 
-test("all there is ends a little after the last data where nothing came for long", () => {
-  expect(endOf({ from: 0, to: 10_000 }, 9_500)).toBe(10_000); // they come
-  expect(endOf({ from: 0, to: 100_000 }, 10_000)).toBe(10_300);
-  expect(endOf({ from: 0, to: 100 }, undefined)).toBe(100);
+test("the shown interval ends shortly after the last data", () => {
+  expect(endOfData({ from: 0, to: 10_000 }, 9_500)).toBe(10_000); // data still arrive
+  expect(endOfData({ from: 0, to: 100_000 }, 10_000)).toBe(10_300);
+  expect(endOfData({ from: 0, to: 100 }, undefined)).toBe(100);
 });

@@ -1,25 +1,25 @@
-/** What a chart shows. */
+/** Curve of a chart. */
 export interface Curve {
   label: string;
-  /** One of the CSS custom properties: --c0 to --c5. */
+  /** CSS custom property, --c0 to --c5. */
   colour: string;
   values: (number | null)[];
-  /** An interval around the values. */
+  /** Lower and upper bound around the values. */
   low?: (number | null)[];
   high?: (number | null)[];
   dashed?: boolean;
-  /** It stays as it is until it changes: drawn in steps. */
+  /** True if the value is constant between points: drawn as steps. */
   stepped?: boolean;
 }
 
-/** A moment with words: a level that moved. */
-export interface Mark {
+/** Labelled time on a chart, for example of a level move. */
+export interface Marker {
   at: number;
-  words: string;
+  label: string;
   kind: "up" | "down" | "other";
 }
 
-/** The same as comma-separated values, for who computes on. */
+/** Formats curves as comma-separated values. */
 export function csv(x: number[], curves: Curve[]): string {
   const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
   const columns = curves.flatMap((curve) => [
@@ -38,7 +38,7 @@ export function csv(x: number[], curves: Curve[]): string {
   return [head, ...rows, ""].join("\n");
 }
 
-/** Gives a file to whoever looks. */
+/** Offers a text file as a download. */
 export function download(name: string, kind: string, text: string) {
   const url = URL.createObjectURL(new Blob([text], { type: kind }));
   const link = document.createElement("a");

@@ -1,13 +1,11 @@
-/** The service's API: typed by its OpenAPI document, with the token of whoever is logged in. */
+/** Client of the service's API, typed by its OpenAPI document. Requests carry the token of the session. */
 import createClient, { type Middleware } from "openapi-fetch";
-import { readable } from "./readable";
+import { escapeControlCharacters } from "./control-characters";
 import { session } from "./session.svelte";
-import type { components, paths } from "./schema";
+import type { paths } from "./schema";
 
-export type Schema = components["schemas"];
-
-/** What a request came to, where it came to nothing: words for people, and the field at fault. */
-export class Refused extends Error {
+/** Failed request: status (0 without a response), message, and the invalid field if the service names one. */
+export class ApiError extends Error {
   readonly status: number;
   readonly field: string | undefined;
 
@@ -18,50 +16,50 @@ export class Refused extends Error {
   }
 }
 
-const authorised: Middleware = {
+const authorizeRequests: Middleware = {
   onRequest({ request }) {
     if (session.token) request.headers.set("Authorization", `Bearer ${session.token}`);
     return request;
   },
   onResponse({ response }) {
-    if (response.status === 401) session.needed = true;
+    if (response.status === 401) session.loginRequired = true;
   },
 };
 
 export const client = createClient<paths>({ baseUrl: "" });
-client.use(authorised);
+client.use(authorizeRequests);
 
-interface Answer<T> {
+interface ApiResult<T> {
   data?: T;
   error?: unknown;
   response: Response;
 }
 
-/** The body of an answer, or what is wrong thrown. */
-export async function body<T>(asked: Promise<Answer<T>>): Promise<T> {
-  let answer: Answer<T>;
+/** Returns the body of a successful response; throws an ApiError for any other. */
+export async function unwrap<T>(request: Promise<ApiResult<T>>): Promise<T> {
+  let result: ApiResult<T>;
   try {
-    answer = await asked;
+    result = await request;
   } catch {
-    throw new Refused(0, "The service does not answer.");
+    throw new ApiError(0, "The service does not answer.");
   }
-  if (answer.response.ok && answer.data !== undefined) return readable(answer.data);
-  const problem = readable(answer.error ?? {}) as { detail?: string; field?: string };
-  if (answer.response.status === 403) session.refused(problem.detail ?? "");
-  throw new Refused(
-    answer.response.status,
-    problem.detail ?? `The service answers ${String(answer.response.status)}.`,
+  if (result.response.ok && result.data !== undefined) return escapeControlCharacters(result.data);
+  const problem = escapeControlCharacters(result.error ?? {}) as { detail?: string; field?: string };
+  if (result.response.status === 403) session.readRole(problem.detail ?? "");
+  throw new ApiError(
+    result.response.status,
+    problem.detail ?? `The service answers ${String(result.response.status)}.`,
     problem.field,
   );
 }
 
-/** Learns what the token is good for: the service tells by what it lets it see, and names its role where it does not. */
-export async function learnRole() {
+/** Detects the role of the token: only admins may read the audit log, and a 403 response names the actual role. */
+export async function detectRole() {
   const token = session.token;
   try {
-    await body(client.GET("/v1/audit", { params: { query: { limit: 1 } } }));
+    await unwrap(client.GET("/v1/audit", { params: { query: { limit: 1 } } }));
     if (session.token === token) session.role = "admin";
   } catch {
-    // A refusal has told the role; any other trouble is told by the page that has it.
+    // A 403 response has set the role. The current page reports any other error.
   }
 }

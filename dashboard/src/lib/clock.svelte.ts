@@ -1,10 +1,11 @@
-/** The time, as pages show it: it moves once a second. */
-class Now {
-  at = $state(Date.now());
+/** Reactive current time for relative times; updated once a second. */
+class Clock {
+  /** Milliseconds since 1970. */
+  now = $state(Date.now());
 
   constructor() {
-    setInterval(() => (this.at = Date.now()), 1000);
+    setInterval(() => (this.now = Date.now()), 1000);
   }
 }
 
-export const now = new Now();
+export const clock = new Clock();

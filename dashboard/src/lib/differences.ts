@@ -1,23 +1,26 @@
-/** What differs between two settings: leaf by leaf, by its path. */
+/** Setting whose value differs between two versions of the settings. */
 export interface Difference {
+  /** Path of the setting, with dots between the names. */
   path: string;
   before: string;
   after: string;
 }
 
-function leaves(value: unknown, path: string, into: Map<string, string>) {
+function collectLeaves(value: unknown, path: string, leaves: Map<string, string>) {
   if (value !== null && typeof value === "object" && !Array.isArray(value)) {
-    for (const [key, inner] of Object.entries(value)) leaves(inner, path ? `${path}.${key}` : key, into);
+    for (const [key, inner] of Object.entries(value))
+      collectLeaves(inner, path ? `${path}.${key}` : key, leaves);
   } else {
-    into.set(path, JSON.stringify(value));
+    leaves.set(path, JSON.stringify(value));
   }
 }
 
-export function differences(before: unknown, after: unknown): Difference[] {
-  const [old, fresh] = [new Map<string, string>(), new Map<string, string>()];
-  leaves(before, "", old);
-  leaves(after, "", fresh);
-  return [...new Set([...old.keys(), ...fresh.keys()])]
-    .filter((path) => old.get(path) !== fresh.get(path))
-    .map((path) => ({ path, before: old.get(path) ?? "–", after: fresh.get(path) ?? "–" }));
+/** Lists the leaves that differ between two settings objects. */
+export function findDifferences(before: unknown, after: unknown): Difference[] {
+  const [old, current] = [new Map<string, string>(), new Map<string, string>()];
+  collectLeaves(before, "", old);
+  collectLeaves(after, "", current);
+  return [...new Set([...old.keys(), ...current.keys()])]
+    .filter((path) => old.get(path) !== current.get(path))
+    .map((path) => ({ path, before: old.get(path) ?? "–", after: current.get(path) ?? "–" }));
 }

@@ -1,4 +1,4 @@
-/** Numbers of evaluations, as the service tells them. */
+/** Estimate of an evaluation with its interval. */
 export interface Estimate {
   mean: number;
   low: number;
@@ -27,7 +27,7 @@ export interface ComparisonRow {
   improvement: Estimate | null;
 }
 
-export const NAMES: Record<Measure, string> = {
+export const MEASURE_LABELS: Record<Measure, string> = {
   success: "Success",
   score: "Score",
   skill: "Skill",
@@ -36,7 +36,7 @@ export const NAMES: Record<Measure, string> = {
   cvar10: "Worst tenth",
 };
 
-export const PARTS: Record<ReportRow["part"], string> = {
+export const PART_LABELS: Record<ReportRow["part"], string> = {
   contested: "contested",
   as_they_come: "as they come",
   all: "all",
@@ -44,11 +44,11 @@ export const PARTS: Record<ReportRow["part"], string> = {
 
 const shares = new Set<string>(["success", "lost", "improvement"]);
 
-/** 62 % [58, 66] or 0.71 [0.68, 0.74]. */
-export function estimated(measure: string, found: Estimate | null | undefined): string {
-  if (!found) return "–";
+/** Formats an estimate with its interval: "62 % [58, 66]" or "0.71 [0.68, 0.74]". */
+export function formatEstimate(measure: string, estimate: Estimate | null | undefined): string {
+  if (!estimate) return "–";
   const share = shares.has(measure);
   const number = (value: number) =>
     share ? (100 * value).toFixed(1) : value.toFixed(measure === "fuel_used" ? 1 : 3);
-  return `${number(found.mean)}${share ? " %" : ""} [${number(found.low)}, ${number(found.high)}]`;
+  return `${number(estimate.mean)}${share ? " %" : ""} [${number(estimate.low)}, ${number(estimate.high)}]`;
 }

@@ -1,11 +1,11 @@
 import { describe, expect, test } from "vitest";
-import { ago, count, fixed, lasting, percent, shortTask } from "./format";
+import { ago, count, fixed, formatDuration, percent, shortTask } from "./format";
 
-describe("numbers as people read them", () => {
+describe("formatted numbers", () => {
   test("counts", () => {
     expect([count(0), count(12_345), count(1_234_567), count(null)]).toEqual(["0", "12,345", "1.2M", "–"]);
   });
-  test("shares: small ones with a digit more", () => {
+  test("small shares have one more digit", () => {
     expect([percent(0), percent(0.034), percent(0.5), percent(1), percent(undefined), percent(NaN)]).toEqual([
       "0 %",
       "3.4 %",
@@ -15,22 +15,22 @@ describe("numbers as people read them", () => {
       "–",
     ]);
   });
-  test("what is not known is a dash", () => {
+  test("unknown values are a dash", () => {
     expect([fixed(null), fixed(Infinity), fixed(1.005, 1)]).toEqual(["–", "–", "1.0"]);
   });
-  test("durations in their two largest units", () => {
-    expect([lasting(0), lasting(59_000), lasting(3_600_000), lasting(90_061_000)]).toEqual([
-      "0 s",
-      "59 s",
-      "1 h",
-      "1 d 1 h",
-    ]);
+  test("durations have their two largest units", () => {
+    expect([
+      formatDuration(0),
+      formatDuration(59_000),
+      formatDuration(3_600_000),
+      formatDuration(90_061_000),
+    ]).toEqual(["0 s", "59 s", "1 h", "1 d 1 h"]);
   });
-  test("how long ago", () => {
+  test("relative times", () => {
     const now = Date.UTC(2026, 0, 2);
     expect([ago(now - 5_000, now), ago(now - 7_200_000, now)]).toEqual(["5s ago", "2h ago"]);
   });
-  test("a task without its world", () => {
+  test("task names omit the world", () => {
     expect(shortTask("kessler/eco_station")).toBe("eco station");
   });
 });

@@ -1,28 +1,28 @@
-/** Numbers and times as people read them. Times are in the viewer's zone. */
+/** Formats numbers and times. Times are in the time zone of the browser. */
 const whole = new Intl.NumberFormat("en", { maximumFractionDigits: 0 });
 const short = new Intl.NumberFormat("en", { notation: "compact", maximumFractionDigits: 1 });
 const moment = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "medium" });
 const relative = new Intl.RelativeTimeFormat("en", { numeric: "auto", style: "narrow" });
 
-/** 12 345 as 12,345; 1 234 567 as 1.2M. */
+/** Formats a count: 12345 as "12,345", 1234567 as "1.2M". */
 export function count(n: number | null | undefined): string {
   if (n === null || n === undefined) return "–";
   return Math.abs(n) < 100_000 ? whole.format(n) : short.format(n);
 }
 
-/** So many of something: 1 step, 2 steps. */
-export function counted(n: number, what: string): string {
-  return `${count(n)} ${what}${n === 1 ? "" : "s"}`;
+/** Formats a count with its noun: "1 step", "2 steps". */
+export function countOf(n: number, noun: string): string {
+  return `${count(n)} ${noun}${n === 1 ? "" : "s"}`;
 }
 
-/** To so many digits behind the point. */
+/** Formats a number with a fixed number of decimals. */
 export function fixed(n: number | null | undefined, digits = 2): string {
   return n === null || n === undefined || !Number.isFinite(n)
     ? "–"
     : n.toFixed(digits).replace(/^-(0(?:\.0*)?)$/, "$1");
 }
 
-/** A share as a percentage. */
+/** Formats a share as a percentage. */
 export function percent(n: number | null | undefined): string {
   return n === null || n === undefined || !Number.isFinite(n)
     ? "–"
@@ -40,15 +40,15 @@ const UNITS: [Intl.RelativeTimeFormatUnit, number][] = [
   ["second", 1_000],
 ];
 
-/** "3 hr. ago", as seen at `now`. */
+/** Formats the time since `at`: "3 hr. ago". */
 export function ago(at: string | number, now: number): string {
   const passed = new Date(at).getTime() - now;
   const [unit, length] = UNITS.find(([, length]) => Math.abs(passed) >= length) ?? ["second", 1_000];
   return relative.format(Math.trunc(passed / length), unit);
 }
 
-/** A duration in its largest two units: 3 d 4 h. */
-export function lasting(ms: number): string {
+/** Formats a duration in its two largest units: "3 d 4 h". */
+export function formatDuration(ms: number): string {
   const parts: [string, number][] = [
     ["d", 86_400_000],
     ["h", 3_600_000],
@@ -69,7 +69,7 @@ export function lasting(ms: number): string {
     .join(" ");
 }
 
-/** A task's name without its world: survival of kessler/survival. */
+/** Returns the name of a task without its world: "survival" for kessler/survival. */
 export function shortTask(task: string): string {
   return (task.split("/").pop() ?? task).replaceAll("_", " ");
 }

@@ -1,44 +1,44 @@
-/** Who looks: a token where the service has them, kept for this tab unless asked otherwise. */
-const KEY = "sparring.token";
-/** Each may what those before it may. */
+/** The user's token and role. The token is kept for this tab, or in this browser if the user asks for it. */
+const STORAGE_KEY = "sparring.token";
+/** Roles in ascending order: each has the permissions of those before it. */
 const ROLES = ["viewer", "trainer", "admin"] as const;
 export type Role = (typeof ROLES)[number];
 
-function kept(): string | null {
-  return sessionStorage.getItem(KEY) ?? localStorage.getItem(KEY);
+function storedToken(): string | null {
+  return sessionStorage.getItem(STORAGE_KEY) ?? localStorage.getItem(STORAGE_KEY);
 }
 
 class Session {
-  token = $state(kept());
-  /** The service has asked for a token. */
-  needed = $state(false);
-  /** What the token is good for, once that is known. */
+  token = $state(storedToken());
+  /** True after the service has rejected a request without a valid token. */
+  loginRequired = $state(false);
+  /** Role of the token; null while it is unknown. */
   role = $state<Role | null>(null);
 
-  enter(token: string, remember: boolean) {
-    (remember ? localStorage : sessionStorage).setItem(KEY, token);
+  logIn(token: string, remember: boolean) {
+    (remember ? localStorage : sessionStorage).setItem(STORAGE_KEY, token);
     this.token = token;
     this.role = null;
-    this.needed = false;
+    this.loginRequired = false;
   }
 
-  leave() {
-    localStorage.removeItem(KEY);
-    sessionStorage.removeItem(KEY);
+  logOut() {
+    localStorage.removeItem(STORAGE_KEY);
+    sessionStorage.removeItem(STORAGE_KEY);
     this.token = null;
     this.role = null;
-    this.needed = true;
+    this.loginRequired = true;
   }
 
-  /** Refusals name the role of who was refused. */
-  refused(detail: string) {
+  /** Reads the role from the detail of a 403 response, which ends with it. */
+  readRole(detail: string) {
     this.role = ROLES.find((role) => detail.endsWith(`yours is ${role}`)) ?? this.role;
   }
 
-  /** Why what needs a role cannot be done; nothing where it can, or where nobody knows. */
-  lacks(needed: Role): string | undefined {
-    if (this.role === null || ROLES.indexOf(this.role) >= ROLES.indexOf(needed)) return undefined;
-    return `This needs a token of the role ${needed}; yours is ${this.role}.`;
+  /** Returns the reason why an action that needs `role` is unavailable; undefined if it is available or the role is unknown. */
+  missingRole(role: Role): string | undefined {
+    if (this.role === null || ROLES.indexOf(this.role) >= ROLES.indexOf(role)) return undefined;
+    return `This needs a token of the role ${role}; yours is ${this.role}.`;
   }
 }
 

@@ -1,4 +1,4 @@
-/** What words mean that a first look cannot guess: in a sentence or two each, as `DESIGN` and the documentation use them. */
+/** Glossary terms with their explanations, as the documentation uses them. */
 export const TERMS = {
   mastery:
     "How surely the agent succeeds at the level in force: the mean of the posterior over its success on contested scenarios there, with the band that holds it four times in five.",

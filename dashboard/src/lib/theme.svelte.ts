@@ -1,28 +1,29 @@
-/** Light, dark, or as the machine has it. */
+/** Colour scheme: light, dark, or that of the operating system. */
 export type Theme = "auto" | "light" | "dark";
 
-const KEY = "sparring.theme";
-const dark = matchMedia("(prefers-color-scheme: dark)");
+const STORAGE_KEY = "sparring.theme";
+const systemDark = matchMedia("(prefers-color-scheme: dark)");
 
-function known(text: string | null): Theme {
+function parseTheme(text: string | null): Theme {
   return text === "light" || text === "dark" ? text : "auto";
 }
 
 class Appearance {
-  chosen = $state<Theme>(known(localStorage.getItem(KEY)));
-  #machine = $state(dark.matches);
+  theme = $state<Theme>(parseTheme(localStorage.getItem(STORAGE_KEY)));
+  #systemDark = $state(systemDark.matches);
 
   constructor() {
-    dark.addEventListener("change", (event) => (this.#machine = event.matches));
+    systemDark.addEventListener("change", (event) => (this.#systemDark = event.matches));
   }
 
   get dark() {
-    return this.chosen === "auto" ? this.#machine : this.chosen === "dark";
+    return this.theme === "auto" ? this.#systemDark : this.theme === "dark";
   }
 
-  turn() {
-    this.chosen = this.chosen === "auto" ? "light" : this.chosen === "light" ? "dark" : "auto";
-    localStorage.setItem(KEY, this.chosen);
+  /** Switches to the next theme: auto, light, dark. */
+  cycle() {
+    this.theme = this.theme === "auto" ? "light" : this.theme === "light" ? "dark" : "auto";
+    localStorage.setItem(STORAGE_KEY, this.theme);
   }
 }
 

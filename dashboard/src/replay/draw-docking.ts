@@ -1,4 +1,4 @@
-/** Draws a moment of a docking replay: two projections, and each deputy's speed beside the limit where it is. */
+/** Draws a frame of a docking replay: two projections, and the speed of each deputy with its limit over the distance. */
 import { circle, cross, type Palette } from "./draw-kessler";
 import type { DockingFrame, Deputy } from "./frames";
 
@@ -7,15 +7,15 @@ const AXES: [string, (d: Deputy) => [number, number]][] = [
   ["radial and cross-track, m", (d) => [d.x, d.z]],
 ];
 
-/** How far anybody goes in a replay, m. */
+/** Largest distances of the deputies in a replay, in metres. */
 export interface Reach {
-  /** Along any axis. */
+  /** Largest distance along one axis. */
   along: number;
-  /** From the chief. */
+  /** Largest distance from the chief. */
   away: number;
 }
 
-export function extent(frames: DockingFrame[]): Reach {
+export function maxReach(frames: DockingFrame[]): Reach {
   let [along, away] = [10, 10];
   for (const frame of frames)
     for (const d of frame.state.deputies) {
@@ -25,17 +25,17 @@ export function extent(frames: DockingFrame[]): Reach {
   return { along: 1.1 * along, away: 1.1 * away };
 }
 
-/** Narrower than this, the pictures stand below each other. */
-const NARROW = 560;
+/** Width in pixels below which the pictures are stacked. */
+const NARROW_WIDTH = 560;
 
-/** How high the three pictures are together. */
+/** Returns the total height of the three pictures, in pixels. */
 export function heightOf(width: number): number {
-  return width < NARROW ? 2.7 * width : Math.max(260, width / 3);
+  return width < NARROW_WIDTH ? 2.7 * width : Math.max(260, width / 3);
 }
 
-/** The left upper corner of each of the three squares, and how wide they are. */
+/** Returns the upper left corners of the three squares, and their size. */
 function squares(width: number): { corners: [number, number][]; size: number } {
-  const [across, down] = width < NARROW ? [1, 3] : [3, 1];
+  const [across, down] = width < NARROW_WIDTH ? [1, 3] : [3, 1];
   const [w, h] = [width / across, heightOf(width) / down];
   const size = Math.min(w - 24, h) - 48;
   const corners = [0, 1, 2].map((i): [number, number] => [
@@ -63,13 +63,13 @@ export function drawDocking(
     const [left, top] = corners[i] ?? [0, 0];
     const [cx, cy] = [left + size / 2, top + size / 2];
     const scale = size / (2 * reach.along);
-    const edge = told(reach.along);
+    const edge = formatLength(reach.along);
     ctx.strokeStyle = colours.line;
     ctx.lineWidth = 1;
     ctx.strokeRect(left, top, size, size);
     ctx.fillStyle = colours.soft;
     ctx.fillText(title, left, top - 6);
-    ends(ctx, [left, top, size], [`−${edge}`, edge], [`−${edge}`, edge]);
+    drawAxisEnds(ctx, [left, top, size], [`−${edge}`, edge], [`−${edge}`, edge]);
     circle(ctx, cx, cy, 4);
     ctx.fillStyle = colours.earth;
     ctx.fill();
@@ -87,20 +87,20 @@ export function drawDocking(
       }
       ctx.stroke();
       const [x, y] = place(deputy);
-      mark(ctx, cx + x * scale, cy - y * scale, deputy, colour, colours.bad);
+      drawDeputy(ctx, cx + x * scale, cy - y * scale, deputy, colour, colours.bad);
     }
   });
   const [left, top] = corners[2] ?? [0, 0];
-  cone(ctx, left, top, size, frame, reach.away, colours);
+  drawSpeedLimit(ctx, left, top, size, frame, reach.away, colours);
 }
 
-/** A length or speed, as short as it can be. */
-function told(value: number): string {
+/** Formats a length or speed with few digits. */
+function formatLength(value: number): string {
   return value >= 10 ? value.toFixed(0) : value.toFixed(1);
 }
 
-/** What both ends of the axes of a square are: along it, and up. */
-function ends(
+/** Labels both ends of the axes of a square. */
+function drawAxisEnds(
   ctx: CanvasRenderingContext2D,
   [left, top, size]: [number, number, number],
   along: [string, string],
@@ -115,7 +115,7 @@ function ends(
   ctx.textAlign = before;
 }
 
-function mark(
+function drawDeputy(
   ctx: CanvasRenderingContext2D,
   x: number,
   y: number,
@@ -133,8 +133,8 @@ function mark(
   }
 }
 
-/** Speed over distance, and the limit: below it nobody is fined. */
-function cone(
+/** Draws speed over distance, and the limit above which a deputy is penalised. */
+function drawSpeedLimit(
   ctx: CanvasRenderingContext2D,
   left: number,
   top: number,
@@ -154,7 +154,7 @@ function cone(
   ctx.strokeRect(left, top, size, size);
   ctx.fillStyle = colours.soft;
   ctx.fillText("speed, m/s, over distance, m", left, top - 6);
-  ends(ctx, [left, top, size], ["0", told(reach)], ["0", told(fastest)]);
+  drawAxisEnds(ctx, [left, top, size], ["0", formatLength(reach)], ["0", formatLength(fastest)]);
   ctx.strokeStyle = colours.bad;
   ctx.setLineDash([6, 4]);
   ctx.beginPath();
@@ -164,6 +164,6 @@ function cone(
   ctx.setLineDash([]);
   for (const deputy of deputies) {
     const colour = colours.satellite[deputy.id % colours.satellite.length] ?? colours.ink;
-    mark(ctx, px(deputy.distance), py(deputy.speed), deputy, colour, colours.bad);
+    drawDeputy(ctx, px(deputy.distance), py(deputy.speed), deputy, colour, colours.bad);
   }
 }

@@ -1,5 +1,5 @@
-/** Draws a moment of a kessler replay. */
-import { approaches, type Approach, type KesslerFrame, type KesslerState } from "./frames";
+/** Draws a frame of a kessler replay. */
+import { closestApproaches, type Approach, type KesslerFrame, type KesslerState } from "./frames";
 
 export interface Palette {
   paper: string;
@@ -13,37 +13,37 @@ export interface Palette {
   burn: string;
 }
 
-export interface Look {
-  /** Steps of trail behind each body. */
+export interface DrawOptions {
+  /** Length of the trail behind each body, in steps. */
   trail: number;
-  /** Steps that are looked ahead for conjunctions. */
+  /** Number of steps to look ahead for close approaches. */
   ahead: number;
-  /** How far between two frames, 0 to 1. */
+  /** Position between this frame and the next, 0 to 1. */
   between: number;
 }
 
-/** LU from the middle to the edge of the picture. */
+/** Distance from the centre to the edge of the picture, in LU. */
 export const EXTENT = 118;
-/** LU from the middle of the circles that tell how far it is. */
+/** Radii of the distance circles, in LU. */
 export const RINGS = [50, 80, 100];
 const EARTH = 20;
 const CONTACT = 2;
-/** LU of arrow for one LU/TU of burn. */
-export const BURN = 22;
+/** Length of the arrow of a burn of 1 LU/TU, in LU. */
+export const ARROW_SCALE = 22;
 
-/** Pixels of a LU in a picture of so many. */
+/** Pixels per LU in a picture of `size` pixels. */
 export function scaleOf(size: number): number {
   return size / (2 * EXTENT);
 }
 
-/** Approaches of moments that were drawn before: while it plays, each is drawn many times. */
-const seen = new WeakMap<KesslerState, Approach[]>();
+/** Approaches of states that were drawn before: a playing replay draws each state many times. */
+const approachCache = new WeakMap<KesslerState, Approach[]>();
 
-function known(state: KesslerState, ahead: number): Approach[] {
-  const before = seen.get(state);
+function cachedApproaches(state: KesslerState, ahead: number): Approach[] {
+  const before = approachCache.get(state);
   if (before) return before;
-  const found = approaches(state, ahead, 3 * CONTACT);
-  seen.set(state, found);
+  const found = closestApproaches(state, ahead, 3 * CONTACT);
+  approachCache.set(state, found);
   return found;
 }
 
@@ -52,7 +52,7 @@ export function drawKessler(
   size: number,
   frames: KesslerFrame[],
   at: number,
-  look: Look,
+  look: DrawOptions,
   colours: Palette,
 ): Approach[] {
   const frame = frames[at];
@@ -86,7 +86,7 @@ export function drawKessler(
   const later = new Map(next?.state.radar_debris.map((body) => [body.id, body]));
   trails(ctx, frames, at, look.trail, px, py, colours);
   ctx.fillStyle = colours.debris;
-  // All in one path: a fill takes longer than what it fills.
+  // One path for all debris, because each fill call is slow.
   const radius = Math.max(1.5, 0.5 * CONTACT * scale);
   ctx.beginPath();
   for (const body of state.radar_debris) {
@@ -97,7 +97,7 @@ export function drawKessler(
   }
   ctx.fill();
 
-  const close = known(state, look.ahead);
+  const close = cachedApproaches(state, look.ahead);
   for (const approach of close) {
     ctx.strokeStyle = approach.miss < CONTACT ? colours.bad : colours.soft;
     ctx.lineWidth = 1.5;
@@ -129,10 +129,11 @@ export function drawKessler(
     ctx.fillStyle = colour;
     ctx.fill();
     ctx.fillText(String(satellite.id), x + 7, y - 7);
-    // What is done next, where it is done.
+    // Burns of the next step, at the satellite.
     const burn = next?.actions.filter((action) => action[0] === satellite.id) ?? [];
     for (const [, dx = 0, dy = 0] of burn) {
-      if (dx !== 0 || dy !== 0) arrow(ctx, x, y, x + dx * BURN * scale, y - dy * BURN * scale, colours.burn);
+      if (dx !== 0 || dy !== 0)
+        arrow(ctx, x, y, x + dx * ARROW_SCALE * scale, y - dy * ARROW_SCALE * scale, colours.burn);
     }
   }
   return close;

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { approaches, path, type KesslerState } from "./frames";
+import { closestApproaches, predictPath, type KesslerState } from "./frames";
 
 const GM = 1000;
 const circular = (id: number, r: number, angle: number) => {
@@ -13,23 +13,23 @@ const circular = (id: number, r: number, angle: number) => {
   };
 };
 
-test("a circular orbit stays where it is, and comes round in Kepler's time", () => {
+test("a circular orbit keeps its radius and Kepler's period", () => {
   const period = 2 * Math.PI * Math.sqrt(60 ** 3 / GM); // 92.3 TU
-  const places = path(circular(0, 60, 0), Math.round(period));
-  // Semi-implicit Euler at dt = 1 shifts it by O(dt · v) along the track, never away for good.
+  const places = predictPath(circular(0, 60, 0), Math.round(period));
+  // Semi-implicit Euler at dt = 1 shifts it by O(dt · v) along the track, with bounded error.
   for (const { x, y } of places) expect(Math.abs(Math.hypot(x, y) - 60)).toBeLessThan(2.5);
   const last = places.at(-1);
   expect(Math.hypot((last?.x ?? 0) - 60, last?.y ?? 99)).toBeLessThan(4);
 });
 
-test("what falls into the Earth goes no farther", () => {
-  const places = path({ id: 0, x: 30, y: 0, vx: -8, vy: 0 }, 50);
+test("a path ends at the Earth", () => {
+  const places = predictPath({ id: 0, x: 30, y: 0, vx: -8, vy: 0 }, 50);
   expect(places.length).toBeLessThan(5);
 });
 
-test("two that meet are found where they meet, the nearest first", () => {
+test("an approach is found at its place, nearest first", () => {
   const satellite = { ...circular(0, 70, 0), fuel: 10, status: "active" };
-  // The same way, reversed: they meet half-way round.
+  // The same orbit in the opposite direction: they meet half-way.
   const meets = {
     ...circular(1, 70, Math.PI / 4),
     vx: -circular(1, 70, Math.PI / 4).vx,
@@ -43,8 +43,10 @@ test("two that meet are found where they meet, the nearest first", () => {
     critical_alerts: [],
     total_score: 0,
   };
-  const found = approaches(state, 20, 12);
+  const found = closestApproaches(state, 20, 12);
   expect(found[0]).toMatchObject({ satellite: 0, body: 1 });
   expect(found.every((one, i) => i === 0 || one.miss >= (found[i - 1]?.miss ?? 0))).toBe(true);
-  expect(approaches({ ...state, satellites: [{ ...satellite, status: "destroyed" }] }, 20, 12)).toEqual([]);
+  expect(
+    closestApproaches({ ...state, satellites: [{ ...satellite, status: "destroyed" }] }, 20, 12),
+  ).toEqual([]);
 });

@@ -1,4 +1,4 @@
-/** Frames of a replay, as the service tells them. */
+/** Frames of a replay, as the service returns them, and predictions of close approaches. */
 export interface Body {
   id: number;
   x: number;
@@ -39,7 +39,7 @@ export interface DockingState {
 
 export interface Frame<S> {
   step: number;
-  /** What was done to come here: [agent, value, …] each. */
+  /** Actions of the step before this frame: [agent, value, …] each. */
   actions: number[][];
   reward: number;
   done: boolean;
@@ -55,7 +55,7 @@ export function isKessler(frames: AnyFrame[]): frames is KesslerFrame[] {
   return first !== undefined && "satellites" in first.state;
 }
 
-/** Where two bodies will be nearest if nobody acts on either: by their present motion, within so many steps. */
+/** Closest approach of a satellite and a piece of debris if neither acts. */
 export interface Approach {
   satellite: number;
   body: number;
@@ -67,41 +67,41 @@ export interface Approach {
 
 const GM = 1000;
 const EARTH = 20;
-/** Bodies that come nearer have hit. */
+/** Contact distance in LU. */
 export const CONTACT = 2;
 
-/** One step of motion, as the world makes it: semi-implicit Euler around a point mass. */
-function moved({ x, y, vx, vy }: Body | Satellite): Pick<Body, "x" | "y" | "vx" | "vy"> {
+/** Propagates a body by one step, as the world does: semi-implicit Euler around a point mass. */
+function propagate({ x, y, vx, vy }: Body | Satellite): Pick<Body, "x" | "y" | "vx" | "vy"> {
   const r = Math.hypot(x, y);
   const a = -GM / (r * r);
   const [ux, uy] = [vx + (a * x) / r, vy + (a * y) / r];
   return { x: x + ux, y: y + uy, vx: ux, vy: uy };
 }
 
-/** Paths of a body over the coming steps, until it meets the Earth. */
-export function path(body: Body, steps: number): { x: number; y: number }[] {
+/** Predicts the positions of a body over the next steps, until it meets the Earth. */
+export function predictPath(body: Body, steps: number): { x: number; y: number }[] {
   const places = [{ x: body.x, y: body.y }];
   let at = body;
   for (let i = 0; i < steps && Math.hypot(at.x, at.y) >= EARTH; i++) {
-    at = { ...at, ...moved(at) };
+    at = { ...at, ...propagate(at) };
     places.push({ x: at.x, y: at.y });
   }
   return places;
 }
 
-/** The closest approaches below `near` in the coming steps, the nearest first. */
-export function approaches(state: KesslerState, steps: number, near: number): Approach[] {
-  const debris = state.radar_debris.map((body) => ({ body, places: path(body, steps) }));
+/** Returns the approaches closer than `near` in the next steps, nearest first. */
+export function closestApproaches(state: KesslerState, steps: number, near: number): Approach[] {
+  const debris = state.radar_debris.map((body) => ({ body, places: predictPath(body, steps) }));
   const found: Approach[] = [];
   for (const satellite of state.satellites.filter((satellite) => satellite.status === "active")) {
-    const own = path(satellite, steps);
+    const own = predictPath(satellite, steps);
     for (const { body, places } of debris) {
       let best: Approach | null = null;
       for (let i = 1; i < Math.min(own.length, places.length); i++) {
         const [a, b] = [own[i], places[i]];
         if (!a || !b) break;
         const miss = Math.hypot(a.x - b.x, a.y - b.y);
-        if (best !== null && best.miss < CONTACT) break; // they have met: what would come after does not come
+        if (best !== null && best.miss < CONTACT) break; // contact: later positions are meaningless
         if (miss < near && (best === null || miss < best.miss))
           best = { satellite: satellite.id, body: body.id, steps: i, miss, x: a.x, y: a.y };
       }

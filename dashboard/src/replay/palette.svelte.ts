@@ -1,9 +1,9 @@
-/** The colours of pictures, as the page has them. */
+/** Colours of pictures, read from the style of the page. */
 import { appearance } from "../lib/theme.svelte";
 import type { Palette } from "./draw-kessler";
 
 export function palette(): Palette {
-  void appearance.dark; // what is drawn by it is drawn again when that changes
+  void appearance.dark; // dependency: redraw when the colour scheme changes
   const css = getComputedStyle(document.documentElement);
   const of = (name: string) => css.getPropertyValue(name).trim();
   return {

@@ -1,25 +1,25 @@
-//! Bad input gets a clear error, and nothing is lost.
+//! Invalid input: every request is rejected with a clear problem, and has no effect.
 
 use serde_json::{Value, json};
-use system_tests::{Answer, Server};
+use system_tests::{ApiResponse, Server};
 
-fn told(answer: &Answer) -> String {
-    assert_eq!(answer.kind, "application/problem+json", "{answer:?}");
-    assert_eq!(answer.body["status"].as_u64(), Some(u64::from(answer.status)));
-    let field = answer.body["field"].as_str().map(|f| format!(" [{f}]")).unwrap_or_default();
-    let kind = answer.body["type"].as_str().unwrap().trim_start_matches("urn:sparring:problem:");
-    format!("{} {kind}{field}: {}", answer.status, answer.body["detail"].as_str().unwrap())
+fn problem_line(response: &ApiResponse) -> String {
+    assert_eq!(response.content_type, "application/problem+json", "{response:?}");
+    assert_eq!(response.body["status"].as_u64(), Some(u64::from(response.status)));
+    let field = response.body["field"].as_str().map(|f| format!(" [{f}]")).unwrap_or_default();
+    let problem = response.body["type"].as_str().unwrap().trim_start_matches("urn:sparring:problem:");
+    format!("{} {problem}{field}: {}", response.status, response.body["detail"].as_str().unwrap())
 }
 
 #[expect(clippy::too_many_lines, reason = "a table: one line a request")]
 #[tokio::test]
-async fn requests_that_are_none() {
+async fn invalid_requests_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run", "seed": 1})).await.expect(201);
-    let mut answers = Vec::new();
+    let mut problems = Vec::new();
     let json = "application/json";
-    for (method, path, kind, body) in [
+    for (method, path, content_type, body) in [
         ("POST", "/v1/runs", json, "{"),
         ("POST", "/v1/runs", json, r#"{"seed": NaN}"#),
         ("POST", "/v1/runs", json, r#"{"contested_share": 1e999}"#),
@@ -57,19 +57,19 @@ async fn requests_that_are_none() {
         ("POST", "/v1/runs", json, "[]"),
         ("POST", "/v1/runs", json, r#"{} {}"#),
         ("POST", "/v1/runs", "text/plain", r#"{}"#),
-        ("GET", "/v1/runs/nobody", json, ""),
+        ("GET", "/v1/runs/unknown", json, ""),
         ("GET", "/v1/runs/NOBODY", json, ""),
-        ("GET", "/v1/runs/nobody/episodes", json, ""),
-        ("GET", "/v1/runs/nobody/leases", json, ""),
-        ("GET", "/v1/runs/nobody/mastery", json, ""),
-        ("GET", "/v1/runs/nobody/mastery/history", json, ""),
+        ("GET", "/v1/runs/unknown/episodes", json, ""),
+        ("GET", "/v1/runs/unknown/leases", json, ""),
+        ("GET", "/v1/runs/unknown/mastery", json, ""),
+        ("GET", "/v1/runs/unknown/mastery/history", json, ""),
         ("GET", "/v1/runs?limit=0", json, ""),
         ("GET", "/v1/runs?limit=many", json, ""),
         ("GET", "/v1/runs?limit=1&limit=2", json, ""),
         ("GET", "/v1/runs?limt=1", json, ""),
         ("GET", "/v1/runs?limit=%ff", json, ""),
         ("GET", "/v1/runs?cursor=7", json, ""),
-        ("POST", "/v1/runs/nobody/leases", json, r#"{"groups": 1}"#),
+        ("POST", "/v1/runs/unknown/leases", json, r#"{"groups": 1}"#),
         ("POST", "/v1/runs/run/leases", json, r#"{}"#),
         ("POST", "/v1/runs/run/leases", json, r#"{"groups": 0}"#),
         ("POST", "/v1/runs/run/leases", json, r#"{"groups": 4294967296}"#),
@@ -89,26 +89,26 @@ async fn requests_that_are_none() {
             json,
             r#"{"results": [{"episode": "x", "actions": {"steps": [[{"a": 1, "a": 2}]]}}]}"#,
         ),
-        ("POST", "/v1/runs/nobody/results", json, r#"{"results": []}"#),
+        ("POST", "/v1/runs/unknown/results", json, r#"{"results": []}"#),
         ("GET", "/v1/nothing", json, ""),
         ("DELETE", "/v1/runs", json, ""),
     ] {
-        let answer = api.raw(method, path, kind, body.to_owned()).await;
-        answers.push(format!("{method} {path} {body}\n    {}", told(&answer)));
+        let response = api.request(method, path, content_type, body.to_owned()).await;
+        problems.push(format!("{method} {path} {body}\n    {}", problem_line(&response)));
     }
-    insta::assert_snapshot!(answers.join("\n"));
+    insta::assert_snapshot!(problems.join("\n"));
     assert_eq!(
         api.get("/v1/runs").await.expect(200)["runs"].as_array().unwrap().len(),
         1,
-        "nothing came of it"
+        "no run was created"
     );
 }
 
 #[tokio::test]
-async fn scenarios_that_are_none() {
+async fn invalid_scenarios_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
-    let mut answers = Vec::new();
+    let mut problems = Vec::new();
     for scenario in [
         json!({}),
         json!({"task": "kessler/survival"}),
@@ -122,7 +122,7 @@ async fn scenarios_that_are_none() {
         json!({"task": "kessler/survival", "seed": 1, "layout": {"mode": "extend", "bodies": {"moons": []}}}),
         json!({"task": "kessler/survival", "seed": 1, "layout": {"mode": "extend", "bodies": {"debris": vec![[60, 0, 0, 4]; 600]}}}),
     ] {
-        answers.push(told(&api.post("/v1/scenarios", json!({ "scenario": scenario })).await));
+        problems.push(problem_line(&api.post("/v1/scenarios", json!({ "scenario": scenario })).await));
     }
     let scenario = json!({"task": "kessler/survival", "seed": 1});
     for steps in [
@@ -132,44 +132,44 @@ async fn scenarios_that_are_none() {
         json!([]),
         json!(vec![json!([]); 51]),
     ] {
-        let wrong = json!({"scenario": scenario, "actions": {"steps": steps}});
-        answers.push(told(&api.post("/v1/scenarios", wrong).await));
+        let invalid = json!({"scenario": scenario, "actions": {"steps": steps}});
+        problems.push(problem_line(&api.post("/v1/scenarios", invalid).await));
     }
-    for wrong in [
+    for invalid in [
         scenario.clone(),
         json!({"scenario": [1]}),
         json!({"scenario": scenario, "actions": []}),
         json!(null),
     ] {
-        answers.push(told(&api.post("/v1/scenarios", wrong).await));
+        problems.push(problem_line(&api.post("/v1/scenarios", invalid).await));
     }
-    insta::assert_snapshot!(answers.join("\n"));
+    insta::assert_snapshot!(problems.join("\n"));
 }
 
 #[tokio::test]
-async fn a_scenario_by_hand_is_bracketed_and_replayed() {
+async fn scenario_endpoint_returns_bracket_and_replay() {
     let server = Server::start().await;
     let scenario = json!({"task": "kessler/survival", "params": {"debris": 100, "spread": 1.0}, "seed": 4});
     let body = json!({"scenario": scenario, "actions": {"steps": [], "stopped": "too_late"}});
     let checked = server.api().post("/v1/scenarios", body).await.expect(200);
     assert_eq!(checked["fair"], true);
     let (hold, reference) = (&checked["bracket"]["hold"], checked["bracket"]["reference"].as_f64().unwrap());
-    assert_eq!(&checked["flown"]["score"], hold, "an agent that says nothing holds");
+    assert_eq!(&checked["flown"]["score"], hold, "an empty log is a holding policy");
     assert!(reference >= hold.as_f64().unwrap());
-    // What comes back is complete: sent again, it is the same scenario.
-    let again = json!({"scenario": checked["scenario"]});
+    // The returned scenario is complete: it has the same id when it is sent again.
+    let repeated = json!({"scenario": checked["scenario"]});
     assert_eq!(
-        server.api().post("/v1/scenarios", again).await.expect(200)["scenario_id"],
+        server.api().post("/v1/scenarios", repeated).await.expect(200)["scenario_id"],
         checked["scenario_id"]
     );
 }
 
-/// Requests whose clients have gone cost nothing any more: who comes after them is answered.
+/// Planning stops when its client disconnects, so that later requests are not delayed.
 #[tokio::test]
-async fn planning_that_nobody_waits_for_is_given_up() {
+async fn planning_stops_when_its_client_disconnects() {
     let server = Server::start().await;
     let api = server.api();
-    // Seconds each, and few at a time.
+    // Each request takes seconds, and few run at a time.
     let heavy = json!({"scenario": {
         "task": "kessler/formation", "seed": 1, "physics": {"risk": "pc"},
         "params": {"debris": 1000, "spread": 1.0, "sigma": 10.0},
@@ -179,32 +179,32 @@ async fn planning_that_nobody_waits_for_is_given_up() {
             std::time::Duration::from_millis(50),
             api.post("/v1/scenarios", heavy.clone()),
         );
-        assert!(gone.await.is_err(), "that was quick: this proves nothing");
+        assert!(gone.await.is_err(), "the request must take longer than the test waits");
     }
     let light = json!({"scenario": {"task": "kessler/survival", "seed": 1}});
     let _ = api.post("/v1/scenarios", light).await.expect(200);
 }
 
 #[tokio::test]
-async fn too_much_at_once() {
+async fn oversized_requests_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let item = json!({"episode": "ep_1-aaaaaa_0", "status": "failed"});
     let many = json!({"results": vec![item; 100_000]});
-    let answer = api.post("/v1/runs/run/results", many).await;
-    insta::assert_snapshot!(told(&answer), @"422 invalid [results]: 100000 results; at most 5000 are taken at a time");
+    let response = api.post("/v1/runs/run/results", many).await;
+    insta::assert_snapshot!(problem_line(&response), @"422 invalid [results]: 100000 results; at most 5000 are taken at a time");
     let huge = format!(r#"{{"results": [], "policy_version": {}1}}"#, " ".repeat(40 * 1024 * 1024));
-    let answer = api.raw("POST", "/v1/runs/run/results", "application/json", huge).await;
-    insta::assert_snapshot!(told(&answer), @"413 too_large: The body is larger than 16 MiB; send less at a time.");
+    let response = api.request("POST", "/v1/runs/run/results", "application/json", huge).await;
+    insta::assert_snapshot!(problem_line(&response), @"413 too_large: The body is larger than 16 MiB; send less at a time.");
     let deep = format!(r#"{{"scenario": {}1{}}}"#, "[".repeat(100_000), "]".repeat(100_000));
-    let answer = api.raw("POST", "/v1/scenarios", "application/json", deep).await;
-    assert_eq!(answer.status, 400, "{:?}", answer.body);
-    assert_eq!(api.get("/readyz").await.status, 200, "it lives");
+    let response = api.request("POST", "/v1/scenarios", "application/json", deep).await;
+    assert_eq!(response.status, 400, "{:?}", response.body);
+    assert_eq!(api.get("/readyz").await.status, 200, "the server is ready");
 }
 
 #[tokio::test]
-async fn the_document_is_current_and_the_reader_is_there() {
+async fn openapi_document_and_viewer_are_served() {
     let server = Server::start().await;
     let api = server.api();
     let document = api.get("/openapi.json").await.expect(200);
@@ -215,9 +215,9 @@ async fn the_document_is_current_and_the_reader_is_there() {
     assert!(matches!(docs.body, Value::String(page) if page.contains("swagger")));
 }
 
-/// A parameter that nobody knows was meant to do something: refused by name wherever it stands.
+/// Every route rejects unknown query parameters by name.
 #[tokio::test]
-async fn no_query_is_ignored() {
+async fn unknown_query_parameters_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run", "tasks": ["kessler/survival"]})).await.expect(201);
@@ -231,40 +231,41 @@ async fn no_query_is_ignored() {
         "runs/run/leases",
     ] {
         let _ = api.get(&format!("/v1/{path}")).await.expect(200);
-        let refused = api.get(&format!("/v1/{path}?Telemetry=true")).await.expect(400);
-        assert_eq!(refused["field"], "Telemetry", "{path}: {refused}");
+        let rejected = api.get(&format!("/v1/{path}?Telemetry=true")).await.expect(400);
+        assert_eq!(rejected["field"], "Telemetry", "{path}: {rejected}");
     }
-    let refused = api.get("/v1/runs/run/episodes/ep_1-a_0/replay?Telemetry=true").await.expect(400);
-    assert_eq!(refused["field"], "Telemetry");
+    let rejected = api.get("/v1/runs/run/episodes/ep_1-a_0/replay?Telemetry=true").await.expect(400);
+    assert_eq!(rejected["field"], "Telemetry");
 }
 
-/// Whoever begins a body and does not end it is sent away, wherever one is taken; others are answered meanwhile.
+/// An incomplete body is rejected after a timeout, and other requests are served meanwhile.
 #[tokio::test]
-async fn a_body_that_does_not_come_is_not_waited_for() {
+async fn incomplete_body_is_rejected_after_a_timeout() {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
-    let half = async |path: &str| {
+    let send_half = async |path: &str| {
         let address = api.base().strip_prefix("http://").unwrap();
         let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
         let head = format!(
             "POST {path} HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{{"
         );
         stream.write_all(head.as_bytes()).await.unwrap();
-        let mut told = [0; 4096];
-        let length = stream.read(&mut told).await.unwrap();
-        String::from_utf8_lossy(&told[..length]).into_owned()
+        let mut response = [0; 4096];
+        let length = stream.read(&mut response).await.unwrap();
+        String::from_utf8_lossy(&response[..length]).into_owned()
     };
     let all = futures_util::future::join_all(
-        ["/v1/runs", "/v1/scenarios", "/v1/runs/run/leases", "/v1/runs/run/results"].map(half),
+        ["/v1/runs", "/v1/scenarios", "/v1/runs/run/leases", "/v1/runs/run/results"].map(send_half),
     );
     let others = async {
+        // Tests the passing of time: by now the server waits for the four bodies.
         tokio::time::sleep(std::time::Duration::from_secs(1)).await;
         assert_eq!(api.get("/v1/tasks").await.status, 200);
     };
-    for told in tokio::join!(all, others).0 {
-        assert!(told.starts_with("HTTP/1.1 408") && told.contains("slow_body"), "{told}");
+    for response in tokio::join!(all, others).0 {
+        assert!(response.starts_with("HTTP/1.1 408") && response.contains("slow_body"), "{response}");
     }
 }

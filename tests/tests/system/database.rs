@@ -1,22 +1,25 @@
-//! Databases that cannot be used: one sentence that says what to do, exit code 2, and the file as it was.
+//! Unusable databases: the server exits with code 2 and one sentence that says what to do, and leaves the file unchanged.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use sqlx::Connection;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{Process, Server, binary};
+use system_tests::{Server, ServerProcess, sparring_binary, wait_for};
 
-fn refused(db: &Path) -> String {
-    let out =
-        Command::new(binary()).args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(db).output().unwrap();
-    assert_eq!(out.status.code(), Some(2), "{out:?}");
-    let stderr = String::from_utf8(out.stderr).unwrap();
-    let told = stderr.lines().find(|l| l.starts_with("sparring: ")).unwrap_or_else(|| panic!("{stderr}"));
-    told.replace(&db.display().to_string(), "DB")
+fn serve_error(db: &Path) -> String {
+    let process = Command::new(sparring_binary())
+        .args(["serve", "--bind", "127.0.0.1:0", "--db"])
+        .arg(db)
+        .output()
+        .unwrap();
+    assert_eq!(process.status.code(), Some(2), "{process:?}");
+    let stderr = String::from_utf8(process.stderr).unwrap();
+    let error = stderr.lines().find(|l| l.starts_with("sparring: ")).unwrap_or_else(|| panic!("{stderr}"));
+    error.replace(&db.display().to_string(), "DB")
 }
 
-async fn sql(db: &Path, statement: &'static str) {
+async fn execute_sql(db: &Path, statement: &'static str) {
     let options = SqliteConnectOptions::new().filename(db).create_if_missing(true);
     let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
     sqlx::query(statement).execute(&mut conn).await.unwrap();
@@ -24,63 +27,71 @@ async fn sql(db: &Path, statement: &'static str) {
 }
 
 #[tokio::test]
-async fn not_a_database() {
+async fn file_that_is_no_database_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("notes.txt");
     let text = "these are my notes, and they are longer than a header. ".repeat(40);
     std::fs::write(&db, &text).unwrap();
-    insta::assert_snapshot!(refused(&db), @"sparring: DB is not an SQLite database: give another path with --db, or move the file away");
+    insta::assert_snapshot!(serve_error(&db), @"sparring: DB is not an SQLite database: give another path with --db, or move the file away");
     assert_eq!(std::fs::read_to_string(&db).unwrap(), text);
 }
 
 #[tokio::test]
-async fn somebody_elses_database() {
+async fn database_of_another_program_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("other.sqlite3");
-    sql(&db, "CREATE TABLE customers (name TEXT)").await;
+    execute_sql(&db, "CREATE TABLE customers (name TEXT)").await;
     let before = std::fs::read(&db).unwrap();
-    insta::assert_snapshot!(refused(&db), @"sparring: DB is a database, but not one of Sparring's: give another path with --db");
-    let info = Command::new(binary()).args(["db", "info", "--db"]).arg(&db).output().unwrap();
+    insta::assert_snapshot!(serve_error(&db), @"sparring: DB is a database, but not one of Sparring's: give another path with --db");
+    let info = Command::new(sparring_binary()).args(["db", "info", "--db"]).arg(&db).output().unwrap();
     assert_eq!(info.status.code(), Some(2));
-    assert_eq!(std::fs::read(&db).unwrap(), before, "what is not ours is not changed");
+    assert_eq!(std::fs::read(&db).unwrap(), before, "the file is unchanged");
 }
 
 #[tokio::test]
-async fn a_folder() {
+async fn folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
-    insta::assert_snapshot!(refused(folder.path()), @"sparring: DB is no file: give the path of a file, which need not be there yet, with --db");
+    insta::assert_snapshot!(serve_error(folder.path()), @"sparring: DB is no file: give the path of a file, which need not be there yet, with --db");
 }
 
 #[test]
-fn a_start_that_is_refused_makes_no_database() {
+fn failed_start_creates_no_database() {
     let folder = tempfile::tempdir().unwrap();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     for bind in ["0.0.0.0:0".to_owned(), taken.local_addr().unwrap().to_string()] {
         let db = folder.path().join("new.sqlite3");
-        let out = Command::new(binary()).args(["serve", "--bind", &bind, "--db"]).arg(&db).output().unwrap();
-        assert_eq!(out.status.code(), Some(2), "{out:?}");
+        let process = Command::new(sparring_binary())
+            .args(["serve", "--bind", &bind, "--db"])
+            .arg(&db)
+            .output()
+            .unwrap();
+        assert_eq!(process.status.code(), Some(2), "{process:?}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{bind}");
     }
 }
 
-/// What a server writes to a file that nobody finds any more is lost with it: it says so and takes nothing.
+/// Writes to an unlinked file would be lost: the server rejects writes until the file is back.
 #[tokio::test]
-async fn a_file_that_is_removed_or_replaced_under_its_server() {
+async fn server_rejects_writes_while_its_file_is_replaced() {
     let server = Server::start().await;
     let api = server.api();
-    let (db, aside) = (server.db(), server.db().with_extension("aside"));
-    let made = |id: &'static str| api.post("/v1/runs", serde_json::json!({"id": id}));
-    let _ = made("before").await.expect(201);
+    let (db, aside) = (server.db_path(), server.db_path().with_extension("aside"));
+    let create_run = |id: &'static str| api.post("/v1/runs", serde_json::json!({"id": id}));
+    let _ = create_run("before").await.expect(201);
     std::fs::rename(&db, &aside).unwrap();
-    let refused = made("nowhere").await.expect(503);
-    assert!(refused["detail"].as_str().unwrap().contains("was removed or replaced"), "{refused}");
-    tokio::time::sleep(std::time::Duration::from_millis(1100)).await; // it looks once a second
-    let ready = api.get("/readyz").await.expect(503);
+    let rejected = create_run("nowhere").await.expect(503);
+    assert!(rejected["detail"].as_str().unwrap().contains("was removed or replaced"), "{rejected}");
+    // The server checks the file once a second.
+    let ready = wait_for("the server is not ready", async || {
+        let response = api.get("/readyz").await;
+        (response.status == 503).then_some(response.body)
+    });
+    let ready = ready.await;
     assert!(ready["detail"].as_str().unwrap().contains("was removed or replaced"), "{ready}");
     std::fs::copy(&aside, &db).unwrap();
-    let _ = made("elsewhere").await.expect(503);
+    let _ = create_run("elsewhere").await.expect(503);
     std::fs::rename(&aside, &db).unwrap();
-    let _ = made("after").await.expect(201);
+    let _ = create_run("after").await.expect(201);
     let runs = api.get("/v1/runs").await.expect(200);
     let ids: Vec<_> =
         runs["runs"].as_array().unwrap().iter().map(|run| run["id"].as_str().unwrap()).collect();
@@ -88,62 +99,62 @@ async fn a_file_that_is_removed_or_replaced_under_its_server() {
 }
 
 #[tokio::test]
-async fn a_newer_schema() {
+async fn newer_schema_is_rejected() {
     let mut server = Server::start().await;
     server.stop().await;
     let statement = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
                      VALUES (9999, 'from the future', 1, x'00', 0)";
-    sql(&server.db(), statement).await;
-    let told = refused(&server.db());
-    assert!(told.contains("newer Sparring (schema 9999, this one knows "), "{told}");
+    execute_sql(&server.db_path(), statement).await;
+    let error = serve_error(&server.db_path());
+    assert!(error.contains("newer Sparring (schema 9999, this one knows "), "{error}");
 }
 
 #[tokio::test]
-async fn locked_by_another() {
+async fn locked_database_is_rejected() {
     let mut server = Server::start().await;
     server.stop().await;
-    let options = SqliteConnectOptions::new().filename(server.db());
+    let options = SqliteConnectOptions::new().filename(server.db_path());
     let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
     sqlx::query("BEGIN EXCLUSIVE").execute(&mut conn).await.unwrap();
-    let db = server.db();
-    let told = tokio::task::spawn_blocking(move || refused(&db)).await.unwrap();
-    insta::assert_snapshot!(told, @"sparring: DB is locked by another process: stop the other server, or give another path with --db");
+    let db = server.db_path();
+    let error = tokio::task::spawn_blocking(move || serve_error(&db)).await.unwrap();
+    insta::assert_snapshot!(error, @"sparring: DB is locked by another process: stop the other server, or give another path with --db");
     sqlx::query("ROLLBACK").execute(&mut conn).await.unwrap();
-    drop(Process::start(&server.db()));
+    drop(ServerProcess::start(&server.db_path()));
 }
 
 #[tokio::test]
-async fn a_database_is_served_once() {
+async fn database_has_one_server() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("one.sqlite3");
-    let first = Process::start(&db);
-    let told = refused(&db);
-    assert!(told.contains("locked by another process: stop the other server"), "{told}");
+    let first = ServerProcess::start(&db);
+    let error = serve_error(&db);
+    assert!(error.contains("locked by another process: stop the other server"), "{error}");
     assert_eq!(first.api().get("/readyz").await.status, 200);
-    first.kill(); // the system lets go of what a killed process held
-    drop(Process::start(&db));
+    first.kill(); // the operating system releases the lock of a killed process
+    drop(ServerProcess::start(&db));
 }
 
 #[test]
-fn a_place_that_is_not_there() {
+fn missing_folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
-    insta::assert_snapshot!(refused(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be opened: the file or its folder does not exist or may not be opened");
+    insta::assert_snapshot!(serve_error(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be opened: the file or its folder does not exist or may not be opened");
 }
 
-/// Permissions do not bind root: there the server runs as nobody, from a copy that nobody may read.
+/// Permissions do not bind root. As root, the test runs a copy of the server as the unprivileged user 65534.
 #[cfg(unix)]
 #[tokio::test]
-async fn a_read_only_database() {
+async fn read_only_database_is_rejected() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     use std::os::unix::process::CommandExt;
 
     let mut server = Server::start().await;
     server.stop().await;
-    let db = server.db();
+    let db = server.db_path();
     let folder = db.parent().unwrap();
     let permit = |path: &Path, mode| std::fs::set_permissions(path, PermissionsExt::from_mode(mode)).unwrap();
     let copy = folder.join("sparring");
-    std::fs::copy(binary(), &copy).unwrap();
+    std::fs::copy(sparring_binary(), &copy).unwrap();
     permit(&db, 0o444);
     permit(&copy, 0o555);
     permit(folder, 0o555);
@@ -152,29 +163,29 @@ async fn a_read_only_database() {
     if std::fs::metadata(&db).unwrap().uid() == 0 {
         command.uid(65534);
     }
-    let out = command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(&db).output().unwrap();
+    let process = command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(&db).output().unwrap();
     permit(folder, 0o755);
-    assert_eq!(out.status.code(), Some(2), "{out:?}");
-    let told = String::from_utf8(out.stderr).unwrap().replace(&db.display().to_string(), "DB");
-    insta::assert_snapshot!(told.lines().last().unwrap(), @"sparring: DB cannot be written: check the permissions of the file and its folder");
+    assert_eq!(process.status.code(), Some(2), "{process:?}");
+    let error = String::from_utf8(process.stderr).unwrap().replace(&db.display().to_string(), "DB");
+    insta::assert_snapshot!(error.lines().last().unwrap(), @"sparring: DB cannot be written: check the permissions of the file and its folder");
     assert_eq!(std::fs::read(&db).unwrap(), before);
 }
 
 #[test]
-fn addresses_that_strangers_reach_are_refused() {
+fn public_address_without_tokens_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
-    let out = Command::new(binary())
+    let process = Command::new(sparring_binary())
         .args(["serve", "--bind", "0.0.0.0:0", "--db"])
         .arg(folder.path().join("x.sqlite3"))
         .output()
         .unwrap();
-    assert_eq!(out.status.code(), Some(2));
-    let told = String::from_utf8(out.stderr).unwrap();
-    assert!(told.contains("no tokens to keep strangers out"), "{told}");
+    assert_eq!(process.status.code(), Some(2));
+    let error = String::from_utf8(process.stderr).unwrap();
+    assert!(error.contains("the server has no tokens"), "{error}");
 }
 
-/// A database as schema 8 had it.
-fn old(folder: &Path) -> PathBuf {
+/// Unpacks a database with schema 8.
+fn unpack_old_database(folder: &Path) -> PathBuf {
     let db = folder.join("old.sqlite3");
     let stored = include_bytes!("../../fixtures/schema-8.sqlite3.gz");
     let mut file = std::fs::File::create(&db).unwrap();
@@ -182,47 +193,53 @@ fn old(folder: &Path) -> PathBuf {
     db
 }
 
-async fn count(db: &Path, statement: &'static str) -> i64 {
+async fn query_number(db: &Path, statement: &'static str) -> i64 {
     let options = SqliteConnectOptions::new().filename(db).read_only(true);
     let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
     sqlx::query_scalar(statement).fetch_one(&mut conn).await.unwrap()
 }
 
-const SCHEMA: &str = "SELECT max(version) FROM _sqlx_migrations";
+const SCHEMA_VERSION_SQL: &str = "SELECT max(version) FROM _sqlx_migrations";
 
-/// Before a database is changed for good it is copied; where that cannot be, it stays as it was.
+/// A database is copied before a migration. If the copy fails, the database is unchanged.
 #[tokio::test]
-async fn an_older_database_is_copied_first() {
+async fn older_database_is_copied_before_migration() {
     let folder = tempfile::tempdir().unwrap();
-    let db = old(folder.path());
+    let db = unpack_old_database(folder.path());
     let copy = folder.path().join("old.sqlite3.schema-8");
     let before = std::fs::read(&db).unwrap();
-    // Somebody else's folder is in the way.
+    // A folder with the name of the copy makes the copy fail.
     std::fs::create_dir_all(copy.join("full")).unwrap();
-    let told = refused(&db);
-    assert!(told.contains("DB has an older schema (8), and a copy of it could not be made"), "{told}");
-    assert_eq!(count(&db, SCHEMA).await, 8);
+    let error = serve_error(&db);
+    assert!(error.contains("DB has an older schema (8), and a copy of it could not be made"), "{error}");
+    assert_eq!(query_number(&db, SCHEMA_VERSION_SQL).await, 8);
     assert_eq!(std::fs::read(&db).unwrap(), before);
     assert!(!folder.path().join("old.sqlite3.schema-8.unfinished").exists());
     std::fs::remove_dir_all(&copy).unwrap();
-    // What an attempt that was cut off left is in nobody's way.
+    // The rest of an interrupted attempt is overwritten.
     std::fs::write(folder.path().join("old.sqlite3.schema-8.unfinished"), "half").unwrap();
-    drop(Process::start(&db));
-    assert!(count(&db, SCHEMA).await > 8);
-    assert_eq!((count(&copy, SCHEMA).await, count(&copy, "SELECT count(*) FROM action_logs").await), (8, 2));
-    // Only what is older is copied.
+    drop(ServerProcess::start(&db));
+    assert!(query_number(&db, SCHEMA_VERSION_SQL).await > 8);
+    assert_eq!(
+        (
+            query_number(&copy, SCHEMA_VERSION_SQL).await,
+            query_number(&copy, "SELECT count(*) FROM action_logs").await
+        ),
+        (8, 2)
+    );
+    // A current database is not copied.
     std::fs::remove_file(&copy).unwrap();
-    drop(Process::start(&db));
-    let beside = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name());
-    assert!(beside.into_iter().all(|name| !name.to_string_lossy().contains("schema-")));
+    drop(ServerProcess::start(&db));
+    let files = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name());
+    assert!(files.into_iter().all(|name| !name.to_string_lossy().contains("schema-")));
 }
 
-/// A run that another version began, whose logs and brackets were stored otherwise, goes on.
+/// A run of an older version, with other encodings of logs and brackets, continues.
 #[tokio::test]
-async fn an_older_database_is_brought_on() {
+async fn older_database_is_migrated_and_usable() {
     let folder = tempfile::tempdir().unwrap();
-    let db = old(folder.path());
-    let server = Process::start(&db);
+    let db = unpack_old_database(folder.path());
+    let server = ServerProcess::start(&db);
     let api = server.api();
     let run = api.get("/v1/runs").await.expect(200)["runs"][0]["id"].as_str().unwrap().to_owned();
     let leases = api.get(&format!("/v1/runs/{run}/leases")).await.expect(200);
@@ -236,7 +253,7 @@ async fn an_older_database_is_brought_on() {
         let episode = api.get(&path).await.expect(200);
         assert_eq!(episode["actions"]["steps"].as_array().unwrap().len(), 50, "{episode}");
         assert_eq!(api.get(&format!("{path}/critique")).await.status, 200);
-        // The same log again is known to be the same.
+        // A repeated log is a duplicate.
         let result = serde_json::json!({"episode": format!("ep_{id}_0"), "actions": episode["actions"]});
         let receipt = &api.report(&run, vec![result]).await["results"][0];
         assert_eq!((&receipt["status"], &receipt["score"]), (&"duplicate".into(), &episode["score"]));

@@ -1,4 +1,4 @@
-//! `sparring db`: beside a running server, on what is whole and on what is not.
+//! `sparring db`: subcommands next to a running server, and on damaged databases.
 
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;
@@ -8,106 +8,102 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{Process, binary, result};
+use system_tests::{ServerProcess, episode_result, sparring_binary, wait_until};
 
 fn db(file: &Path, args: &[&str]) -> Output {
-    Command::new(binary()).args(["db"]).args(args).arg("--db").arg(file).output().unwrap()
+    Command::new(sparring_binary()).args(["db"]).args(args).arg("--db").arg(file).output().unwrap()
 }
 
-fn said(out: &Output) -> String {
+fn output_text(out: &Output) -> String {
     String::from_utf8([out.stdout.clone(), out.stderr.clone()].concat()).unwrap()
 }
 
-/// A server with a run of some episodes; of them some are folded.
-async fn served(file: &Path) -> Process {
-    let server = Process::start(file);
+fn assert_output(output: &Output, status: i32, text: &str) {
+    let printed = output_text(output);
+    assert!(output.status.code() == Some(status) && printed.contains(text), "{:?} {printed}", output.status);
+}
+
+/// Starts a server with a run of 24 episodes and waits until retention has compacted some of them.
+async fn serve_compacted_run(file: &Path) -> ServerProcess {
+    let server = ServerProcess::start(file);
     let api = server.api();
-    let wish = json!({"id": "run", "seed": 5, "placement": false, "tasks": ["kessler/survival"], "retention": {"episodes": 4},
+    let settings = json!({"id": "run", "seed": 5, "placement": false, "tasks": ["kessler/survival"], "retention": {"episodes": 4},
                       "design": {"designer": "off"}});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", settings).await.expect(201);
     for _ in 0..6 {
         let lease = api.lease("run", json!({"groups": 4})).await;
-        let results = lease.episodes().iter().map(|(id, s)| result(id, s, "heuristic")).collect();
+        let results = lease.episodes().iter().map(|(id, s)| episode_result(id, s, "heuristic")).collect();
         let _ = api.report("run", results).await;
     }
-    for _ in 0..100 {
+    wait_until("an episode is compacted", async || {
         let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);
-        if listed["episodes"].as_array().unwrap().iter().any(|episode| episode["replay"] == "expired") {
-            return server;
-        }
-        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
-    }
-    panic!("nothing was folded");
+        listed["episodes"].as_array().unwrap().iter().any(|episode| episode["replay"] == "expired")
+    })
+    .await;
+    server
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn it_is_looked_at_copied_and_written_out_while_it_is_served() {
+async fn info_check_backup_and_export_work_on_a_live_database() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("db.sqlite3");
-    let server = served(&file).await;
-    let (copy, lines) = (folder.path().join("copy.sqlite3"), folder.path().join("lines.ndjson"));
+    let server = serve_compacted_run(&file).await;
+    let copy = folder.path().join("copy.sqlite3");
 
     let info: Value = serde_json::from_slice(&db(&file, &["info", "--format", "json"]).stdout).unwrap();
     let run = &info["runs"][0];
     assert_eq!(run["whole"].as_i64().unwrap() + run["folded"].as_i64().unwrap(), 24, "{info}");
     assert!(run["folded"].as_i64().unwrap() > 0 && info["bytes"].as_i64().unwrap() > 0);
-    assert!(said(&db(&file, &["info"])).contains("table, with its indexes"));
+    assert!(output_text(&db(&file, &["info"])).contains("table, with its indexes"));
     let checked = db(&file, &["check"]);
-    assert_eq!(checked.status.code(), Some(0), "{}", said(&checked));
+    assert_eq!(checked.status.code(), Some(0), "{}", output_text(&checked));
 
     assert_eq!(db(&file, &["backup", copy.to_str().unwrap()]).status.code(), Some(0));
-    let again = db(&file, &["backup", copy.to_str().unwrap()]);
-    assert!(again.status.code() == Some(2) && said(&again).contains("exists already"), "{}", said(&again));
-    let nowhere = db(&file, &["backup", "/nowhere/copy.sqlite3"]);
-    assert!(
-        nowhere.status.code() == Some(2) && said(&nowhere).contains("no copy was made"),
-        "{}",
-        said(&nowhere)
-    );
+    let second = db(&file, &["backup", copy.to_str().unwrap()]);
+    assert_output(&second, 2, "exists already");
+    assert_output(&db(&file, &["backup", "/nowhere/copy.sqlite3"]), 2, "no copy was made");
 
-    let out = db(&file, &["export", "--run", "run", "--actions", "--out", lines.to_str().unwrap()]);
-    assert_eq!(out.status.code(), Some(0), "{}", said(&out));
-    let text = std::fs::read_to_string(&lines).unwrap();
-    let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!((&lines[0]["kind"], &lines[0]["run"]), (&json!("run"), &json!("run")));
-    let episodes: Vec<&Value> = lines.iter().filter(|line| line["kind"] == "episode").collect();
-    assert_eq!(episodes.len(), 24);
-    for episode in &episodes {
-        let whole = episode["replay"] == "available";
-        assert!(
-            episode["score"].is_f64()
-                && episode["scenario"].is_object() == whole
-                && episode["actions"].is_array() == whole
-        );
-    }
-    let piped = db(&file, &["export"]).stdout;
-    assert_eq!(String::from_utf8(piped).unwrap().lines().count(), lines.len());
-    let unknown = db(&file, &["export", "--run", "nobody"]);
-    assert!(unknown.status.code() == Some(2) && said(&unknown).contains("there is no run \"nobody\""));
+    assert_export_is_complete(&file, &folder.path().join("lines.ndjson"));
 
-    let vacuum = db(&file, &["vacuum"]);
-    assert!(
-        vacuum.status.code() == Some(2) && said(&vacuum).contains("stop the other server"),
-        "{}",
-        said(&vacuum)
-    );
+    assert_output(&db(&file, &["vacuum"]), 2, "stop the other server");
     assert_eq!(server.terminate(), Some(0));
-    let vacuum = db(&file, &["vacuum"]);
-    assert!(vacuum.status.code() == Some(0) && said(&vacuum).contains("before it had"), "{}", said(&vacuum));
-    // The copy goes on by itself.
+    assert_output(&db(&file, &["vacuum"]), 0, "before it had");
+    // A server can continue from the copy.
     assert_eq!(db(&copy, &["check"]).status.code(), Some(0));
-    let server = Process::start(&copy);
+    let server = ServerProcess::start(&copy);
     let episodes = server.api().get("/v1/runs/run/episodes?limit=500").await.expect(200);
     assert_eq!(episodes["episodes"].as_array().unwrap().len(), 24);
     let _ = server.api().lease("run", json!({"groups": 2})).await;
 }
 
+/// Checks an export of all 24 episodes: to a file with actions, and to stdout.
+fn assert_export_is_complete(file: &Path, out: &Path) {
+    let export = db(file, &["export", "--run", "run", "--actions", "--out", out.to_str().unwrap()]);
+    assert_eq!(export.status.code(), Some(0), "{}", output_text(&export));
+    let text = std::fs::read_to_string(out).unwrap();
+    let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!((&lines[0]["kind"], &lines[0]["run"]), (&json!("run"), &json!("run")));
+    let episodes: Vec<&Value> = lines.iter().filter(|line| line["kind"] == "episode").collect();
+    assert_eq!(episodes.len(), 24);
+    for episode in &episodes {
+        let is_whole = episode["replay"] == "available";
+        assert!(
+            episode["score"].is_f64()
+                && episode["scenario"].is_object() == is_whole
+                && episode["actions"].is_array() == is_whole
+        );
+    }
+    let piped = db(file, &["export"]).stdout;
+    assert_eq!(String::from_utf8(piped).unwrap().lines().count(), lines.len());
+    assert_output(&db(file, &["export", "--run", "unknown"]), 2, "there is no run \"unknown\"");
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_wrong_is_found() {
+async fn check_finds_each_kind_of_damage() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("db.sqlite3");
-    assert_eq!(served(&file).await.terminate(), Some(0));
-    for (harm, found) in [
+    assert_eq!(serve_compacted_run(&file).await.terminate(), Some(0));
+    for (damage, found) in [
         ("UPDATE episodes SET score = 0.123 WHERE flown IS NOT NULL", "replays to"),
         ("DELETE FROM action_logs", "has no actions"),
         ("UPDATE task_sums SET episodes = episodes + 1", "sums up"),
@@ -120,20 +116,20 @@ async fn what_is_wrong_is_found() {
         ("UPDATE curriculum_snapshots SET body = '{}'", "cannot be brought back"),
         ("PRAGMA foreign_keys = OFF; DELETE FROM scenarios", "refers to a row of scenarios"),
     ] {
-        let harmed = folder.path().join("harmed.sqlite3");
-        let _ = std::fs::remove_file(&harmed);
-        std::fs::copy(&file, &harmed).unwrap();
-        let mut conn = SqliteConnectOptions::new().filename(&harmed).connect().await.unwrap();
-        sqlx::raw_sql(harm).execute(&mut conn).await.unwrap();
+        let damaged = folder.path().join("harmed.sqlite3");
+        let _ = std::fs::remove_file(&damaged);
+        std::fs::copy(&file, &damaged).unwrap();
+        let mut conn = SqliteConnectOptions::new().filename(&damaged).connect().await.unwrap();
+        sqlx::raw_sql(damage).execute(&mut conn).await.unwrap();
         sqlx::Connection::close(conn).await.unwrap();
-        let checked = db(&harmed, &["check"]);
+        let checked = db(&damaged, &["check"]);
         assert!(
-            checked.status.code() == Some(1) && said(&checked).contains(found),
-            "{harm}: {}",
-            said(&checked)
+            checked.status.code() == Some(1) && output_text(&checked).contains(found),
+            "{damage}: {}",
+            output_text(&checked)
         );
     }
-    // Pages that the disk lost: but for the first, which says what it is, any that is used.
+    // Pages that the disk lost: a sample of all used pages but the first, which identifies the file.
     assert_eq!(db(&file, &["vacuum"]).status.code(), Some(0));
     let whole = std::fs::read(&file).unwrap();
     let pages = whole.len() / 4096;
@@ -145,44 +141,49 @@ async fn what_is_wrong_is_found() {
         assert!(
             checked.status.code() == Some(1) && checked.stderr.is_empty(),
             "page {page}: {}",
-            said(&checked)
+            output_text(&checked)
         );
     }
-    // What is none of ours is told from what is.
+    // Files that are no database of Sparring are rejected.
     std::fs::write(folder.path().join("notes.txt"), "x".repeat(5000)).unwrap();
     for (name, why) in [("notes.txt", "is not an SQLite database"), ("nowhere", "cannot be opened")] {
-        let told = db(&folder.path().join(name), &["info"]);
-        assert!(told.status.code() == Some(2) && said(&told).contains(why), "{}", said(&told));
-        assert!(!folder.path().join("nowhere").exists(), "looking makes nothing");
+        let output = db(&folder.path().join(name), &["info"]);
+        assert!(
+            output.status.code() == Some(2) && output_text(&output).contains(why),
+            "{}",
+            output_text(&output)
+        );
+        assert!(!folder.path().join("nowhere").exists(), "reading creates no file");
     }
-    copies_are_looked_at_where_nothing_can_be_written(&file).await;
+    read_only_copies_can_be_inspected(&file).await;
 }
 
-/// A copy in a folder that is read-only, as on a medium that is. Root may write everywhere: then nobody looks, by a program where
-/// nobody can reach it.
-async fn copies_are_looked_at_where_nothing_can_be_written(file: &Path) {
-    let place = tempfile::tempdir().unwrap();
-    let copy = place.path().join("copy.sqlite3");
+/// Inspects a copy in a read-only folder, as on a read-only medium.
+///
+/// Root may write everywhere. As root, the test therefore runs a copy of the binary as the unprivileged user 65534.
+async fn read_only_copies_can_be_inspected(file: &Path) {
+    let medium = tempfile::tempdir().unwrap();
+    let copy = medium.path().join("copy.sqlite3");
     assert_eq!(db(file, &["backup", copy.to_str().unwrap()]).status.code(), Some(0));
     let set = |mode| {
         let mode = std::os::unix::fs::PermissionsExt::from_mode(mode);
-        std::fs::set_permissions(place.path(), mode).unwrap();
+        std::fs::set_permissions(medium.path(), mode).unwrap();
     };
     std::fs::set_permissions(&copy, std::os::unix::fs::PermissionsExt::from_mode(0o444)).unwrap();
     let (root, program) =
-        (std::fs::metadata(place.path()).unwrap().uid() == 0, place.path().join("sparring"));
+        (std::fs::metadata(medium.path()).unwrap().uid() == 0, medium.path().join("sparring"));
     if root {
-        std::fs::copy(binary(), &program).unwrap();
+        std::fs::copy(sparring_binary(), &program).unwrap();
     }
     set(0o555);
-    for what in ["info", "check"] {
-        let mut command = Command::new(if root { &program } else { binary() });
-        command.args(["db", what, "--db"]).arg(&copy);
+    for subcommand in ["info", "check"] {
+        let mut command = Command::new(if root { &program } else { sparring_binary() });
+        command.args(["db", subcommand, "--db"]).arg(&copy);
         if root {
             command.uid(65534).gid(65534);
         }
-        let told = command.output().unwrap();
-        assert_eq!(told.status.code(), Some(0), "{what}: {}", said(&told));
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{subcommand}: {}", output_text(&output));
     }
     set(0o755);
 }

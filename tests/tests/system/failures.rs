@@ -1,42 +1,37 @@
-//! The failure profile: every finished training episode is criticised once, whatever happens to the server; what is shown
-//! is what the episodes show.
+//! The failure profile: every finished training episode gets one critique, also after kills, and the profile equals the
+//! critiques of the episodes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use env_core::critique::{Critique, sector};
+use env_core::critique::{Critique, bearing_sector};
 use env_core::{ActionLog, Scenario};
-use orchestrator::clock::Clock;
+use orchestrator::clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use sqlx::Connection;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{Api, Lease, Process, Server, flown, result, wire};
+use system_tests::{ApiClient, Lease, Server, ServerProcess, episode_result, log_to_json, run_policy};
+
+use crate::design::wait_for_critiques;
 
 const TASK: &str = "kessler/survival";
 
-async fn create(api: &Api, group_size: u32) {
-    let wish = json!({
+async fn create(api: &ApiClient, group_size: u32) {
+    let settings = json!({
         "id": "run", "seed": 11, "group_size": group_size, "placement": false, "contested_share": 1.0, "tasks": [TASK],
         "design": {"designer": "off"}
     });
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", settings).await.expect(201);
 }
 
-/// The run's profile, once nothing waits any more.
-async fn caught_up(api: &Api) -> Value {
-    for _ in 0..600 {
-        let run = api.get("/v1/runs/run").await.expect(200);
-        if run["critique"]["waiting"] == 0 {
-            return api.get("/v1/runs/run/failures").await.expect(200)["tasks"][0].clone();
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    panic!("the critique does not catch up");
+/// Waits until every episode has its critique, and returns the failure profile of the task.
+async fn wait_for_profile(api: &ApiClient) -> Value {
+    wait_for_critiques(api).await["tasks"][0].clone()
 }
 
-async fn finished(api: &Api) -> u64 {
+async fn finished_episodes(api: &ApiClient) -> u64 {
     let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
     mastery["tasks"][0]["plain"]["episodes"].as_u64().unwrap()
 }
@@ -45,35 +40,39 @@ fn number(profile: &Value, name: &str) -> u64 {
     profile[name].as_u64().unwrap()
 }
 
-/// Failures by (mode, sector and band).
+/// Number of failures by mode, and by sector and band if there was an encounter.
 type Cells = BTreeMap<(String, Option<(u64, u64)>), u64>;
 
-fn shown(profile: &Value) -> Cells {
+fn profile_cells(profile: &Value) -> Cells {
     let mut cells = Cells::new();
     for mode in profile["modes"].as_array().unwrap() {
         for cell in mode["cells"].as_array().unwrap() {
-            let met = cell["sector"].as_u64().zip(cell["band"].as_u64());
-            cells.insert((mode["mode"].as_str().unwrap().to_owned(), met), cell["count"].as_u64().unwrap());
+            let encounter = cell["sector"].as_u64().zip(cell["band"].as_u64());
+            cells.insert(
+                (mode["mode"].as_str().unwrap().to_owned(), encounter),
+                cell["count"].as_u64().unwrap(),
+            );
         }
     }
     cells
 }
 
-fn criticised(scenario: &Scenario, log: &ActionLog) -> Critique {
+fn compute_critique(scenario: &Scenario, log: &ActionLog) -> Critique {
     scenario.task().critique(scenario, log).unwrap()
 }
 
-fn count(cells: &mut Cells, scenario: &Scenario, critique: &Critique) {
+fn count_failures(cells: &mut Cells, scenario: &Scenario, critique: &Critique) {
     let bands = scenario.task().speed_bands();
     for failure in &critique.failures {
-        let met = failure.encounter.as_ref();
-        let met = met.map(|e| (u64::from(sector(e.bearing_deg)), u64::from(bands.band(e.relative_speed))));
-        *cells.entry((failure.mode.to_owned(), met)).or_default() += 1;
+        let encounter = failure.encounter.as_ref();
+        let encounter = encounter
+            .map(|e| (u64::from(bearing_sector(e.bearing_deg)), u64::from(bands.band(e.relative_speed))));
+        *cells.entry((failure.mode.to_owned(), encounter)).or_default() += 1;
     }
 }
 
-/// A critique as the server tells it, without what it adds.
-fn told(mut body: Value) -> Value {
+/// Returns a critique of the API without the fields that the server adds.
+fn without_server_fields(mut body: Value) -> Value {
     for failure in body["failures"].as_array_mut().unwrap() {
         if let Some(encounter) = failure["encounter"].as_object_mut() {
             encounter.remove("sector").unwrap();
@@ -83,26 +82,26 @@ fn told(mut body: Value) -> Value {
     json!({"failures": body["failures"], "actions": body["actions"], "judged": body["judged"]})
 }
 
-/// Reports a lease, its first episode as failed; what the others show, by cell, and the sum of what the judge says.
-async fn reported(api: &Api, lease: &Lease) -> (Cells, f64) {
+/// Reports a lease, its first episode as failed. Returns the failures of the others and the sum of their judged values.
+async fn report_lease(api: &ApiClient, lease: &Lease) -> (Cells, f64) {
     let (mut cells, mut judged, mut results) = (Cells::new(), 0.0, Vec::new());
     for (i, (episode, scenario)) in lease.episodes().into_iter().enumerate() {
         if i == 0 {
             results.push(json!({"episode": episode, "status": "failed", "reason": "the machine was lost"}));
             continue;
         }
-        let (_, log) = flown(&scenario, if i % 3 == 0 { "random" } else { "hold" });
-        let critique = criticised(&scenario, &log);
-        count(&mut cells, &scenario, &critique);
+        let log = run_policy(&scenario, if i % 3 == 0 { "random" } else { "hold" }).log;
+        let critique = compute_critique(&scenario, &log);
+        count_failures(&mut cells, &scenario, &critique);
         judged += critique.judged.value;
-        results.push(json!({"episode": episode, "actions": wire(&log)}));
+        results.push(json!({"episode": episode, "actions": log_to_json(&log)}));
     }
     api.report("run", results).await;
     (cells, judged)
 }
 
-/// Reads the list of failures to its end, and finds each again in its episode; how many they are.
-async fn listed(api: &Api) -> u64 {
+/// Reads all pages of the list of failures, finds each failure in the critique of its episode, and returns their number.
+async fn count_listed_failures(api: &ApiClient) -> u64 {
     let (mut cursor, mut listed) = (String::new(), 0);
     loop {
         let page =
@@ -112,15 +111,15 @@ async fn listed(api: &Api) -> u64 {
             let path = format!("/v1/runs/run/episodes/{}/critique", failure["episode"].as_str().unwrap());
             let critique = api.get(&path).await.expect(200);
             let mut found = critique["failures"].as_array().unwrap().iter().map(|f| {
-                let met = &f["encounter"];
+                let encounter = &f["encounter"];
                 json!([
                     f["mode"],
                     f["agent"],
                     f["step"],
-                    met["sector"],
-                    met["band"],
-                    met["steps_left"],
-                    met["avoidable"]
+                    encounter["sector"],
+                    encounter["band"],
+                    encounter["steps_left"],
+                    encounter["avoidable"]
                 ])
             });
             let wanted =
@@ -134,85 +133,89 @@ async fn listed(api: &Api) -> u64 {
     }
 }
 
-/// Who asks for N examples of a cell is named N different episodes, if there are as many.
-async fn named(api: &Api) {
+/// Checks that a cell names as many different episodes as requested, if it has so many.
+async fn assert_examples_are_distinct(api: &ApiClient) {
     let cells = |profile: &Value| -> Vec<(Vec<String>, u64)> {
         let modes = profile["tasks"][0]["modes"].as_array().unwrap().iter();
         let cells = modes.flat_map(|mode| mode["cells"].as_array().unwrap());
         let names = |cell: &Value| serde_json::from_value(cell["episodes"].clone()).unwrap();
         cells.map(|cell| (names(cell), cell["count"].as_u64().unwrap())).collect()
     };
-    let asked = async |n: usize| api.get(&format!("/v1/runs/run/failures?task={TASK}&examples={n}")).await;
-    let whole = cells(&asked(64).await.expect(200));
+    let request = async |n: usize| api.get(&format!("/v1/runs/run/failures?task={TASK}&examples={n}")).await;
+    let whole = cells(&request(64).await.expect(200));
     let twice = |(names, count): &&(Vec<String>, u64)| names.len() > 3 && *count > names.len() as u64;
-    assert!(whole.iter().any(|cell| twice(&cell)), "an episode fails twice in one cell: {whole:?}");
+    assert!(
+        whole.iter().any(|cell| twice(&cell)),
+        "the test needs an episode with two failures in one cell: {whole:?}"
+    );
     for n in [0, 1, 2, 3, 5, 8] {
-        for ((some, _), (all, _)) in cells(&asked(n).await.expect(200)).iter().zip(&whole) {
+        for ((some, _), (all, _)) in cells(&request(n).await.expect(200)).iter().zip(&whole) {
             assert_eq!(some[..], all[..n.min(all.len())], "{n} examples");
         }
     }
 }
 
 #[tokio::test]
-async fn the_profile_is_what_the_episodes_show() {
-    let (clock, hand) = Clock::manual(1_700_000_000_000);
+async fn profile_equals_the_critiques_of_the_episodes() {
+    let ManualClock { clock, time: clock_ms } = Clock::manual(1_700_000_000_000);
     let server = Server::with_clock(clock).await;
     let api = server.api();
     create(&api, 2).await;
     let lease = api.lease("run", json!({"groups": 24, "ttl_s": 60})).await;
     let late = api.lease("run", json!({"groups": 2, "ttl_s": 1})).await;
     let eval = api.lease("run", json!({"groups": 2, "purpose": "eval"})).await;
-    let (cells, judged) = reported(&api, &lease).await;
-    assert!(cells.values().sum::<u64>() > 20, "satellites are lost, or this proves little: {cells:?}");
+    let (cells, judged) = report_lease(&api, &lease).await;
+    assert!(cells.values().sum::<u64>() > 20, "the test needs lost satellites: {cells:?}");
     for other in [&eval, &late] {
-        hand.fetch_add(2_000, Ordering::SeqCst);
-        let held = other.episodes().iter().map(|(id, scenario)| result(id, scenario, "hold")).collect();
+        clock_ms.fetch_add(2_000, Ordering::SeqCst);
+        let held =
+            other.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
         api.report("run", held).await;
     }
 
-    let profile = caught_up(&api).await;
-    assert_eq!(number(&profile, "criticised"), 47, "not the failed one, not evaluations, not what came late");
+    let profile = wait_for_profile(&api).await;
+    assert_eq!(number(&profile, "criticised"), 47, "failed, evaluation and late episodes have no critique");
     assert_eq!((number(&profile, "skipped"), number(&profile, "failed")), (0, 0));
-    assert_eq!(finished(&api).await, 47);
-    assert_eq!(shown(&profile), cells);
+    assert_eq!(finished_episodes(&api).await, 47);
+    assert_eq!(profile_cells(&profile), cells);
     let mean = profile["judge"]["all"].as_f64().unwrap();
-    assert!((mean - judged / 47.0).abs() < 1e-12, "47 additions in another order: {mean}");
+    assert!((mean - judged / 47.0).abs() < 1e-12, "the mean of 47 judged values is {mean}");
 
-    named(&api).await;
-    // A cell has at most 64 examples, and no cell here had more failures: all are listed.
-    assert_eq!(listed(&api).await, cells.values().sum::<u64>());
-    let ((mode, met), of_cell) = cells.iter().find(|((_, met), _)| met.is_some()).unwrap();
-    let (sector, band) = met.unwrap();
+    assert_examples_are_distinct(&api).await;
+    // A cell has at most 64 examples, and no cell has more failures here: all are listed.
+    assert_eq!(count_listed_failures(&api).await, cells.values().sum::<u64>());
+    let ((mode, encounter), of_cell) = cells.iter().find(|((_, encounter), _)| encounter.is_some()).unwrap();
+    let (sector, band) = encounter.unwrap();
     let path =
         format!("/v1/runs/run/failures/list?task={TASK}&mode={mode}&sector={sector}&band={band}&limit=500");
     assert_eq!(api.get(&path).await.expect(200)["failures"].as_array().unwrap().len() as u64, *of_cell);
 
-    // An evaluation can be looked at: it moves nothing.
+    // The critique of an evaluation episode is available, and does not change the profile.
     let (episode, scenario) = eval.episodes().into_iter().next().unwrap();
     let critique = api.get(&format!("/v1/runs/run/episodes/{episode}/critique")).await.expect(200);
     assert_eq!(
-        told(critique),
-        serde_json::to_value(criticised(&scenario, &flown(&scenario, "hold").1)).unwrap()
+        without_server_fields(critique),
+        serde_json::to_value(compute_critique(&scenario, &run_policy(&scenario, "hold").log)).unwrap()
     );
-    assert_eq!(caught_up(&api).await, profile);
+    assert_eq!(wait_for_profile(&api).await, profile);
 }
 
 #[tokio::test]
-async fn a_scenario_by_hand_is_criticised() {
+async fn scenario_endpoint_returns_a_critique() {
     let server = Server::start().await;
-    let wish = json!({"task": TASK, "params": {"debris": 150, "fuel": 5}, "seed": 3});
-    let scenario = Scenario::from_json(&wish).unwrap();
-    let (_, log) = flown(&scenario, "random");
-    let body = json!({"scenario": wish, "actions": wire(&log)});
-    let answer = server.api().post("/v1/scenarios", body).await.expect(200);
-    let ours = criticised(&scenario, &log);
-    assert!(!ours.actions.is_empty(), "there is something to judge");
-    assert_eq!(told(answer["critique"].clone()), serde_json::to_value(ours).unwrap());
-    let bare = server.api().post("/v1/scenarios", json!({"scenario": wish})).await.expect(200);
-    assert_eq!(bare["critique"], Value::Null);
+    let settings = json!({"task": TASK, "params": {"debris": 150, "fuel": 5}, "seed": 3});
+    let scenario = Scenario::from_json(&settings).unwrap();
+    let log = run_policy(&scenario, "random").log;
+    let body = json!({"scenario": settings, "actions": log_to_json(&log)});
+    let response = server.api().post("/v1/scenarios", body).await.expect(200);
+    let expected = compute_critique(&scenario, &log);
+    assert!(!expected.actions.is_empty(), "the policy acts");
+    assert_eq!(without_server_fields(response["critique"].clone()), serde_json::to_value(expected).unwrap());
+    let without_actions = server.api().post("/v1/scenarios", json!({"scenario": settings})).await.expect(200);
+    assert_eq!(without_actions["critique"], Value::Null);
 }
 
-async fn sql(db: &Path, statement: &'static str) -> i64 {
+async fn execute_sql(db: &Path, statement: &'static str) -> i64 {
     let options = SqliteConnectOptions::new().filename(db);
     let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
     let rows = sqlx::query_scalar::<_, i64>(statement).fetch_optional(&mut conn).await.unwrap();
@@ -220,41 +223,41 @@ async fn sql(db: &Path, statement: &'static str) -> i64 {
     rows.unwrap_or(0)
 }
 
-/// Killed between the acknowledgement and the critique, before it, in the midst of it, after it.
+/// Kills the server before, during and after critiques: each episode gets exactly one.
 #[tokio::test]
-async fn a_killed_server_loses_no_criticism_and_counts_none_twice() {
+async fn kills_lose_no_critique_and_count_none_twice() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("killed.sqlite3");
-    let mut process = Process::start(&db);
+    let mut process = ServerProcess::start(&db);
     create(&process.api(), 2).await;
-    let (mut cells, mut most_left) = (Cells::new(), 0);
+    let (mut cells, mut max_waiting) = (Cells::new(), 0);
     for round in 0..8u64 {
         let api = process.api();
         let lease = api.lease("run", json!({"groups": 32})).await;
         let mut results = Vec::new();
         for (episode, scenario) in lease.episodes() {
-            let (_, log) = flown(&scenario, "hold");
-            count(&mut cells, &scenario, &criticised(&scenario, &log));
-            results.push(json!({"episode": episode, "actions": wire(&log)}));
+            let log = run_policy(&scenario, "hold").log;
+            count_failures(&mut cells, &scenario, &compute_critique(&scenario, &log));
+            results.push(json!({"episode": episode, "actions": log_to_json(&log)}));
         }
         api.report("run", results).await;
+        // Tests the passing of time: the delay varies the moment of the kill.
         tokio::time::sleep(Duration::from_millis(4 * round)).await;
         process.kill();
-        most_left = most_left.max(sql(&db, "SELECT sum(episodes) FROM critique_queue").await);
-        process = Process::start(&db);
+        max_waiting = max_waiting.max(execute_sql(&db, "SELECT sum(episodes) FROM critique_queue").await);
+        process = ServerProcess::start(&db);
     }
-    assert!(most_left > 0, "no kill came before its critique");
-    let profile = caught_up(&process.api()).await;
+    assert!(max_waiting > 0, "no kill happened before a critique");
+    let profile = wait_for_profile(&process.api()).await;
     assert_eq!(number(&profile, "criticised"), 8 * 64);
     assert_eq!((number(&profile, "skipped"), number(&profile, "failed")), (0, 0));
-    assert_eq!(finished(&process.api()).await, 8 * 64);
-    assert_eq!(shown(&profile), cells, "{most_left} waited when it was killed");
+    assert_eq!(finished_episodes(&process.api()).await, 8 * 64);
+    assert_eq!(profile_cells(&profile), cells, "{max_waiting} critiques waited at a kill");
 }
 
-/// A database from before there was a critique, with more episodes than it has patience for: all of them wait, and some
-/// are skipped where everybody can see it.
+/// A database from before critiques existed, with more episodes than the queue takes: some are skipped, and counted as such.
 #[tokio::test]
-async fn what_was_reported_before_is_caught_up_on_and_a_long_queue_is_sampled() {
+async fn long_critique_queue_is_sampled() {
     let mut server = Server::start().await;
     create(&server.api(), 64).await;
     let lease = server.api().lease("run", json!({"groups": 48})).await;
@@ -268,36 +271,36 @@ async fn what_was_reported_before_is_caught_up_on_and_a_long_queue_is_sampled() 
         "DROP TABLE critique_queue",
         "DELETE FROM _sqlx_migrations WHERE version = 2",
     ] {
-        sql(&server.db(), statement).await;
+        execute_sql(&server.db_path(), statement).await;
     }
     server.restart().await;
-    let profile = caught_up(&server.api()).await;
+    let profile = wait_for_profile(&server.api()).await;
     let [criticised, skipped, failed] =
         ["criticised", "skipped", "failed"].map(|name| number(&profile, name));
     assert_eq!(criticised + skipped + failed, 48 * 64);
-    assert_eq!((finished(&server.api()).await, failed), (48 * 64, 0));
-    // Half of what waits above 2 000 is skipped: of 1 072 some 536 ± 16, and up to one batch more.
+    assert_eq!((finished_episodes(&server.api()).await, failed), (48 * 64, 0));
+    // Half of the queue above 2 000 is skipped: of 1 072 about 536 ± 16, and up to one batch more.
     assert!((400..1000).contains(&skipped), "{skipped} were skipped");
-    assert!(profile["weight"].as_f64().unwrap() < criticised as f64, "it fades");
+    assert!(profile["weight"].as_f64().unwrap() < criticised as f64, "weights fade");
 }
 
 #[tokio::test]
-async fn bodies() {
+async fn responses() {
     let server = Server::start().await;
     let api = server.api();
     create(&api, 1).await;
-    // Which modes there are is the world's to say.
+    // The world defines the modes; the snapshot has the first one only.
     let modes = env_core::task(TASK).unwrap().failure_modes();
     let mut nothing_yet = api.get("/v1/runs/run/failures").await.expect(200);
-    let told = nothing_yet["tasks"][0]["modes"].as_array_mut().unwrap();
-    assert!(told.iter().map(|mode| &mode["mode"]).eq(modes.iter().map(|mode| mode.name)));
-    told.truncate(1);
+    let modes_shown = nothing_yet["tasks"][0]["modes"].as_array_mut().unwrap();
+    assert!(modes_shown.iter().map(|mode| &mode["mode"]).eq(modes.iter().map(|mode| mode.name)));
+    modes_shown.truncate(1);
     insta::assert_json_snapshot!("nothing_yet", nothing_yet);
     let lease = api.lease("run", json!({"groups": 1})).await;
-    let (unflown, _) = lease.episodes().into_iter().next().unwrap();
-    let mut answers = Vec::new();
+    let (pending_episode, _) = lease.episodes().into_iter().next().unwrap();
+    let mut problems = Vec::new();
     for path in [
-        "nobody/failures",
+        "unknown/failures",
         "NOBODY/failures",
         "run/failures?task=kessler/nothing",
         "run/failures?task=kessler/rendezvous",
@@ -311,15 +314,15 @@ async fn bodies() {
         "run/failures/list?task=kessler/survival&band=9",
         "run/failures/list?task=kessler/survival&limit=0",
         "run/failures/list?task=kessler/survival&cursor=4.zz",
-        "nobody/failures/list?task=kessler/survival",
+        "unknown/failures/list?task=kessler/survival",
         "run/episodes/nonsense/critique",
-        &format!("run/episodes/{unflown}/critique"),
+        &format!("run/episodes/{pending_episode}/critique"),
     ] {
-        let answer = api.get(&format!("/v1/runs/{path}")).await;
-        assert_eq!(answer.kind, "application/problem+json", "{path}");
-        let text = format!("{path}\n{:#}", answer.body);
+        let response = api.get(&format!("/v1/runs/{path}")).await;
+        assert_eq!(response.content_type, "application/problem+json", "{path}");
+        let text = format!("{path}\n{:#}", response.body);
         let names = modes.iter().map(|mode| mode.name).collect::<Vec<_>>().join(", ");
-        answers.push(text.replace(&unflown, "ep_UNFLOWN").replace(&names, "MODES"));
+        problems.push(text.replace(&pending_episode, "ep_UNFLOWN").replace(&names, "MODES"));
     }
-    insta::assert_snapshot!("problems", answers.join("\n\n"));
+    insta::assert_snapshot!("problems", problems.join("\n\n"));
 }

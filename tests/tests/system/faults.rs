@@ -1,5 +1,5 @@
-//! A full disk, one that fails or is slow, a database that somebody holds, a clock that jumps: a clear state, nothing lost, and
-//! it goes on by itself when the cause goes. A real server, with the system's calls made to fail (fixtures/faults.c).
+//! Faults of disk and clock: full, failing and slow disk, locked database, clock jumps. The server reports the state, loses
+//! nothing, and recovers by itself. System calls of a real server are made to fail by fixtures/faults.c.
 
 #![cfg(target_os = "linux")]
 use std::os::unix::fs::FileExt;
@@ -11,14 +11,14 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{Answer, Api, Process, binary, result};
+use system_tests::{ApiClient, ApiResponse, ServerProcess, episode_result, sparring_binary, wait_until};
 
 const ENOSPC: i64 = 28;
 const EIO: i64 = 5;
 const DAY_MS: i64 = 86_400_000;
 
-/// The library that makes calls fail.
-fn library() -> &'static Path {
+/// Builds the library that makes system calls fail.
+fn fault_library() -> &'static Path {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/faults.c");
@@ -34,14 +34,14 @@ fn library() -> &'static Path {
     })
 }
 
-/// A server whose disk and clock do as they are told.
-struct Faulty {
-    process: Process,
+/// Server whose disk and clock fail on demand.
+struct FaultyServer {
+    process: ServerProcess,
     folder: tempfile::TempDir,
     faults: std::fs::File,
 }
 
-/// What may go wrong, as faults.c has it.
+/// Index of a fault in the control file of faults.c.
 #[derive(Clone, Copy)]
 enum Fault {
     Write = 0,
@@ -50,23 +50,23 @@ enum Fault {
     ClockMs = 3,
 }
 
-impl Faulty {
+impl FaultyServer {
     fn start() -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("data")).unwrap();
         let control = folder.path().join("faults");
         std::fs::write(&control, [0; 32]).unwrap();
         let faults = std::fs::File::options().write(true).open(&control).unwrap();
-        let mut command = Command::new(binary());
-        command.env("LD_PRELOAD", library()).env("FAULTS", &control);
-        // As the system names it: a temporary folder may be reached by a link.
+        let mut command = Command::new(sparring_binary());
+        command.env("LD_PRELOAD", fault_library()).env("FAULTS", &control);
+        // The canonical path, because a temporary folder may be a symbolic link.
         command.env("FAULTS_UNDER", folder.path().canonicalize().unwrap().join("data"));
         command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(folder.path().join("data/db.sqlite3"));
-        let process = Process::run(command, Stdio::null());
+        let process = ServerProcess::spawn(command, Stdio::null());
         Self { process, folder, faults }
     }
 
-    fn api(&self) -> Api {
+    fn api(&self) -> ApiClient {
         self.process.api()
     }
 
@@ -78,163 +78,168 @@ impl Faulty {
         self.faults.write_all_at(&value.to_ne_bytes(), fault as u64 * 8).unwrap();
     }
 
-    /// Stops it, and looks through what it leaves.
-    async fn whole(self) {
-        let code = tokio::task::spawn_blocking(move || {
+    /// Stops the server and checks its database.
+    async fn stop_and_check(self) {
+        let exit = tokio::task::spawn_blocking(move || {
             let (db, Self { process, folder, .. }) = (self.db(), self);
             assert_eq!(process.terminate(), Some(0));
-            let check = Command::new(binary()).args(["db", "check", "--db"]).arg(db).output().unwrap();
+            let check =
+                Command::new(sparring_binary()).args(["db", "check", "--db"]).arg(db).output().unwrap();
             drop(folder);
             (check.status.code(), String::from_utf8(check.stdout).unwrap())
         });
-        let (code, told) = code.await.unwrap();
-        assert_eq!(code, Some(0), "{told}");
+        let (code, stdout) = exit.await.unwrap();
+        assert_eq!(code, Some(0), "{stdout}");
     }
 }
 
-async fn begin(api: &Api) -> (Vec<Value>, Value) {
-    let wish = json!({"id": "run", "seed": 3, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+async fn start_run(api: &ApiClient) -> (Vec<Value>, Value) {
+    let settings =
+        json!({"id": "run", "seed": 3, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 8})).await;
-    let results = lease.episodes().iter().map(|(id, scenario)| result(id, scenario, "hold")).collect();
+    let results =
+        lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
     (results, lease.0)
 }
 
-async fn report(api: &Api, results: &[Value]) -> Answer {
+async fn report(api: &ApiClient, results: &[Value]) -> ApiResponse {
     api.post("/v1/runs/run/results", json!({"results": results})).await
 }
 
-async fn finished(api: &Api) -> usize {
+async fn stored_episodes(api: &ApiClient) -> usize {
     api.get("/v1/runs/run/episodes?limit=500").await.expect(200)["episodes"].as_array().unwrap().len()
 }
 
-/// Waits until it is ready again; how long that took.
-async fn ready(api: &Api) -> Duration {
-    let begun = Instant::now();
-    while api.get("/readyz").await.status != 200 {
-        assert!(begun.elapsed() < Duration::from_secs(20), "it does not go on by itself");
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    begun.elapsed()
+/// Waits until the server is ready again.
+async fn wait_until_ready(api: &ApiClient) {
+    wait_until("the server is ready again", async || api.get("/readyz").await.status == 200).await;
 }
 
-/// Nothing can be stored: that is said, with why; what is stored can be read; and it goes on when the cause is gone.
-async fn goes_on_after(fault: Fault, number: i64, why: &str) {
-    let server = Faulty::start();
+/// Checks that the server rejects writes with the reason while the fault lasts, serves reads, and recovers afterwards.
+async fn assert_recovery(fault: Fault, number: i64, reason: &str) {
+    let server = FaultyServer::start();
     let api = server.api();
-    let (results, _) = begin(&api).await;
+    let (results, _) = start_run(&api).await;
     let _ = report(&api, &results[..3]).await.expect(200);
     server.set(fault, number);
     for _ in 0..3 {
-        let refused = report(&api, &results[3..6]).await;
-        assert_eq!(refused.status, 503, "{}", refused.body);
-        assert_eq!(refused.kind, "application/problem+json");
-        assert!(refused.body["detail"].as_str().unwrap().contains(why), "{}", refused.body);
-        assert!(refused.retry_after.is_some());
+        let rejected = report(&api, &results[3..6]).await;
+        assert_eq!(rejected.status, 503, "{}", rejected.body);
+        assert_eq!(rejected.content_type, "application/problem+json");
+        assert!(rejected.body["detail"].as_str().unwrap().contains(reason), "{}", rejected.body);
+        assert!(rejected.retry_after.is_some());
         let lease = api.post("/v1/runs/run/leases", json!({"groups": 1})).await;
         assert_eq!(lease.status, 503, "{}", lease.body);
     }
     let ready_now = api.get("/readyz").await;
     assert_eq!(ready_now.status, 503);
-    assert!(ready_now.body["detail"].as_str().unwrap().contains(why), "{}", ready_now.body);
+    assert!(ready_now.body["detail"].as_str().unwrap().contains(reason), "{}", ready_now.body);
     assert_eq!(api.get("/livez").await.status, 200);
-    assert_eq!(finished(&api).await, 3, "what was acknowledged is there, and nothing else");
-    let counted = api.get("/metrics").await;
-    let counted = counted.body.as_str().unwrap();
-    assert!(counted.contains("sparring_writable 0"), "{counted}");
+    assert_eq!(stored_episodes(&api).await, 3, "exactly the acknowledged results are stored");
+    let metrics = api.get("/metrics").await;
+    let metrics = metrics.body.as_str().unwrap();
+    assert!(metrics.contains("sparring_writable 0"), "{metrics}");
     server.set(fault, 0);
-    let _ = ready(&api).await;
-    let told = report(&api, &results).await.expect(200);
+    wait_until_ready(&api).await;
+    let receipts = report(&api, &results).await.expect(200);
     let statuses: Vec<&str> =
-        told["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
+        receipts["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
     assert_eq!(
         statuses,
         ["duplicate", "duplicate", "duplicate", "counted", "counted", "counted", "counted", "counted"]
     );
     let _ = api.lease("run", json!({"groups": 2})).await;
-    assert_eq!(finished(&api).await, 8);
-    server.whole().await;
+    assert_eq!(stored_episodes(&api).await, 8);
+    server.stop_and_check().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_disk() {
-    goes_on_after(Fault::Write, ENOSPC, "the disk is full").await;
+async fn full_disk_is_reported_and_recovered() {
+    assert_recovery(Fault::Write, ENOSPC, "the disk is full").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_disk_that_fails() {
-    goes_on_after(Fault::Write, EIO, "the disk fails").await;
-    goes_on_after(Fault::Sync, EIO, "the disk fails").await;
+async fn failing_disk_is_reported_and_recovered() {
+    assert_recovery(Fault::Write, EIO, "the disk fails").await;
+    assert_recovery(Fault::Sync, EIO, "the disk fails").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_slow_disk() {
-    let server = Faulty::start();
+async fn slow_disk_shares_commits() {
+    let server = FaultyServer::start();
     let api = server.api();
-    let (results, _) = begin(&api).await;
+    let (results, _) = start_run(&api).await;
     server.set(Fault::SlowSyncMs, 400);
-    // Forty reports share commits, whatever one takes.
-    let begun = Instant::now();
-    let told = futures_util::future::join_all((0..40).map(|at| {
+    // Forty reports share commits; each commit takes at least 0.4 s.
+    let start = Instant::now();
+    let receipts = futures_util::future::join_all((0..40).map(|at| {
         let (api, one) = (api.clone(), vec![results[at % 8].clone()]);
         async move { report(&api, &one).await.expect(200) }
     }))
     .await;
-    assert!(begun.elapsed() < Duration::from_secs(12), "{:?} for 40 reports", begun.elapsed());
-    let counted = told.iter().filter(|told| told["results"][0]["status"] == "counted").count();
-    assert_eq!((counted, finished(&api).await), (8, 8));
-    assert_eq!(api.get("/readyz").await.status, 200, "slow is not broken");
+    assert!(start.elapsed() < Duration::from_secs(12), "{:?} for 40 reports", start.elapsed());
+    let counted = receipts.iter().filter(|receipt| receipt["results"][0]["status"] == "counted").count();
+    assert_eq!((counted, stored_episodes(&api).await), (8, 8));
+    assert_eq!(api.get("/readyz").await.status, 200, "the server is ready on a slow disk");
     server.set(Fault::SlowSyncMs, 0);
-    server.whole().await;
+    server.stop_and_check().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_database_that_somebody_holds() {
-    let server = Faulty::start();
+async fn locked_database_is_reported_and_recovered() {
+    let server = FaultyServer::start();
     let api = server.api();
-    let (results, _) = begin(&api).await;
+    let (results, _) = start_run(&api).await;
     let mut other = SqliteConnectOptions::new().filename(server.db()).connect().await.unwrap();
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
-    let refused = report(&api, &results[..2]).await;
-    assert_eq!(refused.status, 503, "{}", refused.body);
+    let rejected = report(&api, &results[..2]).await;
+    assert_eq!(rejected.status, 503, "{}", rejected.body);
     assert!(
-        refused.body["detail"].as_str().unwrap().contains("another process holds the database"),
+        rejected.body["detail"].as_str().unwrap().contains("another process holds the database"),
         "{}",
-        refused.body
+        rejected.body
     );
     assert!(api.get("/readyz").await.body["detail"].as_str().unwrap().contains("another process holds"));
-    assert_eq!(finished(&api).await, 0, "it can be read all the while");
+    assert_eq!(stored_episodes(&api).await, 0, "the database can be read");
     sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
     drop(other);
-    let _ = ready(&api).await;
-    let told = report(&api, &results).await.expect(200);
-    assert!(told["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"), "{told}");
-    server.whole().await;
+    wait_until_ready(&api).await;
+    let receipts = report(&api, &results).await.expect(200);
+    assert!(receipts["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"), "{receipts}");
+    server.stop_and_check().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_clock_that_jumps() {
-    for by in [DAY_MS, -DAY_MS] {
-        let server = Faulty::start();
+async fn clock_jump_keeps_leases_valid() {
+    for offset_ms in [DAY_MS, -DAY_MS] {
+        let server = FaultyServer::start();
         let api = server.api();
-        let (results, lease) = begin(&api).await;
+        let (results, lease) = start_run(&api).await;
         let expires = |lease: &Value| {
             lease["expires_at"].as_str().unwrap().parse::<jiff::Timestamp>().unwrap().as_second()
         };
         let before = expires(&lease);
-        server.set(Fault::ClockMs, by);
-        tokio::time::sleep(Duration::from_millis(2500)).await;
+        server.set(Fault::ClockMs, offset_ms);
         let id = lease["lease"].as_str().unwrap();
-        let now = api.get(&format!("/v1/runs/run/leases/{id}")).await.expect(200);
-        assert_eq!(now["status"], "active", "nobody's lease ends by that");
-        let moved = expires(&now) - before;
-        assert!((moved - by / 1000).abs() <= 3, "it holds as long as it would have: {moved} s");
-        let told = report(&api, &results).await.expect(200);
-        assert!(told["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"), "{told}");
+        wait_until("the deadline of the lease follows the clock", async || {
+            let now = api.get(&format!("/v1/runs/run/leases/{id}")).await.expect(200);
+            assert_eq!(now["status"], "active", "a clock jump does not end a lease");
+            let moved = expires(&now) - before;
+            (moved - offset_ms / 1000).abs() <= 3
+        })
+        .await;
+        let receipts = report(&api, &results).await.expect(200);
+        assert!(
+            receipts["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"),
+            "{receipts}"
+        );
         let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
-        tokio::time::sleep(Duration::from_millis(2500)).await;
-        let over = api.get(&format!("/v1/runs/run/leases/{}", other.id())).await.expect(200);
-        assert_eq!(over["status"], "expired", "time goes on");
-        server.whole().await;
+        wait_until("a lease of one second expires", async || {
+            let expired = api.get(&format!("/v1/runs/run/leases/{}", other.id())).await.expect(200);
+            expired["status"] == "expired"
+        })
+        .await;
+        server.stop_and_check().await;
     }
 }

@@ -1,9 +1,13 @@
-//! The whole system, in one program: linked once, and while one test waits another computes.
+//! Whole-system tests against real servers.
+//!
+//! All tests are one executable, so that it is linked once and tests run while others wait. Each module has the tests
+//! of one area; helpers that several areas share are in the library `system_tests`.
 
-#![expect(clippy::unwrap_used, reason = "a test that finds something else than it wants must fail")]
+#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 mod access;
 mod bad_input;
+mod crash;
 mod curricula;
 mod database;
 mod db_command;
@@ -13,19 +17,19 @@ mod documents;
 mod failures;
 mod faults;
 mod feed;
-mod first_loop;
-mod held_to_document;
-mod hostile;
+mod fuzz;
+mod lease_purposes;
 mod leases;
+mod openapi_conformance;
 mod openenv;
 mod openenv_clients;
 mod physics;
 mod play;
+mod python_stubs;
 mod report;
 mod restart;
 mod retention;
-mod shown;
 mod stepping;
-mod stubs;
-mod survival;
+mod training_loop;
 mod trajectories;
+mod views;

@@ -1,14 +1,14 @@
-//! openenv-core's own clients, from the package index, against a real server.
+//! Clients of openenv-core, from the package index, against a real server.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::json;
-use system_tests::{Api, Server, binary, http_client};
+use system_tests::{ApiClient, Server, http_client, sparring_binary};
 
 #[tokio::test]
-async fn openenv_cores_clients_fly_unchanged() {
+async fn openenv_core_clients_run_unmodified() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
     let python = root.join("target/openenv-venv/bin/python");
     if !python.exists() {
@@ -21,33 +21,33 @@ async fn openenv_cores_clients_fly_unchanged() {
     let script = root.join("tests/clients/openenv_clients.py");
     let run = move || Command::new(python).arg(script).arg(url).output().unwrap();
     let out = tokio::task::spawn_blocking(run).await.unwrap();
-    let said = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(out.status.success(), "{said}{}", String::from_utf8_lossy(&out.stderr));
-    assert_eq!(said.lines().count(), 6, "{said}");
+    let stdout = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success(), "{stdout}{}", String::from_utf8_lossy(&out.stderr));
+    assert_eq!(stdout.lines().count(), 6, "{stdout}");
     server.stop().await;
 }
 
-/// The container's command, on a free port: OpenEnv for anybody, and nothing of a run.
+/// Runs the command of the Dockerfile on a free port: OpenEnv is public, the API of runs is absent.
 #[tokio::test]
-async fn a_space_shows_openenv_and_nothing_else() {
+async fn container_command_serves_openenv_only() {
     let dockerfile = include_str!("../../../Dockerfile");
     let command = dockerfile.lines().find_map(|line| line.strip_prefix("CMD ")).expect("a command");
     let command: Vec<String> = serde_json::from_str(command).expect("its words");
     assert_eq!((command[0].as_str(), command.last().expect("words").as_str()), ("sparring", "0.0.0.0:8000"));
     assert!(include_str!("../../../openenv.yaml").contains("port: 8000"));
     let folder = tempfile::tempdir().expect("a folder");
-    let mut server = Command::new(binary())
+    let mut server = Command::new(sparring_binary())
         .args(&command[1..command.len() - 1])
         .arg("0.0.0.0:0")
         .current_dir(folder.path())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
-        .expect("it starts");
+        .expect("the server starts");
     let mut line = String::new();
     BufReader::new(server.stdout.take().expect("its output")).read_line(&mut line).expect("its first line");
     let port = line.trim().rsplit(':').next().expect("a port").to_owned();
-    let api = Api::new(&format!("http://127.0.0.1:{port}"));
+    let api = ApiClient::new(&format!("http://127.0.0.1:{port}"));
     assert_eq!(api.get("/health").await.expect(200), json!({"status": "healthy"}));
     for path in ["/v1/runs", "/v1/tasks", "/v1/layouts"] {
         assert_eq!(api.get(path).await.status, 404, "{path}");
@@ -55,23 +55,25 @@ async fn a_space_shows_openenv_and_nothing_else() {
     let document = api.get("/openapi.json").await.expect(200).to_string();
     assert!(
         document.contains("\"/reset\"") && !document.contains("/v1/"),
-        "what is not there is not told of"
+        "the document omits operations that are not served"
     );
-    let told = api.post("/reset", json!({"task": "survival", "seed": 1})).await.expect(200);
-    assert_eq!(told["done"], false);
+    let reset = api.post("/reset", json!({"task": "survival", "seed": 1})).await.expect(200);
+    assert_eq!(reset["done"], false);
     assert_eq!(api.post("/step", json!({"burns": []})).await.expect(200)["done"], false);
-    // The page needs nothing that is not shown.
+    // The web page works without the operations that are absent.
     let page = http_client().get(format!("{}/web/", api.base())).send().await.expect("a page");
     let page = page.text().await.expect("text");
     assert!(page.contains(">docking/single</option>") && !page.contains("/v1/"), "{page}");
     let refused = api.post("/reset", json!({"run": "any"})).await;
     assert!((400..500).contains(&refused.status), "{refused:?}");
-    server.kill().expect("it runs");
+    server.kill().expect("the server runs");
     let _ = server.wait();
-    // Everything is for this machine alone.
-    let told =
-        Command::new(binary()).args(["serve", "--bind", "0.0.0.0:0"]).current_dir(folder.path()).output();
-    let told = told.expect("it says no");
-    assert_eq!(told.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&told.stderr).contains("--openenv-public"));
+    // Without --openenv-public the server refuses a public address.
+    let output = Command::new(sparring_binary())
+        .args(["serve", "--bind", "0.0.0.0:0"])
+        .current_dir(folder.path())
+        .output();
+    let output = output.expect("it exits");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--openenv-public"));
 }

@@ -1,16 +1,16 @@
-//! A server that is stopped, or killed, proposes what it would have proposed, and has lost nothing it acknowledged.
+//! A restarted server proposes what it would have proposed, after a graceful stop and after a kill.
 
 use serde_json::{Value, json};
-use system_tests::{Api, Process, Server, result};
+use system_tests::{ApiClient, Server, ServerProcess, episode_result};
 
-const WISH: &str = r#"{"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "design": {"designer": "off"}, "tasks": ["kessler/survival", "kessler/eco_station"]}"#;
+const RUN_SETTINGS: &str = r#"{"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "design": {"designer": "off"}, "tasks": ["kessler/survival", "kessler/eco_station"]}"#;
 
-/// One round of a trainer; what it was given.
-async fn round(api: &Api, number: usize) -> Vec<Value> {
+/// Leases eight groups, reports their results and returns the leased groups.
+async fn train_round(api: &ApiClient, number: usize) -> Vec<Value> {
     let lease = api.lease("run", json!({"groups": 8})).await;
-    // A trainer that gets better, and reports in two batches.
+    // The policy improves after four rounds; results are reported in two batches.
     let policy = if number < 4 { "hold" } else { "heuristic" };
-    let results: Vec<Value> = lease.episodes().iter().map(|(id, s)| result(id, s, policy)).collect();
+    let results: Vec<Value> = lease.episodes().iter().map(|(id, s)| episode_result(id, s, policy)).collect();
     for half in results.chunks(results.len() / 2 + 1) {
         api.report("run", half.to_vec()).await;
     }
@@ -19,87 +19,88 @@ async fn round(api: &Api, number: usize) -> Vec<Value> {
     lease.0["groups"].as_array().unwrap().iter().map(group).collect()
 }
 
-async fn create(api: &Api) {
-    let _ = api.post("/v1/runs", serde_json::from_str(WISH).unwrap()).await.expect(201);
+async fn create(api: &ApiClient) {
+    let _ = api.post("/v1/runs", serde_json::from_str(RUN_SETTINGS).unwrap()).await.expect(201);
 }
 
-async fn standing(api: &Api) -> Value {
+async fn mastery(api: &ApiClient) -> Value {
     api.get("/v1/runs/run/mastery").await.expect(200)
 }
 
 const ROUNDS: usize = 24;
 
 #[tokio::test]
-async fn a_restarted_server_proposes_what_it_would_have_proposed() {
-    let mut steady = Vec::new();
+async fn restarted_server_proposes_the_same_groups() {
+    let mut uninterrupted = Vec::new();
     let server = Server::start().await;
     create(&server.api()).await;
     for number in 0..ROUNDS {
-        steady.extend(round(&server.api(), number).await);
+        uninterrupted.extend(train_round(&server.api(), number).await);
     }
-    let levels: std::collections::BTreeSet<String> = steady.iter().map(|g| g[3].to_string()).collect();
-    assert!(levels.len() > 2, "difficulty moved, or this proves little: {levels:?}");
+    let levels: std::collections::BTreeSet<String> = uninterrupted.iter().map(|g| g[3].to_string()).collect();
+    assert!(levels.len() > 2, "the level must change during the test: {levels:?}");
 
     let mut interrupted = Vec::new();
-    let mut other = Server::start().await;
-    create(&other.api()).await;
+    let mut restarted = Server::start().await;
+    create(&restarted.api()).await;
     for number in 0..ROUNDS {
         if number % 5 == 2 {
-            other.restart().await;
+            restarted.restart().await;
         }
-        interrupted.extend(round(&other.api(), number).await);
+        interrupted.extend(train_round(&restarted.api(), number).await);
     }
-    assert_eq!(steady, interrupted);
-    assert_eq!(standing(&server.api()).await, standing(&other.api()).await);
+    assert_eq!(uninterrupted, interrupted);
+    assert_eq!(mastery(&server.api()).await, mastery(&restarted.api()).await);
 
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("killed.sqlite3");
-    let mut process = Process::start(&db);
+    let mut process = ServerProcess::start(&db);
     create(&process.api()).await;
     let mut killed = Vec::new();
     for number in 0..ROUNDS {
         if number % 4 == 3 {
-            process.kill(); // no snapshot, no farewell
-            process = Process::start(&db);
+            process.kill(); // without a snapshot
+            process = ServerProcess::start(&db);
         }
-        killed.extend(round(&process.api(), number).await);
+        killed.extend(train_round(&process.api(), number).await);
     }
-    assert_eq!(steady, killed);
-    assert_eq!(standing(&server.api()).await, standing(&process.api()).await);
+    assert_eq!(uninterrupted, killed);
+    assert_eq!(mastery(&server.api()).await, mastery(&process.api()).await);
 }
 
 #[cfg(unix)]
 #[tokio::test]
-async fn sigterm_ends_it_in_good_order() {
+async fn sigterm_checkpoints_and_keeps_mastery() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("stopped.sqlite3");
-    let process = Process::start(&db);
+    let process = ServerProcess::start(&db);
     create(&process.api()).await;
-    let first = round(&process.api(), 0).await;
-    let before = standing(&process.api()).await;
+    let first = train_round(&process.api(), 0).await;
+    let before = mastery(&process.api()).await;
     assert_eq!(process.terminate(), Some(0));
-    assert!(!folder.path().join("stopped.sqlite3-wal").exists(), "the log was folded into the database");
-    let process = Process::start(&db);
-    assert_eq!(standing(&process.api()).await, before);
-    assert_ne!(round(&process.api(), 1).await, first);
+    assert!(!folder.path().join("stopped.sqlite3-wal").exists(), "SIGTERM leaves no WAL file");
+    let process = ServerProcess::start(&db);
+    assert_eq!(mastery(&process.api()).await, before);
+    assert_ne!(train_round(&process.api(), 1).await, first);
 }
 
-/// Killed in the middle of a batch: what was acknowledged is there, what was not counts once when sent again.
+/// Kills a server during a batch. Acknowledged results are stored; the others count once when they are sent again.
 #[tokio::test]
-async fn nothing_acknowledged_is_lost_and_nothing_counts_twice() {
+async fn kill_during_batch_counts_each_result_once() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("killed.sqlite3");
-    let mut process = Process::start(&db);
+    let mut process = ServerProcess::start(&db);
     create(&process.api()).await;
     let mut acknowledged = 0;
     for number in 0..6u64 {
         let api = process.api();
         let lease = api.lease("run", json!({"groups": 32})).await;
-        let results: Vec<Value> = lease.episodes().iter().map(|(id, s)| result(id, s, "hold")).collect();
+        let results: Vec<Value> =
+            lease.episodes().iter().map(|(id, s)| episode_result(id, s, "hold")).collect();
         let (first, second) = results.split_at(24);
-        let answer = api.report("run", first.to_vec()).await;
-        assert!(answer["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"));
-        // The second batch is under way when the server dies.
+        let response = api.report("run", first.to_vec()).await;
+        assert!(response["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"));
+        // The second batch is in flight when the server is killed. The delay varies the moment of the kill.
         let sending = tokio::spawn({
             let (api, second) = (api.clone(), second.to_vec());
             async move {
@@ -116,15 +117,18 @@ async fn nothing_acknowledged_is_lost_and_nothing_counts_twice() {
         tokio::time::sleep(std::time::Duration::from_millis(3 * number)).await;
         process.kill();
         let _ = sending.await;
-        process = Process::start(&db);
-        let again = process.api().report("run", results.clone()).await;
-        let words: Vec<&str> =
-            again["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
-        assert!(words[..24].iter().all(|w| *w == "duplicate"), "acknowledged and lost: {words:?}");
-        assert!(words[24..].iter().all(|w| *w == "duplicate" || *w == "counted"), "{words:?}");
+        process = ServerProcess::start(&db);
+        let receipts = process.api().report("run", results.clone()).await;
+        let statuses: Vec<&str> =
+            receipts["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
+        assert!(
+            statuses[..24].iter().all(|w| *w == "duplicate"),
+            "an acknowledged result is lost: {statuses:?}"
+        );
+        assert!(statuses[24..].iter().all(|w| *w == "duplicate" || *w == "counted"), "{statuses:?}");
         acknowledged += results.len() as u64;
-        let standing = standing(&process.api()).await;
-        let episodes: u64 = standing["tasks"]
+        let mastery = mastery(&process.api()).await;
+        let episodes: u64 = mastery["tasks"]
             .as_array()
             .unwrap()
             .iter()

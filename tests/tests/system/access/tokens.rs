@@ -1,65 +1,65 @@
-//! The life of tokens, what is written down of who comes in by them, and what becomes of connections when one ends.
+//! Creation, expiry and revocation of tokens, the audit log, and open connections of a revoked token.
 
 use std::time::Duration;
 
 use futures_util::SinkExt;
 use orchestrator::service::Config;
 use serde_json::{Value, json};
-use system_tests::{Api, Process};
+use system_tests::{ApiClient, ServerProcess};
 use tokio_tungstenite::tungstenite::Message;
 
-use super::{closed, connected, said, sparring, token};
+use super::{connect, create_token, next_message, run_sparring, start_with_tokens};
 
-/// Waits until they are let in no more.
-async fn refused(api: &Api) {
-    for _ in 0..70 {
+/// Waits until the server responds with 401; fails after 30 s.
+async fn wait_until_rejected(api: &ApiClient) {
+    for _ in 0..300 {
         if api.get("/v1/runs").await.status == 401 {
             return;
         }
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
-    panic!("they are still let in");
+    panic!("the server still accepts the token");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn tokens_are_made_listed_and_revoked_while_a_server_runs() {
+async fn tokens_can_be_managed_while_a_server_runs() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("db.sqlite3");
-    let process = Process::start(&db);
+    let process = ServerProcess::start(&db);
     let api = process.api();
-    let _ = api.post("/v1/runs", json!({"id": "before"})).await.expect(201); // nobody is known: this machine may everything
+    let _ = api.post("/v1/runs", json!({"id": "before"})).await.expect(201); // without tokens, loopback is admin
     let path = db.clone();
     let (admin, short) = tokio::task::spawn_blocking(move || {
-        let admin = token(&path, "admin");
+        let admin = create_token(&path, "admin");
         let (_, short, _) =
-            sparring(&path, &["token", "create", "short", "--role", "viewer", "--expires", "2s"]);
+            run_sparring(&path, &["token", "create", "short", "--role", "viewer", "--expires", "2s"]);
         (admin, short.trim().to_owned())
     })
     .await
     .unwrap();
-    refused(&api).await; // a server that runs knows of the first token within 5 s
+    wait_until_rejected(&api).await; // a running server finds the first token within 5 s
     let _ = api.clone().with_token(&admin).get("/v1/runs").await.expect(200);
-    tokio::time::sleep(Duration::from_secs(2)).await;
-    assert_eq!(api.clone().with_token(&short).get("/v1/runs").await.status, 401, "it expired");
+    wait_until_rejected(&api.clone().with_token(&short)).await; // it expires after 2 s
 
     let nowhere = folder.path().join("nowhere");
     for args in [["token", "list"].as_slice(), &["token", "revoke", "1"]] {
-        let (code, _, told) = sparring(&nowhere, args);
-        assert!(code == Some(2) && told.contains("cannot be opened") && !nowhere.exists(), "{told}");
+        let (code, _, output) = run_sparring(&nowhere, args);
+        assert!(code == Some(2) && output.contains("cannot be opened") && !nowhere.exists(), "{output}");
     }
-    let (code, listed, _) = sparring(&db, &["token", "list"]);
+    let (code, listed, _) = run_sparring(&db, &["token", "list"]);
     assert_eq!(code, Some(0));
     assert!(listed.contains("admin") && listed.contains("expired") && !listed.contains(&admin), "{listed}");
-    assert_eq!(sparring(&db, &["token", "revoke", "1"]).0, Some(0));
-    let (code, _, told) = sparring(&db, &["token", "revoke", "1"]);
-    assert_eq!((code, told.contains("was revoked before")), (Some(2), true), "{told}");
-    let (code, _, told) = sparring(&db, &["token", "revoke", "9"]);
-    assert_eq!((code, told.contains("is not there")), (Some(2), true), "{told}");
-    let (code, _, told) = sparring(&db, &["token", "create", "x", "--role", "viewer", "--expires", "soon"]);
-    assert_eq!((code, told.contains("say it as 90d")), (Some(2), true), "{told}");
-    refused(&api.clone().with_token(&admin)).await; // a revoked token is let in for 5 s at most
+    assert_eq!(run_sparring(&db, &["token", "revoke", "1"]).0, Some(0));
+    let (code, _, output) = run_sparring(&db, &["token", "revoke", "1"]);
+    assert_eq!((code, output.contains("was revoked before")), (Some(2), true), "{output}");
+    let (code, _, output) = run_sparring(&db, &["token", "revoke", "9"]);
+    assert_eq!((code, output.contains("is not there")), (Some(2), true), "{output}");
+    let (code, _, output) =
+        run_sparring(&db, &["token", "create", "x", "--role", "viewer", "--expires", "soon"]);
+    assert_eq!((code, output.contains("say it as 90d")), (Some(2), true), "{output}");
+    wait_until_rejected(&api.clone().with_token(&admin)).await; // a revoked token works for 5 s at most
     drop(process);
-    // Of a token nothing but its hash is anywhere.
+    // Only the hash of a token is stored.
     for file in std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
         let bytes = std::fs::read(&file).unwrap();
         let secret = admin.rsplit('_').next().unwrap().as_bytes();
@@ -68,8 +68,8 @@ async fn tokens_are_made_listed_and_revoked_while_a_server_runs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_changed_by_hand_and_who_is_kept_out_is_written_down() {
-    let (server, tokens) = closed(|config| config).await;
+async fn audit_log_has_changes_and_denials() {
+    let (server, tokens) = start_with_tokens(|config| config).await;
     let api = server.api();
     let admin = api.clone().with_token(&tokens["admin"]);
     let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
@@ -81,23 +81,23 @@ async fn what_is_changed_by_hand_and_who_is_kept_out_is_written_down() {
     for _ in 0..20 {
         assert_eq!(api.get("/v1/runs").await.status, 401);
     }
-    // A token where none belongs is not written down.
+    // A token in a path is not logged.
     let _ = admin.post(&format!("/v1/runs/{}/pause", tokens["viewer"]), json!({})).await;
     let changed = admin.get("/v1/audit").await.expect(200);
     let denied = admin.get("/v1/audit?denied=true").await.expect(200);
     let audit = json!({"changed": changed, "denied": denied});
-    let of = |log: &Value| log["lines"].as_array().unwrap().clone();
-    let lines = [of(&changed), of(&denied)].concat();
+    let entries = |log: &Value| log["lines"].as_array().unwrap().clone();
+    let lines = [entries(&changed), entries(&denied)].concat();
     let line =
         |line: &Value| format!("{} {} {}", line["operation"].as_str().unwrap(), line["status"], line["name"]);
-    let told: Vec<String> = lines.iter().map(line).collect();
-    assert!(told.contains(&"POST /v1/runs 201 \"admin\"".to_owned()), "{told:?}");
-    assert!(told.contains(&"POST /v1/runs/{run}/pause 200 \"admin\"".to_owned()), "{told:?}");
-    assert!(told.contains(&"POST /v1/runs/{run}/resume 403 \"viewer\"".to_owned()), "{told:?}");
-    assert!(told.iter().any(|line| line.ends_with("401 null")), "{told:?}");
-    assert_eq!(told.iter().filter(|line| *line == "sparring token create 200 null").count(), 3, "{told:?}");
-    let denials = told.iter().filter(|line| line.contains(" 40")).count();
-    assert!((1..8).contains(&denials), "who tries without end does not fill it: {told:?}");
+    let log: Vec<String> = lines.iter().map(line).collect();
+    assert!(log.contains(&"POST /v1/runs 201 \"admin\"".to_owned()), "{log:?}");
+    assert!(log.contains(&"POST /v1/runs/{run}/pause 200 \"admin\"".to_owned()), "{log:?}");
+    assert!(log.contains(&"POST /v1/runs/{run}/resume 403 \"viewer\"".to_owned()), "{log:?}");
+    assert!(log.iter().any(|line| line.ends_with("401 null")), "{log:?}");
+    assert_eq!(log.iter().filter(|line| *line == "sparring token create 200 null").count(), 3, "{log:?}");
+    let denials = log.iter().filter(|line| line.contains(" 40")).count();
+    assert!((1..8).contains(&denials), "repeated denials do not fill the log: {log:?}");
     assert!(
         lines
             .iter()
@@ -109,81 +109,86 @@ async fn what_is_changed_by_hand_and_who_is_kept_out_is_written_down() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_token_has_open_ends_with_it() {
-    let (server, tokens) = closed(|config| config).await;
+async fn revoked_token_loses_its_connections() {
+    let (server, tokens) = start_with_tokens(|config| config).await;
     let api = server.api();
     let admin = api.clone().with_token(&tokens["admin"]);
     let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let open = |token: &str| {
         let (base, token) = (api.base().to_owned(), token.to_owned());
         async move {
-            let mut session = connected(&base, "/v1/sessions", Some(&token)).await.unwrap();
+            let mut session = connect(&base, "/v1/sessions", Some(&token)).await.unwrap();
             let wish = json!({"type": "open", "version": 1, "seed": 1});
             session.send(Message::text(wish.to_string())).await.unwrap();
-            let key = said(&mut session).await["session"].as_str().unwrap().to_owned();
-            let mut flown = connected(&base, "/ws", Some(&token)).await.unwrap();
-            flown.send(Message::text(json!({"type": "reset", "data": {}}).to_string())).await.unwrap();
-            assert_eq!(said(&mut flown).await["type"], "observation");
-            (session, key, flown)
+            let key = next_message(&mut session).await["session"].as_str().unwrap().to_owned();
+            let mut openenv = connect(&base, "/ws", Some(&token)).await.unwrap();
+            openenv.send(Message::text(json!({"type": "reset", "data": {}}).to_string())).await.unwrap();
+            assert_eq!(next_message(&mut openenv).await["type"], "observation");
+            (session, key, openenv)
         }
     };
-    let (mut session, key, mut flown) = open(&tokens["trainer"]).await;
-    let (mut others, ..) = open(&tokens["admin"]).await;
-    let (_, _, mut talkative) = open(&tokens["trainer"]).await;
+    let (mut session, key, mut openenv) = open(&tokens["trainer"]).await;
+    let (mut unaffected, ..) = open(&tokens["admin"]).await;
+    let (_, _, mut busy) = open(&tokens["trainer"]).await;
     let url = format!("{}/v1/runs/run/events", api.base());
-    let heard = system_tests::http_client().get(url).bearer_auth(&tokens["trainer"]).send().await.unwrap();
+    let event_stream =
+        system_tests::http_client().get(url).bearer_auth(&tokens["trainer"]).send().await.unwrap();
 
-    // A session's key is of use to whoever opened it, and to nobody else.
-    let mut other = connected(api.base(), "/v1/sessions", Some(&tokens["admin"])).await.unwrap();
+    // A session key is valid for the token that opened the session only.
+    let mut other = connect(api.base(), "/v1/sessions", Some(&tokens["admin"])).await.unwrap();
     let resume = json!({"type": "resume", "session": key});
     other.send(Message::text(resume.to_string())).await.unwrap();
-    let told = said(&mut other).await;
-    assert!(told["type"] == "error" && told.to_string().contains("no such session"), "{told}");
+    let reply = next_message(&mut other).await;
+    assert!(reply["type"] == "error" && reply.to_string().contains("no such session"), "{reply}");
 
-    let db = server.db();
+    let db = server.db_path();
     let number = tokens["trainer"].split('_').nth(1).unwrap().to_owned();
-    let revoked = tokio::task::spawn_blocking(move || sparring(&db, &["token", "revoke", &number]).0);
+    let revoked = tokio::task::spawn_blocking(move || run_sparring(&db, &["token", "revoke", &number]).0);
     assert_eq!(revoked.await.unwrap(), Some(0));
-    let soon = Duration::from_secs(5);
-    let told = tokio::time::timeout(soon, said(&mut session)).await.expect("it is told within 5 s");
-    assert!(told["type"] == "error" && told.to_string().contains("revoked"), "{told}");
-    let told = tokio::time::timeout(soon, said(&mut flown)).await.expect("it is told within 5 s");
-    assert!(told["type"] == "error" && told.to_string().contains("revoked"), "{told}");
-    // Who always has something to say is not overlooked.
-    let talk = async {
+    let deadline = Duration::from_secs(15);
+    let reply = tokio::time::timeout(deadline, next_message(&mut session))
+        .await
+        .expect("the connection is closed in time");
+    assert!(reply["type"] == "error" && reply.to_string().contains("revoked"), "{reply}");
+    let reply = tokio::time::timeout(deadline, next_message(&mut openenv))
+        .await
+        .expect("the connection is closed in time");
+    assert!(reply["type"] == "error" && reply.to_string().contains("revoked"), "{reply}");
+    // A connection that sends without a pause is closed, too.
+    let send_until_error = async {
         loop {
             let state = json!({"type": "state"}).to_string();
-            if talkative.send(Message::text(state)).await.is_err()
-                || said(&mut talkative).await["type"] == "error"
+            if busy.send(Message::text(state)).await.is_err()
+                || next_message(&mut busy).await["type"] == "error"
             {
                 return;
             }
         }
     };
-    tokio::time::timeout(soon, talk).await.expect("it is told within 5 s");
-    tokio::time::timeout(soon, heard.bytes()).await.expect("it ends within 5 s").unwrap();
-    refused(&api.clone().with_token(&tokens["trainer"])).await;
-    assert_eq!(connected(api.base(), "/v1/sessions", Some(&tokens["trainer"])).await.err(), Some(401));
-    // Whatever others have open goes on.
-    others.send(Message::text(json!({"type": "state"}).to_string())).await.unwrap();
-    assert_eq!(said(&mut others).await["type"], "state");
+    tokio::time::timeout(deadline, send_until_error).await.expect("the connection is closed in time");
+    tokio::time::timeout(deadline, event_stream.bytes()).await.expect("the stream ends in time").unwrap();
+    wait_until_rejected(&api.clone().with_token(&tokens["trainer"])).await;
+    assert_eq!(connect(api.base(), "/v1/sessions", Some(&tokens["trainer"])).await.err(), Some(401));
+    // Connections of other tokens continue.
+    unaffected.send(Message::text(json!({"type": "state"}).to_string())).await.unwrap();
+    assert_eq!(next_message(&mut unaffected).await["type"], "state");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn where_every_token_is_worth_nothing_that_is_said() {
+async fn serve_refuses_to_start_without_a_valid_token() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("db.sqlite3");
-    let _ = token(&db, "admin");
-    assert_eq!(sparring(&db, &["token", "revoke", "1"]).0, Some(0));
-    let (code, _, told) = sparring(&db, &["serve", "--bind", "0.0.0.0:0"]);
-    assert!(code == Some(2) && told.contains("every token has expired or was revoked"), "{told}");
+    let _ = create_token(&db, "admin");
+    assert_eq!(run_sparring(&db, &["token", "revoke", "1"]).0, Some(0));
+    let (code, _, output) = run_sparring(&db, &["serve", "--bind", "0.0.0.0:0"]);
+    assert!(code == Some(2) && output.contains("every token has expired or was revoked"), "{output}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_is_refused_before_their_body_is_read_is_told_that_the_connection_ends() {
-    let (server, tokens) = closed(|config| config).await;
+async fn rejection_before_the_body_closes_the_connection() {
+    let (server, tokens) = start_with_tokens(|config| config).await;
     let url = format!("{}/v1/runs", server.api().base());
-    let ask = |token: Option<&str>| {
+    let create_run = |token: Option<&str>| {
         let request =
             system_tests::http_client().post(&url).body("{}").header("content-type", "application/json");
         match token {
@@ -191,18 +196,18 @@ async fn who_is_refused_before_their_body_is_read_is_told_that_the_connection_en
             None => request,
         }
     };
-    let refused = ask(None).send().await.unwrap();
+    let rejected = create_run(None).send().await.unwrap();
     assert_eq!(
-        (refused.status().as_u16(), &refused.headers()["connection"]),
+        (rejected.status().as_u16(), &rejected.headers()["connection"]),
         (401, &"close".parse().unwrap())
     );
-    let made = ask(Some(&tokens["trainer"])).send().await.unwrap();
+    let made = create_run(Some(&tokens["trainer"])).send().await.unwrap();
     assert!(made.status().as_u16() == 201 && !made.headers().contains_key("connection"));
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_session_by_a_name_is_reached_by_whoever_gave_it_and_nobody_else() {
-    let (server, tokens) = closed(|config| Config { openenv_public: true, ..config }).await;
+async fn named_session_belongs_to_its_owner() {
+    let (server, tokens) = start_with_tokens(|config| Config { openenv_public: true, ..config }).await;
     let api = server.api();
     let (admin, trainer) =
         (api.clone().with_token(&tokens["admin"]), api.clone().with_token(&tokens["trainer"]));

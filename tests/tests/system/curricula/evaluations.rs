@@ -1,50 +1,48 @@
-//! Evaluations on frozen suites: by the server, and by a trainer in leases.
-
-use std::time::Duration;
+//! Evaluations on frozen suites, with rollouts by the server and by a trainer in leases.
 
 use serde_json::{Value, json};
-use system_tests::{Api, Server, result};
+use system_tests::{ApiClient, Server, episode_result, wait_for};
 
 use super::{SURVIVAL, lease};
 
-/// Waits until an evaluation is complete.
-async fn complete(api: &Api, id: &str) -> Value {
-    for _ in 0..600 {
-        let found = api.get(&format!("/v1/evaluations/{id}")).await.expect(200);
-        match found["state"].as_str() {
-            Some("complete") => return found,
-            Some("flying" | "open") => tokio::time::sleep(Duration::from_millis(100)).await,
-            _ => panic!("{found}"),
+/// Waits until an evaluation is complete; fails if it ends in any other state.
+async fn wait_for_completion(api: &ApiClient, id: &str) -> Value {
+    wait_for("the evaluation is complete", async || {
+        let evaluation = api.get(&format!("/v1/evaluations/{id}")).await.expect(200);
+        match evaluation["state"].as_str() {
+            Some("complete") => Some(evaluation),
+            Some("flying" | "open") => None,
+            _ => panic!("{evaluation}"),
         }
-    }
-    panic!("{id} is never complete");
+    })
+    .await
 }
 
-async fn begin(api: &Api, wish: Value) -> String {
-    api.post("/v1/evaluations", wish).await.expect(201)["id"].as_str().unwrap().to_owned()
+async fn create_evaluation(api: &ApiClient, request: Value) -> String {
+    api.post("/v1/evaluations", request).await.expect(201)["id"].as_str().unwrap().to_owned()
 }
 
-fn row<'a>(found: &'a Value, task: &str, part: &str, policy: &str) -> &'a Value {
-    let rows = found["rows"].as_array().unwrap();
+fn find_row<'a>(evaluation: &'a Value, task: &str, part: &str, policy: &str) -> &'a Value {
+    let rows = evaluation["rows"].as_array().unwrap();
     rows.iter().find(|r| r["task"] == task && r["part"] == part && r["policy"] == policy).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_server_flies_built_in_policies_and_compares_them() {
+async fn built_in_policies_are_evaluated_and_compared() {
     let mut server = Server::start().await;
     let api = server.api();
-    let hold = begin(&api, json!({"policy": "hold"})).await;
-    let heuristic = begin(&api, json!({"policy": "heuristic", "name": "by hand"})).await;
-    // What is under way when the server goes away is flown again.
+    let hold = create_evaluation(&api, json!({"policy": "hold"})).await;
+    let heuristic = create_evaluation(&api, json!({"policy": "heuristic", "name": "by hand"})).await;
+    // Episodes in progress at a restart are run again.
     server.restart().await;
     let api = server.api();
-    let (held, flown) = (complete(&api, &hold).await, complete(&api, &heuristic).await);
+    let (held, flown) = (wait_for_completion(&api, &hold).await, wait_for_completion(&api, &heuristic).await);
     assert_eq!(
         (&held["scenarios"], &held["flown"], &held["rollouts"]),
         (&json!(768), &json!(768), &json!(1))
     );
-    let success = |found: &Value, policy: &str| {
-        row(found, "all", "contested", policy)["success"]["mean"].as_f64().unwrap()
+    let success = |evaluation: &Value, policy: &str| {
+        find_row(evaluation, "all", "contested", policy)["success"]["mean"].as_f64().unwrap()
     };
     assert!(
         success(&flown, "by hand") > success(&held, "hold") + 0.2,
@@ -52,9 +50,9 @@ async fn the_server_flies_built_in_policies_and_compares_them() {
         success(&flown, "by hand"),
         success(&held, "hold")
     );
-    assert!(row(&held, SURVIVAL, "all", "hold")["cvar10"]["mean"].is_f64());
+    assert!(find_row(&held, SURVIVAL, "all", "hold")["cvar10"]["mean"].is_f64());
 
-    let compared = api.get(&format!("/v1/evaluations/compare?a={heuristic}&b={hold}")).await.expect(200);
+    let compared = compare(&api, &heuristic, &hold).await;
     let all = compared["rows"]
         .as_array()
         .unwrap()
@@ -77,164 +75,187 @@ async fn the_server_flies_built_in_policies_and_compares_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_policy_of_one_task_flies_that_part_of_a_suite() {
+async fn evaluation_of_one_task_uses_its_part_of_the_suite() {
     const SUITE: &str = "docking-heldout-v1";
     let server = Server::start().await;
     let api = server.api();
-    let wish =
+    let request =
         json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
-    let wish = json!({"suite": SUITE, "policy": "mine", "run": "run", "rollouts": 1, "chance": false, "tasks": ["docking/single"]});
-    let mine = begin(&api, wish).await;
-    let wish = json!({"groups": 500, "purpose": "eval", "evaluation": mine});
-    let all = lease(&api, "run", wish).await;
+    let _ = api.post("/v1/runs", request).await.expect(201);
+    let request = json!({"suite": SUITE, "policy": "mine", "run": "run", "rollouts": 1, "chance": false, "tasks": ["docking/single"]});
+    let own_evaluation = create_evaluation(&api, request).await;
+    let request = json!({"groups": 500, "purpose": "eval", "evaluation": own_evaluation});
+    let all = lease(&api, "run", request).await;
     let episodes = all.episodes();
     assert_eq!(episodes.len(), 192, "half of the suite");
     assert!(episodes.iter().all(|(_, scenario)| scenario.task().id() == "docking/single"));
     for results in episodes.chunks(100) {
-        let results = results.iter().map(|(id, scenario)| result(id, scenario, "heuristic")).collect();
+        let results =
+            results.iter().map(|(id, scenario)| episode_result(id, scenario, "heuristic")).collect();
         let _ = api.report("run", results).await;
     }
-    let found = complete(&api, &mine).await;
-    assert_eq!((&found["scenarios"], &found["tasks"]), (&json!(192), &json!(["docking/single"])));
-    let rows = found["rows"].as_array().unwrap();
+    let evaluation = wait_for_completion(&api, &own_evaluation).await;
+    assert_eq!((&evaluation["scenarios"], &evaluation["tasks"]), (&json!(192), &json!(["docking/single"])));
+    let rows = evaluation["rows"].as_array().unwrap();
     assert!(rows.iter().all(|row| row["task"] != "docking/multiagent"), "{rows:?}");
-    // What is said of it is what is said of that part of a whole evaluation.
-    let theirs = begin(&api, json!({"suite": SUITE, "policy": "heuristic"})).await;
-    let whole = complete(&api, &theirs).await;
+    // The results equal those of the same part of an evaluation of the whole suite.
+    let server_evaluation = create_evaluation(&api, json!({"suite": SUITE, "policy": "heuristic"})).await;
+    let whole = wait_for_completion(&api, &server_evaluation).await;
     assert_eq!(whole["tasks"], Value::Null);
     for policy in ["mine", "blind_panel"] {
         let other = if policy == "mine" { "heuristic" } else { policy };
-        let (a, b) =
-            (row(&found, "docking/single", "all", policy), row(&whole, "docking/single", "all", other));
+        let (a, b) = (
+            find_row(&evaluation, "docking/single", "all", policy),
+            find_row(&whole, "docking/single", "all", other),
+        );
         assert_eq!((&a["score"], &a["success"]), (&b["score"], &b["success"]), "{policy}");
     }
-    let compared = api.get(&format!("/v1/evaluations/compare?a={mine}&b={theirs}")).await.expect(200);
+    let compared = compare(&api, &own_evaluation, &server_evaluation).await;
     let rows = compared["rows"].as_array().unwrap();
     assert!(rows.iter().all(|row| row["task"] != "docking/multiagent" && row["score"]["mean"] == 0.0));
-    let scenarios =
-        api.get(&format!("/v1/evaluations/{mine}/scenarios?limit=500")).await.expect(200)["scenarios"]
-            .clone();
+    let scenarios = api
+        .get(&format!("/v1/evaluations/{own_evaluation}/scenarios?limit=500"))
+        .await
+        .expect(200)["scenarios"]
+        .clone();
     assert_eq!(scenarios.as_array().unwrap().len(), 192);
 }
 
-async fn refuses_what_counts_twice(api: &Api, mine: &str, theirs: &str, hold: &str) {
+async fn compare(api: &ApiClient, a: &str, b: &str) -> Value {
+    api.get(&format!("/v1/evaluations/compare?a={a}&b={b}")).await.expect(200)
+}
+
+async fn assert_duplicates_are_rejected(
+    api: &ApiClient,
+    own_evaluation: &str,
+    server_evaluation: &str,
+    hold: &str,
+) {
     for (a, b) in [
-        (format!("{mine},{mine}"), hold),
-        (format!("{mine},{theirs}"), theirs),
-        (format!("{mine},{hold}"), theirs),
+        (format!("{own_evaluation},{own_evaluation}"), hold),
+        (format!("{own_evaluation},{server_evaluation}"), server_evaluation),
+        (format!("{own_evaluation},{hold}"), server_evaluation),
     ] {
-        let refused = api.get(&format!("/v1/evaluations/compare?a={a}&b={b}")).await.expect(422);
-        assert!(refused["detail"].as_str().unwrap().contains("eval-"), "{refused}");
+        let rejected = api.get(&format!("/v1/evaluations/compare?a={a}&b={b}")).await.expect(422);
+        assert!(rejected["detail"].as_str().unwrap().contains("eval-"), "{rejected}");
     }
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_trainer_flies_its_own_in_leases() {
+async fn trainer_evaluates_its_policy_in_leases() {
     let server = Server::start().await;
     let api = server.api();
-    let wish = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "design": {"designer": "off"}});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
-    let mine = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1, "chance": false,
+    let request = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", request).await.expect(201);
+    let own_request = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1, "chance": false,
                       "training": "kind", "training_seed": 1});
-    let mine = begin(&api, mine).await;
-    let wish = json!({"groups": 100, "purpose": "eval", "evaluation": mine});
-    // One lease is given back: its scenarios are offered again.
-    let given_up = lease(&api, "run", wish.clone()).await;
+    let own_evaluation = create_evaluation(&api, own_request).await;
+    let request = json!({"groups": 100, "purpose": "eval", "evaluation": own_evaluation});
+    // One lease is released: its scenarios are offered again.
+    let given_up = lease(&api, "run", request.clone()).await;
     assert!(
         given_up.0["groups"].as_array().unwrap().iter().all(|g| g["role"] == "suite" && g["train"] == false)
     );
     let _ = api.post(&format!("/v1/runs/run/leases/{}/release", given_up.id()), json!({})).await.expect(200);
-    // What another version did is not told for this one's.
-    let other = lease(&api, "run", wish.clone()).await;
+    // A result of another policy version is rejected.
+    let other = lease(&api, "run", request.clone()).await;
     let (id, scenario) = other.episodes().swap_remove(0);
-    let mut by_another = result(&id, &scenario, "hold");
+    let mut by_another = episode_result(&id, &scenario, "hold");
     by_another["policy_version"] = json!(7);
-    let told = api.report("run", vec![by_another]).await;
-    assert_eq!(told["results"][0]["code"], "other_version", "{told}");
+    let response = api.report("run", vec![by_another]).await;
+    assert_eq!(response["results"][0]["code"], "other_version", "{response}");
     let _ = api.post(&format!("/v1/runs/run/leases/{}/release", other.id()), json!({})).await.expect(200);
     let mut flown = 0;
     while flown < 384 {
-        let lease = lease(&api, "run", wish.clone()).await;
+        let lease = lease(&api, "run", request.clone()).await;
         let episodes = lease.episodes();
         flown += episodes.len();
-        let results = episodes.iter().map(|(id, scenario)| result(id, scenario, "heuristic")).collect();
-        let told = api.report("run", results).await;
+        let results =
+            episodes.iter().map(|(id, scenario)| episode_result(id, scenario, "heuristic")).collect();
+        let response = api.report("run", results).await;
         assert!(
-            told["results"].as_array().unwrap().iter().all(|r| r["status"] == "stored"),
-            "an evaluation moves nothing"
+            response["results"].as_array().unwrap().iter().all(|r| r["status"] == "stored"),
+            "evaluation results are stored only"
         );
     }
-    let found = complete(&api, &mine).await;
+    let evaluation = wait_for_completion(&api, &own_evaluation).await;
     assert_eq!(flown, 384, "each scenario once");
-    assert_eq!(found["reflown"], 200, "of two leases nothing came");
-    let nothing = api.post("/v1/runs/run/leases", wish).await.expect(422);
+    assert_eq!(evaluation["reflown"], 200, "two leases of 100 groups were released");
+    let nothing = api.post("/v1/runs/run/leases", request).await.expect(422);
     assert!(nothing["detail"].as_str().unwrap().contains("flown"), "{nothing}");
-    // The same policy flown by the server comes to the same.
-    let theirs = begin(
+    // The same policy evaluated by the server has the same results.
+    let server_evaluation = create_evaluation(
         &api,
         json!({"suite": "docking-heldout-v1", "policy": "heuristic", "training": "kind", "training_seed": 2}),
     )
     .await;
-    let other = complete(&api, &theirs).await;
+    let other = wait_for_completion(&api, &server_evaluation).await;
     for task in ["docking/single", "docking/multiagent"] {
-        let (a, b) = (row(&found, task, "all", "mine"), row(&other, task, "all", "heuristic"));
+        let (a, b) = (find_row(&evaluation, task, "all", "mine"), find_row(&other, task, "all", "heuristic"));
         assert_eq!((&a["score"], &a["success"]), (&b["score"], &b["success"]), "{task}");
     }
-    let compared = api.get(&format!("/v1/evaluations/compare?a={mine}&b={theirs}")).await.expect(200);
+    let compared = compare(&api, &own_evaluation, &server_evaluation).await;
     assert_eq!(compared["rows"][0]["score"]["mean"], 0.0);
-    let hold = begin(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
-    let _ = complete(&api, &hold).await;
-    let compared = api.get(&format!("/v1/evaluations/compare?a={mine},{theirs}&b={hold}")).await.expect(200);
+    let hold = create_evaluation(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
+    let _ = wait_for_completion(&api, &hold).await;
+    let compared = compare(&api, &format!("{own_evaluation},{server_evaluation}"), &hold).await;
     assert_eq!(
         (&compared["a"]["across"]["trainings"], &compared["b"]["across"]["trainings"]),
         (&json!(2), &json!(1))
     );
-    assert_eq!(compared["a"]["across"]["score"], json!(null), "of two nothing is said");
-    refuses_what_counts_twice(&api, &mine, &theirs, &hold).await;
+    assert_eq!(compared["a"]["across"]["score"], json!(null), "two trainings are too few for an interval");
+    assert_duplicates_are_rejected(&api, &own_evaluation, &server_evaluation, &hold).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_nobody_will_fly_is_cancelled() {
+async fn cancelled_evaluation_stores_results_but_stays_failed() {
     let server = Server::start().await;
     let api = server.api();
-    let wish =
+    let request =
         json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", request).await.expect(201);
     let suite = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1,
                        "chance": false, "tasks": ["docking/single"]});
-    let mine = begin(&api, suite).await;
-    let wish = json!({"groups": 500, "purpose": "eval", "evaluation": mine});
-    let all = lease(&api, "run", wish.clone()).await.episodes();
-    let cancel = format!("/v1/evaluations/{mine}/cancel");
+    let own_evaluation = create_evaluation(&api, suite).await;
+    let request = json!({"groups": 500, "purpose": "eval", "evaluation": own_evaluation});
+    let all = lease(&api, "run", request.clone()).await.episodes();
+    let cancel = format!("/v1/evaluations/{own_evaluation}/cancel");
     for _ in 0..2 {
-        let told = api.post(&cancel, json!({})).await.expect(200);
-        assert_eq!((&told["state"], &told["trouble"]), (&json!("failed"), &json!("it was cancelled")));
+        let response = api.post(&cancel, json!({})).await.expect(200);
+        assert_eq!(
+            (&response["state"], &response["trouble"]),
+            (&json!("failed"), &json!("it was cancelled"))
+        );
     }
-    let refused = api.post("/v1/runs/run/leases", wish).await.expect(422);
-    assert!(refused["detail"].as_str().unwrap().contains("cancelled"), "{refused}");
-    // What was leased before still comes in, and makes nothing of it that it is not.
+    let rejected = api.post("/v1/runs/run/leases", request).await.expect(422);
+    assert!(rejected["detail"].as_str().unwrap().contains("cancelled"), "{rejected}");
+    // Results of earlier leases are stored, but the evaluation stays cancelled.
     for results in all.chunks(100) {
-        let results = results.iter().map(|(id, scenario)| result(id, scenario, "hold")).collect();
-        let told = api.report("run", results).await;
-        assert!(told["results"].as_array().unwrap().iter().all(|one| one["status"] == "stored"), "{told}");
+        let results = results.iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
+        let response = api.report("run", results).await;
+        assert!(
+            response["results"].as_array().unwrap().iter().all(|one| one["status"] == "stored"),
+            "{response}"
+        );
     }
-    let found = api.get(&format!("/v1/evaluations/{mine}")).await.expect(200);
-    assert_eq!((&found["state"], &found["flown"]), (&json!("failed"), &json!(192)));
-    let theirs = begin(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
-    let _ = complete(&api, &theirs).await;
-    let refused = api.post(&format!("/v1/evaluations/{theirs}/cancel"), json!({})).await.expect(409);
-    assert_eq!(refused["type"], "urn:sparring:problem:evaluation_over");
+    let evaluation = api.get(&format!("/v1/evaluations/{own_evaluation}")).await.expect(200);
+    assert_eq!((&evaluation["state"], &evaluation["flown"]), (&json!("failed"), &json!(192)));
+    let server_evaluation =
+        create_evaluation(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
+    let _ = wait_for_completion(&api, &server_evaluation).await;
+    let rejected =
+        api.post(&format!("/v1/evaluations/{server_evaluation}/cancel"), json!({})).await.expect(409);
+    assert_eq!(rejected["type"], "urn:sparring:problem:evaluation_over");
     let unknown = api.post("/v1/evaluations/eval-99/cancel", json!({})).await.expect(404);
     assert_eq!(unknown["type"], "urn:sparring:problem:unknown_evaluation");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_evaluated_is_refused() {
+async fn invalid_evaluations_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run", "tasks": [SURVIVAL]})).await.expect(201);
-    for (wish, field) in [
+    for (request, field) in [
         (json!({"policy": "golf"}), "policy"),
         (json!({"policy": "hold", "suite": "kessler-heldout-v9"}), "suite"),
         (json!({"policy": "hold", "suite": "../../etc/passwd"}), "suite"),
@@ -246,34 +267,40 @@ async fn what_cannot_be_evaluated_is_refused() {
         (json!({"policy": "mine", "run": "run", "tasks": []}), "tasks"),
         (json!({"policy": "mine", "run": "run", "tasks": ["docking/single"]}), "tasks"),
     ] {
-        let problem = api.post("/v1/evaluations", wish.clone()).await.expect(422);
+        let problem = api.post("/v1/evaluations", request.clone()).await.expect(422);
         assert!(
             problem["errors"].to_string().contains(field) || problem.to_string().contains(field),
-            "{wish}: {problem}"
+            "{request}: {problem}"
         );
     }
-    let _ = api.post("/v1/evaluations", json!({"policy": "mine", "run": "nobody"})).await.expect(404);
-    let mine = begin(&api, json!({"policy": "mine", "run": "run"})).await;
-    for (wish, words) in [
-        (json!({"groups": 1, "evaluation": mine}), "purpose: eval"),
+    let _ = api.post("/v1/evaluations", json!({"policy": "mine", "run": "unknown"})).await.expect(404);
+    let own_evaluation = create_evaluation(&api, json!({"policy": "mine", "run": "run"})).await;
+    for (request, text) in [
+        (json!({"groups": 1, "evaluation": own_evaluation}), "purpose: eval"),
         (json!({"groups": 1, "purpose": "eval", "evaluation": "eval-999"}), "no evaluation"),
-        (json!({"groups": 1, "purpose": "eval", "evaluation": mine, "group_size": 3}), "8 times"),
-        (json!({"groups": 1, "purpose": "eval", "evaluation": mine, "policy_version": 5}), "of version 0"),
-        (json!({"groups": 1, "purpose": "eval", "evaluation": mine, "form": "columns"}), "on groups"),
+        (json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "group_size": 3}), "8 times"),
+        (
+            json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "policy_version": 5}),
+            "of version 0",
+        ),
+        (
+            json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "form": "columns"}),
+            "on groups",
+        ),
     ] {
-        let answer = api.post("/v1/runs/run/leases", wish.clone()).await;
-        let status = answer.status;
-        let problem = answer.expect(status);
-        assert!(status == 422 && problem.to_string().contains(words), "{wish}: {problem}");
+        let response = api.post("/v1/runs/run/leases", request.clone()).await;
+        let status = response.status;
+        let problem = response.expect(status);
+        assert!(status == 422 && problem.to_string().contains(text), "{request}: {problem}");
     }
-    let hold = begin(&api, json!({"policy": "hold", "suite": "docking-heldout-v1"})).await;
+    let hold = create_evaluation(&api, json!({"policy": "hold", "suite": "docking-heldout-v1"})).await;
     for path in [
-        format!("compare?a={mine}&b={mine}"),
+        format!("compare?a={own_evaluation}&b={own_evaluation}"),
         format!("compare?a={hold}&b=eval-77"),
         "eval-77".to_owned(),
         "compare?a=x&b=y".to_owned(),
     ] {
-        let answer = api.get(&format!("/v1/evaluations/{path}")).await;
-        assert!([400, 404, 422].contains(&answer.status), "{path}: {}", answer.status);
+        let response = api.get(&format!("/v1/evaluations/{path}")).await;
+        assert!([400, 404, 422].contains(&response.status), "{path}: {}", response.status);
     }
 }

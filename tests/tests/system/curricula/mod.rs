@@ -1,29 +1,25 @@
-//! Every curriculum against a real server, a real database and real worlds.
+//! Curricula against a real server: strategies, changes of a run, refills, evaluations and policy versions.
 
-mod changing;
 mod evaluations;
+mod policy_versions;
 mod refills;
+mod run_changes;
 mod strategies;
-mod versions;
-
-use std::time::Duration;
 
 use serde_json::Value;
-use system_tests::{Api, Lease};
+use system_tests::{ApiClient, Lease, wait_for};
 
 const SURVIVAL: &str = "kessler/survival";
 const ECO: &str = "kessler/eco_station";
 
-/// Takes a lease, waiting while scenarios are prepared.
-async fn lease(api: &Api, run: &str, wish: Value) -> Lease {
-    for _ in 0..200 {
-        let answer = api.post(&format!("/v1/runs/{run}/leases"), wish.clone()).await;
-        if answer.status != 503 {
-            return Lease(answer.expect(201));
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    panic!("no scenarios come for {wish}");
+/// Leases groups of a run; retries while the server prepares scenarios.
+async fn lease(api: &ApiClient, run: &str, request: Value) -> Lease {
+    let path = format!("/v1/runs/{run}/leases");
+    let response = wait_for("scenarios are prepared", async || {
+        let response = api.post(&path, request.clone()).await;
+        (response.status != 503).then_some(response)
+    });
+    Lease(response.await.expect(201))
 }
 
 fn groups(lease: &Lease) -> Vec<Value> {

@@ -1,22 +1,23 @@
-//! What strategies hand out: the same scenario again, edits with their lineage, groups that are not learnt from.
+//! Groups that strategies propose: replays, edits with their lineage, and groups that are not for training.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
-use system_tests::{Api, Server, result};
+use system_tests::{ApiClient, Server, episode_result, wait_until};
 
 use super::{ECO, SURVIVAL, groups, lease};
 
-/// Flies so many leases of 16 groups; all groups, each with the recipe it names.
-async fn flown(api: &Api, run: &str, leases: usize) -> Vec<(Value, Value)> {
+/// Leases 16 groups `leases` times and reports their results; returns each group with its recipe.
+async fn train(api: &ApiClient, run: &str, leases: usize) -> Vec<(Value, Value)> {
     let mut all = Vec::new();
     for number in 0..leases {
         let lease = lease(api, run, json!({"groups": 16})).await;
         let policy = if number % 2 == 0 { "hold" } else { "heuristic" };
-        let results = lease.episodes().iter().map(|(id, scenario)| result(id, scenario, policy)).collect();
-        let told = api.report(run, results).await;
-        let counted = told["results"].as_array().unwrap().iter().all(|one| one["status"] == "counted");
-        assert!(counted, "{told}");
+        let results =
+            lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
+        let report = api.report(run, results).await;
+        let counted = report["results"].as_array().unwrap().iter().all(|one| one["status"] == "counted");
+        assert!(counted, "{report}");
         for group in groups(&lease) {
             let recipe = lease.0["recipes"][group["recipe"].as_u64().unwrap() as usize].clone();
             all.push((group, recipe));
@@ -25,15 +26,15 @@ async fn flown(api: &Api, run: &str, leases: usize) -> Vec<(Value, Value)> {
     all
 }
 
-async fn create(api: &Api, strategy: &str, settings: Value) {
-    let wish = json!({"id": strategy, "seed": 5, "strategy": strategy, "strategy_settings": settings, "group_size": 2,
+async fn create(api: &ApiClient, strategy: &str, settings: Value) {
+    let settings = json!({"id": strategy, "seed": 5, "strategy": strategy, "strategy_settings": settings, "group_size": 2,
                       "tasks": [SURVIVAL, ECO], "design": {"designer": "off"}});
-    let run = api.post("/v1/runs", wish).await.expect(201);
+    let run = api.post("/v1/runs", settings).await.expect(201);
     assert_eq!(run["settings"]["curriculum"]["strategy"], strategy);
 }
 
-fn of_role<'a>(flown: &'a [(Value, Value)], role: &str) -> Vec<&'a (Value, Value)> {
-    flown.iter().filter(|(group, _)| group["role"] == role).collect()
+fn with_role<'a>(leased: &'a [(Value, Value)], role: &str) -> Vec<&'a (Value, Value)> {
+    leased.iter().filter(|(group, _)| group["role"] == role).collect()
 }
 
 fn text(value: &Value) -> String {
@@ -41,22 +42,22 @@ fn text(value: &Value) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_strategy_hands_out_flies_and_goes_on_after_a_restart() {
+async fn every_strategy_proposes_the_same_after_a_restart() {
     let listed = Server::start().await.api().get("/v1/strategies").await.expect(200);
     let names: Vec<String> =
         listed["strategies"].as_array().unwrap().iter().map(|s| text(&s["name"])).collect();
     assert_eq!(names.len(), 9, "{names:?}");
     for name in names {
-        let (mut server, steady) = (Server::start().await, Server::start().await);
-        for api in [server.api(), steady.api()] {
+        let (mut server, uninterrupted) = (Server::start().await, Server::start().await);
+        for api in [server.api(), uninterrupted.api()] {
             create(&api, &name, json!({})).await;
-            let _ = flown(&api, &name, 4).await;
+            let _ = train(&api, &name, 4).await;
         }
         server.restart().await;
-        let after = [flown(&server.api(), &name, 4).await, flown(&steady.api(), &name, 4).await];
-        let told = after
-            .map(|flown| flown.into_iter().map(|(group, _)| group["scenario"].clone()).collect::<Vec<_>>());
-        assert_eq!(told[0], told[1], "{name}: a restart changes nothing of what is proposed");
+        let after = [train(&server.api(), &name, 4).await, train(&uninterrupted.api(), &name, 4).await];
+        let proposed = after
+            .map(|leased| leased.into_iter().map(|(group, _)| group["scenario"].clone()).collect::<Vec<_>>());
+        assert_eq!(proposed[0], proposed[1], "{name}: a restart does not change the proposals");
         let mastery = server.api().get(&format!("/v1/runs/{name}/mastery")).await.expect(200);
         assert_eq!(mastery["explanation"]["strategy"], *name);
         assert!(!mastery["explanation"]["rules"].as_array().unwrap().is_empty(), "{mastery}");
@@ -65,27 +66,30 @@ async fn every_strategy_hands_out_flies_and_goes_on_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn accel_replays_and_edits_what_it_kept_and_says_what_not_to_learn_from() {
+async fn accel_replays_and_edits_earlier_scenarios() {
     let server = Server::start().await;
     let api = server.api();
     create(&api, "accel", json!({"filled": 8, "replay": 0.7})).await;
-    let flown = flown(&api, "accel", 22).await;
+    let leased = train(&api, "accel", 22).await;
     let mut seen = BTreeSet::new();
     let mut edits = 0;
-    for (group, recipe) in &flown {
+    for (group, recipe) in &leased {
         let (scenario, role) = (text(&group["scenario"]), text(&group["role"]));
         match role.as_str() {
             "explore" => assert_eq!(group["train"], false),
             "replay" => {
                 assert_eq!(group["train"], true);
-                assert!(seen.contains(&scenario), "what is faced again was faced before");
+                assert!(seen.contains(&scenario), "a replayed scenario was proposed before");
             }
             "edit" => {
                 assert_eq!(group["train"], false);
                 let lineage = &recipe["layout"]["provenance"];
-                assert!(seen.contains(&text(&lineage["edit_of"])), "its parent was faced before: {lineage}");
+                assert!(
+                    seen.contains(&text(&lineage["edit_of"])),
+                    "the parent was proposed before: {lineage}"
+                );
                 assert!(!lineage["changes"].as_array().unwrap().is_empty());
-                assert_ne!(text(&lineage["edit_of"]), scenario, "it is another scenario");
+                assert_ne!(text(&lineage["edit_of"]), scenario, "an edit is another scenario");
                 let bracket = &group["bracket"];
                 assert!(bracket["reference"].as_f64().unwrap() >= 0.0, "{bracket}");
                 edits += 1;
@@ -94,14 +98,14 @@ async fn accel_replays_and_edits_what_it_kept_and_says_what_not_to_learn_from() 
         }
         seen.insert(scenario);
     }
-    assert!(edits > 20 && of_role(&flown, "replay").len() > 60, "{edits} edits");
+    assert!(edits > 20 && with_role(&leased, "replay").len() > 60, "{edits} edits");
     let mastery = api.get("/v1/runs/accel/mastery").await.expect(200);
     let rules = mastery["explanation"]["tasks"][0]["now"].as_str().unwrap();
     assert!(rules.contains("kept"), "{rules}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn plr_goes_by_what_the_trainer_reports_where_it_is_told_so() {
+async fn plr_prefers_the_highest_reported_metric() {
     let server = Server::start().await;
     let api = server.api();
     create(
@@ -110,7 +114,7 @@ async fn plr_goes_by_what_the_trainer_reports_where_it_is_told_so() {
         json!({"score": "positive_value_loss", "filled": 4, "replay": 1.0, "staleness": 0.0, "beta": 0.01}),
     )
     .await;
-    let mut worths = BTreeMap::<String, f64>::new();
+    let mut reported_values = BTreeMap::<String, f64>::new();
     let mut replays = Vec::new();
     for _ in 0..14 {
         let lease = lease(&api, "plr", json!({"groups": 16})).await;
@@ -121,34 +125,34 @@ async fn plr_goes_by_what_the_trainer_reports_where_it_is_told_so() {
                 replays.push(text(&group["scenario"]));
             }
         }
-        let worth = |index: usize| if index % 16 == 3 { 5.0 } else { 0.01 };
+        let reported_value = |index: usize| if index % 16 == 3 { 5.0 } else { 0.01 };
         let episodes = lease.episodes();
         let results = episodes.iter().enumerate().map(|(at, (id, scenario))| {
             let group = at / 2;
             if all[group]["role"] == "explore" {
-                worths.insert(text(&all[group]["scenario"]), worth(group));
+                reported_values.insert(text(&all[group]["scenario"]), reported_value(group));
             }
-            let known = worths.get(&text(&all[group]["scenario"])).copied().unwrap_or(0.01);
-            let mut told = result(id, scenario, "hold");
-            told["metrics"] = json!({"positive_value_loss": known});
-            told
+            let known = reported_values.get(&text(&all[group]["scenario"])).copied().unwrap_or(0.01);
+            let mut result = episode_result(id, scenario, "hold");
+            result["metrics"] = json!({"positive_value_loss": known});
+            result
         });
         let _ = api.report("plr", results.collect()).await;
     }
-    // A temperature of 0.01 draws the first: whatever was reported highest.
-    let best = replays.iter().filter(|scenario| worths.get(*scenario) == Some(&5.0)).count();
+    // A temperature of 0.01 draws the scenario with the highest reported value.
+    let best = replays.iter().filter(|scenario| reported_values.get(*scenario) == Some(&5.0)).count();
     assert!(replays.len() > 30 && best * 10 > replays.len() * 8, "{best} of {}", replays.len());
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn columns_are_for_strategies_that_draw() {
+async fn column_leases_need_a_drawing_strategy() {
     let server = Server::start().await;
     let api = server.api();
     for name in ["plr", "plr_robust", "accel", "learnability"] {
         create(&api, name, json!({})).await;
-        let refused =
+        let rejected =
             api.post(&format!("/v1/runs/{name}/leases"), json!({"groups": 100, "form": "columns"})).await;
-        let problem = refused.expect(422);
+        let problem = rejected.expect(422);
         assert!(problem["detail"].as_str().unwrap().contains("ranges of seeds"), "{problem}");
     }
     for name in ["adr", "alp_gmm", "uniform"] {
@@ -160,25 +164,34 @@ async fn columns_are_for_strategies_that_draw() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_curriculum_holds_outlives_retention() {
+async fn replayed_scenarios_outlive_retention() {
     let server = Server::start().await;
     let api = server.api();
-    let wish = json!({"id": "kept", "seed": 9, "strategy": "accel", "strategy_settings": {"filled": 8, "capacity": 24},
+    let settings = json!({"id": "kept", "seed": 9, "strategy": "accel", "strategy_settings": {"filled": 8, "capacity": 24},
                       "tasks": [SURVIVAL], "design": {"designer": "off"}, "retention": {"episodes": 0}});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", settings).await.expect(201);
     let mut seen = BTreeSet::new();
-    let mut again = 0;
-    for _ in 0..30 {
-        for (group, _) in flown(&api, "kept", 1).await {
-            again += usize::from(group["role"] == "replay");
+    let mut replays = 0;
+    let db = sqlx::sqlite::SqliteConnectOptions::new().filename(server.db_path());
+    let mut conn = sqlx::ConnectOptions::connect(&db).await.unwrap();
+    for round in 1..=30 {
+        for (group, _) in train(&api, "kept", 1).await {
+            replays += usize::from(group["role"] == "replay");
             assert!(group["role"] != "replay" || seen.contains(&text(&group["scenario"])));
             seen.insert(text(&group["scenario"]));
         }
-        tokio::time::sleep(std::time::Duration::from_millis(150)).await;
+        if round % 10 == 0 {
+            wait_until("retention compacts all leases but the newest", async || {
+                let sql = "SELECT count(*) FROM leases WHERE folded = 0";
+                sqlx::query_scalar::<_, i64>(sql).fetch_one(&mut conn).await.unwrap() <= 1
+            })
+            .await;
+        }
     }
-    assert!(again > 100, "{again}");
-    let conn = sqlx::sqlite::SqliteConnectOptions::new().filename(server.db());
-    let mut conn = sqlx::ConnectOptions::connect(&conn).await.unwrap();
-    let left: i64 = sqlx::query_scalar("SELECT count(*) FROM proposals").fetch_one(&mut conn).await.unwrap();
-    assert!(left < 400, "of 480 and more proposals the old ones go: {left}");
+    assert!(replays > 100, "{replays}");
+    wait_until("retention removes old proposals, of which there were at least 480", async || {
+        let sql = "SELECT count(*) FROM proposals";
+        sqlx::query_scalar::<_, i64>(sql).fetch_one(&mut conn).await.unwrap() < 400
+    })
+    .await;
 }

@@ -1,90 +1,95 @@
-//! `sparring design` against a running service: what a run's agent fails at is what its layouts go for.
+//! `sparring design` with a running server: layouts aim at the failures of a run's policy.
 
 use std::process::{Command, Output};
-use std::time::Duration;
 
 use serde_json::{Value, json};
-use system_tests::{Api, Server, binary, result};
+use system_tests::{ApiClient, Server, episode_result, sparring_binary};
+
+use super::{wait_for_critiques, wait_for_response};
 
 const TASK: &str = "kessler/rendezvous";
 
-/// A run whose agent held on some leased scenarios, once what that shows is in its profile.
-async fn flown(api: &Api) {
-    let wish = json!({
+/// Creates a run, reports episodes of a holding policy and waits until they are in the failure profile.
+async fn create_run_with_failures(api: &ApiClient) {
+    let settings = json!({
         "id": "run", "seed": 11, "placement": false, "tasks": [TASK],
         "task_settings": {TASK: {"physics": {"contact": "swept"}}}
     });
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 12, "purpose": "train"})).await;
-    let results = lease.episodes().into_iter().map(|(episode, scenario)| result(&episode, &scenario, "hold"));
+    let results =
+        lease.episodes().into_iter().map(|(episode, scenario)| episode_result(&episode, &scenario, "hold"));
     api.report("run", results.collect()).await;
-    for _ in 0..600 {
-        if api.get("/v1/runs/run").await.expect(200)["critique"]["waiting"] == 0 {
-            return;
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    panic!("the critique does not catch up");
+    wait_for_critiques(api).await;
 }
 
-async fn design(line: Vec<String>) -> Output {
-    let run = move || Command::new(binary()).arg("design").args(line).output().unwrap();
+async fn run_design(line: Vec<String>) -> Output {
+    let run = move || Command::new(sparring_binary()).arg("design").args(line).output().unwrap();
     tokio::task::spawn_blocking(run).await.unwrap()
 }
 
-fn words(line: &[&str]) -> Vec<String> {
+fn strings(line: &[&str]) -> Vec<String> {
     line.iter().map(|word| (*word).to_owned()).collect()
 }
 
 #[tokio::test]
-async fn layouts_are_designed_for_a_run() {
+async fn layouts_aim_at_the_failures_of_a_run() {
     let server = Server::start().await;
-    flown(&server.api()).await;
+    create_run_with_failures(&server.api()).await;
     let url = server.api().base().to_owned();
-    let ask = |more: &[&str]| words(&[&["--run", "run", "--url", &url, "--format", "json"], more].concat());
+    let run_args =
+        |more: &[&str]| strings(&[&["--run", "run", "--url", &url, "--format", "json"], more].concat());
 
-    let out = design(ask(&["--dry-run"])).await;
-    assert!(out.status.success(), "{out:?}");
-    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let process = run_design(run_args(&["--dry-run"])).await;
+    assert!(process.status.success(), "{process:?}");
+    let output: Value = serde_json::from_slice(&process.stdout).unwrap();
     let profile = server.api().get("/v1/runs/run/failures").await.expect(200)["tasks"][0].clone();
-    assert_eq!((&told["task"], &told["level"]), (&json!(TASK), &json!(0)));
-    assert_eq!(told["recipe"]["physics"]["contact"], "swept");
-    assert_eq!(told["profile"]["criticised"], profile["criticised"]);
-    assert!(told["profile"]["criticised"].as_u64() > Some(0));
+    assert_eq!((&output["task"], &output["level"]), (&json!(TASK), &json!(0)));
+    assert_eq!(output["recipe"]["physics"]["contact"], "swept");
+    assert_eq!(output["profile"]["criticised"], profile["criticised"]);
+    assert!(output["profile"]["criticised"].as_u64() > Some(0));
 
-    let out = design(ask(&["--n", "2", "--level", "4"])).await;
-    assert!(out.status.success(), "{out:?}");
-    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!(told["summary"]["admitted"], 2);
-    for layout in told["layouts"].as_array().unwrap().iter().filter(|layout| layout["admitted"] == true) {
-        assert_eq!(layout["scenario"]["physics"]["contact"], "swept", "the run's physics holds");
+    let process = run_design(run_args(&["--n", "2", "--level", "4"])).await;
+    assert!(process.status.success(), "{process:?}");
+    let output: Value = serde_json::from_slice(&process.stdout).unwrap();
+    assert_eq!(output["summary"]["admitted"], 2);
+    for layout in output["layouts"].as_array().unwrap().iter().filter(|layout| layout["admitted"] == true) {
+        assert_eq!(
+            layout["scenario"]["physics"]["contact"], "swept",
+            "layouts use the physics options of the run"
+        );
     }
 
-    known_ones_are_left_out(&server.api(), ask).await;
-    let out = design(words(&["--run", "nobody", "--url", &url])).await;
-    let said = String::from_utf8(out.stderr).unwrap();
-    assert!(out.status.code() == Some(2) && said.contains("404") && said.lines().count() == 1, "{said}");
-    let out = design(ask(&["--task", "kessler/survival"])).await;
-    let said = String::from_utf8(out.stderr).unwrap();
-    assert!(out.status.code() == Some(2) && said.contains("its tasks are kessler/rendezvous"), "{said}");
+    known_layouts_are_excluded(&server.api(), run_args).await;
+    let process = run_design(strings(&["--run", "unknown", "--url", &url])).await;
+    let stderr = String::from_utf8(process.stderr).unwrap();
+    assert!(
+        process.status.code() == Some(2) && stderr.contains("404") && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    let process = run_design(run_args(&["--task", "kessler/survival"])).await;
+    let stderr = String::from_utf8(process.stderr).unwrap();
+    assert!(
+        process.status.code() == Some(2) && stderr.contains("its tasks are kessler/rendezvous"),
+        "{stderr}"
+    );
 }
 
-/// What the run has already is known to the gate, and told to who designs.
-async fn known_ones_are_left_out(api: &Api, ask: impl Fn(&[&str]) -> Vec<String>) {
-    let asked = api.post("/v1/runs/run/designs", json!({"n": 3, "designer": "procedural"})).await.expect(202);
-    let path = format!("/v1/runs/run/designs/asks/{}", asked["id"].as_str().unwrap());
-    while api.get(&path).await.expect(200)["state"] != "done" {
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    let out = design(ask(&["--n", "2"])).await;
-    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
-    let layouts = told["layouts"].as_array().unwrap().iter().filter(|layout| layout["admitted"] == true);
-    let apart: Vec<f64> = layouts.map(|layout| layout["novelty"].as_f64().unwrap()).collect();
+/// Checks that the gate and the prompt know the layouts that the run already has.
+async fn known_layouts_are_excluded(api: &ApiClient, run_args: impl Fn(&[&str]) -> Vec<String>) {
+    let created =
+        api.post("/v1/runs/run/designs", json!({"n": 3, "designer": "procedural"})).await.expect(202);
+    let path = format!("/v1/runs/run/designs/asks/{}", created["id"].as_str().unwrap());
+    wait_for_response(api, &path, |request| request["state"] == "done").await;
+    let process = run_design(run_args(&["--n", "2"])).await;
+    let output: Value = serde_json::from_slice(&process.stdout).unwrap();
+    let layouts = output["layouts"].as_array().unwrap().iter().filter(|layout| layout["admitted"] == true);
+    let novelty: Vec<f64> = layouts.map(|layout| layout["novelty"].as_f64().unwrap()).collect();
     assert!(
-        apart.len() == 2 && apart.iter().all(|apart| *apart >= 0.05),
-        "compared with the run's: {apart:?}"
+        novelty.len() == 2 && novelty.iter().all(|novelty| *novelty >= 0.05),
+        "novelty is measured against the layouts of the run: {novelty:?}"
     );
-    let prompt = design(ask(&["--dry-run", "--designer", "llm"])).await;
+    let prompt = run_design(run_args(&["--dry-run", "--designer", "llm"])).await;
     let prompt: Value = serde_json::from_slice(&prompt.stdout).unwrap();
     let admitted = prompt["prompt"].as_str().unwrap().matches("admitted; nobody has flown it yet").count();
     assert_eq!(admitted, 3, "{prompt}");

@@ -1,53 +1,48 @@
-//! Designs; here is what their tests share: a run that loses, and waiting.
+//! Designs: requests, layouts, their lifecycle and faults of designers. This file has the helpers of these tests.
 
 mod command;
-mod fake;
 mod faults;
-mod life;
-mod model;
-
-use std::time::Duration;
+mod lifecycle;
+mod llm_designer;
+mod scripted_designer;
 
 use serde_json::{Value, json};
-use system_tests::{Api, Lease, result};
+use system_tests::{ApiClient, Lease, episode_result, wait_for};
 
 pub(crate) const TASK: &str = "kessler/survival";
 
-/// A run of one task in which everything is contested, with designs as told.
-pub(crate) async fn create(api: &Api, design: Value) {
-    let wish = json!({
+/// Creates a run of one task with contested groups only and the given design settings.
+pub(crate) async fn create(api: &ApiClient, design: Value) {
+    let settings = json!({
         "id": "run", "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "target": "mastery",
         "tasks": [TASK], "design": design
     });
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", settings).await.expect(201);
 }
 
-/// Flies 24 scenarios, which who holds loses, by holding: 48 episodes with failures.
-pub(crate) async fn lose(api: &Api) -> Lease {
+/// Reports 48 episodes of a holding policy on 24 scenarios that holding fails.
+pub(crate) async fn report_losses(api: &ApiClient) -> Lease {
     let lease = api.lease("run", json!({"groups": 24})).await;
-    let held = lease.episodes().iter().map(|(episode, scenario)| result(episode, scenario, "hold")).collect();
-    api.report("run", held).await;
+    let results = lease
+        .episodes()
+        .iter()
+        .map(|(episode, scenario)| episode_result(episode, scenario, "hold"))
+        .collect();
+    api.report("run", results).await;
     lease
 }
 
-/// GET until it is so; at most a minute.
-pub(crate) async fn until(api: &Api, path: &str, so: impl Fn(&Value) -> bool) -> Value {
-    for _ in 0..1200 {
-        let answer = api.get(path).await.expect(200);
-        if so(&answer) {
-            return answer;
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    panic!("{path} does not become what is waited for: {:#}", api.get(path).await.body);
+/// Requests `path` until the response meets the condition, and returns that response.
+pub(crate) async fn wait_for_response(api: &ApiClient, path: &str, is_met: impl Fn(&Value) -> bool) -> Value {
+    wait_for(path, async || Some(api.get(path).await.expect(200)).filter(&is_met)).await
 }
 
-/// The run's failures, once nothing waits for its critique.
-pub(crate) async fn caught_up(api: &Api) -> Value {
-    until(api, "/v1/runs/run", |run| run["critique"]["waiting"] == 0).await;
+/// Waits until every episode of the run has its critique, and returns the failure profile.
+pub(crate) async fn wait_for_critiques(api: &ApiClient) -> Value {
+    wait_for_response(api, "/v1/runs/run", |run| run["critique"]["waiting"] == 0).await;
     api.get("/v1/runs/run/failures").await.expect(200)
 }
 
-pub(crate) async fn summary(api: &Api) -> Value {
+pub(crate) async fn design_summary(api: &ApiClient) -> Value {
     api.get("/v1/runs/run/designs/summary").await.expect(200)
 }

@@ -1,7 +1,7 @@
 //! The trainer feed: columns with their audits, and events.
 
-mod bad;
+mod column_trainer;
 mod columns;
 mod events;
 mod examples;
-mod trainer;
+mod invalid_columns;

@@ -1,6 +1,6 @@
-//! OpenEnv's routes: as captured, with sessions that last, and for runs.
+//! OpenEnv's routes: conformance with captured exchanges, sessions, episodes of runs, and judges.
 
-mod exchanges;
+mod captured_exchanges;
 mod judge;
 mod sessions;
 mod socket;

@@ -1,42 +1,42 @@
-//! What the original lacks: sessions that last, seeds, a choice of task, and the curriculum.
+//! Features beyond the original kessler-env: seeds, choice of task, named sessions, episodes of runs, and tools.
 
 use orchestrator::service::Config;
 use serde_json::{Value, json};
-use system_tests::{Api, Server, http_client};
+use system_tests::{ApiClient, Received, Server, http_client, wait_until};
 
-use super::socket::{Came, Socket};
+use super::socket::OpenEnvSocket;
 
-const HOLD: &str = "{\"burns\": []}";
+const HOLD_ACTION: &str = "{\"burns\": []}";
 
 fn hold() -> Value {
-    serde_json::from_str(HOLD).unwrap()
+    serde_json::from_str(HOLD_ACTION).unwrap()
 }
 
-/// Flies to the end; the last answer.
-async fn to_the_end(socket: &mut Socket) -> Value {
+/// Holds until the episode ends and returns the last observation.
+async fn hold_to_the_end(socket: &mut OpenEnvSocket) -> Value {
     for _ in 0..60 {
-        let told = socket.step(hold()).await;
-        if told["done"] == true {
-            return told;
+        let reply = socket.step(hold()).await;
+        if reply["done"] == true {
+            return reply;
         }
     }
     panic!("no end");
 }
 
 #[tokio::test]
-async fn a_seed_is_a_world_and_a_task_can_be_chosen() {
+async fn seed_and_task_determine_the_episode() {
     let server = Server::start().await;
-    let mut one = Socket::to(&server.api(), "/ws").await;
-    let mut other = Socket::to(&server.api(), "/ws").await;
-    let wish = json!({"seed": 42, "task": "rendezvous", "episode_id": "mine"});
-    let first = one.reset(wish.clone()).await;
-    assert_eq!(first, other.reset(wish).await, "one seed, one world");
+    let mut one = OpenEnvSocket::connect(&server.api(), "/ws").await;
+    let mut other = OpenEnvSocket::connect(&server.api(), "/ws").await;
+    let request = json!({"seed": 42, "task": "rendezvous", "episode_id": "mine"});
+    let first = one.reset(request.clone()).await;
+    assert_eq!(first, other.reset(request).await, "equal seeds give equal episodes");
     assert!(first["observation"]["mission_objective"].as_str().unwrap().starts_with("RENDEZVOUS"));
     assert_eq!(one.state().await["episode_id"], "mine");
     for _ in 0..5 {
         assert_eq!(one.step(hold()).await, other.step(hold()).await);
     }
-    // The episode is the one that the scenario's id says, by the same rules as everywhere.
+    // The scenario id equals that of `/v1/scenarios`.
     let scenario = json!({"scenario": {"task": "kessler/rendezvous", "seed": 42}});
     let checked = server.api().post("/v1/scenarios", scenario).await.expect(200);
     assert_eq!(one.state().await["scenario_id"], checked["scenario_id"]);
@@ -50,9 +50,9 @@ async fn a_seed_is_a_world_and_a_task_can_be_chosen() {
 }
 
 #[tokio::test]
-async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
+async fn invalid_reset_names_its_field_and_keeps_the_session() {
     let server = Server::start().await;
-    let mut socket = Socket::to(&server.api(), "/ws").await;
+    let mut socket = OpenEnvSocket::connect(&server.api(), "/ws").await;
     let evaluation = (1u64 << 52) + 5;
     for (data, at) in [
         (json!({"seed": evaluation}), vec!["seed"]),
@@ -71,27 +71,27 @@ async fn what_cannot_be_is_told_by_its_field_and_the_session_goes_on() {
         (json!({"group_id": "x".repeat(256)}), vec!["group_id"]),
         (json!({"episode_id": 7}), vec!["episode_id"]),
     ] {
-        let told = socket.ask(&json!({"type": "reset", "data": data})).await;
-        assert_eq!(told["data"]["code"], "VALIDATION_ERROR", "{data}: {told}");
-        assert_eq!(told["data"]["errors"][0]["loc"], json!(at), "{data}: {told}");
+        let reply = socket.request(&json!({"type": "reset", "data": data})).await;
+        assert_eq!(reply["data"]["code"], "VALIDATION_ERROR", "{data}: {reply}");
+        assert_eq!(reply["data"]["errors"][0]["loc"], json!(at), "{data}: {reply}");
         let refused = server.api().post("/reset", data.clone()).await;
         assert_eq!(refused.status, 422, "{data}");
         let mut loc = vec!["body"];
         loc.extend(at);
         assert_eq!(refused.body["detail"][0]["loc"], json!(loc), "{data}");
     }
-    let told = socket.ask(&json!({"type": "reset", "data": {"run": "nobody"}})).await;
-    assert_eq!(told["data"]["code"], "EXECUTION_ERROR", "{told}");
+    let reply = socket.request(&json!({"type": "reset", "data": {"run": "unknown"}})).await;
+    assert_eq!(reply["data"]["code"], "EXECUTION_ERROR", "{reply}");
     let _ = socket.reset(json!({})).await;
-    let last = to_the_end(&mut socket).await;
+    let last = hold_to_the_end(&mut socket).await;
     assert!(last["observation"]["total_score"].as_f64().is_some());
-    let over = socket.ask(&json!({"type": "step", "data": hold()})).await;
-    assert_eq!(over["data"]["code"], "EXECUTION_ERROR", "{over}");
+    let error = socket.request(&json!({"type": "step", "data": hold()})).await;
+    assert_eq!(error["data"]["code"], "EXECUTION_ERROR", "{error}");
     let _ = socket.reset(json!({})).await;
 }
 
 #[tokio::test]
-async fn requests_share_an_environment_or_have_their_own() {
+async fn http_requests_share_an_environment_unless_named() {
     let server = Server::start().await;
     let api = server.api();
     assert_eq!(api.post("/step", json!({"burns": []})).await.status, 409);
@@ -99,199 +99,204 @@ async fn requests_share_an_environment_or_have_their_own() {
     let stepped = api.post("/step", json!({"burns": []})).await.expect(200);
     assert_ne!(first["observation"]["satellites"], stepped["observation"]["satellites"]);
     assert_eq!(api.get("/state").await.expect(200)["step_count"], 1);
-    let own = http_client()
+    let session = http_client()
         .post(format!("{}/reset", api.base()))
         .header("x-session-id", "own")
         .json(&json!({"seed": 7}));
-    assert_eq!(own.send().await.unwrap().json::<Value>().await.unwrap(), first);
-    assert_eq!(api.get("/state").await.expect(200)["step_count"], 1, "the shared one is left alone");
+    assert_eq!(session.send().await.unwrap().json::<Value>().await.unwrap(), first);
+    assert_eq!(api.get("/state").await.expect(200)["step_count"], 1, "the shared environment is unchanged");
     let long = http_client().get(format!("{}/state", api.base())).header("x-session-id", "x".repeat(300));
     assert_eq!(long.send().await.unwrap().status(), 400);
 }
 
-/// Only what flies takes a place.
+/// Only environments with an episode count towards the limit.
 #[tokio::test]
-async fn looking_and_being_refused_take_nobodys_place() {
-    let sessions = orchestrator::sessions::Limits { most: 2, ..Default::default() };
-    let server = Server::set_up(move |config| Config { sessions, ..config }).await;
+async fn state_and_rejected_resets_use_no_place() {
+    let sessions = orchestrator::sessions::SessionLimits { max_sessions: 2, ..Default::default() };
+    let server = Server::with_config(move |config| Config { sessions, ..config }).await;
     let api = server.api();
     for name in 0..8 {
         let named =
             |request: reqwest::RequestBuilder| request.header("x-session-id", format!("n{name}")).send();
         let state = named(http_client().get(format!("{}/state", api.base()))).await.unwrap();
         assert_eq!(state.json::<Value>().await.unwrap()["step_count"], 0);
-        for wish in [json!({"seed": -1}), json!({"run": "none"}), json!({"params": {"debris": -4}})] {
-            let reset = named(http_client().post(format!("{}/reset", api.base())).json(&wish)).await.unwrap();
-            assert!([404, 422].contains(&reset.status().as_u16()), "{wish}");
+        for request in [json!({"seed": -1}), json!({"run": "none"}), json!({"params": {"debris": -4}})] {
+            let reset =
+                named(http_client().post(format!("{}/reset", api.base())).json(&request)).await.unwrap();
+            assert!([404, 422].contains(&reset.status().as_u16()), "{request}");
         }
     }
-    let mut socket = Socket::to(&api, "/ws").await;
+    let mut socket = OpenEnvSocket::connect(&api, "/ws").await;
     socket.reset(json!({})).await;
     let _ = api.post("/reset", json!({})).await.expect(200);
-    let full = api.raw("POST", "/web/reset", "application/json", "{}").await;
-    assert_eq!(full.status, 503, "both places are taken now");
+    let full = api.request("POST", "/web/reset", "application/json", "{}").await;
+    assert_eq!(full.status, 503, "both places are taken");
 }
 
 #[tokio::test]
-async fn a_group_is_one_scenario() {
+async fn group_id_selects_one_scenario() {
     let server = Server::start().await;
     let api = server.api();
-    let (mut one, mut other) = (Socket::to(&api, "/ws").await, Socket::to(&api, "/ws").await);
-    let wish = json!({"group_id": "g1"});
-    let first = one.reset(wish.clone()).await;
-    assert_eq!(first, one.reset(wish.clone()).await);
-    assert_eq!(first, other.reset(wish).await);
+    let (mut one, mut other) =
+        (OpenEnvSocket::connect(&api, "/ws").await, OpenEnvSocket::connect(&api, "/ws").await);
+    let request = json!({"group_id": "g1"});
+    let first = one.reset(request.clone()).await;
+    assert_eq!(first, one.reset(request.clone()).await);
+    assert_eq!(first, other.reset(request).await);
     assert_ne!(first, other.reset(json!({"group_id": "g2"})).await);
-    let both = one.ask(&json!({"type": "reset", "data": {"group_id": "g1", "seed": 5}})).await;
+    let both = one.request(&json!({"type": "reset", "data": {"group_id": "g1", "seed": 5}})).await;
     assert_eq!(both["data"]["errors"][0]["loc"], json!(["seed"]), "{both}");
 }
 
-async fn run(api: &Api) {
-    let wish = json!({"id": "run", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "group_size": 2,
+async fn create_run(api: &ApiClient) {
+    let request = json!({"id": "run", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "group_size": 2,
                       "contested_share": 0.0});
-    let _ = api.post("/v1/runs", wish).await.expect(201);
+    let _ = api.post("/v1/runs", request).await.expect(201);
 }
 
-async fn episodes(api: &Api) -> Vec<Value> {
+async fn episodes(api: &ApiClient) -> Vec<Value> {
     api.get("/v1/runs/run/episodes?limit=500").await.expect(200)["episodes"].as_array().unwrap().clone()
 }
 
 #[tokio::test]
-async fn a_session_flies_what_the_curriculum_proposes_and_reports_it() {
+async fn session_runs_and_reports_episodes_of_a_run() {
     let server = Server::start().await;
     let api = server.api();
-    run(&api).await;
-    let mut socket = Socket::to(&api, "/ws").await;
+    create_run(&api).await;
+    let mut socket = OpenEnvSocket::connect(&api, "/ws").await;
     let _ = socket.reset(json!({"run": "run", "policy_version": 4})).await;
     let state = socket.state().await;
     assert_eq!((&state["run"], &state["reported"]), (&json!("run"), &Value::Null));
-    let last = to_the_end(&mut socket).await;
-    // Answered once it is on disk.
-    let flown = episodes(&api).await;
-    assert_eq!(flown.len(), 1, "{flown:?}");
+    let last = hold_to_the_end(&mut socket).await;
+    // The result is stored before the reply is sent.
+    let stored = episodes(&api).await;
+    assert_eq!(stored.len(), 1, "{stored:?}");
     let state = socket.state().await;
-    assert_eq!((&flown[0]["episode"], &flown[0]["policy_version"]), (&state["episode_id"], &json!(4)));
+    assert_eq!((&stored[0]["episode"], &stored[0]["policy_version"]), (&state["episode_id"], &json!(4)));
     let total = last["observation"]["total_score"].as_f64().unwrap();
-    let score = flown[0]["score"].as_f64().unwrap();
+    let score = stored[0]["score"].as_f64().unwrap();
     // The score is the total clamped into (0, 1).
     assert!((total - score).abs() < 1e-3, "{total} {score}");
     assert_eq!(state["reported"]["status"], "counted", "{state}");
     let leases = api.get("/v1/runs/run/leases").await.expect(200);
     assert_eq!(leases["leases"][0]["status"], "done");
-    // Siblings of a group have one scenario, wherever they fly; there are as many as the group has episodes.
-    let (mut one, mut other) = (Socket::to(&api, "/ws").await, Socket::to(&api, "/ws").await);
-    let wish = json!({"run": "run", "group_id": "a"});
-    let first = one.reset(wish.clone()).await;
-    assert_eq!(first, other.reset(wish.clone()).await);
-    let full = Socket::to(&api, "/ws").await.ask(&json!({"type": "reset", "data": wish})).await;
+    // Sessions with the same group id share a scenario; their number is the size of the group.
+    let (mut one, mut other) =
+        (OpenEnvSocket::connect(&api, "/ws").await, OpenEnvSocket::connect(&api, "/ws").await);
+    let request = json!({"run": "run", "group_id": "a"});
+    let first = one.reset(request.clone()).await;
+    assert_eq!(first, other.reset(request.clone()).await);
+    let full =
+        OpenEnvSocket::connect(&api, "/ws").await.request(&json!({"type": "reset", "data": request})).await;
     assert!(full["data"]["message"].as_str().unwrap().contains("group_id"), "{full}");
-    let _ = to_the_end(&mut one).await;
-    let _ = to_the_end(&mut other).await;
+    let _ = hold_to_the_end(&mut one).await;
+    let _ = hold_to_the_end(&mut other).await;
     assert_eq!(episodes(&api).await.len(), 3);
 }
 
 #[tokio::test]
-async fn a_trainers_lease_can_be_flown_here() {
+async fn session_runs_episodes_of_a_lease() {
     let server = Server::start().await;
     let api = server.api();
-    run(&api).await;
+    create_run(&api).await;
     let lease = api.lease("run", json!({"groups": 2})).await;
     let id = lease.0["lease"].as_str().unwrap().to_owned();
     let named = lease.0["groups"][1]["episodes"][1].as_str().unwrap();
-    let mut socket = Socket::to(&api, "/ws").await;
+    let mut socket = OpenEnvSocket::connect(&api, "/ws").await;
     let _ = socket.reset(json!({"run": "run", "lease_id": id, "episode_id": named})).await;
     let state = socket.state().await;
     assert_eq!(
         (&state["episode_id"], &state["scenario_id"]),
         (&json!(named), &lease.0["groups"][1]["scenario"])
     );
-    let _ = to_the_end(&mut socket).await;
+    let _ = hold_to_the_end(&mut socket).await;
     for _ in 0..3 {
         let _ = socket.reset(json!({"run": "run", "lease_id": id})).await;
-        let _ = to_the_end(&mut socket).await;
+        let _ = hold_to_the_end(&mut socket).await;
     }
     assert_eq!(api.get(&format!("/v1/runs/run/leases/{id}")).await.expect(200)["status"], "done");
-    let over = socket.ask(&json!({"type": "reset", "data": {"run": "run", "lease_id": id}})).await;
-    assert!(over["data"]["message"].as_str().unwrap().contains("lease"), "{over}");
+    let error = socket.request(&json!({"type": "reset", "data": {"run": "run", "lease_id": id}})).await;
+    assert!(error["data"]["message"].as_str().unwrap().contains("lease"), "{error}");
 }
 
 #[tokio::test]
-async fn who_drops_out_leaves_nothing_behind() {
+async fn dropped_connection_releases_its_lease() {
     let server = Server::start().await;
     let api = server.api();
-    run(&api).await;
-    let mut socket = Socket::to(&api, "/ws").await;
+    create_run(&api).await;
+    let mut socket = OpenEnvSocket::connect(&api, "/ws").await;
     let _ = socket.reset(json!({"run": "run"})).await;
     let _ = socket.step(hold()).await;
-    socket.drop_dead();
-    for _ in 0..200 {
-        let leases = api.get("/v1/runs/run/leases").await.expect(200);
-        if leases["leases"][0]["status"] == "released" {
-            assert!(episodes(&api).await.is_empty());
-            return;
-        }
-        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
-    }
-    panic!("the lease is still held");
+    drop(socket);
+    wait_until("the lease is released", async || {
+        api.get("/v1/runs/run/leases").await.expect(200)["leases"][0]["status"] == "released"
+    })
+    .await;
+    assert!(episodes(&api).await.is_empty());
 }
 
 #[tokio::test]
-async fn thirty_two_fly_at_once_and_the_server_stops_in_good_order() {
+async fn concurrent_sessions_end_and_the_server_stops_gracefully() {
     let mut server = Server::start().await;
     let api = server.api();
-    let flights = (0..32).map(|seed| {
+    let clients = (0..32).map(|seed| {
         let api = api.clone();
         tokio::spawn(async move {
-            let mut socket = Socket::to(&api, "/ws").await;
+            let mut socket = OpenEnvSocket::connect(&api, "/ws").await;
             let first = socket.reset(json!({"seed": seed, "task": "survival"})).await;
-            (first, to_the_end(&mut socket).await)
+            (first, hold_to_the_end(&mut socket).await)
         })
     });
-    let mut worlds = Vec::new();
-    for flight in flights.collect::<Vec<_>>() {
-        let (first, last) = flight.await.unwrap();
+    let mut first_observations = Vec::new();
+    for client in clients.collect::<Vec<_>>() {
+        let (first, last) = client.await.unwrap();
         assert_eq!(last["done"], true);
-        worlds.push(first.to_string());
+        first_observations.push(first.to_string());
     }
-    worlds.sort_unstable();
-    worlds.dedup();
-    assert_eq!(worlds.len(), 32);
-    let mut open = Socket::to(&api, "/ws").await;
+    first_observations.sort_unstable();
+    first_observations.dedup();
+    assert_eq!(first_observations.len(), 32);
+    let mut open = OpenEnvSocket::connect(&api, "/ws").await;
     let _ = open.reset(json!({})).await;
     server.stop().await;
-    assert!(matches!(open.next().await, Came::Frame(told) if told["data"]["code"] == "SESSION_ERROR"));
-    assert_eq!(open.next().await, Came::Closed(1000));
+    assert!(
+        matches!(open.receive().await, Received::Text(reply) if reply["data"]["code"] == "SESSION_ERROR")
+    );
+    assert_eq!(open.receive().await, Received::Closed(1000));
 }
 
 #[tokio::test]
-async fn a_silent_session_is_closed() {
+async fn idle_session_is_closed() {
     let idle = Some(std::time::Duration::from_millis(200));
-    let sessions = orchestrator::sessions::Limits { most: 4, idle, ..Default::default() };
-    let server = Server::set_up(move |config| Config { sessions, ..config }).await;
-    let mut socket = Socket::to(&server.api(), "/ws").await;
-    assert!(matches!(socket.next().await, Came::Frame(told) if told["data"]["code"] == "SESSION_TIMEOUT"));
-    assert_eq!(socket.next().await, Came::Closed(1000));
+    let sessions =
+        orchestrator::sessions::SessionLimits { max_sessions: 4, idle_timeout: idle, ..Default::default() };
+    let server = Server::with_config(move |config| Config { sessions, ..config }).await;
+    let mut socket = OpenEnvSocket::connect(&server.api(), "/ws").await;
+    assert!(
+        matches!(socket.receive().await, Received::Text(reply) if reply["data"]["code"] == "SESSION_TIMEOUT")
+    );
+    assert_eq!(socket.receive().await, Received::Closed(1000));
 }
 
-/// What comes after the beginning of such a frame cannot be told apart: the socket ends, and nothing else does.
+/// An oversized frame closes its connection, and no other one.
 #[tokio::test]
-async fn a_frame_that_is_too_large_ends_its_session() {
+async fn oversized_frame_ends_its_session() {
     let server = Server::start().await;
-    let mut other = Socket::to(&server.api(), "/ws").await;
+    let mut other = OpenEnvSocket::connect(&server.api(), "/ws").await;
     other.reset(json!({"seed": 1})).await;
     for path in ["/ws", "/mcp"] {
-        let mut socket = Socket::to(&server.api(), path).await;
-        socket.text(&format!("\"{}\"", " ".repeat(3 << 20))).await;
-        assert!(matches!(socket.next().await, Came::Frame(_)), "{path}: 3 MiB are read");
-        // Who is still sending when the server ends it may find the connection cut instead of the code.
-        let cut = !socket.try_text(&" ".repeat(5 << 20)).await;
-        assert!(matches!(socket.next().await, Came::Closed(code) if code == 1009 || cut), "{path}");
+        let mut socket = OpenEnvSocket::connect(&server.api(), path).await;
+        socket.send_text(format!("\"{}\"", " ".repeat(3 << 20))).await;
+        assert!(matches!(socket.receive().await, Received::Text(_)), "{path}: frames of 3 MiB are read");
+        // A client that is still sending may see a reset instead of the close code.
+        let cut = !socket.try_send_text(&" ".repeat(5 << 20)).await;
+        assert!(matches!(socket.receive().await, Received::Closed(code) if code == 1009 || cut), "{path}");
     }
     other.step(hold()).await;
 }
 
 #[tokio::test]
-async fn an_agent_plays_through_tools_and_cannot_begin_again() {
+async fn tools_run_one_episode_and_cannot_reset() {
     let server = Server::start().await;
     let api = server.api();
     let call = async |method: &str, params: Value| {
@@ -311,53 +316,53 @@ async fn an_agent_plays_through_tools_and_cannot_begin_again() {
     let tool = async |name: &str, arguments: Value| {
         call("tools/call", json!({"session_id": session, "name": name, "arguments": arguments})).await
     };
-    let seen = tool("telemetry", json!({})).await;
-    assert_eq!(seen["result"]["data"]["step"], 0);
-    let foreseen = tool("conjunctions", json!({})).await;
-    assert!(foreseen["result"]["data"]["conjunctions"].is_array(), "{foreseen}");
+    let telemetry = tool("telemetry", json!({})).await;
+    assert_eq!(telemetry["result"]["data"]["step"], 0);
+    let conjunctions = tool("conjunctions", json!({})).await;
+    assert!(conjunctions["result"]["data"]["conjunctions"].is_array(), "{conjunctions}");
     let burns = json!({"burns": [{"satellite_id": 0, "delta_vx": 0.1, "delta_vy": 0}]});
-    let burnt = tool("fire_thrusters", burns).await;
+    let burn = tool("fire_thrusters", burns).await;
     let fuel =
-        |told: &Value| told["result"]["data"]["observation"]["satellites"][0]["fuel"].as_f64().unwrap();
-    assert!(fuel(&burnt) < fuel(&seen), "{burnt}");
+        |reply: &Value| reply["result"]["data"]["observation"]["satellites"][0]["fuel"].as_f64().unwrap();
+    assert!(fuel(&burn) < fuel(&telemetry), "{burn}");
     let wrong = tool("fire_thrusters", json!({"burns": [{"satellite_id": 0}]})).await;
     assert_eq!(wrong["error"]["code"], -32602);
     assert!(wrong["error"]["message"].as_str().unwrap().contains("burns.0.delta_vx"), "{wrong}");
     let last = tool("hold", json!({"steps": 60})).await;
     assert_eq!(last["result"]["data"]["done"], true);
-    let over = tool("hold", json!({})).await;
-    assert_eq!(over["error"]["code"], -32603, "{over}");
-    let text = format!("{seen}{foreseen}{burnt}{last}");
-    assert!(!text.contains("witness") && !text.contains("reference"), "the plan is not theirs to see");
+    let error = tool("hold", json!({})).await;
+    assert_eq!(error["error"]["code"], -32603, "{error}");
+    let text = format!("{telemetry}{conjunctions}{burn}{last}");
+    assert!(!text.contains("witness") && !text.contains("reference"), "tools do not expose the plan");
     assert_eq!(tool("reset", json!({})).await["error"]["code"], -32602);
 }
 
-/// Over a socket of its own, an agent's session is the connection's: begun as it asks, and again once it is over.
+/// On an MCP socket the session belongs to the connection: it is created on request, and again after its episode.
 #[tokio::test]
-async fn a_connection_plays_one_episode_after_another() {
+async fn mcp_connection_runs_several_episodes() {
     let server = Server::start().await;
-    let mut socket = Socket::to(&server.api(), "/mcp").await;
+    let mut socket = OpenEnvSocket::connect(&server.api(), "/mcp").await;
     let mut call = async |method: &str, params: Value| {
-        socket.ask(&json!({"jsonrpc": "2.0", "id": 1, "method": method, "params": params})).await
+        socket.request(&json!({"jsonrpc": "2.0", "id": 1, "method": method, "params": params})).await
     };
     for refused in [json!({"task": "nope"}), json!({"seed": -1}), json!({"run": "none"})] {
-        let told = call("openenv/session/create", refused.clone()).await;
-        assert!(told["error"]["code"].is_i64(), "{refused}: {told}");
+        let reply = call("openenv/session/create", refused.clone()).await;
+        assert!(reply["error"]["code"].is_i64(), "{refused}: {reply}");
     }
     let created = call("openenv/session/create", json!({"task": "rendezvous", "seed": 2})).await;
-    let own = created["result"]["session_id"].as_str().unwrap().to_owned();
-    let wish = json!({"session_id": own, "name": "telemetry", "arguments": {}});
-    let seen = call("tools/call", wish).await;
-    assert!(seen.to_string().contains("RENDEZVOUS"), "{seen}");
+    let session = created["result"]["session_id"].as_str().unwrap().to_owned();
+    let request = json!({"session_id": session, "name": "telemetry", "arguments": {}});
+    let telemetry = call("tools/call", request).await;
+    assert!(telemetry.to_string().contains("RENDEZVOUS"), "{telemetry}");
     let another = call("openenv/session/create", json!({"task": "survival"})).await;
     assert_eq!(another["error"]["code"], -32602, "one flies: {another}");
-    assert_eq!(call("openenv/session/create", json!({})).await["result"]["session_id"], own.as_str());
-    let close = call("openenv/session/close", json!({"session_id": own})).await;
+    assert_eq!(call("openenv/session/create", json!({})).await["result"]["session_id"], session.as_str());
+    let close = call("openenv/session/close", json!({"session_id": session})).await;
     assert_eq!(close["error"]["code"], -32602, "{close}");
     let hold = json!({"name": "hold", "arguments": {"steps": 60}});
     assert_eq!(call("tools/call", hold.clone()).await["result"]["data"]["done"], true);
     assert_eq!(call("tools/call", hold.clone()).await["error"]["code"], -32603);
-    let again = call("openenv/session/create", json!({"task": "survival", "seed": 3})).await;
-    assert_eq!(again["result"]["session_id"], own.as_str());
+    let recreated = call("openenv/session/create", json!({"task": "survival", "seed": 3})).await;
+    assert_eq!(recreated["result"]["session_id"], session.as_str());
     assert_eq!(call("tools/call", hold).await["result"]["data"]["done"], true);
 }

@@ -1,146 +1,86 @@
-//! A client of OpenEnv's routes, as near to the wire as the captured exchanges are.
+//! Client of OpenEnv's WebSocket routes, and the comparison with captured exchanges.
 
 use std::io::Read;
+use std::ops::{Deref, DerefMut};
 
-use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
-use system_tests::Api;
-use tokio::net::TcpStream;
-use tokio_tungstenite::tungstenite::Message;
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use system_tests::{ApiClient, TestSocket};
 
-/// A WebSocket to the server.
-pub(crate) struct Socket(WebSocketStream<MaybeTlsStream<TcpStream>>);
+/// WebSocket to one of OpenEnv's routes.
+pub(crate) struct OpenEnvSocket(TestSocket);
 
-/// What came over it.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Came {
-    /// A frame of JSON.
-    Frame(Value),
-    /// It was closed, with this code.
-    Closed(u16),
-    /// Nothing, for as long as one waits.
-    Nothing,
+impl Deref for OpenEnvSocket {
+    type Target = TestSocket;
+
+    fn deref(&self) -> &TestSocket {
+        &self.0
+    }
 }
 
-impl Socket {
-    /// Connects to a path.
-    pub(crate) async fn to(api: &Api, path: &str) -> Self {
-        let url = format!("{}{path}", api.base().replacen("http", "ws", 1));
-        Self(connect_async(url).await.unwrap().0)
+impl DerefMut for OpenEnvSocket {
+    fn deref_mut(&mut self) -> &mut TestSocket {
+        &mut self.0
+    }
+}
+
+impl OpenEnvSocket {
+    pub(crate) async fn connect(api: &ApiClient, path: &str) -> Self {
+        Self(TestSocket::connect(api, path).await)
     }
 
-    /// Sends text.
-    pub(crate) async fn text(&mut self, text: &str) {
-        self.0.send(Message::text(text)).await.unwrap();
-    }
-
-    /// Sends text; false where the connection is cut meanwhile.
-    pub(crate) async fn try_text(&mut self, text: &str) -> bool {
-        self.0.send(Message::text(text)).await.is_ok()
-    }
-
-    /// Sends bytes.
-    pub(crate) async fn bytes(&mut self, bytes: &[u8]) {
-        self.0.send(Message::binary(bytes.to_vec())).await.unwrap();
-    }
-
-    /// Sends a ping.
-    pub(crate) async fn ping(&mut self) {
-        self.0.send(Message::Ping(b"there?".to_vec().into())).await.unwrap();
-    }
-
-    /// Whether what comes next is its answer.
-    pub(crate) async fn ponged(&mut self) -> bool {
-        let came = tokio::time::timeout(std::time::Duration::from_secs(10), self.0.next()).await;
-        matches!(came, Ok(Some(Ok(Message::Pong(bytes)))) if bytes.as_ref() == b"there?")
-    }
-
-    /// What comes next.
-    pub(crate) async fn next(&mut self) -> Came {
-        self.next_within(10.0).await
-    }
-
-    /// What comes within some seconds.
-    pub(crate) async fn next_within(&mut self, seconds: f64) -> Came {
-        let patience = std::time::Duration::from_secs_f64(seconds);
-        loop {
-            match tokio::time::timeout(patience, self.0.next()).await {
-                Err(_) => return Came::Nothing,
-                Ok(Some(Ok(Message::Text(text)))) => {
-                    return Came::Frame(serde_json::from_str(&text).unwrap());
-                }
-                Ok(Some(Ok(Message::Close(frame)))) => {
-                    return Came::Closed(frame.map_or(1005, |frame| frame.code.into()));
-                }
-                Ok(Some(Ok(_))) => {}
-                Ok(Some(Err(_)) | None) => return Came::Closed(1006),
-            }
-        }
-    }
-
-    /// Asks, and what is answered.
-    pub(crate) async fn ask(&mut self, message: &Value) -> Value {
-        self.text(&message.to_string()).await;
-        match self.next().await {
-            Came::Frame(frame) => frame,
-            other => panic!("{message}: {other:?}"),
-        }
-    }
-
-    /// Resets with this data; the answer's data.
+    /// Resets with this data and returns the data of the observation.
     pub(crate) async fn reset(&mut self, data: Value) -> Value {
-        let told = self.ask(&json!({"type": "reset", "data": data})).await;
-        assert_eq!(told["type"], "observation", "{told}");
-        told["data"].clone()
+        self.request_observation(&json!({"type": "reset", "data": data})).await
     }
 
-    /// Steps with this action; the answer's data.
+    /// Steps with this action and returns the data of the observation.
     pub(crate) async fn step(&mut self, action: Value) -> Value {
-        let told = self.ask(&json!({"type": "step", "data": action})).await;
-        assert_eq!(told["type"], "observation", "{told}");
-        told["data"].clone()
+        self.request_observation(&json!({"type": "step", "data": action})).await
     }
 
-    /// Where the session stands.
+    async fn request_observation(&mut self, message: &Value) -> Value {
+        let reply = self.request(message).await;
+        assert_eq!(reply["type"], "observation", "{reply}");
+        reply["data"].clone()
+    }
+
+    /// Returns the state of the session.
     pub(crate) async fn state(&mut self) -> Value {
-        self.ask(&json!({"type": "state"})).await["data"].clone()
-    }
-
-    /// Goes without a word.
-    pub(crate) fn drop_dead(self) {
-        drop(self);
+        self.request(&json!({"type": "state"})).await["data"].clone()
     }
 }
 
-/// The captured exchanges.
-pub(crate) fn exchanges() -> serde_json::Map<String, Value> {
+/// Returns the captured exchanges by name.
+pub(crate) fn captured_exchanges() -> serde_json::Map<String, Value> {
     let bytes = include_bytes!("../../../fixtures/openenv-exchanges.json.gz");
     let mut text = String::new();
     flate2::read::GzDecoder::new(&bytes[..]).read_to_string(&mut text).unwrap();
     serde_json::from_str(&text).unwrap()
 }
 
-/// Words that clients go by: they must be the same. Other texts must be there, and may say it otherwise.
-const EXACT: [&str; 7] = ["type", "code", "jsonrpc", "mission_objective", "msg", "id", "closed"];
+/// Fields whose text clients depend on, so that it must be equal. Other texts must be present and may differ.
+const EXACT_FIELDS: [&str; 7] = ["type", "code", "jsonrpc", "mission_objective", "msg", "id", "closed"];
 
-/// Where an answer is not what was captured: fields, types, codes; `None` if it is. The values of an episode are its own.
-pub(crate) fn difference(captured: &Value, ours: &Value, at: &str) -> Option<String> {
+/// Returns the first difference in fields, types or codes between a captured response and ours. Values of observations may
+/// differ.
+pub(crate) fn find_difference(captured: &Value, ours: &Value, at: &str) -> Option<String> {
     match (captured, ours) {
         (Value::Object(theirs), Value::Object(us)) => {
-            // Links into another library's documentation.
+            // `url` is a link to the documentation of pydantic.
             let known = theirs.iter().filter(|(key, _)| *key != "url");
             for (key, value) in known {
                 let Some(ours) = us.get(key) else { return Some(format!("{at}.{key} is missing")) };
-                let found = difference(value, ours, &format!("{at}.{key}"));
+                let found = find_difference(value, ours, &format!("{at}.{key}"));
                 if found.is_some() {
                     return found;
                 }
             }
-            us.keys().find(|key| !theirs.contains_key(*key)).map(|key| format!("{at}.{key} is more"))
+            us.keys()
+                .find(|key| !theirs.contains_key(*key))
+                .map(|key| format!("{at}.{key} is not in the captured response"))
         }
         (Value::Array(theirs), Value::Array(us)) => {
-            if exact_list(at) {
+            if is_exact_list(at) {
                 if theirs.len() != us.len() {
                     return Some(format!("{at} has {} entries and not {}", us.len(), theirs.len()));
                 }
@@ -148,19 +88,21 @@ pub(crate) fn difference(captured: &Value, ours: &Value, at: &str) -> Option<Str
                     .iter()
                     .zip(us)
                     .enumerate()
-                    .find_map(|(i, (a, b))| difference(a, b, &format!("{at}.{i}")));
+                    .find_map(|(i, (a, b))| find_difference(a, b, &format!("{at}.{i}")));
             }
-            theirs.first().zip(us.first()).and_then(|(a, b)| difference(a, b, &format!("{at}.0")))
+            theirs.first().zip(us.first()).and_then(|(a, b)| find_difference(a, b, &format!("{at}.0")))
         }
         (Value::String(theirs), Value::String(us)) => {
             let last = at.rsplit('.').find(|part| part.parse::<usize>().is_err()).unwrap_or_default();
-            let free = ["message", "error"].contains(&last) && !capacity(theirs);
-            let exact =
-                EXACT.contains(&last) || at.contains(".loc.") || at.contains(".input") || capacity(theirs);
+            let free = ["message", "error"].contains(&last) && !is_exact_message(theirs);
+            let exact = EXACT_FIELDS.contains(&last)
+                || at.contains(".loc.")
+                || at.contains(".input")
+                || is_exact_message(theirs);
             (exact && !free && theirs != us).then(|| format!("{at} is {us:?} and not {theirs:?}"))
         }
         (Value::Number(theirs), Value::Number(us)) => {
-            // Where a text stops being JSON is the parser's to say.
+            // The position of a JSON syntax error depends on the parser.
             let place = at.contains(".errors.") && at.contains(".loc.");
             let exact = place || at.ends_with(".code") || at.contains(".ctx");
             (exact && theirs.as_f64() != us.as_f64()).then(|| format!("{at} is {us} and not {theirs}"))
@@ -171,11 +113,11 @@ pub(crate) fn difference(captured: &Value, ours: &Value, at: &str) -> Option<Str
     }
 }
 
-fn exact_list(at: &str) -> bool {
+fn is_exact_list(at: &str) -> bool {
     at.ends_with("errors") || at.ends_with("detail") || at.ends_with(".loc")
 }
 
-fn capacity(text: &str) -> bool {
+fn is_exact_message(text: &str) -> bool {
     text.starts_with("Server at capacity")
         || text.starts_with("Unknown session_id")
         || text.starts_with("Method not found")

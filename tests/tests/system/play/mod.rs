@@ -1,63 +1,63 @@
-//! What the tests of `sparring play` share: an OpenEnv server, a model's endpoint, and the command itself.
+//! `sparring play` against OpenEnv servers: episodes, output and faults. This file has the helpers of these tests.
 
-mod env;
+mod episodes;
 mod faults;
-mod flown;
+mod openenv_server;
 
 use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
-use system_tests::binary;
-use system_tests::model::KEY;
+use system_tests::mock_llm::API_KEY;
+use system_tests::sparring_binary;
 
-/// The options that name a model's endpoint.
-pub(crate) fn at(uri: &str) -> String {
+/// Returns the command-line arguments for a model endpoint.
+pub(crate) fn endpoint_args(uri: &str) -> String {
     format!("--api-base-url {uri}/v1 --model mock")
 }
 
-/// How the command ended.
+/// Exit code and output of a `sparring play` command.
 #[derive(Debug)]
-pub(crate) struct Played {
+pub(crate) struct PlayOutput {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
     pub(crate) transcript: Vec<Value>,
 }
 
-impl Played {
-    /// The lines of stdout that begin so.
-    pub(crate) fn lines(&self, begin: &str) -> Vec<&str> {
-        self.stdout.lines().filter(|line| line.starts_with(begin)).collect()
+impl PlayOutput {
+    /// Returns the lines of stdout that start with `prefix`.
+    pub(crate) fn lines(&self, prefix: &str) -> Vec<&str> {
+        self.stdout.lines().filter(|line| line.starts_with(prefix)).collect()
     }
 
-    /// The records of the transcript of this type.
+    /// Returns the records of the transcript with this type.
     pub(crate) fn records(&self, kind: &str) -> Vec<&Value> {
         self.transcript.iter().filter(|record| record["type"] == kind).collect()
     }
 }
 
-/// Runs `sparring play` on a server. The key is in the environment and must be nowhere in what comes of it.
-pub(crate) async fn play(env: &str, more: &str) -> Played {
+/// Runs `sparring play` against a server, with the API key in the environment, and checks that no output has the key.
+pub(crate) async fn play(env_url: &str, args: &str) -> PlayOutput {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("transcript.jsonl");
-    let mut command = Command::new(binary());
+    let mut command = Command::new(sparring_binary());
     for name in ["API_BASE_URL", "MODEL_NAME", "API_KEY", "ENV_URL", "SPARRING_LOG"] {
         command.env_remove(name);
     }
-    command.env("HF_TOKEN", KEY).args(["play", "--env-url", env, "--out"]).arg(&out);
-    command.args(more.split_whitespace());
+    command.env("HF_TOKEN", API_KEY).args(["play", "--env-url", env_url, "--out"]).arg(&out);
+    command.args(args.split_whitespace());
     let output = tokio::task::spawn_blocking(move || command.output().unwrap()).await.unwrap();
-    told(output, &out)
+    read_output(output, &out)
 }
 
-fn told(output: Output, out: &Path) -> Played {
+fn read_output(output: Output, out: &Path) -> PlayOutput {
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let transcript = std::fs::read_to_string(out).unwrap_or_default();
     let (stdout, stderr) = (text(output.stdout), text(output.stderr));
-    for told in [&stdout, &stderr, &transcript] {
-        assert!(!told.contains(KEY), "the key is told: {told}");
+    for text in [&stdout, &stderr, &transcript] {
+        assert!(!text.contains(API_KEY), "the output has the key: {text}");
     }
     let transcript = transcript.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    Played { code: output.status.code(), stdout, stderr, transcript }
+    PlayOutput { code: output.status.code(), stdout, stderr, transcript }
 }

@@ -1,134 +1,80 @@
-//! A client as near to the wire as the documentation is.
+//! Client of `/v1/sessions`, written from the documentation of its messages and frames.
 
-use std::time::Duration;
+use std::ops::{Deref, DerefMut};
 
-use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
-use system_tests::Api;
-use tokio::net::TcpStream;
-use tokio_tungstenite::tungstenite::Message;
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use system_tests::{ApiClient, TestSocket};
 
-/// A WebSocket to `/v1/sessions`.
-pub(crate) struct Socket(WebSocketStream<MaybeTlsStream<TcpStream>>);
+/// WebSocket to the route `/v1/sessions`.
+pub(crate) struct SessionSocket(TestSocket);
 
-/// What came over it.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Came {
-    Text(Value),
-    Binary(Vec<u8>),
-    /// It was closed, with this code.
-    Closed(u16),
-    Nothing,
+impl Deref for SessionSocket {
+    type Target = TestSocket;
+
+    fn deref(&self) -> &TestSocket {
+        &self.0
+    }
 }
 
-impl Socket {
-    pub(crate) async fn to(api: &Api) -> Self {
-        let url = format!("{}/v1/sessions", api.base().replacen("http", "ws", 1));
-        Self(connect_async(url).await.unwrap().0)
+impl DerefMut for SessionSocket {
+    fn deref_mut(&mut self) -> &mut TestSocket {
+        &mut self.0
+    }
+}
+
+impl SessionSocket {
+    pub(crate) async fn connect(api: &ApiClient) -> Self {
+        Self(TestSocket::connect(api, "/v1/sessions").await)
     }
 
-    /// Opens a session; the answer.
-    pub(crate) async fn open(api: &Api, wish: Value) -> (Self, Value) {
-        let mut socket = Self::to(api).await;
-        let told = socket.ask(opening(wish)).await;
-        assert_eq!(told["type"], "opened", "{told}");
-        (socket, told)
+    /// Connects and opens a session; returns the `opened` message.
+    pub(crate) async fn open(api: &ApiClient, options: Value) -> (Self, Value) {
+        let mut socket = Self::connect(api).await;
+        let opened = socket.request(&open_message(options)).await;
+        assert_eq!(opened["type"], "opened", "{opened}");
+        (socket, opened)
     }
 
-    /// Comes back to a session; the answer.
-    pub(crate) async fn resume(api: &Api, opened: &Value) -> (Self, Value) {
-        let mut socket = Self::to(api).await;
-        let told = socket.ask(json!({"type": "resume", "session": opened["session"]})).await;
-        (socket, told)
+    /// Connects and requests the session of an `opened` message; returns the reply.
+    pub(crate) async fn resume(api: &ApiClient, opened: &Value) -> (Self, Value) {
+        let mut socket = Self::connect(api).await;
+        let reply = socket.request(&json!({"type": "resume", "session": opened["session"]})).await;
+        (socket, reply)
     }
 
-    pub(crate) async fn text(&mut self, text: impl Into<String>) {
-        self.0.send(Message::text(text.into())).await.unwrap();
-    }
-
-    pub(crate) async fn bytes(&mut self, bytes: &[u8]) {
-        self.0.send(Message::binary(bytes.to_vec())).await.unwrap();
-    }
-
-    /// Sends bytes, which who does not want them may cut short.
-    pub(crate) async fn too_many_bytes(&mut self, bytes: &[u8]) {
-        drop(self.0.send(Message::binary(bytes.to_vec())).await);
-    }
-
-    pub(crate) async fn next(&mut self) -> Came {
-        self.next_within(20.0).await
-    }
-
-    pub(crate) async fn next_within(&mut self, seconds: f64) -> Came {
-        loop {
-            match tokio::time::timeout(Duration::from_secs_f64(seconds), self.0.next()).await {
-                Err(_) => return Came::Nothing,
-                Ok(Some(Ok(Message::Text(text)))) => return Came::Text(serde_json::from_str(&text).unwrap()),
-                Ok(Some(Ok(Message::Binary(bytes)))) => return Came::Binary(bytes.to_vec()),
-                Ok(Some(Ok(Message::Close(frame)))) => {
-                    return Came::Closed(frame.map_or(1005, |frame| frame.code.into()));
-                }
-                Ok(Some(Ok(_))) => {}
-                Ok(Some(Err(_)) | None) => return Came::Closed(1006),
-            }
-        }
-    }
-
-    /// Text that comes next.
-    pub(crate) async fn told(&mut self) -> Value {
-        match self.next().await {
-            Came::Text(told) => told,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    pub(crate) async fn ask(&mut self, message: Value) -> Value {
-        self.text(message.to_string()).await;
-        self.told().await
-    }
-
-    /// Steps; the answer.
+    /// Sends a step and returns the reply.
     pub(crate) async fn step(&mut self, id: u64, action: &Value) -> Value {
-        self.ask(json!({"type": "step", "id": id, "action": action})).await
+        self.request(&json!({"type": "step", "id": id, "action": action})).await
     }
 
-    /// A binary frame that comes next.
-    pub(crate) async fn frame(&mut self) -> Vec<u8> {
-        match self.next().await {
-            Came::Binary(bytes) => bytes,
-            other => panic!("{other:?}"),
-        }
+    /// Resets the TCP connection without a close frame.
+    pub(crate) fn abort(self) {
+        self.0.abort();
     }
 
-    /// Cut off without a word: no close frame, and what was sent and not read is lost.
-    pub(crate) async fn cut(mut self) {
-        let MaybeTlsStream::Plain(stream) = self.0.get_mut() else { panic!("no TLS here") };
-        stream.set_zero_linger().unwrap();
-    }
-
-    /// Says goodbye properly.
-    pub(crate) async fn leave(mut self) {
-        self.0.close(None).await.unwrap();
+    /// Sends a close frame.
+    pub(crate) async fn close(self) {
+        self.0.close().await;
     }
 }
 
-pub(crate) fn opening(mut wish: Value) -> Value {
-    wish["type"] = json!("open");
-    wish["version"] = json!(1);
-    wish
+/// Builds an `open` message with these options.
+pub(crate) fn open_message(mut options: Value) -> Value {
+    options["type"] = json!("open");
+    options["version"] = json!(1);
+    options
 }
 
-/// A session of many environments.
-pub(crate) struct Vector {
-    pub(crate) socket: Socket,
+/// WebSocket session with many environments.
+pub(crate) struct VectorSession {
+    pub(crate) socket: SessionSocket,
     pub(crate) opened: Value,
     pub(crate) sequence: u32,
 }
 
-/// An answer, taken apart by what `opened` says of it.
+/// Decoded step frame; `opened` describes its layout.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Stepped {
+pub(crate) struct StepFrame {
     pub(crate) sequence: u32,
     pub(crate) observations: Vec<f32>,
     pub(crate) rewards: Vec<f32>,
@@ -137,10 +83,10 @@ pub(crate) struct Stepped {
     pub(crate) terminated: Vec<u8>,
     pub(crate) truncated: Vec<u8>,
     pub(crate) flags: Vec<u8>,
-    pub(crate) finals: Vec<f32>,
+    pub(crate) final_observations: Vec<f32>,
 }
 
-pub(crate) fn head(kind: u16, sequence: u32, envs: u32) -> Vec<u8> {
+pub(crate) fn frame_header(kind: u16, sequence: u32, envs: u32) -> Vec<u8> {
     let mut bytes = b"SPVF".to_vec();
     bytes.extend(1u16.to_le_bytes());
     bytes.extend(kind.to_le_bytes());
@@ -149,56 +95,56 @@ pub(crate) fn head(kind: u16, sequence: u32, envs: u32) -> Vec<u8> {
     bytes
 }
 
-impl Vector {
-    /// Opens one, and reads its first frame.
-    pub(crate) async fn open(api: &Api, wish: Value) -> (Self, Stepped) {
-        let (mut socket, opened) = Socket::open(api, wish).await;
-        let frame = socket.frame().await;
+impl VectorSession {
+    /// Opens a vector session and decodes its first step frame.
+    pub(crate) async fn open(api: &ApiClient, options: Value) -> (Self, StepFrame) {
+        let (mut socket, opened) = SessionSocket::open(api, options).await;
+        let frame = socket.receive_bytes().await;
         let vector = Self { socket, opened, sequence: 0 };
-        let first = vector.read(&frame);
+        let first = vector.decode(&frame);
         (vector, first)
     }
 
-    pub(crate) fn size(&self, name: &str) -> usize {
+    pub(crate) fn opened_number(&self, name: &str) -> usize {
         self.opened[name].as_u64().unwrap() as usize
     }
 
-    pub(crate) fn actions(&self, sequence: u32, actions: &[f32]) -> Vec<u8> {
-        let mut bytes = head(1, sequence, self.size("envs") as u32);
+    pub(crate) fn action_frame(&self, sequence: u32, actions: &[f32]) -> Vec<u8> {
+        let mut bytes = frame_header(1, sequence, self.opened_number("envs") as u32);
         bytes.extend(actions.iter().flat_map(|action| action.to_le_bytes()));
         bytes
     }
 
-    /// How many numbers a frame of actions has.
-    pub(crate) fn width(&self) -> usize {
-        self.size("envs") * self.size("agents") * self.size("action")
+    /// Number of values that a frame of actions has.
+    pub(crate) fn action_len(&self) -> usize {
+        self.opened_number("envs") * self.opened_number("agents") * self.opened_number("action")
     }
 
-    pub(crate) async fn step(&mut self, actions: &[f32]) -> Stepped {
+    pub(crate) async fn step(&mut self, actions: &[f32]) -> StepFrame {
         self.sequence += 1;
-        let frame = self.actions(self.sequence, actions);
-        self.socket.bytes(&frame).await;
-        let frame = self.socket.frame().await;
-        self.read(&frame)
+        let frame = self.action_frame(self.sequence, actions);
+        self.socket.send_bytes(&frame).await;
+        let frame = self.socket.receive_bytes().await;
+        self.decode(&frame)
     }
 
-    pub(crate) async fn reset(&mut self, mask: &[u8]) -> Stepped {
+    pub(crate) async fn reset(&mut self, mask: &[u8]) -> StepFrame {
         self.sequence += 1;
-        let mut frame = head(3, self.sequence, self.size("envs") as u32);
+        let mut frame = frame_header(3, self.sequence, self.opened_number("envs") as u32);
         frame.extend(mask);
         frame.resize(frame.len().div_ceil(4) * 4, 0);
-        self.socket.bytes(&frame).await;
-        let frame = self.socket.frame().await;
-        self.read(&frame)
+        self.socket.send_bytes(&frame).await;
+        let frame = self.socket.receive_bytes().await;
+        self.decode(&frame)
     }
 
-    pub(crate) fn read(&self, frame: &[u8]) -> Stepped {
-        let told = &self.opened["frames"]["stepped"];
+    pub(crate) fn decode(&self, frame: &[u8]) -> StepFrame {
+        let layout = &self.opened["frames"]["stepped"];
         let sequence = u32::from_le_bytes(frame[8..12].try_into().unwrap());
-        assert_eq!(frame[..8], head(2, 0, 0)[..8]);
-        assert_eq!(frame[12..16], (self.size("envs") as u32).to_le_bytes());
+        assert_eq!(frame[..8], frame_header(2, 0, 0)[..8]);
+        assert_eq!(frame[12..16], (self.opened_number("envs") as u32).to_le_bytes());
         let bytes = |name: &str| -> Vec<u8> {
-            let fields = told["fields"].as_array().unwrap();
+            let fields = layout["fields"].as_array().unwrap();
             let Some(field) = fields.iter().find(|field| field["name"] == name) else { return Vec::new() };
             let from = field["offset"].as_u64().unwrap() as usize;
             assert_eq!(from % 4, 0, "{name}");
@@ -213,9 +159,9 @@ impl Vector {
         let floats = |name: &str| -> Vec<f32> {
             bytes(name).as_chunks::<4>().0.iter().map(|cell| f32::from_le_bytes(*cell)).collect()
         };
-        let finals = floats("final_observations");
-        assert_eq!(frame.len(), told["bytes"].as_u64().unwrap() as usize + finals.len() * 4);
-        Stepped {
+        let final_observations = floats("final_observations");
+        assert_eq!(frame.len(), layout["bytes"].as_u64().unwrap() as usize + final_observations.len() * 4);
+        StepFrame {
             sequence,
             observations: floats("observations"),
             rewards: floats("rewards"),
@@ -224,13 +170,13 @@ impl Vector {
             terminated: bytes("terminated"),
             truncated: bytes("truncated"),
             flags: bytes("flags"),
-            finals,
+            final_observations,
         }
     }
 }
 
-/// A number in [0, 1) for a name and a place: what an agent does, the same wherever it is asked.
-pub(crate) fn draw(seed: u64, step: u64) -> f32 {
+/// Returns a number in [0, 1) that depends on the seed and the step only.
+pub(crate) fn uniform(seed: u64, step: u64) -> f32 {
     let mut z = (seed << 32 | step).wrapping_add(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

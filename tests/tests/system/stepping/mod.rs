@@ -1,9 +1,9 @@
-//! `/v1/sessions`: environments on the server, stepped over one WebSocket.
+//! `/v1/sessions`: environments on the server that a client steps over one WebSocket.
 
-mod bounds;
 mod client;
 mod examples;
-mod leased;
+mod lease_sessions;
+mod limits;
 mod resume;
 mod single;
 mod vector;

@@ -1,4 +1,4 @@
-//! The example trainer, as `docs/trajectories.md` shows it.
+//! The example trainer of `docs/trajectories.md`.
 
 use std::path::Path;
 use std::process::Command;
@@ -9,7 +9,7 @@ use system_tests::Server;
 use super::{number, policy};
 
 #[tokio::test]
-async fn the_example_trains_in_both_forms() {
+async fn example_trains_in_json_and_msgpack() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
     let python = root.join("target/openenv-venv/bin/python");
     if !python.exists() {
@@ -18,17 +18,20 @@ async fn the_example_trains_in_both_forms() {
         return;
     }
     let server = Server::start().await;
-    for form in ["json", "msgpack"] {
+    for format in ["json", "msgpack"] {
         let mut command = Command::new(&python);
         command.arg(root.join("examples/trajectories.py")).args(["--url", server.api().base()]);
-        command.args(["--groups", "12", "--form", form, "--run", form]);
-        let out = tokio::task::spawn_blocking(move || command.output().unwrap()).await.unwrap();
-        let said = String::from_utf8_lossy(&out.stdout).into_owned();
-        assert!(out.status.success(), "{said}{}", String::from_utf8_lossy(&out.stderr));
-        let last: Vec<&str> = said.lines().last().unwrap().split(' ').collect();
-        assert_eq!(last[..2], ["12", "groups,"], "{said}");
-        let told: Value = policy(&server.api(), form).await;
-        assert!(number(&told["groups"]) >= 12 && number(&told["feed"]["acked"]) >= 12, "{told}");
-        assert_eq!(told["policy"], "off");
+        command.args(["--groups", "12", "--form", format, "--run", format]);
+        let output = tokio::task::spawn_blocking(move || command.output().unwrap()).await.unwrap();
+        let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{stdout}{}", String::from_utf8_lossy(&output.stderr));
+        let last: Vec<&str> = stdout.lines().last().unwrap().split(' ').collect();
+        assert_eq!(last[..2], ["12", "groups,"], "{stdout}");
+        let policy_state: Value = policy(&server.api(), format).await;
+        assert!(
+            number(&policy_state["groups"]) >= 12 && number(&policy_state["feed"]["acked"]) >= 12,
+            "{policy_state}"
+        );
+        assert_eq!(policy_state["policy"], "off");
     }
 }

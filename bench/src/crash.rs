@@ -1,0 +1,32 @@
+//! Crash test of minutes or hours: measures no speed, but fails if an acknowledged result is lost or counted twice.
+
+use std::io::Write;
+use std::time::Duration;
+
+use system_tests::crash::{CrashPlan, StopCondition, run_crash_test};
+
+use crate::Row;
+
+pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
+    let folder = tempfile::tempdir()?;
+    let until = StopCondition::Time(Duration::from_secs(60 * u64::from(minutes)));
+    let seed = u64::from(std::process::id());
+    let plan = CrashPlan {
+        until,
+        seed,
+        min_lifetime_ms: 50,
+        max_lifetime_ms: 20_000,
+        compacts: true,
+        progress_interval_s: 60,
+    };
+    writeln!(std::io::stderr(), "seed {}", plan.seed)?;
+    let report = tokio::runtime::Runtime::new()?
+        .block_on(run_crash_test(&folder.path().join("survivor.sqlite3"), plan))?;
+    writeln!(std::io::stdout(), "{report}")?;
+    Ok(vec![Row {
+        label: format!("{minutes} minutes, {} servers killed: lost acknowledged results", report.kills),
+        measured: "0".into(),
+        goal: "0".into(),
+        ratio: None,
+    }])
+}

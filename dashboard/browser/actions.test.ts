@@ -1,0 +1,193 @@
+/** Checks the actions of the pages by their effect on the server. */
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { launchBrowser, openPage, visit } from "./browser";
+import { waitFor } from "./poll";
+import { reportHeldEpisodes, SparringServer } from "./server";
+
+let browser: Browser;
+let server: SparringServer;
+beforeAll(async () => {
+  [browser, server] = [await launchBrowser(), await SparringServer.start()];
+});
+afterAll(async () => {
+  await browser.close();
+  await server.dispose();
+});
+
+interface Run {
+  status: string;
+  archived_at: string | null;
+  settings: { curriculum: { strategy: string; tasks: { task: string }[] }; group_size: number };
+}
+
+interface Failures {
+  tasks: { criticised: number }[];
+}
+
+interface Designs {
+  designs: { id: string }[];
+}
+
+async function press(page: Page, name: string) {
+  await page.getByRole("button", { name }).click();
+}
+
+test("a run is created, paused, resumed, archived and restored", async () => {
+  const { page, problems } = await openPage(browser, server.url);
+  await visit(page, server.url, "/");
+  await page.getByText("There are no runs yet").waitFor();
+  await press(page, "New run");
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("Id").fill("mine");
+  await dialog.getByLabel("Strategy").selectOption("uniform");
+  await dialog.getByLabel("Episodes of a scenario").fill("4");
+  await dialog.getByLabel("kessler/survival").check();
+  await dialog.getByRole("button", { name: "Make it" }).click();
+  await page.getByRole("article", { name: "mine" }).waitFor();
+  const getRun = () => server.get<Run>("/v1/runs/mine");
+  const { settings } = await getRun();
+  expect([
+    settings.curriculum.strategy,
+    settings.group_size,
+    settings.curriculum.tasks.map((task) => task.task),
+  ]).toEqual(["uniform", 4, ["kessler/survival"]]);
+  await press(page, "Pause mine");
+  await waitFor(getRun, ({ status }) => status === "paused");
+  await press(page, "Resume mine");
+  await waitFor(getRun, ({ status }) => status === "active");
+  await press(page, "Archive mine");
+  await waitFor(getRun, (run) => run.archived_at !== null);
+  await page.getByText("There are no runs yet").waitFor();
+  await page.getByLabel("those that are archived").check();
+  await press(page, "Resume mine");
+  await waitFor(getRun, (run) => run.archived_at === null);
+  expect(problems).toEqual([]);
+});
+
+test("a rejected request is reported in its dialog", async () => {
+  await server.post("/v1/runs", { id: "taken" });
+  const { page } = await openPage(browser, server.url);
+  await visit(page, server.url, "/");
+  await press(page, "New run");
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("Id").fill("taken");
+  await dialog.getByRole("button", { name: "Make it" }).click();
+  expect(await dialog.getByRole("alert").textContent()).toContain("taken");
+  await page.keyboard.press("Escape");
+  await dialog.waitFor({ state: "detached" });
+});
+
+test("designs are requested, shown, retired and flown by hand", async () => {
+  await server.post("/v1/runs", { id: "beaten", seed: 3, tasks: ["kessler/survival"] });
+  for (let i = 0; i < 4; i++) await reportHeldEpisodes(server, "beaten", 64);
+  await waitFor(
+    () => server.get<Failures>("/v1/runs/beaten/failures"),
+    ({ tasks }) => (tasks[0]?.criticised ?? 0) > 100,
+  );
+  const { page, problems } = await openPage(browser, server.url);
+  await visit(page, server.url, "/runs/beaten/designs");
+  await page.getByLabel("How many").fill("3");
+  await press(page, "Ask");
+  await page.getByText(/Asked: ask-/).waitFor();
+  const { designs } = await waitFor(
+    () => server.get<Designs>("/v1/runs/beaten/designs?state=active"),
+    (list) => list.designs.length > 0,
+  );
+  const design = designs[0];
+  if (!design) throw new Error("no design is active");
+  await visit(page, server.url, `/runs/beaten/designs/${design.id}`);
+  await page.locator("canvas").first().waitFor();
+  await press(page, "Retire");
+  await waitFor(
+    () => server.get<{ state: string }>(`/v1/runs/beaten/designs/${design.id}`),
+    ({ state }) => state === "retired",
+  );
+  await press(page, "Let it serve again");
+  await page.getByRole("button", { name: "Retire" }).waitFor();
+  await page.getByRole("link", { name: "Fly it" }).click();
+  await page.getByText(`Now: layout ${design.id}`).waitFor();
+  await press(page, "Hold");
+  await page.locator('output[data-step="1"]').waitFor();
+  expect(problems).toEqual([]);
+});
+
+test("two evaluated policies are compared", async () => {
+  const { page, problems } = await openPage(browser, server.url);
+  await visit(page, server.url, "/evaluations");
+  await page.getByLabel("Suite").selectOption("docking-heldout-v1");
+  for (const policy of ["hold", "heuristic"]) {
+    await page.getByRole("combobox", { name: /^Policy/ }).selectOption(policy);
+    await press(page, "Evaluate it");
+  }
+  // Either evaluation may complete first; a row has its check boxes once its evaluation is complete.
+  const checkbox = (policy: string, side: string) =>
+    page
+      .getByRole("row")
+      .filter({ has: page.getByRole("cell", { name: policy, exact: true }) })
+      .getByLabel(side, { exact: true });
+  await checkbox("heuristic", "A").check({ timeout: 120_000 });
+  await checkbox("hold", "B").check({ timeout: 120_000 });
+  await press(page, "Compare A with B");
+  await page.getByText("Difference of success").waitFor();
+  const cells = await page.locator("tbody tr").first().locator("td").allTextContents();
+  expect(cells[2]).toMatch(/^[1-9]\d*\.\d % \[[1-9]/); // better than holding: a positive difference
+  expect(problems).toEqual([]);
+});
+
+test("the address sets the episode filter, and terms have help", async () => {
+  await server.post("/v1/runs", {
+    id: "flown",
+    seed: 5,
+    tasks: ["kessler/survival"],
+    design: { designer: "off" },
+  });
+  await reportHeldEpisodes(server, "flown", 12);
+  const { page, problems } = await openPage(browser, server.url);
+  const rows = page.locator("tbody tr");
+  await visit(page, server.url, "/runs/flown/episodes?success=false&order=oldest");
+  await rows.first().waitFor();
+  const failed = await rows.count();
+  expect(await page.getByLabel("Outcome").inputValue()).toBe("false");
+  expect(failed).toBeLessThan(12);
+  await page.getByLabel("Outcome").selectOption("true");
+  await expect.poll(() => rows.count()).toBe(12 - failed);
+  expect(page.url()).toContain("success=true&order=oldest");
+  // The link removes the filter, and the back button restores it.
+  await page.getByRole("link", { name: "episodes", exact: true }).click();
+  await expect.poll(() => rows.count()).toBe(12);
+  expect(await page.getByLabel("Outcome").inputValue()).toBe("");
+  await page.goBack();
+  await expect.poll(() => rows.count()).toBe(12 - failed);
+  expect(await page.getByLabel("Outcome").inputValue()).toBe("true");
+
+  const help = page.getByText("Where a score lies between floor and reference");
+  expect(await help.isVisible()).toBe(false);
+  await page.getByRole("button", { name: "Skill" }).click();
+  await help.waitFor();
+  await page.keyboard.press("Escape");
+  await help.waitFor({ state: "hidden" });
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("the keyboard reaches every control of the runs page", async () => {
+  await server.post("/v1/runs", { id: "keyboard" });
+  const { page } = await openPage(browser, server.url);
+  await visit(page, server.url, "/");
+  await page.getByRole("button", { name: "Pause keyboard" }).waitFor();
+  const reached: string[] = [];
+  for (let i = 0; i < 60; i++) {
+    await page.keyboard.press("Tab");
+    reached.push(
+      await page.evaluate(
+        () =>
+          document.activeElement?.getAttribute("aria-label") ??
+          document.activeElement?.textContent.trim() ??
+          "",
+      ),
+    );
+  }
+  for (const name of ["Runs", "Evaluations", "Play", "New run", "Pause keyboard", "Archive keyboard"])
+    expect(reached).toContain(name);
+});

@@ -1,0 +1,105 @@
+/** Checks the time range that the charts of a run share: it is selected by dragging, moved, narrowed and reset. */
+import { execFileSync } from "node:child_process";
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { launchBrowser, openPage, visit } from "./browser";
+import { reportHeldEpisodes, SparringServer } from "./server";
+
+const HOURS = 10;
+/** Copies the last minute of history to every minute of the ten hours before it. */
+const EXTEND_HISTORY = `
+import sqlite3, sys
+db = sqlite3.connect(sys.argv[1])
+rows = db.execute("SELECT * FROM history WHERE width = 60000 ORDER BY start DESC LIMIT 1").fetchall()
+for back in range(1, 60 * ${String(HOURS)}):
+    for row in rows:
+        row = list(row)
+        row[3] -= 60000 * back
+        db.execute("INSERT INTO history VALUES (" + ",".join("?" * len(row)) + ") ON CONFLICT DO NOTHING", row)
+db.execute("UPDATE runs SET created_at = created_at - ?", (3600000 * ${String(HOURS)},))
+db.commit()
+`;
+
+let browser: Browser;
+let server: SparringServer;
+beforeAll(async () => {
+  [browser, server] = [await launchBrowser(), await SparringServer.start()];
+  await server.post("/v1/runs", {
+    id: "long",
+    seed: 7,
+    tasks: ["kessler/survival"],
+    design: { designer: "off" },
+  });
+  await reportHeldEpisodes(server, "long", 16);
+  await server.kill();
+  execFileSync("python3", ["-c", EXTEND_HISTORY, server.databasePath]);
+  await server.restart();
+});
+afterAll(async () => {
+  await browser.close();
+  await server.dispose();
+});
+
+/** Runs `action` and returns the start and the end (Unix time, s) of the range that the charts then request. */
+async function requestedRange(page: Page, action: () => Promise<unknown>): Promise<[number, number]> {
+  const [response] = await Promise.all([
+    page.waitForResponse(
+      (response) => response.url().includes("/series?") && response.url().includes("from="),
+    ),
+    action(),
+  ]);
+  const query = new URL(response.url()).searchParams;
+  return [Date.parse(query.get("from") ?? "") / 1000, Date.parse(query.get("to") ?? "") / 1000];
+}
+
+test("a range selected on one chart applies to all charts", async () => {
+  const { page, problems } = await openPage(browser, server.url);
+  await visit(page, server.url, "/runs/long");
+  const all = page.getByRole("button", { name: "All", exact: true });
+  expect(await all.getAttribute("aria-pressed")).toBe("true");
+  const plots = page.locator(".u-over");
+  await plots.first().waitFor();
+  expect(await plots.count()).toBeGreaterThanOrEqual(4);
+  const box = await plots.first().boundingBox();
+  if (!box) throw new Error("no plot is visible");
+
+  // Selects the second quarter of the plot.
+  const [from, to] = await requestedRange(page, async () => {
+    await page.mouse.move(box.x + box.width / 4, box.y + box.height / 2);
+    await page.mouse.down();
+    await page.mouse.move(box.x + box.width / 3, box.y + box.height / 2);
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.up();
+  });
+  expect(to - from).toBeGreaterThan(0.23 * HOURS * 3600);
+  expect(to - from).toBeLessThan(0.27 * HOURS * 3600);
+  expect(await all.getAttribute("aria-pressed")).toBe("false");
+
+  // "Later" moves by half of the range; "Nearer" halves it.
+  const later = await requestedRange(page, () => page.getByRole("button", { name: "Later" }).click());
+  expect(later[0] - from).toBeCloseTo((to - from) / 2, 0);
+  expect(later[1] - later[0]).toBeCloseTo(to - from, 0);
+  const nearer = await requestedRange(page, () => page.getByRole("button", { name: "Nearer" }).click());
+  expect(nearer[1] - nearer[0]).toBeCloseTo((to - from) / 2, 0);
+  const hour = await requestedRange(page, () => page.getByRole("button", { name: "1 h" }).click());
+  expect(hour[1] - hour[0]).toBeCloseTo(3600, 0);
+
+  // The CSV file holds the selected range.
+  const [download] = await Promise.all([
+    page.waitForEvent("download"),
+    page.getByRole("button", { name: "CSV of Skill of survival" }).click(),
+  ]);
+  const stream = await download.createReadStream();
+  const chunks: Buffer[] = [];
+  for await (const chunk of stream) chunks.push(chunk as Buffer);
+  const lines = Buffer.concat(chunks).toString().trim().split("\n").slice(1);
+  const times = lines.map((line) => Date.parse(line.split(",")[0] ?? "") / 1000);
+  expect(times.length).toBeGreaterThan(50);
+  expect(times.length).toBeLessThan(70);
+  expect(Math.min(...times)).toBeGreaterThanOrEqual(hour[0] - 60);
+
+  await plots.nth(1).dblclick();
+  await expect.poll(() => all.getAttribute("aria-pressed")).toBe("true");
+  expect(problems).toEqual([]);
+  await page.context().close();
+});

@@ -1,0 +1,95 @@
+/** The list of all pages, and the checks that each of them must pass. */
+import { AxeBuilder } from "@axe-core/playwright";
+import type { Browser } from "playwright-core";
+import { expect } from "vitest";
+import { openPage, SCREENSHOT_FOLDER, visit, waitUntilIdle, type ObservedPage } from "./browser";
+import type { SparringServer } from "./server";
+
+export interface PageCase {
+  route: string;
+  /** Text that the page shows once it has loaded. */
+  text: string;
+}
+
+/** Returns all pages of a server on which a learner trained, by name. */
+export async function pagesOfTrainedRun(url: string, run: string): Promise<Record<string, PageCase>> {
+  const get = async (path: string) => (await (await fetch(url + path)).json()) as Record<string, never>;
+  const failures: { episode: string }[] =
+    (await get(`/v1/runs/${run}/failures/list?task=kessler/survival&mode=collision&limit=1`))["failures"] ??
+    [];
+  const designs: { id: string }[] =
+    (await get(`/v1/runs/${run}/designs?limit=1&state=active`))["designs"] ?? [];
+  return {
+    runs: { route: "/", text: "sparring demo" },
+    run: { route: `/runs/${run}`, text: "Mastery of survival" },
+    failures: { route: `/runs/${run}/failures`, text: "collision" },
+    episodes: { route: `/runs/${run}/episodes`, text: "Origin" },
+    replay: { route: `/runs/${run}/episodes/${failures[0]?.episode ?? ""}?step=3`, text: "What happened" },
+    designs: { route: `/runs/${run}/designs`, text: "Who designs" },
+    design: { route: `/runs/${run}/designs/${designs[0]?.id ?? ""}`, text: "What agents did on it" },
+    evaluations: { route: "/evaluations", text: "eval-1" },
+    evaluation: { route: "/evaluations/eval-1", text: "Scenario by scenario" },
+    compare: { route: "/evaluations/compare?a=eval-1&b=eval-2", text: "Difference of success" },
+    play: { route: "/play?task=kessler/survival&seed=7&level=4", text: "Where nobody acts" },
+    docking: { route: "/play?task=docking/multiagent&seed=7", text: "Where nobody acts" },
+    missing: { route: "/nowhere", text: "There is no such page" },
+  };
+}
+
+/** Pages of a server whose only run, `new`, has no episodes. */
+export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
+  runs: { route: "/", text: "Leases" },
+  run: { route: "/runs/new", text: "Nothing came back yet" },
+  failures: { route: "/runs/new/failures", text: "Nothing was criticised yet" },
+  episodes: { route: "/runs/new/episodes", text: "Nothing came back yet" },
+  designs: { route: "/runs/new/designs", text: "Nothing was designed" },
+  evaluations: { route: "/evaluations", text: "There are none yet" },
+};
+
+/** Creates the run of [`PAGES_OF_EMPTY_RUN`]. */
+export async function createEmptyRun(server: SparringServer): Promise<SparringServer> {
+  await server.post("/v1/runs", { id: "new" });
+  return server;
+}
+
+/** Opens each page, takes its screenshot, and checks its errors and its accessibility. */
+export async function checkPages(
+  browser: Browser,
+  url: string,
+  pages: Record<string, PageCase>,
+  dark: boolean,
+  prefix = "",
+) {
+  for (const [name, page] of Object.entries(pages)) {
+    const observed = await openPage(browser, url, { dark });
+    await checkPage(observed, url, `${prefix}${name}-${dark ? "dark" : "light"}`, page);
+    await checkAccessibility(observed, name);
+    await observed.page.context().close();
+  }
+}
+
+/** Opens a page, waits for its text, takes its screenshot, and checks that it had no errors. */
+export async function checkPage(
+  observed: ObservedPage,
+  url: string,
+  name: string,
+  { route, text }: PageCase,
+) {
+  const { page, problems } = observed;
+  await visit(page, url, route);
+  await page.locator("main").getByText(text).first().waitFor();
+  await waitUntilIdle(observed);
+  await page.screenshot({ path: `${SCREENSHOT_FOLDER}/${name}.png`, fullPage: true });
+  expect(problems, name).toEqual([]);
+}
+
+/** Checks that axe finds no serious problem of accessibility. */
+async function checkAccessibility({ page }: ObservedPage, name: string) {
+  const { violations } = await new AxeBuilder({ page }).analyze();
+  const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
+  const messages = serious.map(({ id, nodes }) => {
+    const elements = nodes.slice(0, 3).map((node) => node.html.slice(0, 120));
+    return `${name}: ${id}: ${elements.join(" | ")}`;
+  });
+  expect(messages).toEqual([]);
+}

@@ -1,0 +1,56 @@
+/** Time interval in seconds since 1970. */
+export interface Interval {
+  from: number;
+  to: number;
+}
+
+const MIN_LENGTH_S = 60;
+
+/** Returns the end of the interval to show: `to` while data arrive, else shortly after the last data. */
+export function endOfData({ from, to }: Interval, last: number | undefined): number {
+  if (last === undefined || last <= from || to - last <= 0.1 * (to - from)) return to;
+  return Math.min(to, last + Math.max(MIN_LENGTH_S, 0.03 * (last - from)));
+}
+
+/** Time interval that all charts of a page show. */
+export class TimeRange {
+  /** Interval with data. */
+  available = $state<Interval>({ from: 0, to: 1 });
+  /** Interval that the user selected; null shows all available data, which grow. */
+  selected = $state<Interval | null>(null);
+
+  get shown(): Interval {
+    return this.selected ?? this.available;
+  }
+
+  /** Selects an interval, limited to the available one; ignores intervals below one minute. */
+  select(from: number, to: number) {
+    const start = Math.max(from, this.available.from);
+    const end = Math.min(to, this.available.to);
+    this.selected = end - start >= MIN_LENGTH_S ? { from: start, to: end } : this.selected;
+  }
+
+  showAll() {
+    this.selected = null;
+  }
+
+  /** Selects the last `seconds` seconds. */
+  last(seconds: number) {
+    this.select(this.available.to - seconds, this.available.to);
+  }
+
+  /** Scales the shown interval around its middle; factors below 1 zoom in. */
+  zoom(factor: number) {
+    const { from, to } = this.shown;
+    const [middle, half] = [(from + to) / 2, ((to - from) * factor) / 2];
+    if (2 * half >= this.available.to - this.available.from) this.showAll();
+    else this.select(middle - half, middle + half);
+  }
+
+  /** Moves the shown interval by a share of its length. */
+  pan(share: number) {
+    const { from, to } = this.shown;
+    const shift = Math.min(Math.max((to - from) * share, this.available.from - from), this.available.to - to);
+    this.select(from + shift, to + shift);
+  }
+}

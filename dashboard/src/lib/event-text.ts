@@ -1,0 +1,58 @@
+/** Texts for the events of a run, one line each. */
+import { count, shortTask } from "./format";
+import type { RunEvent } from "./event-stream.svelte";
+
+function text(value: unknown): string {
+  return typeof value === "string"
+    ? value
+    : value === undefined || value === null
+      ? ""
+      : JSON.stringify(value);
+}
+
+/** Texts for kinds of events without data. */
+const KINDS: Record<string, string> = {
+  run: "the run was changed",
+  lease: "a lease began or ended",
+  group: "a group came back",
+  move: "a level moved",
+  claim: "episodes came back in columns",
+  failures: "episodes were criticised",
+  design: "layouts were designed",
+  health: "its health changed",
+  gap: "events were left out",
+};
+
+export function eventKindText(kind: string): string {
+  return KINDS[kind] ?? kind.replaceAll("_", " ");
+}
+
+export function eventText({ kind, data }: RunEvent): string {
+  const task = typeof data["task"] === "string" ? shortTask(data["task"]) : "";
+  switch (kind) {
+    case "run":
+      return `run ${text(data["state"])}`;
+    case "lease":
+      return `lease ${text(data["lease"])} ${text(data["state"])}: ${text(data["groups"])} groups of ${text(data["group_size"])}, to ${text(data["purpose"])}`;
+    case "group": {
+      const level =
+        data["level"] === null || data["level"] === undefined ? "" : ` at level ${text(data["level"])}`;
+      return `${task}${level}: ${text(data["successes"])} of ${text(data["finished"])} succeeded (${text(data["state"])})`;
+    }
+    case "move": {
+      const evidence = data["evidence"] as { sentence?: string } | undefined;
+      return `${task}: ${text(data["kind"])} to level ${text(data["to"])}. ${evidence?.sentence ?? ""}`;
+    }
+    case "claim":
+      return `${count(Number(data["episodes"]))} episodes in columns: ${text(data["state"])} ${text(data["why"])}`;
+    case "failures":
+      return `${task}: ${text(data["criticised"])} episodes criticised`;
+    case "design":
+      return `${task}: ${text(data["designer"])} designed; ${text(data["admitted"])} admitted, ${text(data["refused"])} refused ${text(data["error"])}`;
+    case "health":
+    case "gap":
+      return `${task ? `${task}: ` : ""}${text(data["words"])}`;
+    default:
+      return text(data);
+  }
+}

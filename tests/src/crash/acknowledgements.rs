@@ -1,0 +1,253 @@
+//! Record of what the server acknowledged to the trainers, and its comparison with the database.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use anyhow::ensure;
+use serde_json::Value;
+
+use super::ServerExits;
+
+/// Everything that trainers received an acknowledgement for. All trainers share one log.
+#[derive(Debug, Default)]
+pub struct AcknowledgementLog(Mutex<Acknowledgements>);
+
+#[derive(Debug, Default)]
+struct Acknowledgements {
+    /// Acknowledged results by episode id.
+    results: BTreeMap<String, AcknowledgedResult>,
+    /// Number of results that were sent again and acknowledged as duplicates.
+    repeated: u64,
+    /// Number of episodes of each lease whose column claim was accepted.
+    columns: BTreeMap<String, u64>,
+    /// Groups that the trajectory feed delivered, by group id.
+    delivered: BTreeMap<i64, Vec<EpisodeScore>>,
+    /// Ids of delivered groups whose acknowledgement the server confirmed.
+    acknowledged: BTreeSet<i64>,
+    /// Number of requests that found no server.
+    unreachable: u64,
+    /// Violations that were seen during the test.
+    faults: Vec<String>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct AcknowledgedResult {
+    /// Interface that the trainer used: `results`, `columns`, `steps` or `trajectories`.
+    interface: &'static str,
+    score: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct EpisodeScore {
+    id: String,
+    score: f64,
+}
+
+/// State of the server after the last restart.
+pub(super) struct ServerState {
+    /// All episodes of the run.
+    pub episodes: Vec<Value>,
+    /// Response of the mastery endpoint.
+    pub mastery: Value,
+    /// Groups that are still in the trajectory feed.
+    pub undelivered: Vec<Value>,
+}
+
+impl AcknowledgementLog {
+    fn lock(&self) -> MutexGuard<'_, Acknowledgements> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn record_unreachable(&self) {
+        self.lock().unreachable += 1;
+    }
+
+    pub(super) fn record_fault(&self, message: String) {
+        self.lock().faults.push(message);
+    }
+
+    /// Records a receipt if it acknowledges a result. Any other receipt but `late` and `lost` is a fault.
+    pub(super) fn record_receipt(&self, interface: &'static str, receipt: &Value) {
+        let mut log = self.lock();
+        let (status, episode) =
+            (receipt["status"].as_str().unwrap_or(""), receipt["episode"].as_str().unwrap_or(""));
+        let score = receipt["score"].as_f64();
+        match (status, score) {
+            ("counted" | "stored" | "duplicate" | "audited", Some(score)) => {
+                log.repeated += u64::from(status == "duplicate");
+                let result = AcknowledgedResult { interface, score };
+                let before = log.results.insert(episode.to_owned(), result);
+                if let Some(before) = before.filter(|before| before.score.to_bits() != score.to_bits()) {
+                    log.faults
+                        .push(format!("{episode} was acknowledged with {}, then with {score}", before.score));
+                }
+            }
+            // The lease expired while the server was down.
+            ("late" | "lost", _) => {}
+            _ => log.faults.push(format!("{interface}: {receipt}")),
+        }
+    }
+
+    pub(super) fn record_accepted_claim(&self, lease: &str, episodes: u64) {
+        self.lock().columns.insert(lease.to_owned(), episodes);
+    }
+
+    /// Records a delivered group. A second delivery after the acknowledgement, or with other episodes, is a fault.
+    pub(super) fn record_delivery(&self, group: &Value) {
+        let id = group["id"].as_i64().unwrap_or(-1);
+        let episodes = group["episodes"].as_array().into_iter().flatten();
+        let episodes: Vec<EpisodeScore> = episodes
+            .map(|episode| EpisodeScore {
+                id: episode["id"].as_str().unwrap_or("").to_owned(),
+                score: episode["score"].as_f64().unwrap_or(f64::NAN),
+            })
+            .collect();
+        let mut log = self.lock();
+        if log.acknowledged.contains(&id) {
+            log.faults.push(format!("group {id} was delivered again after its acknowledgement"));
+        }
+        if log.delivered.insert(id, episodes.clone()).is_some_and(|before| before != episodes) {
+            log.faults.push(format!("group {id} was delivered again with other episodes"));
+        }
+    }
+
+    pub(super) fn record_acks(&self, ids: &[i64]) {
+        self.lock().acknowledged.extend(ids);
+    }
+
+    pub(super) fn summary_line(&self) -> String {
+        let log = self.lock();
+        format!(
+            "{} results acknowledged, {} claims, {} groups delivered, {} faults",
+            log.results.len(),
+            log.columns.len(),
+            log.delivered.len(),
+            log.faults.len()
+        )
+    }
+
+    /// Compares the log with the state of the server, and fails if an acknowledged result is lost or counted twice.
+    pub(super) fn compare(&self, exits: ServerExits, state: &ServerState) -> anyhow::Result<CrashReport> {
+        state.undelivered.iter().for_each(|group| self.record_delivery(group));
+        let log = self.lock();
+        let mut faults = log.faults.clone();
+        let stored = index_by_id(&state.episodes, &mut faults);
+        let by_interface = log.check_episodes(&stored, &mut faults);
+        let sum = |field: &str, part: &str| -> u64 {
+            let tasks = state.mastery["tasks"].as_array().into_iter().flatten();
+            tasks.map(|task| task[field][part].as_u64().unwrap_or(0)).sum()
+        };
+        let finished = state.episodes.iter().filter(|episode| episode["state"] == "finished").count() as u64;
+        // Logs of a claim that never became complete are stored, but count for nothing.
+        let counted = sum("plain", "episodes") + sum("designed", "episodes");
+        let (claimed, accepted) = (sum("claimed", "episodes"), log.columns.values().sum::<u64>());
+        if counted > finished {
+            faults.push(format!("{counted} episodes are counted, but only {finished} are stored"));
+        }
+        if claimed < accepted {
+            faults.push(format!(
+                "{accepted} episodes of columns were accepted, but only {claimed} are counted"
+            ));
+        }
+        let report = CrashReport {
+            kills: exits.kills,
+            stops: exits.stops,
+            unreachable: log.unreachable,
+            by_interface,
+            repeated: log.repeated,
+            finished,
+            counted,
+            accepted,
+            claimed,
+            groups: log.delivered.len() as u64,
+            acknowledged: log.acknowledged.len() as u64,
+        };
+        ensure!(faults.is_empty(), "{report}\n{} faults:\n{}", faults.len(), faults.join("\n"));
+        Ok(report)
+    }
+}
+
+impl Acknowledgements {
+    /// Checks that each acknowledged episode is stored with the same score, and counts the episodes by interface.
+    fn check_episodes(
+        &self,
+        stored: &BTreeMap<&str, &Value>,
+        faults: &mut Vec<String>,
+    ) -> BTreeMap<&'static str, u64> {
+        let mut by_interface: BTreeMap<&'static str, u64> = BTreeMap::new();
+        let reported = self.results.iter().map(|(id, result)| (id.as_str(), *result));
+        let delivered = self.delivered.values().flatten().map(|episode| {
+            (episode.id.as_str(), AcknowledgedResult { interface: "trajectories", score: episode.score })
+        });
+        for (id, result) in reported.chain(delivered) {
+            *by_interface.entry(result.interface).or_default() += 1;
+            let found = stored.get(id);
+            let is_same = found.is_some_and(|episode| {
+                episode["state"] == "finished"
+                    && episode["score"].as_f64().map(f64::to_bits) == Some(result.score.to_bits())
+            });
+            if !is_same {
+                faults.push(format!("{id} was acknowledged with {}, stored is {found:?}", result.score));
+            }
+        }
+        by_interface
+    }
+}
+
+fn index_by_id<'a>(episodes: &'a [Value], faults: &mut Vec<String>) -> BTreeMap<&'a str, &'a Value> {
+    let mut stored: BTreeMap<&str, &Value> = BTreeMap::new();
+    for episode in episodes {
+        let id = episode["episode"].as_str().unwrap_or("");
+        if stored.insert(id, episode).is_some() {
+            faults.push(format!("{id} is stored twice"));
+        }
+    }
+    stored
+}
+
+/// Counts of a crash test that found no fault.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CrashReport {
+    /// Number of servers that were killed with SIGKILL.
+    pub kills: u32,
+    /// Number of servers that were stopped with SIGTERM.
+    pub stops: u32,
+    /// Number of requests that found no server.
+    pub unreachable: u64,
+    /// Number of acknowledged episodes by interface; each of them is stored with the acknowledged score.
+    pub by_interface: BTreeMap<&'static str, u64>,
+    /// Number of results that were sent again and acknowledged as duplicates.
+    pub repeated: u64,
+    /// Number of finished episodes in the database.
+    pub finished: u64,
+    /// Number of episodes that count for mastery.
+    pub counted: u64,
+    /// Number of episodes in column claims that were accepted, as trainers know it.
+    pub accepted: u64,
+    /// Number of episodes of column claims that count for mastery.
+    pub claimed: u64,
+    /// Number of groups that the trajectory feed delivered.
+    pub groups: u64,
+    /// Number of delivered groups that were acknowledged; none was delivered again.
+    pub acknowledged: u64,
+}
+
+impl fmt::Display for CrashReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{:<52} {:>9}", "servers killed (SIGKILL)", self.kills)?;
+        writeln!(f, "{:<52} {:>9}", "servers stopped (SIGTERM)", self.stops)?;
+        writeln!(f, "{:<52} {:>9}", "requests without a response, sent again", self.unreachable)?;
+        for (interface, episodes) in &self.by_interface {
+            let line = format!("episodes acknowledged by {interface}, all stored");
+            writeln!(f, "{line:<52} {episodes:>9}")?;
+        }
+        writeln!(f, "{:<52} {:>9}", "results sent again, acknowledged as before", self.repeated)?;
+        writeln!(f, "{:<52} {:>9}", "finished episodes in the database", self.finished)?;
+        writeln!(f, "{:<52} {:>9}", "of these, counted episodes (each once)", self.counted)?;
+        writeln!(f, "{:<52} {:>9}", "episodes of columns that trainers saw accepted", self.accepted)?;
+        writeln!(f, "{:<52} {:>9}", "episodes of columns that count", self.claimed)?;
+        writeln!(f, "{:<52} {:>9}", "groups delivered by the feed", self.groups)?;
+        write!(f, "{:<52} {:>9}", "groups acknowledged, none delivered again", self.acknowledged)
+    }
+}

@@ -1,0 +1,190 @@
+//! Crash test: a server is killed repeatedly while trainers use every interface of it.
+//!
+//! [`run_crash_test`] starts the trainers, kills the server (every fifth time it sends SIGTERM instead) and finally
+//! compares the acknowledgements that the trainers received with the database. The trainers are in `trainers`, the
+//! comparison is in `acknowledgements`.
+
+mod acknowledgements;
+mod trainers;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, ensure};
+use serde_json::{Value, json};
+use tokio::task::JoinSet;
+
+use self::acknowledgements::ServerState;
+pub use self::acknowledgements::{AcknowledgementLog, CrashReport};
+use self::trainers::Trainer;
+use crate::{ApiClient, ServerProcess};
+
+/// Id of the run that all trainers use.
+const RUN: &str = "survivor";
+
+/// When the test stops to kill servers.
+#[derive(Debug, Clone, Copy)]
+pub enum StopCondition {
+    /// Stops after this many kills.
+    Kills(u32),
+    /// Stops after this time.
+    Time(Duration),
+}
+
+/// Settings of a crash test.
+#[derive(Debug, Clone, Copy)]
+pub struct CrashPlan {
+    /// When the test ends.
+    pub until: StopCondition,
+    /// Seed of the times at which servers are killed, and of the run.
+    pub seed: u64,
+    /// Shortest time from the start of a server to its kill, in milliseconds.
+    pub min_lifetime_ms: u64,
+    /// Longest time from the start of a server to its kill, in milliseconds.
+    pub max_lifetime_ms: u64,
+    /// True if the run keeps few leases in full, so that servers are also killed while they compact.
+    pub compacts: bool,
+    /// Interval of progress lines on stderr, in seconds; 0 prints none.
+    pub progress_interval_s: u64,
+}
+
+/// Number of exits of the server during a test.
+#[derive(Debug, Clone, Copy, Default)]
+struct ServerExits {
+    /// Number of exits by SIGKILL.
+    kills: u32,
+    /// Number of exits by SIGTERM.
+    stops: u32,
+}
+
+/// Trains against a server that is killed and restarted, then compares acknowledgements with the database.
+///
+/// # Errors
+/// Returns an error if the server rejects a valid request, if a trainer fails, or if an acknowledged result is
+/// missing or counted twice.
+pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashReport> {
+    let mut server = ServerProcess::start(db);
+    let address = server.address().to_owned();
+    create_run(&server.api(), plan).await?;
+
+    let (log, stop) = (Arc::new(AcknowledgementLog::default()), Arc::new(AtomicBool::new(false)));
+    let mut trainers = JoinSet::new();
+    let trainer = |seed| Trainer::new(&server.api(), &log, &stop, seed);
+    trainers.spawn(trainer(1).report_results());
+    trainers.spawn(trainer(2).report_results());
+    trainers.spawn(trainer(3).claim_columns());
+    trainers.spawn(trainer(4).step_sessions());
+    trainers.spawn(trainer(5).step_sessions());
+    trainers.spawn(trainer(6).consume_trajectories());
+
+    let (mut exits, start, mut last_progress) = (ServerExits::default(), Instant::now(), Instant::now());
+    let should_continue = |kills: u32| match plan.until {
+        StopCondition::Kills(count) => kills < count,
+        StopCondition::Time(duration) => start.elapsed() < duration,
+    };
+    while should_continue(exits.kills) {
+        let lifetime = draw_lifetime_ms(&plan, exits.kills + exits.stops);
+        tokio::select! {
+            () = tokio::time::sleep(Duration::from_millis(lifetime)) => {}
+            Some(ended) = trainers.join_next() => {
+                ended??;
+                anyhow::bail!("a trainer ended before the test");
+            }
+        }
+        if (exits.kills + exits.stops) % 5 == 4 {
+            ensure!(server.terminate() == Some(0), "the server did not exit with 0 after SIGTERM");
+            exits.stops += 1;
+        } else {
+            server.kill();
+            exits.kills += 1;
+        }
+        server = ServerProcess::start_at(&address, db, &[]);
+        if plan.progress_interval_s > 0
+            && last_progress.elapsed() > Duration::from_secs(plan.progress_interval_s)
+        {
+            last_progress = Instant::now();
+            let (seconds, kills) = (start.elapsed().as_secs_f64(), exits.kills);
+            print_progress(&format!("{seconds:>6.0} s, {kills} kills: {}", log.summary_line()))?;
+        }
+    }
+    stop.store(true, Ordering::SeqCst);
+    while let Some(ended) = trainers.join_next().await {
+        ended??;
+    }
+    let report = drain_and_compare(&server.api(), &log, exits).await?;
+    ensure!(server.terminate() == Some(0), "the last server did not exit with 0 after SIGTERM");
+    Ok(report)
+}
+
+/// Creates the run and the policy of its server rollouts.
+async fn create_run(api: &ApiClient, plan: CrashPlan) -> anyhow::Result<()> {
+    let retention = match plan.compacts {
+        true => json!({"episodes": 200, "claimed": 400}),
+        false => json!({"episodes": "all", "claimed": "all"}),
+    };
+    let settings = json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery",
+                          "tasks": ["kessler/survival", "kessler/eco_station"], "retention": retention});
+    let created = api.post("/v1/runs", settings).await;
+    ensure!(created.status == 201, "the run was not created: {}", created.body);
+    let policy = json!({"policy": "random", "version": 1, "ahead": 64}).to_string();
+    let put = api.request("PUT", &format!("/v1/runs/{RUN}/policy"), "application/json", policy).await;
+    ensure!(put.status == 200, "the policy was not set: {}", put.body);
+    Ok(())
+}
+
+/// Stops server rollouts, releases active leases, waits for all critiques, then compares the log with the server.
+async fn drain_and_compare(
+    api: &ApiClient,
+    log: &AcknowledgementLog,
+    exits: ServerExits,
+) -> anyhow::Result<CrashReport> {
+    let off = json!({"policy": "off"}).to_string();
+    let put = api.request("PUT", &format!("/v1/runs/{RUN}/policy"), "application/json", off).await;
+    ensure!(put.status == 200, "the policy was not switched off: {}", put.body);
+    for lease in list_all(api, "leases").await? {
+        if lease["status"] == "active" {
+            let path =
+                format!("/v1/runs/{RUN}/leases/{}/release", lease["lease"].as_str().unwrap_or_default());
+            let released = api.post(&path, json!({})).await;
+            ensure!(released.status == 200, "{path}: {}", released.body);
+        }
+    }
+    let start = Instant::now();
+    while api.get(&format!("/v1/runs/{RUN}")).await.body["critique"]["waiting"].as_i64().unwrap_or(1) > 0 {
+        ensure!(start.elapsed() < Duration::from_secs(120), "critiques still wait after 120 s");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let undelivered = trainers::drain_feed(api, RUN).await?;
+    let mastery = api.get(&format!("/v1/runs/{RUN}/mastery")).await.body;
+    let episodes = list_all(api, "episodes").await?;
+    log.compare(exits, &ServerState { episodes, mastery, undelivered })
+}
+
+/// Fetches all pages of a list of the run.
+async fn list_all(api: &ApiClient, resource: &str) -> anyhow::Result<Vec<Value>> {
+    let (mut items, mut cursor) = (Vec::new(), String::new());
+    loop {
+        let page = api.get(&format!("/v1/runs/{RUN}/{resource}?limit=500{cursor}")).await;
+        ensure!(page.status == 200, "{resource}: {}", page.body);
+        items.extend(page.body[resource].as_array().context("the page has no list")?.clone());
+        match page.body["next"].as_str() {
+            Some(next) => cursor = format!("&cursor={next}"),
+            None => return Ok(items),
+        }
+    }
+}
+
+/// Draws the lifetime of server number `index`, the same for the same seed (SplitMix64: Steele, Lea and Flood 2014).
+fn draw_lifetime_ms(plan: &CrashPlan, index: u32) -> u64 {
+    let mut z = plan.seed.wrapping_add(u64::from(index).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    plan.min_lifetime_ms + (z ^ (z >> 31)) % (plan.max_lifetime_ms - plan.min_lifetime_ms + 1)
+}
+
+fn print_progress(line: &str) -> std::io::Result<()> {
+    use std::io::Write;
+    writeln!(std::io::stderr(), "{line}")
+}

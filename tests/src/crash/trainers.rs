@@ -1,0 +1,207 @@
+//! Trainers that use one interface each and retry every request that gets no response.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use futures_util::{SinkExt, StreamExt};
+use serde_json::{Value, json};
+use tokio_tungstenite::connect_async;
+use tokio_tungstenite::tungstenite::Message;
+
+use super::{AcknowledgementLog, RUN};
+use crate::{ApiClient, ApiResponse, Lease, episode_result, run_policy};
+
+/// Pause between two attempts of a request.
+const RETRY_INTERVAL: Duration = Duration::from_millis(30);
+/// Number of attempts: together longer than a server takes to start.
+const MAX_ATTEMPTS: u32 = 1000;
+/// Time after which the feed delivers an unacknowledged group again, in seconds.
+const DELIVERY_TTL_S: u64 = 2;
+
+pub(super) struct Trainer {
+    api: ApiClient,
+    log: Arc<AcknowledgementLog>,
+    stop: Arc<AtomicBool>,
+    seed: u64,
+}
+
+impl Trainer {
+    pub(super) fn new(
+        api: &ApiClient,
+        log: &Arc<AcknowledgementLog>,
+        stop: &Arc<AtomicBool>,
+        seed: u64,
+    ) -> Self {
+        Self { api: api.clone(), log: Arc::clone(log), stop: Arc::clone(stop), seed }
+    }
+
+    fn is_running(&self) -> bool {
+        !self.stop.load(Ordering::SeqCst)
+    }
+
+    /// Sends a request until the server responds with anything but 429 or 503.
+    async fn request(&self, method: &str, path: &str, body: &Value) -> anyhow::Result<ApiResponse> {
+        let path = format!("/v1/runs/{RUN}{path}");
+        for _ in 0..MAX_ATTEMPTS {
+            let body = if body.is_null() { String::new() } else { body.to_string() };
+            match self.api.try_request(method, &path, "application/json", body).await {
+                Ok(response) if !matches!(response.status, 429 | 503) => return Ok(response),
+                Ok(_) => {}
+                Err(_) => self.log.record_unreachable(),
+            }
+            tokio::time::sleep(RETRY_INTERVAL).await;
+        }
+        anyhow::bail!("{method} {path}: no response after {MAX_ATTEMPTS} attempts")
+    }
+
+    /// Leases groups, runs their episodes in this process and reports each result.
+    pub(super) async fn report_results(self) -> anyhow::Result<()> {
+        while self.is_running() {
+            let response = self.request("POST", "/leases", &json!({"groups": 3, "ttl_s": 60})).await?;
+            ensure!(response.status == 201, "no lease: {}", response.body);
+            let lease = Lease(response.body);
+            let episodes = lease.episodes();
+            let results: Vec<Value> =
+                episodes.iter().map(|(id, scenario)| episode_result(id, scenario, "heuristic")).collect();
+            for batch in results.chunks(2) {
+                self.report("results", batch).await?;
+            }
+            // All results are in, so the lease is done, also after a restart: it cannot be renewed.
+            let renewal = self.request("POST", &format!("/leases/{}/renew", lease.id()), &json!({})).await?;
+            ensure!(
+                renewal.status == 409 && renewal.body["detail"].to_string().contains("done"),
+                "{}",
+                renewal.body
+            );
+        }
+        Ok(())
+    }
+
+    async fn report(&self, interface: &'static str, results: &[Value]) -> anyhow::Result<()> {
+        let response = self.request("POST", "/results", &json!({"results": results})).await?;
+        ensure!(response.status == 200, "results rejected: {}", response.body);
+        for receipt in response.body["results"].as_array().context("no receipts")? {
+            self.log.record_receipt(interface, receipt);
+        }
+        Ok(())
+    }
+
+    /// Leases ranges of seeds, claims scores as columns and sends the logs of the audited episodes.
+    pub(super) async fn claim_columns(self) -> anyhow::Result<()> {
+        while self.is_running() {
+            let request = json!({"groups": 24, "group_size": 1, "ttl_s": 60, "form": "columns"});
+            let response = self.request("POST", "/leases", &request).await?;
+            ensure!(response.status == 201, "no lease: {}", response.body);
+            let lease = Lease(response.body);
+            let scenarios = column_scenarios(&lease)?;
+            let scores: Vec<f64> =
+                scenarios.iter().map(|scenario| run_policy(scenario, "hold").outcome.score).collect();
+            let path = format!("/leases/{}/columns", lease.id());
+            let claim = self.request("POST", &path, &json!({"score": scores})).await?;
+            if claim.status == 409 {
+                continue; // the lease expired while the server was down
+            }
+            ensure!(claim.status == 200, "claim rejected: {}", claim.body);
+            let groups = claim.body["audit"].as_array().context("no audit")?;
+            let audited: Vec<&Value> =
+                groups.iter().flat_map(|group| group["episodes"].as_array().into_iter().flatten()).collect();
+            let index = |episode: &Value| -> anyhow::Result<usize> {
+                Ok(episode.as_str().and_then(|id| id.rsplit('_').next()).context("no index")?.parse()?)
+            };
+            for batch in audited.chunks(8) {
+                let results = batch.iter().map(|id| {
+                    Ok(episode_result(id.as_str().unwrap_or_default(), &scenarios[index(id)?], "hold"))
+                });
+                self.report("columns", &results.collect::<anyhow::Result<Vec<_>>>()?).await?;
+            }
+            let status = self.request("GET", &path, &json!(null)).await?;
+            match status.body["state"].as_str() {
+                Some("accepted") => self.log.record_accepted_claim(lease.id(), scores.len() as u64),
+                _ => self.log.record_fault(format!("columns of {}: {}", lease.id(), status.body)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Steps episodes of the run on the server over WebSocket sessions.
+    pub(super) async fn step_sessions(self) -> anyhow::Result<()> {
+        let url = format!("{}/v1/sessions", self.api.base().replacen("http", "ws", 1));
+        let mut id = self.seed << 32;
+        while self.is_running() {
+            let Ok((mut socket, _)) = connect_async(&url).await else {
+                self.log.record_unreachable();
+                tokio::time::sleep(RETRY_INTERVAL).await;
+                continue;
+            };
+            let mut message = json!({"type": "open", "version": 1, "run": RUN});
+            while self.is_running() {
+                if socket.send(Message::text(message.to_string())).await.is_err() {
+                    break;
+                }
+                let Some(Ok(Message::Text(text))) = socket.next().await else { break };
+                let reply: Value = serde_json::from_str(&text)?;
+                if reply["type"] == "error" {
+                    break; // only the receipt of a finished episode is an acknowledgement
+                }
+                if reply["done"] == true {
+                    self.log.record_receipt("steps", &reply["reported"]);
+                }
+                id += 1;
+                message = match reply["done"] == true {
+                    true => json!({"type": "reset", "id": id, "run": RUN}),
+                    false => json!({"type": "step", "id": id, "action": {}}),
+                };
+            }
+        }
+        Ok(())
+    }
+
+    /// Pulls groups of server rollouts from the feed and acknowledges half of them.
+    pub(super) async fn consume_trajectories(self) -> anyhow::Result<()> {
+        let path = format!("/trajectories?limit=4&wait_s=1&ttl_s={DELIVERY_TTL_S}");
+        while self.is_running() {
+            let pulled = self.request("GET", &path, &json!(null)).await?;
+            ensure!(pulled.status == 200, "no trajectories: {}", pulled.body);
+            let groups = pulled.body["groups"].as_array().context("no groups")?;
+            groups.iter().for_each(|group| self.log.record_delivery(group));
+            let ids: Vec<i64> = groups.iter().filter_map(|group| group["id"].as_i64()).step_by(2).collect();
+            if ids.is_empty() {
+                continue;
+            }
+            let acked = self.request("POST", "/trajectories/ack", &json!({"ids": ids})).await?;
+            ensure!(acked.status == 200, "acknowledgement rejected: {}", acked.body);
+            self.log.record_acks(&ids);
+        }
+        Ok(())
+    }
+}
+
+/// Returns the scenarios of a lease of columns in the order of its episodes.
+fn column_scenarios(lease: &Lease) -> anyhow::Result<Vec<env_core::Scenario>> {
+    let mut scenarios = Vec::new();
+    for range in lease.0["ranges"].as_array().context("no ranges")? {
+        for group in 0..range["groups"].as_u64().unwrap_or(0) {
+            let seed = range["seed"].as_u64().unwrap_or(0) + group;
+            scenarios.push(lease.scenario(&json!({"recipe": range["recipe"], "seed": seed})));
+        }
+    }
+    Ok(scenarios)
+}
+
+/// Pulls all groups that are still in the feed. Server rollouts must be off.
+pub(super) async fn drain_feed(api: &ApiClient, run: &str) -> anyhow::Result<Vec<Value>> {
+    // Tests the passing of time: groups that were delivered but not acknowledged return after their TTL.
+    tokio::time::sleep(Duration::from_millis(1000 * DELIVERY_TTL_S + 100)).await;
+    let mut groups = Vec::new();
+    loop {
+        let pulled = api.get(&format!("/v1/runs/{run}/trajectories?limit=64&ttl_s=600&wait_s=0")).await;
+        ensure!(pulled.status == 200, "no trajectories: {}", pulled.body);
+        let page = pulled.body["groups"].as_array().context("no groups")?;
+        if page.is_empty() {
+            return Ok(groups);
+        }
+        groups.extend(page.iter().cloned());
+    }
+}

@@ -1,0 +1,94 @@
+//! Repeated kills of a server lose no acknowledged result and count nothing twice.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by a panic; the report is visible with --nocapture"
+)]
+
+use std::path::Path;
+use std::process::Command;
+
+use curriculum::{Curriculum, CurriculumEvent};
+use orchestrator::runs::settings::RunSettings;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Row};
+use system_tests::crash::{CrashPlan, CrashReport, StopCondition, run_crash_test};
+use system_tests::sparring_binary;
+
+/// Runs a crash test with `kills` kills and checks the database with `sparring db check`.
+///
+/// The environment variable `SPARRING_CRASH_SEED` sets the seed; the default is 7.
+async fn crash(db: &Path, kills: u32, compacts: bool) -> CrashReport {
+    let seed = std::env::var("SPARRING_CRASH_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
+    let plan = CrashPlan {
+        until: StopCondition::Kills(kills),
+        seed,
+        min_lifetime_ms: 50,
+        max_lifetime_ms: 1500,
+        compacts,
+        progress_interval_s: 0,
+    };
+    let report = match run_crash_test(db, plan).await {
+        Ok(report) => report,
+        Err(error) => panic!("seed {seed}: {error:#}"),
+    };
+    println!("{report}"); // visible with: cargo test -p system-tests crash -- --nocapture
+
+    // The database is intact and consistent, and each sampled log replays to its score.
+    let check = Command::new(sparring_binary())
+        .args(["db", "check", "--replay", "2000", "--db"])
+        .arg(db)
+        .output()
+        .unwrap();
+    assert_eq!(check.status.code(), Some(0), "{}", String::from_utf8_lossy(&check.stdout));
+    report
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn kills_during_compaction_lose_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("survivor.sqlite3");
+    let report = crash(&db, 12, true).await;
+    let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
+    let folded: i64 =
+        sqlx::query_scalar("SELECT sum(episodes) FROM folds").fetch_one(&mut conn).await.unwrap();
+    assert!(folded > 200, "only {folded} episodes were compacted: {report}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn acknowledged_results_survive_kills_and_count_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("survivor.sqlite3");
+    let report = crash(&db, 22, false).await;
+    assert!(report.kills >= 20 && report.stops >= 3 && report.unreachable > 20, "{report}");
+    assert_eq!(
+        report.by_interface.keys().copied().collect::<Vec<_>>(),
+        ["columns", "results", "steps", "trajectories"]
+    );
+    assert!(
+        report.by_interface.values().all(|episodes| *episodes > 4) && report.acknowledged > 4,
+        "{report}"
+    );
+
+    // A replay of all events leads to the stored snapshot, whichever snapshots the kills left in between.
+    let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
+    let run = sqlx::query("SELECT seed, settings FROM runs").fetch_one(&mut conn).await.unwrap();
+    let settings: RunSettings = serde_json::from_str(run.get("settings")).unwrap();
+    let mut folded = Curriculum::new(run.get::<i64, _>("seed").cast_unsigned(), settings.curriculum).unwrap();
+    let events = sqlx::query("SELECT seq, body FROM curriculum_events ORDER BY seq")
+        .fetch_all(&mut conn)
+        .await
+        .unwrap();
+    for event in events {
+        let body: CurriculumEvent = serde_json::from_str(event.get("body")).unwrap();
+        folded.replay_event(event.get::<i64, _>("seq").cast_unsigned(), &body).unwrap();
+    }
+    let stored: String =
+        sqlx::query_scalar("SELECT body FROM curriculum_snapshots ORDER BY seq DESC LIMIT 1")
+            .fetch_one(&mut conn)
+            .await
+            .unwrap();
+    let stored: serde_json::Value = serde_json::from_str(&stored).unwrap();
+    assert_eq!(serde_json::to_value(folded.snapshot()).unwrap(), stored);
+}

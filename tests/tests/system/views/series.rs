@@ -1,0 +1,161 @@
+//! Series of a run over time: every result is in exactly one bucket.
+
+use std::sync::atomic::Ordering;
+
+use orchestrator::clock::{Clock, ManualClock};
+use serde_json::{Value, json};
+use system_tests::{ApiClient, Server, wait_until};
+
+use super::{create_run, report_groups};
+
+const MINUTE: i64 = 60_000;
+const HOUR: i64 = 60 * MINUTE;
+const DAY: i64 = 24 * HOUR;
+/// Start of an hour, in milliseconds.
+const START: i64 = 1_800_000_000_000;
+
+fn sum(series: &Value, column: &str) -> i64 {
+    let values = series["tasks"][0][column].as_array().expect("a column");
+    values.iter().map(|value| value.as_i64().expect("a count")).sum()
+}
+
+async fn series(api: &ApiClient, from: i64, to: i64, points: u32) -> Value {
+    let timestamp = |at: i64| jiff::Timestamp::from_millisecond(at).expect("a moment").to_string();
+    let path = format!("/v1/runs/run/series?from={}&to={}&points={points}", timestamp(from), timestamp(to));
+    api.get(&path).await.expect(200)
+}
+
+/// Mastery is sampled at intervals, but the last point always has the current value.
+#[tokio::test]
+async fn last_point_has_the_current_mastery() {
+    let ManualClock { clock, time: clock_ms } = Clock::manual(START);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    create_run(&api, json!({})).await;
+    for after in [0, 0, 3 * MINUTE, 0, 0] {
+        clock_ms.fetch_add(after, Ordering::SeqCst);
+        report_groups(&api, 9, "heuristic").await;
+        let now = clock_ms.load(Ordering::SeqCst) + 1;
+        let mastery = api.get("/v1/runs/run/mastery").await.expect(200)["tasks"][0]["mastery"].clone();
+        let task_series = series(&api, START, now, 2000).await["tasks"][0].clone();
+        for (column, key) in [("mastery", "mean"), ("mastery_low", "q10"), ("mastery_high", "q90")] {
+            assert_eq!(
+                task_series[column].as_array().and_then(|values| values.last()),
+                Some(&mastery[key]),
+                "{mastery}"
+            );
+        }
+    }
+}
+
+#[tokio::test]
+async fn buckets_sum_to_all_results() {
+    let ManualClock { clock, time: clock_ms } = Clock::manual(START);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    create_run(&api, json!({"group_size": 2})).await;
+    let mut reported = 0;
+    for (after, groups) in [(0, 6), (10_000, 3), (MINUTE, 9), (3 * MINUTE, 3), (50 * MINUTE, 6)] {
+        clock_ms.fetch_add(after, Ordering::SeqCst);
+        report_groups(&api, groups, if groups == 9 { "hold" } else { "heuristic" }).await;
+        reported += 2 * i64::from(groups);
+    }
+    // Two groups are never reported: they are lost when their lease expires.
+    let lost = api.lease("run", json!({"groups": 2, "ttl_s": 60})).await;
+    clock_ms.fetch_add(2 * MINUTE, Ordering::SeqCst);
+    wait_until("the lease expires", async || {
+        api.get(&format!("/v1/runs/run/leases/{}", lost.id())).await.expect(200)["status"] == "expired"
+    })
+    .await;
+    let mastery = api.get("/v1/runs/run/mastery").await.expect(200)["tasks"][0].clone();
+    let plain = &mastery["plain"];
+    let count = |key: &str| plain[key].as_i64().expect("a count");
+    assert_eq!(count("episodes") + count("failed"), reported);
+    assert_eq!(count("expired"), 4);
+
+    let now = clock_ms.load(Ordering::SeqCst);
+    let all = series(&api, START, now, 2000).await;
+    let task = &all["tasks"][0];
+    assert_eq!(all["width_s"], 60);
+    assert_eq!((sum(&all, "episodes"), sum(&all, "lost")), (count("episodes"), count("failed") + 4));
+    // Results are in the minute of their report; the minutes between have none.
+    let at = task["at"].as_array().unwrap();
+    let with_results: Vec<(i64, i64)> = at
+        .iter()
+        .zip(task["episodes"].as_array().unwrap())
+        .map(|(at, n)| ((at.as_i64().unwrap() - START / 1000) / 60, n.as_i64().unwrap()))
+        .filter(|(_, n)| *n > 0)
+        .collect();
+    assert_eq!(with_results, [(0, 12), (1, 12), (4, 4), (54, 8)]);
+    assert!(at.len() > with_results.len(), "empty buckets separate the minutes with results");
+    // Shares and means agree with the sums of the run.
+    let weighed = |column: &str| {
+        let values = task[column].as_array().unwrap().iter().zip(task["episodes"].as_array().unwrap());
+        values.map(|(value, n)| value.as_f64().unwrap_or(0.0) * n.as_f64().unwrap()).sum::<f64>()
+    };
+    let close = |left: f64, right: &Value| (left - right.as_f64().unwrap()).abs() < 1e-9;
+    assert!(
+        (weighed("success") - plain["success"].as_f64().unwrap() * count("episodes") as f64).abs() < 1e-9
+    );
+    assert!(close(weighed("score") / count("episodes") as f64, &plain["score"]), "{plain}");
+    // Fewer points have the same sums.
+    for points in [1, 7, 60] {
+        let fewer = series(&api, START, now, points).await;
+        assert_eq!(sum(&fewer, "episodes"), count("episodes"), "in {points}");
+        assert!(fewer["tasks"][0]["at"].as_array().unwrap().len() <= 3 * points as usize + 1);
+    }
+    // A range has the results of that range only.
+    let part = series(&api, START + MINUTE, START + 5 * MINUTE, 2000).await;
+    assert_eq!(sum(&part, "episodes"), 16);
+    let nothing = series(&api, START + 10 * MINUTE, START + 20 * MINUTE, 2000).await;
+    assert_eq!(nothing["tasks"], json!([]));
+    assert_task_state(task, &mastery);
+    let overview = api.get("/v1/runs/run/overview").await.expect(200);
+    assert_eq!((&overview["episodes"], &overview["leases"]), (&plain["episodes"], &json!(0)));
+    assert_eq!(overview["tasks"][0]["level"], mastery["level"]);
+}
+
+/// Checks that the last values are those of the task, and that params are those of its level.
+fn assert_task_state(task: &Value, mastery: &Value) {
+    let last =
+        |column: &str| task[column].as_array().expect("a column").iter().rfind(|v| !v.is_null()).cloned();
+    assert_eq!(last("level"), Some(mastery["level"].clone()));
+    assert!(last("mastery").is_some_and(|mean| (0.0..=1.0).contains(&mean.as_f64().expect("a share"))));
+    let debris = task["params"]["debris"]["mean"].as_array().expect("a column");
+    assert!(debris.iter().any(|value| value.as_f64().is_some_and(|n| n >= 1.0)), "{debris:?}");
+}
+
+/// Buckets of a minute are removed after a week, those of an hour are kept; older ranges have buckets of an hour.
+#[tokio::test]
+async fn series_is_hourly_after_a_week() {
+    let ManualClock { clock, time: clock_ms } = Clock::manual(START);
+    let mut server = Server::with_clock(clock).await;
+    let api = server.api();
+    create_run(&api, json!({})).await;
+    report_groups(&api, 6, "heuristic").await;
+    clock_ms.fetch_add(10 * MINUTE, Ordering::SeqCst);
+    report_groups(&api, 3, "heuristic").await;
+    clock_ms.fetch_add(8 * DAY, Ordering::SeqCst);
+    let now = clock_ms.load(Ordering::SeqCst);
+    let task_series = series(&api, START, now, 2000).await;
+    assert_eq!((&task_series["width_s"], sum(&task_series, "episodes")), (&json!(3600), 6));
+    // The server removes old buckets when it starts, and every hour.
+    server.restart().await;
+    let api = server.api();
+    let db = server.db_path();
+    let bucket_counts = || async {
+        use sqlx::{Connection, Row};
+        let options = sqlx::sqlite::SqliteConnectOptions::new().filename(&db).read_only(true);
+        let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
+        let row = sqlx::query("SELECT count(*) FILTER (WHERE width = 60000), count(*) FILTER (WHERE width = 3600000) FROM history")
+            .fetch_one(&mut conn)
+            .await
+            .unwrap();
+        (row.get::<i64, _>(0), row.get::<i64, _>(1))
+    };
+    wait_until("buckets of a minute are removed", async || bucket_counts().await.0 == 0).await;
+    assert_eq!(bucket_counts().await.1, 1);
+    assert_eq!(sum(&series(&api, START, now, 2000).await, "episodes"), 6);
+    report_groups(&api, 3, "heuristic").await;
+    assert_eq!(bucket_counts().await, (1, 2), "new results are in buckets of a minute");
+}
