@@ -4,7 +4,7 @@ FROM rust:1.95-slim-trixie AS build
 WORKDIR /src
 COPY . .
 ENV SQLX_OFFLINE=true
-RUN cargo build --release --locked -p orchestrator --bin sparring
+RUN cargo build --release --locked -p cli --bin sparring
 
 FROM debian:trixie-slim
 RUN apt-get update \

@@ -5,7 +5,7 @@ SHELL := /bin/bash
 NODE_IS_THERE := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
 # The binary and the Python module with the tests: by themselves they would be all of it once more, with other features of dependencies.
 BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib --bin sparring && scripts/python-native
-.PHONY: help demo dashboard wheel test fetched test-python test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak fmt lint deny sqlx check-cargo check-clippy check-python check-node
+.PHONY: help demo dashboard wheel test fetched test-python test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
 
 help: ## What there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -13,7 +13,7 @@ help: ## What there is
 demo: check-cargo ## A built-in learner trains against the curriculum: about 45 s on two cores, after the build
 	@# What it did is looked at in the dashboard; without Node there is none, and its page says so.
 	@if node -e '$(NODE_IS_THERE)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi
-	cargo run --release --locked -p orchestrator --bin sparring -- demo
+	cargo run --release --locked -p cli --bin sparring -- demo
 
 dashboard: check-node ## The dashboard's files, which the next build of the binary takes in
 	cd dashboard && npm ci --no-audit --no-fund --loglevel=error && npm run build
@@ -73,40 +73,50 @@ test-llm: check-cargo check-python ## A small real language model, served here, 
 	scripts/test-llm $(MODEL)
 
 bench: check-cargo ## Benchmarks: measured, goal, ratio (on an idle machine)
-	cargo build --release --locked -p orchestrator -p bench
+	cargo build --release --locked -p cli -p bench
 	cargo run --release --locked -p bench
 
-soak: check-cargo ## Kills a server under trainers for two hours (MINUTES=120) and prints the ledger of what they were told
-	cargo build --release --locked -p orchestrator -p bench
-	cargo run --release --locked -p bench -- survival --minutes $(or $(MINUTES),120)
+soak: check-cargo ## Kills a server under trainers for two hours (MINUTES=120) and prints what was acknowledged and stored
+	cargo build --release --locked -p cli -p bench
+	cargo run --release --locked -p bench -- crash --minutes $(or $(MINUTES),120)
 
 bench-peers: check-cargo check-python ## openenv-core's server beside ours, and KESSLER_ENV=path to a copy of the public environment
 	scripts/openenv-venv
-	cargo build --release --locked -p orchestrator -p bench
+	cargo build --release --locked -p cli -p bench
 	target/openenv-venv/bin/python bench/peers.py --sparring target/release/sparring --bench target/release/bench \
 		--kessler-env "$(KESSLER_ENV)"
 
 bench-python: wheel ## Stepping from Python beside the compiled batch, and what a curriculum costs; KESSLER_ENV as above
-	cargo build --release --locked -p orchestrator
+	cargo build --release --locked -p cli
 	scripts/bench-venv
 	target/bench-venv/bin/python bench/python.py --sparring target/release/sparring --kessler-env "$(KESSLER_ENV)"
 
 test-otlp: check-cargo check-python ## Spans reach an OpenTelemetry collector, with the feature otlp
 	scripts/test-otlp
 
+dist: check-cargo dashboard ## The binary to ship: target/dist/sparring, with its symbols in sparring.debug
+	scripts/dist
+
 fmt: check-cargo ## Format the code
 	cargo fmt --all
 
-lint: check-cargo check-clippy ## Formatting and clippy, warnings refused
+lint: check-cargo check-clippy check-style ## Formatting, clippy, style and import circles
 	cargo fmt --all -- --check
 	SQLX_OFFLINE=true cargo clippy --workspace --all-targets --all-features --locked -- -D warnings
 
-deny: check-cargo ## Bans, licences and sources of dependencies (installs cargo-deny if it is missing)
+deny: check-cargo ## Unused dependencies, and bans, licences and sources of the others (installs cargo-deny and cargo-machete)
 	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
+	@command -v cargo-machete >/dev/null || cargo install --locked cargo-machete
 	cargo deny check bans licenses sources
+	cargo machete
 
 sqlx: check-cargo ## Write .sqlx anew, after a change of SQL or migrations
 	scripts/sqlx
+
+check-style: check-python ## Names, prose and layout (CONTRIBUTING.md), and import circles between files
+	scripts/check-style --self-test
+	scripts/check-style
+	scripts/check-circles
 
 check-cargo:
 	@command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs, version 1.95 or newer." >&2; exit 2; }
