@@ -57,7 +57,7 @@ def query_type(schema):
 def method_name(operation, tag):
     """Returns the name of an operation's method in the group of its tag."""
     name = operation["operationId"]
-    for suffix in (f"_{tag}", f"_{tag.removesuffix('s')}", "_list" if name == "list_list" else "_"):
+    for suffix in (f"_{tag}", f"_{tag.removesuffix('s')}"):
         name = name.removesuffix(suffix)
     return name
 

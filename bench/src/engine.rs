@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use cli::bench::flying::Flying;
+use cli::bench::stepped_batch::SteppedBatch;
 
 use crate::Row;
 use crate::baseline_kernel::BaselineKernel;
@@ -52,17 +52,17 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for debris in [25, 50, 150] {
         let params = [("debris", f64::from(debris))];
-        let mut flying = Flying::new("kessler/survival", &params, ENVS, MAX_BURN)?;
-        let bodies = (flying.shape().observation - 18) / 5;
+        let mut stepped = SteppedBatch::new("kessler/survival", &params, ENVS, MAX_BURN)?;
+        let bodies = (stepped.shape().observation - 18) / 5;
         let mut baseline = BaselineKernel::new(ENVS, debris as usize, bodies);
-        let mut observations = vec![0.0; ENVS * flying.shape().observation];
+        let mut observations = vec![0.0; ENVS * stepped.shape().observation];
         let rates = one.install(|| {
             measure_alternating(&mut [
                 &mut || {
                     black_box(baseline.step(&mut observations));
                     Ok(ENVS)
                 },
-                &mut || flying.step().map(|()| ENVS),
+                &mut || stepped.step().map(|()| ENVS),
             ])
         })?;
         rows.push(Row {
@@ -80,8 +80,8 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
 
 fn second_core(one: &rayon::ThreadPool, two: &rayon::ThreadPool) -> anyhow::Result<Row> {
     let params = [("debris", 50.0)];
-    let mut alone = Flying::new("kessler/survival", &params, TWO_CORE_ENVS, MAX_BURN)?;
-    let mut shared = Flying::new("kessler/survival", &params, TWO_CORE_ENVS, MAX_BURN)?;
+    let mut alone = SteppedBatch::new("kessler/survival", &params, TWO_CORE_ENVS, MAX_BURN)?;
+    let mut shared = SteppedBatch::new("kessler/survival", &params, TWO_CORE_ENVS, MAX_BURN)?;
     let rates = measure_alternating(&mut [
         &mut || one.install(|| alone.step()).map(|()| TWO_CORE_ENVS),
         &mut || two.install(|| shared.step()).map(|()| TWO_CORE_ENVS),
@@ -98,11 +98,15 @@ fn second_core(one: &rayon::ThreadPool, two: &rayon::ThreadPool) -> anyhow::Resu
 fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for debris in [25usize, 50, 100, 250, 500, 1000] {
-        let mut flying = Flying::new("kessler/survival", &[("debris", debris as f64)], 64, MAX_BURN)?;
-        let rate = one.install(|| measure_alternating(&mut [&mut || flying.step().map(|()| 64)]))?[0];
+        let mut stepped = SteppedBatch::new("kessler/survival", &[("debris", debris as f64)], 64, MAX_BURN)?;
+        let rate = one.install(|| measure_alternating(&mut [&mut || stepped.step().map(|()| 64)]))?[0];
         rows.push(Row {
             label: format!("kessler, {debris} debris: time a body and step; memory an environment"),
-            measured: format!("{:.2} ns; {} bytes", 1e9 / rate / (debris + 3) as f64, flying.bytes_per_env()),
+            measured: format!(
+                "{:.2} ns; {} bytes",
+                1e9 / rate / (debris + 3) as f64,
+                stepped.bytes_per_env()
+            ),
             goal: String::new(),
             ratio: None,
         });
@@ -112,16 +116,16 @@ fn per_body(one: &rayon::ThreadPool) -> anyhow::Result<Vec<Row>> {
 
 /// Measures deputies with full random thrust; deputies that have left do not count.
 fn docking(one: &rayon::ThreadPool) -> anyhow::Result<Row> {
-    let mut flying = Flying::new("docking/multiagent", &[("deputies", 3.0)], ENVS, 1.0)?;
+    let mut stepped = SteppedBatch::new("docking/multiagent", &[("deputies", 3.0)], ENVS, 1.0)?;
     let rate = one.install(|| {
         measure_alternating(&mut [&mut || {
-            flying.step()?;
-            Ok(flying.agents())
+            stepped.step()?;
+            Ok(stepped.agents())
         }])
     })?[0];
     Ok(Row {
         label: format!("docking batch of {ENVS}, three deputies, one core"),
-        measured: format!("{:.1} M agent-steps/s; {} bytes", rate / 1e6, flying.bytes_per_env()),
+        measured: format!("{:.1} M agent-steps/s; {} bytes", rate / 1e6, stepped.bytes_per_env()),
         goal: "≥ 5 M agent-steps/s".into(),
         ratio: Some(rate / 5e6),
     })

@@ -11,7 +11,7 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
         let measured = cli::bench::measure(world, &[], Default::default(), SECONDS)?;
         let per_s = measured.python_env_us_per_step.map(|us| 1e6 / us);
         Ok(Row {
-            label: format!("steps with observations and resets, one thread: {}", measured.what),
+            label: format!("steps with observations and resets, one thread: {}", measured.description),
             measured: format!("{:.0} steps/s", measured.single_thread_env_steps_per_s),
             goal: per_s.map_or_else(String::new, |per_s| format!("≥ {GOAL} × Python's {per_s:.0}/s")),
             ratio: measured.times_python_env.map(|times| times / GOAL),

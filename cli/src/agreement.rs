@@ -1,4 +1,4 @@
-//! `sparring judge-agreement`: how far the language model that judged agrees with the rules.
+//! `sparring judge-agreement`: measures the agreement of the judging language model with the deterministic judge.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -35,25 +35,25 @@ pub struct Args {
     format: Format,
 }
 
-/// All there is to say.
+/// Agreement between the models and the rules, printed as one JSON object.
 #[derive(Debug, Serialize)]
-struct Report {
-    /// Verdicts kept.
+struct AgreementReport {
+    /// Number of stored verdicts.
     verdicts: usize,
-    /// Of these, those where the model said nothing.
+    /// Verdicts without a score of the model.
     unanswered: usize,
-    /// Why it said nothing, the most frequent first.
+    /// Reasons for missing scores with their counts, the most frequent first.
     reasons: Vec<(String, usize)>,
-    /// Those that the rules say nothing of.
+    /// Verdicts without a score of the rules.
     without_rules: usize,
-    /// By model and task, `all` first.
-    agreement: Vec<Line>,
-    /// By the rules' case.
-    cases: Vec<CaseLine>,
+    /// Agreement by model and task; `all` comes first.
+    agreement: Vec<AgreementRow>,
+    /// Agreement by the case of the rules.
+    cases: Vec<CaseRow>,
 }
 
 #[derive(Debug, Serialize)]
-struct Line {
+struct AgreementRow {
     model: String,
     task: String,
     #[serde(flatten)]
@@ -61,18 +61,18 @@ struct Line {
 }
 
 #[derive(Debug, Serialize)]
-struct CaseLine {
+struct CaseRow {
     case: String,
     #[serde(flatten)]
     figures: Agreement,
 }
 
-/// Tells it.
+/// Prints the agreement.
 ///
 /// # Errors
-/// A database that cannot be read, or one without verdicts.
+/// Returns an error if the database cannot be read or holds no verdicts.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    // An empty file would be made a database by being opened.
+    // Opening an empty file would turn it into a database.
     if std::fs::metadata(&args.db).is_ok_and(|file| file.len() == 0) {
         bail!("{} is empty", args.db.display());
     }
@@ -94,15 +94,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             "no language model judged any step{of}; serve with --judge llm, or create a run with judge: llm"
         );
     }
-    let report = report(&rows);
+    let report = build_report(&rows);
     match args.format {
         Format::Json => output::print_json(&report)?,
-        Format::Table => output::print(&words(&report))?,
+        Format::Table => output::print(&text(&report))?,
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn report(rows: &[StepScores]) -> Report {
+fn build_report(rows: &[StepScores]) -> AgreementReport {
     let mut groups: BTreeMap<(&str, &str), Vec<ScorePair>> = BTreeMap::new();
     let mut cases: BTreeMap<&str, Vec<ScorePair>> = BTreeMap::new();
     for row in rows {
@@ -111,7 +111,7 @@ fn report(rows: &[StepScores]) -> Report {
         groups.entry((&row.model, &row.task)).or_default().push(pair);
         cases.entry(row.rule_case.as_deref().unwrap_or_default()).or_default().push(pair);
     }
-    let mut lines: Vec<Line> = Vec::new();
+    let mut lines: Vec<AgreementRow> = Vec::new();
     let mut models: BTreeMap<&str, Vec<ScorePair>> = BTreeMap::new();
     for ((model, _), pairs) in &groups {
         models.entry(model).or_default().extend(pairs);
@@ -120,7 +120,7 @@ fn report(rows: &[StepScores]) -> Report {
         let of = groups.iter().filter(|((of, _), _)| of == model);
         let tasks = of.map(|((_, task), pairs)| (*task, pairs.as_slice()));
         for (task, pairs) in std::iter::once(("all", all.as_slice())).chain(tasks) {
-            lines.extend(Agreement::of(pairs).map(|figures| Line {
+            lines.extend(Agreement::of(pairs).map(|figures| AgreementRow {
                 model: (*model).to_owned(),
                 task: task.to_owned(),
                 figures,
@@ -128,22 +128,22 @@ fn report(rows: &[StepScores]) -> Report {
         }
     }
     let case = |(case, pairs): (&&str, &Vec<ScorePair>)| {
-        Agreement::of(pairs).map(|figures| CaseLine { case: (*case).to_owned(), figures })
+        Agreement::of(pairs).map(|figures| CaseRow { case: (*case).to_owned(), figures })
     };
-    Report {
+    AgreementReport {
         verdicts: rows.len(),
         unanswered: rows.iter().filter(|row| row.score.is_none()).count(),
-        reasons: reasons(rows),
+        reasons: count_reasons(rows),
         without_rules: rows.iter().filter(|row| row.rule_score.is_none()).count(),
         agreement: lines,
         cases: cases.iter().filter_map(case).collect(),
     }
 }
 
-/// Reasons that are told.
-const REASONS: usize = 10;
+/// Largest number of listed reasons.
+const MAX_REASONS: usize = 10;
 
-fn reasons(rows: &[StepScores]) -> Vec<(String, usize)> {
+fn count_reasons(rows: &[StepScores]) -> Vec<(String, usize)> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for error in rows.iter().filter_map(|row| row.error.as_deref()) {
         *counts.entry(error).or_default() += 1;
@@ -151,11 +151,11 @@ fn reasons(rows: &[StepScores]) -> Vec<(String, usize)> {
     let mut all: Vec<(String, usize)> =
         counts.into_iter().map(|(why, count)| (why.to_owned(), count)).collect();
     all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    all.truncate(REASONS);
+    all.truncate(MAX_REASONS);
     all
 }
 
-fn words(report: &Report) -> String {
+fn text(report: &AgreementReport) -> String {
     let opt = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
     let mut table = output::table(
@@ -172,7 +172,7 @@ fn words(report: &Report) -> String {
         ],
         2,
     );
-    for Line { model, task, figures: f } in &report.agreement {
+    for AgreementRow { model, task, figures: f } in &report.agreement {
         table.add_row(vec![
             model.clone(),
             task.clone(),
@@ -189,7 +189,7 @@ fn words(report: &Report) -> String {
         &["where the rules say", "steps", "rules say", "model says", "blame", "neutral", "praise"],
         1,
     );
-    for CaseLine { case, figures: f } in &report.cases {
+    for CaseRow { case, figures: f } in &report.cases {
         let band = |band: Band| f.bands[band as usize].iter().sum::<usize>().to_string();
         let mut row = vec![
             case.replace('_', " "),
@@ -200,7 +200,7 @@ fn words(report: &Report) -> String {
         row.extend(Band::ALL.map(band));
         cases.add_row(row);
     }
-    let Report { verdicts, unanswered, without_rules, .. } = report;
+    let AgreementReport { verdicts, unanswered, without_rules, .. } = report;
     let also = if *without_rules > 0 {
         format!(", of {without_rules} steps the rules say nothing")
     } else {
@@ -239,8 +239,8 @@ mod tests {
             row("kessler/eco_station", None, quiet),
             row("docking/single", Some(0.1), None),
         ];
-        let report = report(&rows);
-        insta::assert_snapshot!(words(&report));
+        let report = build_report(&rows);
+        insta::assert_snapshot!(text(&report));
         insta::assert_json_snapshot!(report);
     }
 }

@@ -1,4 +1,4 @@
-//! `sparring critique`: what one episode shows.
+//! `sparring critique`: explains the failures and actions of one episode.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::{Context, anyhow, bail};
 use env_core::critique::{ActionVerdict, Critique, Encounter, Failure, Verdict};
 use env_core::log::Precision;
-use env_core::rollout::{roll_out, read_log, replay};
+use env_core::rollout::{read_log, replay, roll_out};
 use env_core::{ActionLog, Bracket, EpisodeOutcome, Scenario, StopReason, SuccessRule, admission};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -70,18 +70,18 @@ Examples:
   curl -s http://127.0.0.1:8700/v1/runs/my-run/episodes/ep_42-x7k2p9_3 | sparring critique /dev/stdin";
 
 /// Actions listed at most in the table.
-const LISTED: usize = 24;
+const MAX_LISTED_ACTIONS: usize = 24;
 
-/// Criticises.
+/// Criticises an episode and prints the result.
 ///
 /// # Errors
-/// Files that are none, a policy that there is not, actions that are not of this scenario.
+/// Returns an error if a file cannot be read, the policy does not exist, or the actions do not belong to the scenario.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let told = read(&args.scenario)?;
+    let file = read(&args.scenario)?;
     let context = || args.scenario.display().to_string();
-    // An episode as the server shows it holds its scenario; a scenario does not.
-    let scenario = Scenario::from_json(told.get("scenario").unwrap_or(&told)).with_context(context)?;
-    let log = log(args, &scenario, told.get("scenario").and_then(|_| told.get("actions")))?;
+    // An episode of the server has its scenario in a field; a scenario file is the scenario itself.
+    let scenario = Scenario::from_json(file.get("scenario").unwrap_or(&file)).with_context(context)?;
+    let log = action_log(args, &scenario, file.get("scenario").and_then(|_| file.get("actions")))?;
     let flown = replay(&scenario, &log)?;
     if let Some(path) = &args.telemetry {
         for input in std::iter::once(&args.scenario).chain(&args.actions) {
@@ -94,22 +94,22 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         write_frames(&scenario, &log, path).with_context(|| path.display().to_string())?;
     }
-    let shown = Shown {
+    let report = CritiqueReport {
         critique: scenario.task().critique(&scenario, &log)?,
         bracket: admission::admit(&scenario).bracket,
         scenario,
         flown,
     };
     match args.format {
-        Format::Json => print_json(&shown.json())?,
-        Format::Table => print(&shown.tables())?,
+        Format::Json => print_json(&report.json())?,
+        Format::Table => print(&report.tables())?,
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes the flight, a frame a line.
+/// Writes the frames of the episode, one per line.
 fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Result<()> {
-    // A file may be as long as a flight is; only answers over HTTP are bounded.
+    // A file has no size limit; only HTTP responses are bounded.
     let frames = frames(scenario, log, FrameContent::Telemetry, FrameRange::all(usize::MAX))?;
     let mut out = BufWriter::new(File::create(path).context("it cannot be written")?);
     for frame in frames {
@@ -127,25 +127,25 @@ fn read(path: &Path) -> anyhow::Result<Value> {
     })
 }
 
-/// The actions: flown by a policy now, from their own file, or with the scenario.
-fn log(args: &Args, scenario: &Scenario, with_it: Option<&Value>) -> anyhow::Result<ActionLog> {
+/// Returns the actions: rolled out by a policy, from their own file, or from the scenario's file.
+fn action_log(args: &Args, scenario: &Scenario, embedded: Option<&Value>) -> anyhow::Result<ActionLog> {
     if let Some(name) = &args.policy {
         let mut policy = scenario.task().policy(name, scenario, args.seed)?;
         return Ok(roll_out(scenario, &mut *policy)?.log);
     }
-    let (actions, path) = match (&args.actions, with_it.filter(|value| !value.is_null())) {
+    let (actions, path) = match (&args.actions, embedded.filter(|value| !value.is_null())) {
         (Some(path), _) => (read(path)?, path),
         (None, Some(value)) => (value.clone(), &args.scenario),
         (None, None) => {
             bail!("{} brings no actions: add --actions FILE or --policy NAME", args.scenario.display())
         }
     };
-    actions_of(scenario, actions).with_context(|| path.display().to_string())
+    parse_actions(scenario, actions).with_context(|| path.display().to_string())
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Actions {
+struct ActionsFile {
     steps: Vec<Value>,
     #[serde(default)]
     precision: Option<String>,
@@ -153,9 +153,9 @@ struct Actions {
     stopped: Option<String>,
 }
 
-fn actions_of(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
+fn parse_actions(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
     let actions = match value {
-        Value::Array(steps) => Actions { steps, precision: None, stopped: None },
+        Value::Array(steps) => ActionsFile { steps, precision: None, stopped: None },
         other => input::from_value(other)?,
     };
     let precision = match actions.precision.as_deref() {
@@ -172,15 +172,15 @@ fn actions_of(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
     Ok(read_log(scenario, &actions.steps, precision, stopped)?)
 }
 
-/// An episode and what is said of it.
-struct Shown {
+/// Episode with its critique and bracket.
+struct CritiqueReport {
     scenario: Scenario,
     flown: EpisodeOutcome,
     bracket: Option<Bracket>,
     critique: Critique,
 }
 
-impl Shown {
+impl CritiqueReport {
     fn success(&self) -> Option<bool> {
         let bracket = self.bracket.as_ref()?;
         Some(admission::is_success(&self.scenario, SuccessRule::Task, bracket, &self.flown))
@@ -212,7 +212,7 @@ impl Shown {
         } else {
             parts.push(self.failures());
         }
-        parts.push(verdicts(&self.critique.actions));
+        parts.push(verdict_tables(&self.critique.actions));
         let judged = &self.critique.judged;
         let words = format!("Judge: {:+.2}, {}. {}", judged.value, judged.case, judged.words);
         parts.push(textwrap::fill(words.trim_end(), 100));
@@ -245,7 +245,7 @@ impl Shown {
         let header = ["failure", "avoidable", "remedy", "step", "agent", "bearing", &speed, "seen", "left"];
         let mut out = table(&header, 3);
         for failure in &self.critique.failures {
-            out.add_row(row(failure));
+            out.add_row(failure_row(failure));
         }
         let words = self.critique.failures.iter().map(|f| textwrap::fill(&f.words, 100));
         let words = words.filter(|words| !words.is_empty()).collect::<Vec<_>>().join("\n");
@@ -253,10 +253,10 @@ impl Shown {
     }
 }
 
-fn row(failure: &Failure) -> Vec<String> {
+fn failure_row(failure: &Failure) -> Vec<String> {
     let met = failure.encounter.as_ref();
     let of = |what: fn(&Encounter) -> String| met.map_or_else(String::new, what);
-    // Where nothing was met (the Earth was), the same is told in measures.
+    // A failure without an encounter, such as a crash on the Earth, has the same values as measures.
     let measure = |name: &str| failure.measures.iter().find(|m| m.name == name).map(|m| m.value);
     let yes_or_no = |yes: bool| if yes { "yes" } else { "no" }.to_owned();
     let avoidable = match met {
@@ -285,7 +285,7 @@ fn row(failure: &Failure) -> Vec<String> {
     ]
 }
 
-const fn word(verdict: Verdict) -> &'static str {
+const fn verdict_name(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Needed => "needed",
         Verdict::Harmless => "harmless",
@@ -294,27 +294,27 @@ const fn word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// How many of each verdict; and the actions, those that mattered most where there are many.
-fn verdicts(actions: &[ActionVerdict]) -> String {
+/// Formats the counts of verdicts and the actions with the largest gain or loss.
+fn verdict_tables(actions: &[ActionVerdict]) -> String {
     if actions.is_empty() {
         return "No actions were taken.".to_owned();
     }
     let mut sums = table(&["verdict", "actions", "cost"], 1);
     for verdict in [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful] {
         let of = || actions.iter().filter(|action| action.verdict == verdict);
-        // The sum of nothing is −0.
+        // The sum of an empty iterator is −0.
         let cost = of().map(|action| action.cost).sum::<f64>() + 0.0;
-        sums.add_row([word(verdict).to_owned(), of().count().to_string(), format!("{cost:.2}")]);
+        sums.add_row([verdict_name(verdict).to_owned(), of().count().to_string(), format!("{cost:.2}")]);
     }
     let mut listed: Vec<&ActionVerdict> = actions.iter().collect();
     listed.sort_by(|a, b| b.gain.abs().total_cmp(&a.gain.abs()).then(b.cost.total_cmp(&a.cost)));
-    listed.truncate(LISTED);
+    listed.truncate(MAX_LISTED_ACTIONS);
     listed.sort_by_key(|action| (action.step, action.agent));
     let mut out = table(&["verdict", "step", "agent", "cost", "gain"], 1);
     for action in &listed {
         let ActionVerdict { step, agent, cost, verdict, gain } = **action;
         let numbers = [step.to_string(), agent.to_string(), format!("{cost:.2}"), format!("{gain:+.3}")];
-        out.add_row(std::iter::once(word(verdict).to_owned()).chain(numbers));
+        out.add_row(std::iter::once(verdict_name(verdict).to_owned()).chain(numbers));
     }
     let hidden = actions.len() - listed.len();
     let rest = if hidden == 0 {

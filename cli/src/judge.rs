@@ -1,4 +1,4 @@
-//! `--judge…`: who judges the steps of sessions, on the command line.
+//! `--judge…`: arguments of the step judges of sessions.
 
 use std::env::VarError;
 use std::sync::Arc;
@@ -10,11 +10,12 @@ use super::llm_args::{self, LlmArgs};
 use orchestrator::clock::Clock;
 use orchestrator::judging::{Judge, Judges, ModelJudge};
 
-/// Where the public kessler-env's judge is told its endpoint and model.
-const URL: &str = "API_BASE_URL";
-const MODEL: &str = "MODEL_NAME";
+/// Environment variable of the public kessler-env for the endpoint of its judge.
+const UPSTREAM_URL: &str = "API_BASE_URL";
+/// Environment variable of the public kessler-env for the model of its judge.
+const UPSTREAM_MODEL: &str = "MODEL_NAME";
 
-/// Who judges.
+/// Arguments of the judges.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Judge")]
 pub struct JudgeArgs {
@@ -42,15 +43,15 @@ pub struct JudgeArgs {
 }
 
 impl JudgeArgs {
-    /// The judges of a service.
+    /// Creates the judges of a service.
     ///
     /// # Errors
-    /// Settings that cannot be.
+    /// Returns an error if `llm` judges and no model is named, or the settings of the endpoint are invalid.
     pub fn judges(&self, llm: &LlmArgs, clock: &Clock) -> anyhow::Result<Arc<Judges>> {
         let config = self.config(llm, clock, |name| std::env::var(name))?;
         if config.is_none() && self.judge == Judge::Llm {
             bail!(
-                "--judge llm: no model is named; give --judge-url and --judge-model, or --llm-url and --llm-model, or {URL} and {MODEL}"
+                "--judge llm: no model is named; give --judge-url and --judge-model, or --llm-url and --llm-model, or {UPSTREAM_URL} and {UPSTREAM_MODEL}"
             );
         }
         let model = match config {
@@ -63,7 +64,8 @@ impl JudgeArgs {
         Ok(Arc::new(Judges::new(self.judge, model)))
     }
 
-    /// The endpoint of the judge; none where none is named. Budgets are those of `--llm-…`, counted for the judge alone.
+    /// Returns the configuration of the judge's endpoint, or `None` if none is named. Budgets are those of `--llm-…`, counted
+    /// for the judge alone.
     fn config(
         &self,
         llm: &LlmArgs,
@@ -73,20 +75,24 @@ impl JudgeArgs {
         let upstream = |name: &str| read(name).ok().filter(|value| !value.trim().is_empty());
         let wanted = self.judge == Judge::Llm;
         let own = match (&self.judge_url, llm.is_given()) {
-            (Some(url), _) => Some((url.clone(), self.judge_model.clone().or_else(|| upstream(MODEL)))),
-            (None, false) if wanted => {
-                upstream(URL).map(|url| (url, self.judge_model.clone().or_else(|| upstream(MODEL))))
+            (Some(url), _) => {
+                Some((url.clone(), self.judge_model.clone().or_else(|| upstream(UPSTREAM_MODEL))))
             }
+            (None, false) if wanted => upstream(UPSTREAM_URL)
+                .map(|url| (url, self.judge_model.clone().or_else(|| upstream(UPSTREAM_MODEL)))),
             _ => None,
         };
         let mut config = match own {
             Some((url, model)) => {
-                let model =
-                    model.with_context(|| format!("the judge at {url} needs --judge-model (or {MODEL})"))?;
-                let mut config = llm.limits(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
+                let model = model.with_context(|| {
+                    format!("the judge at {url} needs --judge-model (or {UPSTREAM_MODEL})")
+                })?;
+                let mut config = llm.with_limits(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
                 let named = self.judge_key_env.as_deref();
-                config.key =
-                    llm_args::key(named.as_ref().map_or(&llm_args::UPSTREAM_KEYS[..], std::slice::from_ref), read)?;
+                config.key = llm_args::read_key(
+                    named.as_ref().map_or(&llm_args::UPSTREAM_KEYS[..], std::slice::from_ref),
+                    read,
+                )?;
                 config
             }
             None => {
@@ -95,7 +101,7 @@ impl JudgeArgs {
                     config.model.clone_from(model);
                 }
                 if let Some(name) = &self.judge_key_env {
-                    config.key = llm_args::key(&[name.as_str()], read)?;
+                    config.key = llm_args::read_key(&[name.as_str()], read)?;
                 }
                 config
             }
@@ -103,7 +109,7 @@ impl JudgeArgs {
         if let (Some(name), None) = (&self.judge_key_env, &config.key) {
             bail!("--judge-key-env {name}: the variable holds nothing");
         }
-        llm_args::pace(&mut config, self.judge_timeout, self.judge_concurrency);
+        llm_args::set_pace(&mut config, self.judge_timeout, self.judge_concurrency);
         Ok(Some(config))
     }
 }
@@ -116,7 +122,7 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct JudgeCommand {
         #[command(flatten)]
         llm: LlmArgs,
         #[command(flatten)]
@@ -124,7 +130,7 @@ mod tests {
     }
 
     fn of(line: &str, held: &[(&str, &str)]) -> anyhow::Result<Option<(String, String, Option<String>)>> {
-        let line = Line::try_parse_from(format!("x {line}").split_whitespace())?;
+        let line = JudgeCommand::try_parse_from(format!("x {line}").split_whitespace())?;
         let found = line.judge.config(&line.llm, &Clock::manual(5).clock, |name| {
             let found = held.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned());
             found.ok_or(VarError::NotPresent)
@@ -136,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_judge_is_where_it_is_said_to_be() {
+    fn judge_endpoint_follows_arguments_and_environment() {
         let some = |url: &str, model: &str, key: Option<&str>| {
             Some((url.to_owned(), model.to_owned(), key.map(str::to_owned)))
         };

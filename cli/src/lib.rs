@@ -1,7 +1,11 @@
-//! The command line: one file (or folder) per subcommand, each with `Args` and `run`.
+//! The command line of Sparring: one file or folder per subcommand, each with `Args` and `run`.
 //!
-//! Results go to stdout, everything else (logs, progress, the one sentence about what went wrong) to stderr. Exit codes:
-//! 0 all is well, 1 a check failed, 2 bad input or anything else that went wrong.
+//! Start reading at [`main`] and the subcommand of interest. [`llm_args`], [`judge`], [`policy`] and [`options`] hold arguments
+//! that several subcommands share; `output`, `logs`, `plot` and `worlds` hold shared helpers. Decisions and storage live in the
+//! crates below (`orchestrator`, `curriculum`, `designer`, `env-core`).
+//!
+//! Results go to stdout; logs, progress and error messages go to stderr. Exit codes: 0 success, 1 a failed check, 2 bad input
+//! or another error.
 
 pub mod agreement;
 pub mod bench;
@@ -16,6 +20,7 @@ mod logs;
 pub mod options;
 mod output;
 pub mod play;
+mod plot;
 pub mod policy;
 pub mod replay;
 pub mod report;
@@ -32,10 +37,10 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use self::logs::Logs;
+use self::logs::LogArgs;
 
-/// What went wrong was the input or the machine, not a check.
-const FAULT: u8 = 2;
+/// Exit code of bad input or another error; a failed check has exit code 1.
+const ERROR_EXIT_CODE: u8 = 2;
 
 /// Trains agents that fly satellites: the better the agent gets, the harder its sparring partner fights back.
 ///
@@ -45,7 +50,7 @@ const FAULT: u8 = 2;
 #[command(name = "sparring", version, after_help = AFTER_HELP)]
 pub struct Cli {
     #[command(flatten)]
-    logs: Logs,
+    logs: LogArgs,
     #[command(subcommand)]
     command: Command,
 }
@@ -55,7 +60,7 @@ Exit codes: 0 all is well; 1 a check failed (a replay beyond its tolerance, a su
 that could not be flown to its end); 2 bad input, or \
 anything else that went wrong, in one sentence on stderr.";
 
-/// What to do. Of a variant without a doc comment `--help` shows that of its `Args`.
+/// Subcommand to run. `--help` shows the doc comment of a variant's `Args`.
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(serve::Args),
@@ -75,8 +80,8 @@ enum Command {
 }
 
 impl Command {
-    /// What is logged unless something else is asked for: the demo has a screen of its own, play says itself how episodes go.
-    const fn usual_logs(&self) -> &'static str {
+    /// Returns the default log level. The demo and `play` print their own progress, so they log less.
+    const fn default_log_level(&self) -> &'static str {
         match self {
             Self::Demo(_) => "warn",
             Self::Play(_) => "error",
@@ -104,17 +109,17 @@ impl Command {
     }
 }
 
-/// Reads the command line, does what it says, and answers with an exit code.
+/// Parses the command line, runs the subcommand and returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let logged = cli.logs.start(cli.command.usual_logs());
+    let logged = cli.logs.start(cli.command.default_log_level());
     match logged.and_then(|_started| cli.command.run()) {
         Ok(code) => code,
         Err(error) => {
-            // Where stderr is gone too, the exit code is all that is left to say it with.
+            // If stderr is closed too, only the exit code reports the error.
             let _ = writeln!(std::io::stderr().lock(), "sparring: {error:#}");
-            ExitCode::from(FAULT)
+            ExitCode::from(ERROR_EXIT_CODE)
         }
     }
 }

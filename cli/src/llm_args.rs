@@ -1,5 +1,6 @@
-//! `--llm-…`: the language model that designs layouts, on the command line. Endpoints are named here and nowhere else: no
-//! request can make the service call an address.
+//! `--llm-…`: arguments of the language model that designs layouts, and helpers for all endpoints of the command line.
+//!
+//! Endpoints are named on the command line only: no request can make the service call an address.
 
 use std::env::VarError;
 use std::sync::Arc;
@@ -12,10 +13,10 @@ use secrecy::SecretString;
 use orchestrator::clock::Clock;
 use orchestrator::designs::{BuiltInDesigners, Designers, DesignersWithModel};
 
-/// Where the public kessler-env looks for a key, in this order.
+/// Environment variables in which the public kessler-env looks for a key, in this order.
 pub(super) const UPSTREAM_KEYS: [&str; 2] = ["HF_TOKEN", "API_KEY"];
 
-/// A language model that designs layouts.
+/// Arguments of the language model that designs layouts.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Language model")]
 pub struct LlmArgs {
@@ -64,10 +65,10 @@ pub struct LlmArgs {
 }
 
 impl LlmArgs {
-    /// The designers of a service: with a language model, where one is asked for.
+    /// Creates the designers of a service, with a language model if one is configured.
     ///
     /// # Errors
-    /// Settings that cannot be.
+    /// Returns an error if the settings of the endpoint are invalid.
     pub fn designers(&self, clock: &Clock) -> anyhow::Result<Arc<dyn Designers>> {
         Ok(match self.config(clock)? {
             Some(config) => Arc::new(DesignersWithModel(LlmClient::new(config).context("--llm")?)),
@@ -75,14 +76,15 @@ impl LlmArgs {
         })
     }
 
-    /// The endpoint that is asked for; none where none is. The key is read from its environment variable.
+    /// Returns the configuration of the endpoint, or `None` without `--llm-url`. The key is read from its environment variable.
     ///
     /// # Errors
-    /// A variable that holds something that is no text.
+    /// Returns an error if the model is missing or the variable of the key is no UTF-8.
     pub fn config(&self, clock: &Clock) -> anyhow::Result<Option<LlmConfig>> {
         self.config_with(clock, |name| std::env::var(name))
     }
 
+    /// Like [`LlmArgs::config`], with a function that reads environment variables.
     pub(super) fn config_with(
         &self,
         clock: &Clock,
@@ -90,19 +92,19 @@ impl LlmArgs {
     ) -> anyhow::Result<Option<LlmConfig>> {
         let Some(url) = &self.llm_url else { return Ok(None) };
         let model = self.llm_model.as_deref().context("--llm-url needs --llm-model")?;
-        let mut config = self.limits(LlmConfig::new(url, model, wall_clock(clock)));
-        config.key = key(&[self.llm_key_env.as_str()], read)?;
-        pace(&mut config, self.llm_timeout, self.llm_concurrency);
+        let mut config = self.with_limits(LlmConfig::new(url, model, wall_clock(clock)));
+        config.key = read_key(&[self.llm_key_env.as_str()], read)?;
+        set_pace(&mut config, self.llm_timeout, self.llm_concurrency);
         Ok(Some(config))
     }
 
-    /// Whether an endpoint is named.
+    /// Returns true if an endpoint is named.
     pub(super) const fn is_given(&self) -> bool {
         self.llm_url.is_some()
     }
 
-    /// An endpoint with what may be spent on it.
-    pub(super) fn limits(&self, mut config: LlmConfig) -> LlmConfig {
+    /// Sets retries, token limits, prices and budgets.
+    pub(super) fn with_limits(&self, mut config: LlmConfig) -> LlmConfig {
         config.retries = self.llm_retries;
         config.max_tokens = self.llm_max_tokens;
         config.tokens_per_run = self.llm_tokens_per_run;
@@ -114,35 +116,35 @@ impl LlmArgs {
     }
 }
 
-/// The clock as a model's books read it.
+/// Converts the clock to the one that budgets use.
 pub(super) fn wall_clock(clock: &Clock) -> WallClock {
     let clock = clock.clone();
     WallClock::new(move || clock.now())
 }
 
-/// How long an answer may take, and how many are asked for at once.
-pub(super) fn pace(config: &mut LlmConfig, timeout_s: u64, at_once: u16) {
+/// Sets the timeout of one call in seconds and the number of concurrent calls.
+pub(super) fn set_pace(config: &mut LlmConfig, timeout_s: u64, concurrency: u16) {
     config.timeout = Duration::from_secs(timeout_s);
     config.connect_timeout = config.connect_timeout.min(config.timeout);
-    config.concurrency = at_once.into();
+    config.concurrency = concurrency.into();
 }
 
-/// A sampling temperature on the command line.
+/// Parses a sampling temperature.
 ///
 /// # Errors
-/// What is none, in words.
-pub(super) fn temperature(text: &str) -> Result<f64, String> {
+/// Returns a message unless the text is a number between 0 and 5.
+pub(super) fn parse_temperature(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if (0.0..=5.0).contains(&number) => Ok(number),
         _ => Err("a number from 0 to 5 is wanted".to_owned()),
     }
 }
 
-/// The key in the first of these environment variables that holds one.
+/// Returns the key in the first of these environment variables that is not blank.
 ///
 /// # Errors
-/// A variable that holds something that is no text.
-pub(super) fn key(
+/// Returns an error if a variable is no UTF-8.
+pub(super) fn read_key(
     names: &[&str],
     read: impl Fn(&str) -> Result<String, VarError>,
 ) -> anyhow::Result<Option<SecretString>> {
@@ -151,7 +153,7 @@ pub(super) fn key(
             Ok(key) if key.trim().is_empty() => {}
             Ok(key) => return Ok(Some(key.trim().to_owned().into())),
             Err(VarError::NotPresent) => {}
-            // The error itself would show what the variable holds.
+            // The error itself would show the value of the variable.
             Err(VarError::NotUnicode(_)) => bail!("the variable {name} holds no text"),
         }
     }
@@ -164,13 +166,13 @@ mod tests {
     use clap::Parser;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct LlmCommand {
         #[command(flatten)]
         llm: LlmArgs,
     }
 
     fn read(line: &str, key: &Result<&str, VarError>) -> anyhow::Result<Option<LlmConfig>> {
-        let args = Line::try_parse_from(line.split(' '))?.llm;
+        let args = LlmCommand::try_parse_from(line.split(' '))?.llm;
         args.config_with(&Clock::manual(5).clock, |name| {
             assert_eq!(name, "MY_KEY");
             key.clone().map(str::to_owned)
@@ -178,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_line_names_the_endpoint_and_the_environment_the_key() {
+    fn endpoint_comes_from_arguments_and_key_from_environment() {
         let line = "x --llm-url http://h/v1 --llm-model m --llm-key-env MY_KEY";
         let config = read(line, &Ok(" sk-1 \n")).unwrap().unwrap();
         assert_eq!((config.base_url.as_str(), config.model.as_str()), ("http://h/v1", "m"));
@@ -199,10 +201,10 @@ mod tests {
     }
 
     #[test]
-    fn without_a_url_no_model_is_asked_and_half_a_setting_is_an_error() {
+    fn missing_url_disables_the_model() {
         if std::env::var_os("SPARRING_LLM_URL").is_some() || std::env::var_os("SPARRING_LLM_MODEL").is_some()
         {
-            return; // they are settings
+            return; // these variables would change the arguments
         }
         assert!(read("x", &Ok("k")).unwrap().is_none());
         for line in [
@@ -211,7 +213,7 @@ mod tests {
             "x --llm-timeout 0",
             "x --llm-concurrency 0",
         ] {
-            assert!(Line::try_parse_from(line.split(' ')).is_err(), "{line}");
+            assert!(LlmCommand::try_parse_from(line.split(' ')).is_err(), "{line}");
         }
     }
 }

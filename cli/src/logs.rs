@@ -1,4 +1,4 @@
-//! Logs, to stderr.
+//! Arguments and setup of logging to stderr.
 
 use std::io::IsTerminal;
 
@@ -19,10 +19,10 @@ enum LogFormat {
     Json,
 }
 
-/// What is logged, and how. Logs go to stderr.
+/// Arguments that set the format and the level of the logs.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Logs (to stderr)")]
-pub(super) struct Logs {
+pub(super) struct LogArgs {
     /// How logs are written
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text")]
     log_format: LogFormat,
@@ -34,15 +34,18 @@ pub(super) struct Logs {
         value_name = "LEVEL",
         env = "SPARRING_LOG",
         hide_env_values = true,
-        value_parser = readable
+        value_parser = parse_log_filter
     )]
     log: Option<String>,
 }
 
-impl Logs {
-    /// From here on, what the program logs is written; `usual` where nothing else was asked for.
-    pub(super) fn start(&self, usual: &str) -> anyhow::Result<Started> {
-        let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(usual))?;
+impl LogArgs {
+    /// Starts logging at the level of the arguments, or at `default_level`. Logging ends when the guard is dropped.
+    ///
+    /// # Errors
+    /// Returns an error if the filter is invalid or logging has been started before.
+    pub(super) fn start(&self, default_level: &str) -> anyhow::Result<LogGuard> {
+        let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(default_level))?;
         let filter = filter.and(filter_fn(|line| !is_frames(line))).boxed();
         let lines = tracing_subscriber::fmt::layer()
             .with_writer(std::io::stderr)
@@ -51,7 +54,7 @@ impl Logs {
             LogFormat::Text => lines.boxed(),
             LogFormat::Json => lines.json().boxed(),
         };
-        let (started, spans) = Started::begin()?;
+        let (started, spans) = LogGuard::begin()?;
         tracing_subscriber::registry()
             .with(lines.with_filter(filter))
             .with(spans)
@@ -61,31 +64,31 @@ impl Logs {
     }
 }
 
-/// Where spans go beside the log.
-type Spans = Option<Box<dyn Layer<Lines> + Send + Sync>>;
-/// What they are laid on.
-type Lines = Layered<Filtered<Box<dyn Layer<Registry> + Send + Sync>, Sieve, Registry>, Registry>;
-/// What lets lines through.
-type Sieve = Box<dyn Filter<Registry> + Send + Sync>;
+/// Layer that exports spans, if a collector is configured.
+type SpanLayer = Option<Box<dyn Layer<LogRegistry> + Send + Sync>>;
+/// Subscriber with the layer of log lines.
+type LogRegistry = Layered<Filtered<Box<dyn Layer<Registry> + Send + Sync>, LogFilter, Registry>, Registry>;
+/// Filter of the log lines.
+type LogFilter = Box<dyn Filter<Registry> + Send + Sync>;
 
-/// Logs are written as long as this lives.
+/// Guard of the logging setup; dropping it flushes the exported spans.
 #[derive(Debug, Default)]
-pub(super) struct Started {
+pub(super) struct LogGuard {
     #[cfg(feature = "otlp")]
     tracer: Option<opentelemetry_sdk::trace::SdkTracerProvider>,
 }
 
 #[cfg(not(feature = "otlp"))]
-impl Started {
-    fn begin() -> anyhow::Result<(Self, Spans)> {
+impl LogGuard {
+    fn begin() -> anyhow::Result<(Self, SpanLayer)> {
         Ok((Self::default(), None))
     }
 }
 
 #[cfg(feature = "otlp")]
-impl Started {
-    /// Spans go to the collector that OpenTelemetry's own variables name; nowhere where none does.
-    fn begin() -> anyhow::Result<(Self, Spans)> {
+impl LogGuard {
+    /// Creates the exporter to the collector that OpenTelemetry's environment variables name, if they name one.
+    fn begin() -> anyhow::Result<(Self, SpanLayer)> {
         use opentelemetry::trace::TracerProvider;
         use opentelemetry_otlp::{
             OTEL_EXPORTER_OTLP_ENDPOINT, OTEL_EXPORTER_OTLP_TRACES_ENDPOINT, SpanExporter,
@@ -97,7 +100,7 @@ impl Started {
         if !named(OTEL_EXPORTER_OTLP_ENDPOINT) && !named(OTEL_EXPORTER_OTLP_TRACES_ENDPOINT) {
             return Ok((Self::default(), None));
         }
-        // Whoever has installed one already is fine.
+        // An error means that a provider is installed already, which is fine.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let exporter = SpanExporter::builder().with_http().build()?;
         let resource = Resource::builder().with_service_name("sparring").build();
@@ -110,7 +113,7 @@ impl Started {
 }
 
 #[cfg(feature = "otlp")]
-impl Drop for Started {
+impl Drop for LogGuard {
     fn drop(&mut self) {
         if let Some(tracer) = &self.tracer
             && let Err(error) = tracer.shutdown()
@@ -120,15 +123,15 @@ impl Drop for Started {
     }
 }
 
-/// Whole WebSocket frames, which tungstenite writes at `trace`: with them the keys of sessions.
+/// Returns true for whole WebSocket frames, which tungstenite logs at `trace`: they hold the keys of sessions.
 fn is_frames(line: &Metadata<'_>) -> bool {
     *line.level() == Level::TRACE && line.target().starts_with("tungstenite")
 }
 
-fn readable(filter: &str) -> Result<String, String> {
-    // A word alone may be a part of the program, of which then everything is written, and of the others nothing: hardly ever meant.
-    let level = |part: &&str| part.contains(['=', '[']) || part.trim().parse::<LevelFilter>().is_ok();
-    if let Some(part) = filter.split(',').find(|part| !level(part)) {
+fn parse_log_filter(filter: &str) -> Result<String, String> {
+    // A bare word may name a target, which would log everything of it and nothing else: this is hardly ever intended.
+    let has_level = |part: &&str| part.contains(['=', '[']) || part.trim().parse::<LevelFilter>().is_ok();
+    if let Some(part) = filter.split(',').find(|part| !has_level(part)) {
         let part: String = part.chars().take(60).collect();
         return Err(format!(
             "{part:?} is no level: say off, error, warn, info, debug or trace, or a part of the program with one, as hyper=debug"

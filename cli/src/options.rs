@@ -1,4 +1,4 @@
-//! `--physics`: physics options on the command line, by the worlds' own spaces.
+//! `--physics`: physics options on the command line, checked against the options of the worlds.
 
 use std::collections::BTreeMap;
 
@@ -8,35 +8,38 @@ use env_core::{Recipe, ScenarioError, TaskSpec};
 
 use super::worlds;
 
-/// One `--physics [TASK|WORLD:]NAME=CHOICE`.
+/// Option chosen by one `--physics [TASK|WORLD:]NAME=CHOICE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Chosen {
-    /// The task or the world it is for; every task there is unless told.
-    of: Option<String>,
+pub struct ChosenOption {
+    /// Task or world of the option; `None` for all tasks.
+    scope: Option<String>,
     name: String,
     choice: String,
 }
 
 pub use orchestrator::evaluation::report::TaskOptions;
 
-impl std::fmt::Display for Chosen {
+impl std::fmt::Display for ChosenOption {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if let Some(of) = &self.of {
-            write!(f, "{of}:")?;
+        if let Some(scope) = &self.scope {
+            write!(f, "{scope}:")?;
         }
         write!(f, "{}={}", self.name, self.choice)
     }
 }
 
-/// Reads one, by the option spaces of the tasks it may be for.
-pub(super) fn parse(text: &str) -> Result<Chosen, String> {
+/// Parses an option and checks it against the options of the tasks in its scope.
+///
+/// # Errors
+/// Returns a message if the form, the scope, the name or the choice is unknown.
+pub(super) fn parse(text: &str) -> Result<ChosenOption, String> {
     let wanted = "an option is NAME=CHOICE, as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE";
     let (left, choice) = text.split_once('=').ok_or(wanted)?;
     let (of, name) = match left.split_once(':') {
         Some((of, name)) => (Some(of), name),
         None => (None, left),
     };
-    let meant: Vec<_> = env_core::tasks().filter(|task| is_of(*task, of)).collect();
+    let meant: Vec<_> = env_core::tasks().filter(|task| is_in_scope(*task, of)).collect();
     if let (true, Some(of)) = (meant.is_empty(), of) {
         return Err(format!("{of:?} is neither a task nor a world ({})", worlds::names().join(", ")));
     }
@@ -53,11 +56,13 @@ pub(super) fn parse(text: &str) -> Result<Chosen, String> {
         let choices = each_once(named.iter().flat_map(|spec| spec.choices.iter().copied()));
         return Err(format!("{name} is {choice:?}; choose one of {choices}"));
     }
-    Ok(Chosen { of: of.map(str::to_owned), name: name.to_owned(), choice: choice.to_owned() })
+    Ok(ChosenOption { scope: of.map(str::to_owned), name: name.to_owned(), choice: choice.to_owned() })
 }
 
-fn is_of(task: &dyn TaskSpec, of: Option<&str>) -> bool {
-    of.is_none_or(|of| task.id() == of || env_core::world(of).is_some_and(|world| world.id() == task.world()))
+fn is_in_scope(task: &dyn TaskSpec, scope: Option<&str>) -> bool {
+    scope.is_none_or(|scope| {
+        task.id() == scope || env_core::world(scope).is_some_and(|world| world.id() == task.world())
+    })
 }
 
 fn each_once<'a>(words: impl Iterator<Item = &'a str>) -> String {
@@ -70,18 +75,21 @@ fn each_once<'a>(words: impl Iterator<Item = &'a str>) -> String {
     once.join(", ")
 }
 
-/// What was chosen for each of these tasks; tasks for which nothing was are not there.
+/// Groups the chosen options by task. Tasks without a chosen option are left out.
 ///
 /// # Errors
-/// Options for tasks that are not among these, that one of those meant does not have, or that are chosen twice.
-pub(super) fn by_task(chosen: &[Chosen], tasks: &[&'static dyn TaskSpec]) -> anyhow::Result<TaskOptions> {
+/// Returns an error if an option's scope holds none of these tasks, a task in scope lacks the option, or it is chosen twice.
+pub(super) fn by_task(
+    chosen: &[ChosenOption],
+    tasks: &[&'static dyn TaskSpec],
+) -> anyhow::Result<TaskOptions> {
     let mut all = TaskOptions::new();
     for option in chosen {
-        let mut meant = tasks.iter().filter(|task| is_of(**task, option.of.as_deref())).peekable();
+        let mut meant = tasks.iter().filter(|task| is_in_scope(**task, option.scope.as_deref())).peekable();
         ensure!(
             meant.peek().is_some(),
             "option {option}: no task of {} is here",
-            option.of.as_deref().unwrap_or("")
+            option.scope.as_deref().unwrap_or("")
         );
         for task in meant {
             if !task.options().iter().any(|spec| spec.name == option.name) {
@@ -100,10 +108,10 @@ pub(super) fn by_task(chosen: &[Chosen], tasks: &[&'static dyn TaskSpec]) -> any
     Ok(all)
 }
 
-/// The recipe under these options.
+/// Returns the recipe with these options.
 ///
 /// # Errors
-/// Options that contradict each other, or that a series of scenarios cannot have.
+/// Returns an error if options contradict each other or are reserved for hand-written scenarios.
 pub(super) fn apply(recipe: Recipe, options: Option<&BTreeMap<String, String>>) -> anyhow::Result<Recipe> {
     let task = recipe.task().id();
     let chosen = options.into_iter().flatten().map(|(name, choice)| (name.as_str(), choice.as_str()));
@@ -115,23 +123,23 @@ pub(super) fn apply(recipe: Recipe, options: Option<&BTreeMap<String, String>>) 
     under(recipe).with_context(|| format!("options of {task}"))
 }
 
-/// For people: "kessler/survival: contact swept, risk pc; …", tasks under the same options together.
-pub(super) fn in_words(options: &TaskOptions) -> String {
-    let mut told: Vec<(Vec<&str>, &BTreeMap<String, String>)> = Vec::new();
+/// Formats options as "kessler/survival: contact swept, risk pc; …". Tasks with the same options share one entry.
+pub(super) fn describe(options: &TaskOptions) -> String {
+    let mut groups: Vec<(Vec<&str>, &BTreeMap<String, String>)> = Vec::new();
     for (&task, of_task) in options {
-        match told.iter_mut().find(|(_, known)| *known == of_task) {
+        match groups.iter_mut().find(|(_, known)| *known == of_task) {
             Some((tasks, _)) => tasks.push(task),
-            None => told.push((vec![task], of_task)),
+            None => groups.push((vec![task], of_task)),
         }
     }
-    let words = told.iter().map(|(tasks, options)| {
+    let words = groups.iter().map(|(tasks, options)| {
         let options: Vec<String> = options.iter().map(|(name, choice)| format!("{name} {choice}")).collect();
         format!("{}: {}", tasks.join(", "), options.join(", "))
     });
     words.collect::<Vec<_>>().join("; ")
 }
 
-/// What the help says of the options there are, world by world.
+/// Returns the help text of all options, world by world.
 pub(super) fn help() -> String {
     let mut text =
         "Options of the worlds (--physics NAME=CHOICE; the first choice is the default):".to_owned();
@@ -165,12 +173,12 @@ mod tests {
         names.iter().map(|name| env_core::task(name).unwrap()).collect()
     }
 
-    fn read(texts: &[&str]) -> Vec<Chosen> {
+    fn read(texts: &[&str]) -> Vec<ChosenOption> {
         texts.iter().map(|text| parse(text).unwrap()).collect()
     }
 
     #[test]
-    fn options_are_read_by_the_worlds_spaces() {
+    fn options_are_checked_against_the_worlds() {
         for good in
             ["contact=swept", "kessler:risk=pc", "kessler@1:risk=pc", "kessler/survival:warnings=noisy"]
         {
@@ -190,16 +198,16 @@ mod tests {
     }
 
     #[test]
-    fn options_are_for_the_tasks_that_are_meant() {
+    fn options_apply_to_the_tasks_in_scope() {
         let both = tasks(&["kessler/survival", "kessler/formation", "docking/single"]);
         let found =
             by_task(&read(&["kessler:contact=swept", "kessler/formation:gravity=j2"]), &both).unwrap();
         assert_eq!(
-            in_words(&found),
+            describe(&found),
             "kessler/formation: contact swept, gravity j2; kessler/survival: contact swept"
         );
         let alike = by_task(&read(&["risk=pc"]), &both[..2]).unwrap();
-        assert_eq!(in_words(&alike), "kessler/formation, kessler/survival: risk pc");
+        assert_eq!(describe(&alike), "kessler/formation, kessler/survival: risk pc");
         let refuse = |chosen: &[&str], tasks: &[&'static dyn TaskSpec]| {
             by_task(&read(chosen), tasks).unwrap_err().to_string()
         };
@@ -215,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn contradictions_and_what_is_by_hand_are_refused() {
+    fn contradictory_and_reserved_options_are_refused() {
         let of = |texts: &[&str]| {
             let task = tasks(&["kessler/survival"]);
             let options = by_task(&read(texts), &task).unwrap();

@@ -1,4 +1,4 @@
-//! What subcommands print: results to stdout, progress to stderr.
+//! Output of the subcommands: results on stdout, progress on stderr, tables, and checks of output arguments.
 
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// How results are printed.
+/// Format of the results on stdout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum Format {
     /// A table for people.
@@ -17,13 +17,19 @@ pub(super) enum Format {
     Json,
 }
 
-/// Writes lines to stdout. A reader that has gone away (`sparring … | head`) has seen what it wanted.
+/// Writes text to stdout. A closed stdout (`sparring … | head`) is no error.
+///
+/// # Errors
+/// Returns an error if stdout cannot be written for another reason.
 pub(super) fn print(text: &str) -> anyhow::Result<()> {
-    print_if_read(text).map(drop)
+    print_unless_closed(text).map(drop)
 }
 
-/// The same; false where nobody reads any more.
-pub(super) fn print_if_read(text: &str) -> anyhow::Result<bool> {
+/// Writes text to stdout. Returns false if stdout is closed.
+///
+/// # Errors
+/// Returns an error if stdout cannot be written for another reason.
+pub(super) fn print_unless_closed(text: &str) -> anyhow::Result<bool> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
         Ok(()) => Ok(true),
@@ -32,19 +38,28 @@ pub(super) fn print_if_read(text: &str) -> anyhow::Result<bool> {
     }
 }
 
-/// The same for one JSON value, on one line: the last line of stdout is the object, for whoever reads line by line.
+/// Writes a JSON value to stdout as one line, so that programs can read stdout line by line.
+///
+/// # Errors
+/// Returns an error if the value cannot be serialised or stdout cannot be written.
 pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(&serde_json::to_string(value)?)
 }
 
-/// That nothing is asked for twice.
-pub(super) fn once(flag: &str, asked: &[String]) -> anyhow::Result<()> {
+/// Checks that a repeated flag names nothing twice.
+///
+/// # Errors
+/// Returns an error that names the first duplicate.
+pub(super) fn reject_duplicates(flag: &str, asked: &[String]) -> anyhow::Result<()> {
     let twice = asked.iter().enumerate().find(|(at, name)| asked[..*at].contains(name));
     twice.map_or(Ok(()), |(_, name)| Err(anyhow!("{flag} names {name} twice")))
 }
 
-/// That there is a folder for a file which is written after long work.
-pub(super) fn may_write(path: Option<&Path>) -> anyhow::Result<()> {
+/// Checks before long work that the folder of an output file exists.
+///
+/// # Errors
+/// Returns an error if the folder does not exist.
+pub(super) fn check_folder_exists(path: Option<&Path>) -> anyhow::Result<()> {
     let folder = path.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
     match folder {
         Some(folder) if !folder.is_dir() => Err(anyhow!("there is no folder {}", folder.display())),
@@ -52,21 +67,21 @@ pub(super) fn may_write(path: Option<&Path>) -> anyhow::Result<()> {
     }
 }
 
-/// Lines above, under the header and below, and none between rows.
+/// Table style with lines above, under the header and below, and none between rows.
 const STYLE: TableStyle = {
     let line = LineStyle::none().fill('─').junction('─');
     TableStyle::new().top_border(line).header_separator(line).bottom_border(line)
 };
 
-/// A table in the house's style: the first `words` columns to the left, numbers to the right.
-pub(super) fn table(header: &[&str], words: usize) -> Table {
+/// Creates a table whose first `text_columns` columns are aligned left and whose other columns are aligned right.
+pub(super) fn table(header: &[&str], text_columns: usize) -> Table {
     let mut table = Table::new();
     table.load_style(STYLE).set_content_arrangement(ContentArrangement::Dynamic);
     if cfg!(test) {
-        table.force_no_tty(); // a snapshot must not depend on the terminal it was taken in
+        table.force_no_tty(); // a snapshot must not depend on the terminal of the test run
     }
     table.set_header(header.to_vec());
-    for index in words..header.len() {
+    for index in text_columns..header.len() {
         if let Some(column) = table.column_mut(index) {
             column.set_cell_alignment(CellAlignment::Right);
         }
@@ -74,8 +89,11 @@ pub(super) fn table(header: &[&str], words: usize) -> Table {
     table
 }
 
-/// A progress bar on stderr; nothing where stderr is no terminal.
-pub(super) fn progress(length: usize, what: &'static str) -> anyhow::Result<ProgressBar> {
+/// Creates a progress bar on stderr; it is hidden if stderr is no terminal.
+///
+/// # Errors
+/// Returns an error if the template of the bar is invalid.
+pub(super) fn progress_bar(length: usize, label: &'static str) -> anyhow::Result<ProgressBar> {
     let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {eta} left")?;
-    Ok(ProgressBar::new(length as u64).with_style(style).with_message(what))
+    Ok(ProgressBar::new(length as u64).with_style(style).with_message(label))
 }

@@ -1,5 +1,5 @@
-//! `--policy-…`: the language model that flies for runs whose policy is `chat`, on the command line. No request can name
-//! another.
+//! `--policy-…`: arguments of the language model that runs episodes under the policy `chat`. No request can name another
+//! endpoint.
 
 use std::env::VarError;
 
@@ -10,10 +10,10 @@ use super::llm_args::{self, LlmArgs};
 use orchestrator::clock::Clock;
 use orchestrator::rollouts::Endpoint;
 
-/// Bytes of an answer where tokens are asked for: each comes with its text and log-probability.
-const MAX_BODY: usize = 16 << 20;
+/// Largest response in bytes if token details are requested: each token comes with its text and log-probability.
+const MAX_TOKEN_BODY_BYTES: usize = 16 << 20;
 
-/// A language model that flies.
+/// Arguments of the model behind the policy `chat`.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Policy")]
 pub struct PolicyArgs {
@@ -34,7 +34,7 @@ pub struct PolicyArgs {
     #[arg(long, value_name = "VARIABLE")]
     policy_key_env: Option<String>,
     /// Its sampling temperature, where a run does not say; left out the endpoint decides
-    #[arg(long, value_name = "T", value_parser = llm_args::temperature)]
+    #[arg(long, value_name = "T", value_parser = llm_args::parse_temperature)]
     policy_temperature: Option<f64>,
     /// Tokens of one answer, at most, where a run does not say
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=131_072))]
@@ -52,17 +52,18 @@ pub struct PolicyArgs {
 }
 
 impl PolicyArgs {
-    /// The model that flies; none where none is named.
+    /// Creates the client of the model, or returns `None` if none is named.
     ///
     /// # Errors
-    /// Settings that cannot be.
+    /// Returns an error if the settings of the endpoint are invalid.
     pub fn endpoint(&self, llm: &LlmArgs, clock: &Clock) -> anyhow::Result<Option<Endpoint>> {
         let Some(config) = self.config(llm, clock, |name| std::env::var(name))? else { return Ok(None) };
         let llm = LlmClient::new(config).context("--policy-url")?;
         Ok(Some(Endpoint { llm, temperature: self.policy_temperature }))
     }
 
-    /// Retries, prices and budgets are those of `--llm-…`, counted for the policy alone.
+    /// Returns the configuration of the endpoint. Retries, prices and budgets are those of `--llm-…`, counted for the policy
+    /// alone.
     fn config(
         &self,
         llm: &LlmArgs,
@@ -76,18 +77,18 @@ impl PolicyArgs {
             return Ok(None);
         };
         let model = self.policy_model.as_deref().context("--policy-url needs --policy-model")?;
-        let mut config = llm.limits(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
+        let mut config = llm.with_limits(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
         if let Some(name) = &self.policy_key_env {
-            config.key = llm_args::key(&[name.as_str()], read)?;
+            config.key = llm_args::read_key(&[name.as_str()], read)?;
             if config.key.is_none() {
                 bail!("--policy-key-env {name}: the variable holds nothing");
             }
         }
         config.max_tokens = self.policy_max_tokens;
-        llm_args::pace(&mut config, self.policy_timeout, self.policy_concurrency);
+        llm_args::set_pace(&mut config, self.policy_timeout, self.policy_concurrency);
         config.token_details = self.policy_tokens;
         if config.token_details {
-            config.max_body_bytes = MAX_BODY;
+            config.max_body_bytes = MAX_TOKEN_BODY_BYTES;
         }
         Ok(Some(config))
     }
@@ -101,7 +102,7 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct PolicyCommand {
         #[command(flatten)]
         llm: LlmArgs,
         #[command(flatten)]
@@ -109,7 +110,7 @@ mod tests {
     }
 
     fn of(line: &str) -> anyhow::Result<Option<LlmConfig>> {
-        let line = Line::try_parse_from(format!("x {line}").split_whitespace())?;
+        let line = PolicyCommand::try_parse_from(format!("x {line}").split_whitespace())?;
         line.policy.config(&line.llm, &Clock::manual(5).clock, |name| match name {
             "MINE" => Ok(" me ".to_owned()),
             "EMPTY" => Ok(" ".to_owned()),
@@ -118,10 +119,10 @@ mod tests {
     }
 
     #[test]
-    fn the_model_that_flies_is_the_one_of_the_command_line() {
+    fn policy_endpoint_follows_the_arguments() {
         if std::env::var_os("SPARRING_POLICY_URL").is_some() || std::env::var_os("SPARRING_LLM_URL").is_some()
         {
-            return; // they are settings
+            return; // these variables would change the arguments
         }
         assert!(of("").unwrap().is_none());
         let there = "--policy-url http://p/v1 --policy-model m";

@@ -1,4 +1,4 @@
-//! `sparring replay`: recorded episodes, flown again and compared.
+//! `sparring replay`: replays recorded episodes and compares them with the recording.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use env_core::World;
-use env_core::world::{RecordingComparison, FirstDifference, WorstDifference};
+use env_core::world::{FirstDifference, RecordingComparison, WorstDifference};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -45,64 +45,64 @@ recording leaves, if that is more; worst is what is worst against it. first is t
 Example:
   sparring replay env-core/fixtures/kessler-episodes.json.gz --tolerance 1e-12";
 
-/// Columns that text is filled to.
-const WIDTH: usize = 100;
-/// Bytes of JSON that are read from one file at most.
-const MOST_BYTES: u64 = 1 << 30;
+/// Width of wrapped text, in characters.
+const TEXT_WIDTH: usize = 100;
+/// Largest recording in bytes of unpacked JSON.
+const MAX_RECORDING_BYTES: u64 = 1 << 30;
 
-/// What a file's episodes came to.
+/// Comparison of one file's episodes.
 #[derive(Debug, Clone, PartialEq)]
-struct Judged {
+struct FileComparison {
     file: String,
     world: &'static str,
     compared: RecordingComparison,
 }
 
-impl Judged {
-    /// Nothing differs that counts.
-    const fn within(&self) -> bool {
+impl FileComparison {
+    /// Returns true if no difference exceeds its tolerance.
+    const fn is_within_tolerance(&self) -> bool {
         self.compared.first.is_none()
     }
 }
 
-impl Serialize for Judged {
+impl Serialize for FileComparison {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
-        struct Wire<'a> {
+        struct FileReport<'a> {
             file: &'a str,
             world: &'a str,
             within: bool,
             episodes: usize,
             steps: usize,
             #[serde(flatten)]
-            worst: Named<'a>,
-            allowed: Named<'a>,
-            first: Option<First<'a>>,
+            worst: QuantityMap<'a>,
+            allowed: QuantityMap<'a>,
+            first: Option<FirstStep<'a>>,
             documented: &'a [String],
         }
-        /// One number of each quantity, in the world's own order.
-        struct Named<'a>(&'a [WorstDifference], fn(&WorstDifference) -> f64);
-        impl Serialize for Named<'_> {
+        /// One number of each quantity, in the world's order.
+        struct QuantityMap<'a>(&'a [WorstDifference], fn(&WorstDifference) -> f64);
+        impl Serialize for QuantityMap<'_> {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.collect_map(self.0.iter().map(|worst| (worst.quantity, self.1(worst))))
             }
         }
         #[derive(Serialize)]
-        struct First<'a> {
+        struct FirstStep<'a> {
             episode: usize,
             step: usize,
             what: &'a str,
         }
         let RecordingComparison { episodes, steps, worst, first, documented } = &self.compared;
-        Wire {
+        FileReport {
             file: &self.file,
             world: self.world,
-            within: self.within(),
+            within: self.is_within_tolerance(),
             episodes: *episodes,
             steps: *steps,
-            worst: Named(worst, |worst| worst.difference),
-            allowed: Named(worst, |worst| worst.allowed),
-            first: first.as_ref().map(|FirstDifference { episode, step, what }| First {
+            worst: QuantityMap(worst, |worst| worst.difference),
+            allowed: QuantityMap(worst, |worst| worst.allowed),
+            first: first.as_ref().map(|FirstDifference { episode, step, what }| FirstStep {
                 episode: *episode,
                 step: *step,
                 what,
@@ -114,27 +114,33 @@ impl Serialize for Judged {
 }
 
 #[derive(Serialize)]
-struct Answer<'a> {
+struct ReplayReport<'a> {
     tolerance: f64,
-    files: &'a [Judged],
+    files: &'a [FileComparison],
 }
 
-/// Replays every file and prints what was found.
+/// Replays every file and prints the comparisons.
 ///
 /// # Errors
-/// A file that cannot be read or holds no recording; what the others came to is printed all the same.
+/// Returns an error if a file cannot be read or holds no recording; the comparisons of the other files are printed first.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let (judged, verdict) = judge(args);
+    let Comparisons { files: judged, verdict } = compare_files(args);
     match args.format {
-        Format::Json => output::print_json(&Answer { tolerance: args.tolerance, files: &judged })?,
+        Format::Json => output::print_json(&ReplayReport { tolerance: args.tolerance, files: &judged })?,
         Format::Table if judged.is_empty() => {}
         Format::Table => output::print(&tables(&judged, args.tolerance))?,
     }
     verdict
 }
 
-/// What could be compared, and what it all comes to.
-fn judge(args: &Args) -> (Vec<Judged>, anyhow::Result<ExitCode>) {
+/// Comparisons of all readable files, and the exit code or the errors of the others.
+struct Comparisons {
+    files: Vec<FileComparison>,
+    verdict: anyhow::Result<ExitCode>,
+}
+
+/// Compares all files of the command line.
+fn compare_files(args: &Args) -> Comparisons {
     let mut judged = Vec::new();
     let mut faults = Vec::new();
     for path in &args.files {
@@ -145,16 +151,19 @@ fn judge(args: &Args) -> (Vec<Judged>, anyhow::Result<ExitCode>) {
     }
     let verdict = if !faults.is_empty() {
         Err(anyhow!(faults.join("; ")))
-    } else if judged.iter().all(Judged::within) {
+    } else if judged.iter().all(FileComparison::is_within_tolerance) {
         Ok(ExitCode::SUCCESS)
     } else {
         Ok(ExitCode::FAILURE)
     };
-    (judged, verdict)
+    Comparisons { files: judged, verdict }
 }
 
-/// Asks every world whether the file is one of its recordings; the first that knows it compares.
-fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<Judged> {
+/// Finds the world that recorded the file and compares the recording with a replay.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, is empty, or belongs to no known world.
+fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<FileComparison> {
     let recording = read(path)?;
     let none = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
     ensure!(!recording.get("episodes").is_some_and(none), "it holds no episodes");
@@ -163,40 +172,40 @@ fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<Judged> {
         if let Some(compared) = world.compare_recording(&recording, tolerance) {
             let compared = compared?;
             ensure!(compared.episodes > 0, "it holds no episodes");
-            return Ok(Judged { file, world: World::name(world), compared });
+            return Ok(FileComparison { file, world: World::name(world), compared });
         }
     }
     bail!("it is not a recording of a world known here ({})", worlds::names().join(", "))
 }
 
-/// Reads a file of JSON, unpacking it where it is packed, whatever its name says.
+/// Reads a JSON file and unpacks it if it has a gzip header, regardless of its name.
 fn read(path: &Path) -> anyhow::Result<Value> {
     let bytes = std::fs::read(path).context("it cannot be read")?;
     let unpacked = if bytes.starts_with(&[0x1f, 0x8b]) {
         let mut unpacked = Vec::new();
         let reader = flate2::read::MultiGzDecoder::new(&bytes[..]);
-        reader.take(MOST_BYTES + 1).read_to_end(&mut unpacked).context("it cannot be unpacked")?;
+        reader.take(MAX_RECORDING_BYTES + 1).read_to_end(&mut unpacked).context("it cannot be unpacked")?;
         unpacked
     } else {
         bytes
     };
-    ensure!(unpacked.len() as u64 <= MOST_BYTES, "it is larger than {MOST_BYTES} bytes");
+    ensure!(unpacked.len() as u64 <= MAX_RECORDING_BYTES, "it is larger than {MAX_RECORDING_BYTES} bytes");
     serde_json::from_slice(&unpacked).context("it is not JSON")
 }
 
-/// A table for each file, a line for each quantity, then what is to be said of single files.
-fn tables(judged: &[Judged], tolerance: f64) -> String {
+/// Formats one table per file with one row per quantity, then the differences of single files.
+fn tables(judged: &[FileComparison], tolerance: f64) -> String {
     let mut text = format!(
         "Worst differences, and what is allowed of each: the tolerance, {tolerance:e}, or what the precision of the \
          recording leaves, if that is more.\n"
     );
-    text = textwrap::fill(text.trim_end(), WIDTH) + "\n";
+    text = textwrap::fill(text.trim_end(), TEXT_WIDTH) + "\n";
     for file in judged {
         let RecordingComparison { episodes, steps, worst, .. } = &file.compared;
         let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
-        // A word can differ where no number does.
-        let word =
-            (numbers && !file.within()).then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("a word", 0.0) });
+        // A word can differ even if no number does.
+        let word = (numbers && !file.is_within_tolerance())
+            .then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("a word", 0.0) });
         let mut table = output::table(&["quantity", "verdict", "worst", "allowed"], 2);
         for WorstDifference { quantity, difference, allowed } in worst.iter().chain(&word) {
             let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
@@ -207,14 +216,14 @@ fn tables(judged: &[Judged], tolerance: f64) -> String {
         text.push_str(&format!("\n{name}: {world}, {episodes} episodes, {steps} steps\n{table}\n"));
     }
     text.push('\n');
-    for Judged { file, compared, .. } in judged {
+    for FileComparison { file, compared, .. } in judged {
         if let Some(FirstDifference { episode, step, what }) = &compared.first {
             let found = format!("the first difference is in episode {episode}, step {step}: {what}");
-            text.push_str(&textwrap::fill(&format!("{file}: {found}"), WIDTH));
+            text.push_str(&textwrap::fill(&format!("{file}: {found}"), TEXT_WIDTH));
             text.push('\n');
         }
         for documented in &compared.documented {
-            text.push_str(&textwrap::fill(&format!("{file}: documented: {documented}"), WIDTH));
+            text.push_str(&textwrap::fill(&format!("{file}: documented: {documented}"), TEXT_WIDTH));
             text.push('\n');
         }
     }
@@ -242,7 +251,7 @@ mod tests {
         Args { files, tolerance: 1e-9, format: Format::Json }
     }
 
-    /// The fixture as JSON with one change, as a file.
+    /// Writes the fixture with one change to a JSON file.
     fn tampered(change: impl Fn(&mut serde_json::Value)) -> tempfile::NamedTempFile {
         let packed = std::fs::read(fixture()).unwrap();
         let mut value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed[..])).unwrap();
@@ -255,9 +264,9 @@ mod tests {
     #[test]
     fn validate_kessler_env_the_fixture_replays() {
         let found = compare_file(&fixture(), 1e-9).unwrap();
-        assert!(found.within() && found.world == "kessler", "{found:?}");
+        assert!(found.is_within_tolerance() && found.world == "kessler", "{found:?}");
         assert_eq!((found.compared.episodes, found.compared.steps), (30, 1361));
-        assert_eq!(judge(&args(vec![fixture()])).1.unwrap(), ExitCode::SUCCESS);
+        assert_eq!(compare_files(&args(vec![fixture()])).verdict.unwrap(), ExitCode::SUCCESS);
     }
 
     #[test]
@@ -271,25 +280,27 @@ mod tests {
         assert_eq!((first.episode, first.step), (3, 7));
         assert!(first.what.starts_with("satellite 1: "), "{}", first.what);
         let satellite = serde_json::to_value(&found).unwrap()["satellite"].as_f64().unwrap();
-        assert!(!found.within() && (satellite - 1e-6).abs() < 1e-9);
+        assert!(!found.is_within_tolerance() && (satellite - 1e-6).abs() < 1e-9);
         let file = vec![number.path().to_owned()];
-        assert_eq!(judge(&args(file.clone())).1.unwrap(), ExitCode::FAILURE);
+        assert_eq!(compare_files(&args(file.clone())).verdict.unwrap(), ExitCode::FAILURE);
         let loose = Args { tolerance: 1e-5, ..args(file) };
-        assert_eq!(judge(&loose).1.unwrap(), ExitCode::SUCCESS);
+        assert_eq!(compare_files(&loose).verdict.unwrap(), ExitCode::SUCCESS);
 
         let word = tampered(|v| v["episodes"][0]["steps"][2]["satellites"][0][5] = "lost".into());
         let found = compare_file(word.path(), 1e-9).unwrap();
         assert_eq!(found.compared.first.map(|f| (f.episode, f.step)), Some((0, 3)));
     }
 
-    /// Every world's recordings are known by themselves and replay; none of its quantities is called like one of the keys
-    /// that every file has.
+    /// The recordings of every world are recognised and replay. No quantity has the name of a key that every file has.
     #[test]
     fn validate_safe_autonomy_sims_the_fixtures_replay() {
         let folder = fixture().parent().unwrap().to_owned();
         for name in ["docking-docks", "docking-edge", "docking-random", "docking-timeout"] {
             let found = compare_file(&folder.join(format!("{name}.json.gz")), 1e-9).unwrap();
-            assert!(found.within() && found.world == "docking" && found.compared.steps > 0, "{found:?}");
+            assert!(
+                found.is_within_tolerance() && found.world == "docking" && found.compared.steps > 0,
+                "{found:?}"
+            );
             let told = serde_json::to_value(&found).unwrap();
             let keys = told.as_object().unwrap().len();
             assert_eq!(keys, 8 + found.compared.worst.len(), "{told}");
@@ -300,8 +311,8 @@ mod tests {
         }
     }
 
-    /// Files of two worlds, one of them with everything there is to say.
-    fn judged() -> [Judged; 2] {
+    /// Comparisons of two worlds; one has a difference and a documented deviation.
+    fn judged() -> [FileComparison; 2] {
         let compared = |worst: &[(&'static str, f64)], first, documented| RecordingComparison {
             episodes: 2,
             steps: 90,
@@ -315,12 +326,12 @@ mod tests {
         let first = FirstDifference { episode: 1, step: 7, what: "reward: 1 here, 2 recorded".to_owned() };
         let known = ["episode 0, step 9: the recording pays twice".to_owned()];
         [
-            Judged {
+            FileComparison {
                 file: "a.json".to_owned(),
                 world: "kessler",
                 compared: compared(&[("satellite", 2.5e-13), ("reward", 0.0)], None, Vec::new()),
             },
-            Judged {
+            FileComparison {
                 file: "b.json".to_owned(),
                 world: "elsewhere",
                 compared: compared(&[("position", f64::INFINITY)], Some(first), known.to_vec()),
@@ -331,7 +342,7 @@ mod tests {
     #[test]
     fn every_world_has_its_own_quantities() {
         insta::assert_snapshot!("tables", tables(&judged(), 1e-9));
-        insta::assert_json_snapshot!("json", Answer { tolerance: 1e-9, files: &judged() });
+        insta::assert_json_snapshot!("json", ReplayReport { tolerance: 1e-9, files: &judged() });
     }
 
     #[test]
@@ -364,7 +375,8 @@ mod tests {
         episode 1: step 5 does not have 3 satellites
         episode 1: it has no steps
         ");
-        let (compared, verdict) = judge(&args(vec![fixture(), PathBuf::from("/nowhere.json")]));
+        let Comparisons { files: compared, verdict } =
+            compare_files(&args(vec![fixture(), PathBuf::from("/nowhere.json")]));
         assert_eq!(compared.len(), 1);
         let both = verdict.unwrap_err().to_string();
         assert!(both.starts_with("/nowhere.json: it cannot be read"), "{both}");

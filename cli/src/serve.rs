@@ -1,4 +1,4 @@
-//! `sparring serve`: the service, until it is told to stop.
+//! `sparring serve`: runs the service until a signal stops it.
 
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
@@ -10,7 +10,7 @@ use super::judge::JudgeArgs;
 use super::llm_args::LlmArgs;
 use super::policy::PolicyArgs;
 use orchestrator::clock::Clock;
-use orchestrator::http;
+use orchestrator::limits::ClientLimits;
 use orchestrator::service::{Config, Service};
 use orchestrator::sessions::SessionLimits;
 
@@ -58,7 +58,7 @@ pub struct Args {
     #[arg(long)]
     while_stdin: bool,
     #[command(flatten)]
-    each: EachArgs,
+    each: ClientLimitArgs,
     #[command(flatten)]
     llm: LlmArgs,
     #[command(flatten)]
@@ -67,32 +67,32 @@ pub struct Args {
     policy: PolicyArgs,
 }
 
-/// What each who comes in may do.
+/// Limits of each client.
 #[derive(Debug, clap::Args)]
 #[command(
     next_help_heading = "What each token may do at most; where there are none, nobody but this machine comes in, and is not held to it"
 )]
-struct EachArgs {
+struct ClientLimitArgs {
     /// Requests a second of a token; twice as many at once
-    #[arg(long, default_value_t = http::Each::default().requests, value_name = "N")]
+    #[arg(long, default_value_t = ClientLimits::default().requests, value_name = "N")]
     requests_each: NonZeroU32,
     /// Requests a second of an address without a token
-    #[arg(long, default_value_t = http::Each::default().anonymous, value_name = "N")]
+    #[arg(long, default_value_t = ClientLimits::default().anonymous, value_name = "N")]
     requests_anonymous: NonZeroU32,
     /// Sessions that fly at once, of --sessions
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions_each: u32,
     /// Leases of a token that are active
-    #[arg(long, default_value_t = http::Each::default().leases, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = ClientLimits::default().leases, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     leases_each: u32,
     /// Runs that a token may create
-    #[arg(long, default_value_t = http::Each::default().runs, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = ClientLimits::default().runs, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     runs_each: u32,
 }
 
-impl EachArgs {
-    const fn each(&self) -> http::Each {
-        http::Each {
+impl ClientLimitArgs {
+    const fn client_limits(&self) -> ClientLimits {
+        ClientLimits {
             requests: self.requests_each,
             anonymous: self.requests_anonymous,
             runs: self.runs_each,
@@ -101,10 +101,10 @@ impl EachArgs {
     }
 }
 
-/// Serves.
+/// Runs the service until a signal, the end of stdin, or a failure of the writer stops it.
 ///
 /// # Errors
-/// A database or address that cannot be used.
+/// Returns an error if the database or address cannot be used, or the writer fails.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let served = runtime.block_on(async {
@@ -124,13 +124,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let bind = args.bind;
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
-        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, each: args.each.each() };
+        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits() };
         let mut service = Service::start(config).await?;
         // Programs that start a server read this line to learn its port.
         super::output::print(&format!("Sparring serves at {}", service.url()))?;
         tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         tokio::select! {
-            told = told_to_stop() => told?,
+            signal = stop_signal() => signal?,
             () = stdin_ends(), if args.while_stdin => {}
             () = service.writer_failed() => anyhow::bail!("the writer failed, nothing can be stored any more; the log says why"),
         }
@@ -139,7 +139,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         tracing::info!("The server stopped.");
         Ok(ExitCode::SUCCESS)
     });
-    // Scenarios that are still being prepared are not waited for: they are prepared again.
+    // Scenarios in preparation are dropped; the next start prepares them again.
     runtime.shutdown_background();
     served
 }
@@ -147,16 +147,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// Waits for the end of standard input.
 async fn stdin_ends() {
     let (done, ended) = tokio::sync::oneshot::channel();
-    // A thread of its own: one of the runtime's would be waited for when it ends.
+    // A thread of the runtime would delay its shutdown, so this is a separate thread.
     std::thread::spawn(move || {
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
         let _ = done.send(());
     });
-    let _ = ended.await; // the thread being gone means the same
+    let _ = ended.await; // an error means that the thread is gone, which counts as the end too
 }
 
 /// Waits for Ctrl-C or SIGTERM.
-pub(super) async fn told_to_stop() -> std::io::Result<()> {
+pub(super) async fn stop_signal() -> std::io::Result<()> {
     #[cfg(unix)]
     {
         let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;

@@ -1,10 +1,10 @@
-//! What the command line says of itself, and what it takes.
+//! Tests of the help texts and of the accepted arguments.
 
 use clap::{CommandFactory, Parser};
 
 use super::Cli;
 
-/// `--help` of a subcommand at a fixed width.
+/// Renders the help of a subcommand at a fixed width.
 fn help(path: &[&str]) -> String {
     let mut command = Cli::command().term_width(100);
     command.build();
@@ -16,7 +16,7 @@ fn help(path: &[&str]) -> String {
 }
 
 #[test]
-fn the_command_line_is_sound() {
+fn command_line_definition_is_valid() {
     Cli::command().debug_assert();
 }
 
@@ -89,7 +89,7 @@ fn bad_arguments_are_usage_errors() {
 }
 
 #[test]
-fn good_arguments_are_taken() {
+fn good_arguments_are_accepted() {
     for line in [
         "sparring eval --policy hold",
         "sparring eval --suite x.json --policy hold,blind --policy random --seed 3 --format json --rollouts 4",

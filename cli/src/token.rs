@@ -1,4 +1,4 @@
-//! `sparring token`: who may come in.
+//! `sparring token`: creates, lists and revokes access tokens.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -8,12 +8,12 @@ use clap::Subcommand;
 use jiff::{SignedDuration, Span};
 use sqlx::SqliteConnection;
 
-use super::db::{Database, readers};
+use super::db::{DatabaseArgs, open_readers};
 use super::output;
 use orchestrator::clock::{Clock, Millis, rfc3339};
 use orchestrator::store::audit_log::{self, AuditRing, AuditRow};
 use orchestrator::store::tokens::{self, NewToken};
-use orchestrator::store::{self, DatabaseLock, OpenError};
+use orchestrator::store::{self, DatabaseLock, OpenError, transactions};
 use orchestrator::tokens::{Role, Token};
 
 /// Make, list and revoke the tokens that a server lets in.
@@ -33,7 +33,7 @@ Examples:
   sparring token revoke 3")]
 pub struct Args {
     #[command(flatten)]
-    of: Database,
+    database: DatabaseArgs,
     #[command(subcommand)]
     command: Command,
 }
@@ -48,8 +48,8 @@ enum Command {
         #[arg(long, value_enum)]
         role: Role,
         /// How long it is good for, as `90d`, `12h` or `2 weeks`; or `never`
-        #[arg(long, default_value = "90d", value_name = "TIME", value_parser = lasting, allow_hyphen_values = true)]
-        expires: Lasting,
+        #[arg(long, default_value = "90d", value_name = "TIME", value_parser = parse_lifetime, allow_hyphen_values = true)]
+        expires: TokenLifetime,
     },
     /// List tokens: names, roles, until when, and when each was used last
     List,
@@ -60,55 +60,54 @@ enum Command {
     },
 }
 
-/// How long something is good for.
+/// Lifetime of a token.
 #[derive(Debug, Clone, Copy)]
-enum Lasting {
+enum TokenLifetime {
     For(SignedDuration),
     Ever,
 }
 
-fn lasting(text: &str) -> Result<Lasting, String> {
+fn parse_lifetime(text: &str) -> Result<TokenLifetime, String> {
     if text == "never" {
-        return Ok(Lasting::Ever);
+        return Ok(TokenLifetime::Ever);
     }
     let wanted = || format!("{text:?} is no time: say it as 90d, 12h or 2 weeks, or never");
     let span: Span = text.parse().map_err(|_| wanted())?;
-    // Days are of 24 hours, whatever clocks do meanwhile.
+    // A day is 24 hours, regardless of changes of the local clock.
     let time = span.to_duration(jiff::SpanRelativeTo::days_are_24_hours()).map_err(|_| wanted())?;
-    if time <= SignedDuration::ZERO { Err(wanted()) } else { Ok(Lasting::For(time)) }
+    if time <= SignedDuration::ZERO { Err(wanted()) } else { Ok(TokenLifetime::For(time)) }
 }
 
-/// Longest name of a token, in characters.
-const MAX_NAME: usize = 100;
+/// Largest length of a token's name, in characters.
+const MAX_NAME_CHARS: usize = 100;
 
-/// Does it.
+/// Runs the subcommand.
 ///
 /// # Errors
-/// A database that cannot be used, a token that is not there.
+/// Returns an error if the database cannot be used, the name is invalid, or the token does not exist.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let now = Clock::system().now();
-        let db = &args.of.db;
+        let db = &args.database.db;
         match &args.command {
             Command::Create { name, role, expires } => {
-                fits(name)?;
+                check_name(name)?;
                 if !db.exists() {
                     tracing::info!(db = %db.display(), "There is no such database yet: it is made.");
                 }
-                create(&mut open(db).await?, (name, *role), now, *expires).await
+                create(&mut open(db).await?, name, *role, now, *expires).await
             }
-            Command::List => list(&mut *readers(db).await?.acquire().await?, now).await,
+            Command::List => list(&mut *open_readers(db).await?.acquire().await?, now).await,
             Command::Revoke { id } => {
-                readers(db).await?.close().await; // what is not there is not made to revoke a token of it
+                open_readers(db).await?.close().await; // revoking must not create a missing database
                 revoke(&mut open(db).await?, *id, now).await
             }
         }
     })
 }
 
-/// A connection that writes, beside a running server if there is one: its database has this program's schema, or it would not
-/// run.
+/// Opens a write connection, next to a running server if there is one. The server's database has this program's schema.
 async fn open(db: &Path) -> Result<SqliteConnection, OpenError> {
     match DatabaseLock::acquire(db) {
         Ok(_lock) => store::open_writer(db).await,
@@ -120,28 +119,34 @@ async fn open(db: &Path) -> Result<SqliteConnection, OpenError> {
     }
 }
 
-fn fits(name: &str) -> anyhow::Result<()> {
-    ensure!((1..=MAX_NAME).contains(&name.chars().count()), "a token's name has 1 to {MAX_NAME} characters");
+fn check_name(name: &str) -> anyhow::Result<()> {
+    ensure!(
+        (1..=MAX_NAME_CHARS).contains(&name.chars().count()),
+        "a token's name has 1 to {MAX_NAME_CHARS} characters"
+    );
     ensure!(!name.chars().any(char::is_control), "a token's name is of one line: no tabs, no line ends");
     Ok(())
 }
 
 async fn create(
     conn: &mut SqliteConnection,
-    (name, role): (&str, Role),
+    name: &str,
+    role: Role,
     now: Millis,
-    expires: Lasting,
+    expires: TokenLifetime,
 ) -> anyhow::Result<ExitCode> {
     let expires_at = match expires {
-        Lasting::Ever => None,
-        Lasting::For(time) => Some(now.saturating_add(i64::try_from(time.as_millis()).unwrap_or(i64::MAX))),
+        TokenLifetime::Ever => None,
+        TokenLifetime::For(time) => {
+            Some(now.saturating_add(i64::try_from(time.as_millis()).unwrap_or(i64::MAX)))
+        }
     };
-    let mut moment = sqlx::Connection::begin_with(conn, "BEGIN IMMEDIATE").await?;
+    let mut moment = transactions::begin_write(conn).await?;
     let id = tokens::insert(&mut moment, &NewToken { name, role, expires_at }, now).await?;
     let token = Token::new(id);
     tokens::set_hash(&mut moment, id, token.hash().as_bytes()).await?;
-    audit_log::append(&mut moment, AuditRing::Changes, &by_hand("create", id, now)).await?;
-    // One that nobody was shown would keep everybody out: as soon as there is one nobody is let in without.
+    audit_log::append(&mut moment, AuditRing::Changes, &command_line_audit_row("create", id, now)).await?;
+    // The token is printed before the commit: once a token exists, the server rejects clients without one.
     output::print(token.expose())?;
     moment.commit().await.context("the token that was shown is none: it could not be written down")?;
     let until = expires_at.map_or_else(|| "for ever".to_owned(), |at| format!("until {}", rfc3339(at)));
@@ -151,8 +156,8 @@ async fn create(
     Ok(ExitCode::SUCCESS)
 }
 
-/// The audit log's line of what is done to a token at the command line: whoever may write the file may.
-fn by_hand(what: &str, id: i64, at: Millis) -> AuditRow {
+/// Creates the audit record of a change at the command line. File permissions are the only access control there.
+fn command_line_audit_row(what: &str, id: i64, at: Millis) -> AuditRow {
     AuditRow {
         id: 0,
         at,
@@ -191,13 +196,13 @@ async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCo
 }
 
 async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> anyhow::Result<ExitCode> {
-    let mut moment = sqlx::Connection::begin_with(conn, "BEGIN IMMEDIATE").await?;
+    let mut moment = transactions::begin_write(conn).await?;
     if !tokens::revoke(&mut moment, id, now).await? {
         let there = tokens::get(&mut moment, id).await?.is_some();
         let why = if there { "was revoked before" } else { "is not there" };
         bail!("token {id} {why}; `sparring token list` shows them");
     }
-    audit_log::append(&mut moment, AuditRing::Changes, &by_hand("revoke", id, now)).await?;
+    audit_log::append(&mut moment, AuditRing::Changes, &command_line_audit_row("revoke", id, now)).await?;
     moment.commit().await?;
     output::print(&format!("Token {id} is revoked; a running server lets it in for 5 seconds at most."))?;
     Ok(ExitCode::SUCCESS)

@@ -1,10 +1,10 @@
-//! What the help says of worlds: their names and policies, as they themselves tell it.
+//! Names, policies and params of the worlds as text, for help and messages.
 
 use env_core::World;
 use env_core::policy::PolicySpec;
 use env_core::space::ParamSpec;
 
-/// The names of all built-in policies of all tasks, each once, in the order people should read them.
+/// Returns the names of all built-in policies of all tasks, each once, in reading order.
 pub(super) fn policy_names() -> Vec<&'static str> {
     let mut names = Vec::new();
     for spec in env_core::tasks().flat_map(|task| task.policies()) {
@@ -15,20 +15,20 @@ pub(super) fn policy_names() -> Vec<&'static str> {
     names
 }
 
-/// What the policies of these names do, a line each, world by world where that differs.
-pub(super) fn policies_in_words(names: &[&str]) -> String {
+/// Describes the policies of these names, one per line. Descriptions that differ between worlds are listed by world.
+pub(super) fn describe_policies(names: &[&str]) -> String {
     let words = names.iter().filter_map(|name| {
-        let mut told: Vec<(&str, Vec<&str>)> = Vec::new();
+        let mut descriptions: Vec<(&str, Vec<&str>)> = Vec::new();
         for world in env_core::worlds() {
-            for about in abouts(world, name) {
-                match told.iter_mut().find(|(known, _)| *known == about) {
+            for about in policy_descriptions(world, name) {
+                match descriptions.iter_mut().find(|(known, _)| *known == about) {
                     Some((_, worlds)) if worlds.contains(&world.name()) => {}
                     Some((_, worlds)) => worlds.push(world.name()),
-                    None => told.push((about, vec![world.name()])),
+                    None => descriptions.push((about, vec![world.name()])),
                 }
             }
         }
-        match told.as_slice() {
+        match descriptions.as_slice() {
             [] => None,
             [(about, _)] => Some(format!("  {name}: {about}")),
             several => {
@@ -40,8 +40,8 @@ pub(super) fn policies_in_words(names: &[&str]) -> String {
     words.collect::<Vec<_>>().join("\n")
 }
 
-/// What a world's tasks say of the policy of this name.
-fn abouts(world: &dyn World, name: &str) -> Vec<&'static str> {
+/// Returns the descriptions of a policy in all tasks of a world.
+fn policy_descriptions(world: &dyn World, name: &str) -> Vec<&'static str> {
     let of_name = |spec: &&PolicySpec| spec.name == name;
     world
         .tasks()
@@ -51,8 +51,8 @@ fn abouts(world: &dyn World, name: &str) -> Vec<&'static str> {
         .collect()
 }
 
-/// A param's name and value for people, with its unit where the name ends in it: "fuel 20", "time limit 500 s".
-pub(super) fn param_in_words(spec: &ParamSpec, value: &str) -> String {
+/// Formats a param's name and value, as "fuel 20". A unit at the end of the name follows the value: "time limit 500 s".
+pub(super) fn describe_param(spec: &ParamSpec, value: &str) -> String {
     let unit = spec.name.strip_suffix(spec.unit).and_then(|name| name.strip_suffix('_'));
     match unit.filter(|_| !spec.unit.is_empty()) {
         Some(name) => format!("{} {value} {}", name.replace('_', " "), spec.unit),
@@ -60,7 +60,7 @@ pub(super) fn param_in_words(spec: &ParamSpec, value: &str) -> String {
     }
 }
 
-/// The names of all worlds.
+/// Returns the names of all worlds.
 pub(super) fn names() -> Vec<&'static str> {
     env_core::worlds().map(World::name).collect()
 }

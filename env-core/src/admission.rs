@@ -45,10 +45,15 @@ pub fn admit_while(scenario: &Scenario, wanted: &dyn Fn() -> bool) -> Option<Adm
 
 /// True if an episode with this outcome is a success.
 #[must_use]
-pub fn is_success(scenario: &Scenario, rule: SuccessRule, bracket: &Bracket, flown: &EpisodeOutcome) -> bool {
+pub fn is_success(
+    scenario: &Scenario,
+    rule: SuccessRule,
+    bracket: &Bracket,
+    outcome: &EpisodeOutcome,
+) -> bool {
     match rule {
-        SuccessRule::Task => scenario.task().is_success(flown, bracket.skill(flown.score)),
-        SuccessRule::Raw(threshold) => flown.score >= threshold,
+        SuccessRule::Task => scenario.task().is_success(outcome, bracket.skill(outcome.score)),
+        SuccessRule::Raw(threshold) => outcome.score >= threshold,
     }
 }
 
@@ -73,7 +78,7 @@ pub fn is_contested(scenario: &Scenario, bracket: &Bracket) -> bool {
 /// Number of blind plans that succeed.
 #[must_use]
 pub fn count_panel_successes(scenario: &Scenario, bracket: &Bracket) -> usize {
-    bracket.panel.iter().filter(|flown| is_success(scenario, SuccessRule::Task, bracket, flown)).count()
+    bracket.panel.iter().filter(|outcome| is_success(scenario, SuccessRule::Task, bracket, outcome)).count()
 }
 
 /// Share of blind plans that succeed, from 0 to 1.

@@ -42,7 +42,7 @@ impl Bracket {
     /// Score of the hold plan.
     #[must_use]
     pub fn hold_score(&self) -> f64 {
-        self.panel.first().map_or(0.0, |flown| flown.score)
+        self.panel.first().map_or(0.0, |outcome| outcome.score)
     }
 
     /// Largest number of blind plans that may succeed on a contested scenario: half of them.

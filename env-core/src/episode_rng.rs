@@ -240,10 +240,8 @@ mod tests {
             RngStream::Warning { step: 0, satellite: 0, debris: 0 },
             RngStream::Warning { step: 7, satellite: 2, debris: 300 },
         ];
-        let draws: Vec<String> = streams
-            .iter()
-            .map(|&s| format!("{s:?} {:?} {:?}", rng.uniform(s), rng.uniform(s)))
-            .collect();
+        let draws: Vec<String> =
+            streams.iter().map(|&s| format!("{s:?} {:?} {:?}", rng.uniform(s), rng.uniform(s))).collect();
         insta::assert_debug_snapshot!(draws);
     }
 

@@ -8,7 +8,10 @@ use crate::error::ScenarioError;
 const MAX_QUOTED_CHARS: usize = 60;
 
 /// Reads a JSON object.
-pub(crate) fn read_object<'a>(field: &str, value: &'a Value) -> Result<&'a Map<String, Value>, ScenarioError> {
+pub(crate) fn read_object<'a>(
+    field: &str,
+    value: &'a Value,
+) -> Result<&'a Map<String, Value>, ScenarioError> {
     value.as_object().ok_or_else(|| wrong_type(field, value, "an object"))
 }
 

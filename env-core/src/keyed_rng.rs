@@ -105,10 +105,22 @@ mod tests {
 
     #[test]
     fn draws_are_a_function_of_the_key() {
-        assert_eq!(KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(), KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform());
-        assert_ne!(KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(), KeyedRng::new(RngPurpose::Curriculum, 1, 3).uniform());
-        assert_ne!(KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(), KeyedRng::new(RngPurpose::Curriculum, 2, 2).uniform());
-        assert_ne!(KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(), KeyedRng::new(RngPurpose::Curriculum, 2, 1).uniform());
+        assert_eq!(
+            KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(),
+            KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform()
+        );
+        assert_ne!(
+            KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(),
+            KeyedRng::new(RngPurpose::Curriculum, 1, 3).uniform()
+        );
+        assert_ne!(
+            KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(),
+            KeyedRng::new(RngPurpose::Curriculum, 2, 2).uniform()
+        );
+        assert_ne!(
+            KeyedRng::new(RngPurpose::Curriculum, 1, 2).uniform(),
+            KeyedRng::new(RngPurpose::Curriculum, 2, 1).uniform()
+        );
     }
 
     #[test]

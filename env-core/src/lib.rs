@@ -10,7 +10,7 @@
 //! - [`registry`] lists all worlds and is above them.
 //! - [`rollout`] runs single episodes, [`batch`] steps many environments, [`admission`] judges scenarios by their bracket.
 //!
-//! The OpenEnv protocol of tasks is in the crate `openenv-wire`. Start reading at [`task`].
+//! The OpenEnv protocol of tasks is in the crate `openenv-wire`. Start reading at [`mod@task`].
 
 pub mod admission;
 pub mod batch;
@@ -45,7 +45,7 @@ pub use critique::Critique;
 pub use error::{LogError, ReplayError, ScenarioError, StepError};
 pub use keyed_rng::KeyedRng;
 pub use log::{ActionLog, JointAction, StopReason};
-pub use number_format::{format_significant, format_shortest};
+pub use number_format::{format_shortest, format_significant};
 pub use registry::{default_tasks, task, tasks, world, worlds};
 pub use rollout::Rollout;
 pub use seed::{MAX_USER_SEED, SEED_REQUIREMENT, Seed, SeedSpace};

@@ -1,7 +1,7 @@
 //! A world's trainable reflex: a policy with a few parameters and no search. The built-in learner of the demo trains it, and
 //! the policy `frozen` is an untrained one.
 
-use crate::episode_rng::{EpisodeRng, SeededRng, RngStream};
+use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::policy::Policy;
 use crate::seed::Seed;
 

@@ -117,8 +117,7 @@ impl Levels {
     pub(crate) fn from_table(space: &[ParamSpec], columns: &[(&str, [f64; 10])]) -> Self {
         let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
         let rows = (0..10).map(|level| columns.iter().map(|(_, values)| values[level]).collect()).collect();
-        Self::new(space, names, rows)
-            .expect("default tables are within their spaces, which a test checks")
+        Self::new(space, names, rows).expect("default tables are within their spaces, which a test checks")
     }
 
     /// Creates a table after checking every value against the task's parameter space.

@@ -17,7 +17,11 @@ pub trait World: Send + Sync {
 
     /// Replays a file of episodes that the world's public original recorded, and compares all values. Returns `None` if the
     /// file is not a recording of this world.
-    fn compare_recording(&self, recording: &Value, tolerance: f64) -> Option<Result<RecordingComparison, ComparisonError>>;
+    fn compare_recording(
+        &self,
+        recording: &Value,
+        tolerance: f64,
+    ) -> Option<Result<RecordingComparison, ComparisonError>>;
 
     /// Name of the world without the version.
     fn name(&self) -> &'static str {

@@ -4,9 +4,9 @@ use env_core::log::{ActionLog, MAX_ENTRIES, Precision};
 use serde_json::{Map, Value, json};
 
 use crate::action_format::ActionFormat;
-use crate::validation_error::{ErrorCollector, ValidationError, LocSegment};
 use crate::number::{NumberError, parse_integer, parse_number, parse_single};
 use crate::python_json::parse_python_json;
+use crate::validation_error::{ErrorCollector, LocSegment, ValidationError};
 
 /// Largest length of a list that is sent as a string, in bytes: room for [`MAX_ENTRIES`] generously spaced entries.
 pub const MAX_TEXT_BYTES: usize = 1 << 16;

@@ -9,13 +9,12 @@
 //! - The size of an input, and of what is echoed of it, is bounded.
 //!
 //! Observations are written by [`Episode::write_observation`](env_core::Episode::write_observation); this crate has their
-//! schemas. HTTP routes and sockets are not here: the `orchestrator` crate serves them. Start reading at [`wire_format`].
+//! schemas. HTTP routes and sockets are not here: the `orchestrator` crate serves them. Start reading at [`wire_format()`].
 
 mod action_format;
 mod action_reader;
 mod action_writer;
 mod docking;
-mod validation_error;
 mod kessler;
 mod number;
 mod python_json;
@@ -23,11 +22,12 @@ mod registry;
 mod schema;
 #[cfg(test)]
 mod tests;
+mod validation_error;
 mod wire_format;
 
 pub use self::action_reader::MAX_TEXT_BYTES;
-pub use self::validation_error::{ValidationError, LocSegment, MAX_ECHO_BYTES, MAX_ERRORS, echo_input};
 pub use self::number::{NumberError, parse_integer, parse_number};
 pub use self::python_json::parse_python_json;
 pub use self::registry::wire_format;
+pub use self::validation_error::{LocSegment, MAX_ECHO_BYTES, MAX_ERRORS, ValidationError, echo_input};
 pub use self::wire_format::WireFormat;

@@ -34,8 +34,7 @@ const FLOAT_PARSING: NumberError = NumberError {
     kind: "float_parsing",
     msg: "Input should be a valid number, unable to parse string as a number",
 };
-const NOT_FINITE: NumberError =
-    NumberError { kind: "finite_number", msg: "Input should be a finite number" };
+const NOT_FINITE: NumberError = NumberError { kind: "finite_number", msg: "Input should be a finite number" };
 
 /// Reads an integer. One beyond 64 bits saturates.
 ///

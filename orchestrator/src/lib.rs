@@ -6,6 +6,7 @@
 //! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluation`], [`retention`].
 //! - [`engine`] is the only writer of the database and holds the state of runs; [`store`] has all SQL.
 //! - [`workers`] run in the background.
+//! - [`limits`] bound what clients may use.
 //! - [`sessions`] run environments on the server; [`judging`] judges their steps, [`policy`] lets a language model act.
 //!
 //! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, the command line in `cli`.
@@ -21,6 +22,7 @@ pub mod ids;
 pub mod input;
 pub mod judging;
 pub mod leases;
+pub mod limits;
 pub mod metrics;
 pub mod policy;
 pub mod queries;

@@ -136,7 +136,7 @@ class _RetryPolicy:
 class Client(operations.Operations):
     """Client that blocks until the server answers.
 
-    Operations are grouped by resource: `client.runs.create(tasks=[…])`, `client.leases.take(run, groups=64)`. Arguments and
+    Operations are grouped by resource: `client.runs.create(tasks=[…])`, `client.leases.create(run, groups=64)`. Arguments and
     results are those of the API, as typed dictionaries. Requests that are safe to repeat are repeated while the server is
     unreachable or busy, for up to `retry_timeout_s`: results, claims and acknowledgements count once.
 

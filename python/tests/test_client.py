@@ -27,8 +27,8 @@ def url():
 def test_client_runs_a_whole_training(url):
     with sparring.Client(url) as client:
         run = client.runs.create(**SETTINGS, name="by hand")["id"]
-        assert client.runs.show(run)["name"] == "by hand"
-        lease = client.leases.take(run, groups=2, ttl_s=60)
+        assert client.runs.get(run)["name"] == "by hand"
+        lease = client.leases.create(run, groups=2, ttl_s=60)
         results = []
         for group in lease["groups"]:
             scenario = sparring.Scenario.from_dict({**lease["recipes"][group["recipe"]], "seed": group["seed"]})
@@ -38,11 +38,11 @@ def test_client_runs_a_whole_training(url):
         for expected in ("counted", "duplicate"):
             reported = client.results.report(run, results=results)["results"]
             assert {result["status"] for result in reported} == {expected}, reported
-        assert client.mastery.show(run)["tasks"][0]["plain"]["episodes"] == 2
+        assert client.mastery.get(run)["tasks"][0]["plain"]["episodes"] == 2
         assert [episode["episode"] for episode in client.paginate(client.episodes.list, run, limit=1)]
         assert client.runs.pause(run)["status"] == "paused"
         with pytest.raises(sparring.ApiError) as error:
-            client.leases.take(run, groups=1)
+            client.leases.create(run, groups=1)
         assert error.value.status == 409
         assert client.runs.archive(run)["archived_at"]
         kinds = []
@@ -59,11 +59,11 @@ def test_rejected_request_names_the_field(url):
             client.runs.create(tasks=["none"])
         assert error.value.field == "tasks.0"
         with pytest.raises(sparring.ApiError, match="400: run"):
-            client.runs.show("../audit")
+            client.runs.get("../audit")
         with pytest.raises(ValueError, match="JSON"):
             client.runs.create(contested_share=float("nan"))
         with pytest.raises(ValueError, match="lists"):
-            list(client.paginate(client.mastery.history, client.runs.create(**SETTINGS)["id"]))
+            list(client.paginate(client.mastery.list_level_moves, client.runs.create(**SETTINGS)["id"]))
 
 
 def test_async_client_has_the_same_operations(url):
@@ -73,7 +73,7 @@ def test_async_client_has_the_same_operations(url):
             names = [run["name"] async for run in client.paginate(client.runs.list, limit=2)]
             assert {f"run {n}" for n in range(5)} <= set(names)
             with pytest.raises(sparring.ApiError, match="404"):
-                await client.runs.show("run-none")
+                await client.runs.get("run-none")
             await client.runs.archive(runs[0]["id"])
             states = []
             async for event in client.events(runs[0]["id"], after=0):
@@ -94,7 +94,7 @@ def test_requests_and_events_survive_a_restart(tmp_path):
         server._process.send_signal(signal.SIGKILL)
         server._process.wait()
         with restarted_server(db, server.url, 1.0):
-            assert client.runs.show(run)["id"] == run
+            assert client.runs.get(run)["id"] == run
             client.runs.archive(run)
             assert any(event.data.get("state") == "archived" for event in events)
         with sparring.Client(server.url, retry_timeout_s=0.5) as impatient, pytest.raises(sparring.ServerUnreachableError):

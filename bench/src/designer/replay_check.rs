@@ -1,4 +1,4 @@
-//! Replays every admitted layout from its stored bytes in a process of its own, which knows nothing but the file.
+//! Replays every admitted layout from its stored bytes in a separate process, which has only the file.
 
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::Path;

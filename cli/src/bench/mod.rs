@@ -1,6 +1,6 @@
 //! `sparring bench`: environment steps a second on one thread.
 
-pub mod flying;
+pub mod stepped_batch;
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
@@ -12,21 +12,21 @@ use env_core::batch::ObservationMode;
 use env_core::{Recipe, World};
 use serde::Serialize;
 
-use self::flying::Flying;
-use super::options::{self, Chosen};
+use self::stepped_batch::SteppedBatch;
+use super::options::{self, ChosenOption};
 use super::{output, worlds};
 use orchestrator::evaluation::bootstrap::quantile;
 
-/// Pieces a measurement is cut into; their median is told, so that one disturbance does not count.
-const SLICES: u32 = 20;
-/// Share of the time spent before anything is counted.
+/// Slices of a measurement. Their median is reported, so that one disturbance does not count.
+const SLICE_COUNT: u32 = 20;
+/// Share of the measured time that is spent on warm-up.
 const WARM_UP: f64 = 0.1;
-/// Environments of the batch unless told: few enough to stay in the nearest caches.
-const ENVS: u32 = 64;
-/// Pieces of debris that tracks have, and steps they look ahead, as in Python unless told.
+/// Default number of environments: few enough to stay in the nearest caches.
+const DEFAULT_ENVS: u32 = 64;
+/// Observation by tracks, with the same defaults as in Python.
 const TRACKS: ObservationMode = ObservationMode::Tracks { threats: 8, look_ahead: 15 };
-/// Steps of all of them between two looks at the clock.
-const STEPS_PER_LOOK: u32 = 16;
+/// Steps of the batch between two readings of the clock.
+const STEPS_PER_CLOCK_READING: u32 = 16;
 
 /// Measure how many environment steps a second one thread does.
 ///
@@ -42,15 +42,15 @@ pub struct Args {
     env: Option<String>,
     /// Step under this physics option; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
-    options: Vec<Chosen>,
+    options: Vec<ChosenOption>,
     /// Environments of the batch
-    #[arg(long, value_name = "N", default_value_t = ENVS, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_ENVS, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     envs: u32,
     /// Observe by tracks, as neural policies do, where the world has them
     #[arg(long)]
     tracks: bool,
     /// How long to measure, seconds
-    #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
+    #[arg(long, value_name = "S", default_value = "3", value_parser = parse_seconds)]
     seconds: f64,
     /// Print one JSON object
     #[arg(long)]
@@ -73,9 +73,9 @@ Examples:
   sparring bench --envs 1024 --tracks
   sparring bench --env kessler --seconds 10 --json";
 
-/// What was measured.
+/// Result of a measurement, printed as one JSON object.
 #[derive(Debug, Serialize)]
-pub struct Measured {
+pub struct Measurement {
     env: &'static str,
     envs: usize,
     tracks: bool,
@@ -83,27 +83,27 @@ pub struct Measured {
     physics: BTreeMap<&'static str, &'static str>,
     seconds: f64,
     slices: u32,
-    /// See the help of the command.
+    /// Median rate in environment steps per second.
     pub single_thread_env_steps_per_s: f64,
-    /// See the help of the command.
+    /// 5th percentile of the slices' rates, in steps per second.
     pub low: f64,
-    /// See the help of the command.
+    /// 95th percentile of the slices' rates, in steps per second.
     pub high: f64,
     us_per_step: f64,
     resets_per_s: f64,
-    /// See the help of the command.
+    /// Time of a step of the public original in Python, in microseconds; `None` if it was not measured.
     pub python_env_us_per_step: Option<f64>,
-    /// See the help of the command.
+    /// Speed relative to the public original in Python.
     pub times_python_env: Option<f64>,
-    /// Task and params, for people.
+    /// Task, params and options as text.
     #[serde(skip)]
-    pub what: String,
+    pub description: String,
 }
 
-/// Measures and prints.
+/// Measures a world and prints the result.
 ///
 /// # Errors
-/// A world that cannot start, or stdout that cannot be written.
+/// Returns an error if the world cannot start or stdout cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let world = match &args.env {
         Some(name) => env_core::world(name),
@@ -113,7 +113,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let task = env_core::task(world.bench_spec().task).context("its benchmark's task is gone")?;
     let options = options::by_task(&args.options, &[task])?.remove(task.id()).unwrap_or_default();
     let options: Vec<_> = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str())).collect();
-    let batch = BatchOf { envs: args.envs as usize, tracks: args.tracks };
+    let batch = BatchSettings { envs: args.envs as usize, tracks: args.tracks };
     let measured = measure(world, &options, batch, args.seconds)?;
     if args.json {
         output::print_json(&measured)?;
@@ -123,47 +123,47 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is stepped.
+/// Settings of the measured batch.
 #[derive(Debug, Clone, Copy)]
-pub struct BatchOf {
-    /// How many environments.
+pub struct BatchSettings {
+    /// Number of environments in the batch.
     pub envs: usize,
-    /// Observed by tracks; else everything is.
+    /// True to observe by tracks; otherwise everything is observed.
     pub tracks: bool,
 }
 
-impl Default for BatchOf {
+impl Default for BatchSettings {
     fn default() -> Self {
-        Self { envs: ENVS as usize, tracks: false }
+        Self { envs: DEFAULT_ENVS as usize, tracks: false }
     }
 }
 
-/// Measures a world under these options for about so many seconds.
+/// Measures a world under these options for about `seconds` seconds.
 ///
 /// # Errors
-/// Options or observations it does not have, or a world whose own benchmark cannot start.
+/// Returns an error if the world lacks an option or the observations, or its benchmark cannot start.
 pub fn measure(
     world: &'static dyn World,
     options: &[(&str, &str)],
-    batch: BatchOf,
+    batch: BatchSettings,
     seconds: f64,
-) -> anyhow::Result<Measured> {
+) -> anyhow::Result<Measurement> {
     let spec = world.bench_spec();
     let task = env_core::task(spec.task).with_context(|| format!("{} is gone", spec.task))?;
     let recipe =
         Recipe::with_params(task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
     let options = recipe.chosen_options();
     let observe = if batch.tracks { TRACKS } else { ObservationMode::All { bodies: None } };
-    let mut flying = Flying::of(recipe, batch.envs, spec.action, observe)?;
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    one.install(|| fly_for(&mut flying, Duration::from_secs_f64(seconds * WARM_UP)))?;
-    let slice = Duration::from_secs_f64(seconds / f64::from(SLICES));
+    let mut stepped_batch = SteppedBatch::from_recipe(recipe, batch.envs, spec.action, observe)?;
+    let thread = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    thread.install(|| step_for(&mut stepped_batch, Duration::from_secs_f64(seconds * WARM_UP)))?;
+    let slice = Duration::from_secs_f64(seconds / f64::from(SLICE_COUNT));
     let mut rates = Vec::new();
     let mut resets = Vec::new();
-    for _ in 0..SLICES {
-        let (steps, begun, took) = one.install(|| fly_for(&mut flying, slice))?;
-        rates.push(steps / took);
-        resets.push(begun / took);
+    for _ in 0..SLICE_COUNT {
+        let counts = thread.install(|| step_for(&mut stepped_batch, slice))?;
+        rates.push(counts.steps as f64 / counts.seconds);
+        resets.push(counts.resets as f64 / counts.seconds);
     }
     rates.sort_by(f64::total_cmp);
     resets.sort_by(f64::total_cmp);
@@ -171,14 +171,14 @@ pub fn measure(
     let median = at(&rates, 0.5);
     let params = spec.params.iter().map(|(name, value)| format!(", {name} {value}"));
     let chosen = options.iter().map(|(name, choice)| format!(", {name} {choice}"));
-    let told: String = params.chain(chosen).collect();
-    Ok(Measured {
+    let settings: String = params.chain(chosen).collect();
+    Ok(Measurement {
         env: world.name(),
         envs: batch.envs,
         tracks: batch.tracks,
         debris: spec.params.iter().find(|(name, _)| *name == "debris").map(|(_, value)| *value as u32),
         seconds,
-        slices: SLICES,
+        slices: SLICE_COUNT,
         single_thread_env_steps_per_s: median,
         low: at(&rates, 0.05),
         high: at(&rates, 0.95),
@@ -186,17 +186,17 @@ pub fn measure(
         resets_per_s: at(&resets, 0.5),
         python_env_us_per_step: spec.original_us_per_step,
         times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
-        what: format!("{}{told}", spec.task),
+        description: format!("{}{settings}", spec.task),
         physics: options,
     })
 }
 
-impl Measured {
+impl Measurement {
     fn sentences(&self) -> String {
         let mut text = format!(
             "{}, one thread, observations made, resets included ({} slices in {} s)\n\
              {:.0} env-steps/s ({:.0} to {:.0}), {:.3} µs a step, {:.0} resets/s",
-            self.what,
+            self.description,
             self.slices,
             self.seconds,
             self.single_thread_env_steps_per_s,
@@ -212,24 +212,31 @@ impl Measured {
     }
 }
 
-/// Steps for at least this long: (steps, resets, seconds).
-fn fly_for(flying: &mut Flying, time: Duration) -> anyhow::Result<(f64, f64, f64)> {
+/// Counts of one slice of a measurement.
+struct SliceCounts {
+    steps: usize,
+    resets: usize,
+    seconds: f64,
+}
+
+/// Steps the batch for at least `time`.
+fn step_for(stepped_batch: &mut SteppedBatch, time: Duration) -> anyhow::Result<SliceCounts> {
     let begun = Instant::now();
     let (mut steps, mut resets) = (0, 0);
     loop {
-        for _ in 0..STEPS_PER_LOOK {
-            flying.step()?;
-            steps += flying.shape().envs;
-            resets += flying.ended();
+        for _ in 0..STEPS_PER_CLOCK_READING {
+            stepped_batch.step()?;
+            steps += stepped_batch.shape().envs;
+            resets += stepped_batch.ended();
         }
         let took = begun.elapsed();
         if took >= time {
-            return Ok((steps as f64, resets as f64, took.as_secs_f64()));
+            return Ok(SliceCounts { steps, resets, seconds: took.as_secs_f64() });
         }
     }
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.05..=3600.0).contains(&value) => Ok(value),
         _ => Err("measure for 0.05 to 3600 seconds".to_owned()),
@@ -241,8 +248,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_measured_is_consistent() {
-        let found = measure(&env_core::kessler::KESSLER, &[], BatchOf::default(), 0.2).unwrap();
+    fn measurement_is_consistent() {
+        let found = measure(&env_core::kessler::KESSLER, &[], BatchSettings::default(), 0.2).unwrap();
         assert!(
             found.low <= found.single_thread_env_steps_per_s
                 && found.single_thread_env_steps_per_s <= found.high
@@ -258,19 +265,22 @@ mod tests {
     }
 
     #[test]
-    fn options_are_stepped_and_told() {
+    fn options_are_applied_and_reported() {
         let kessler = &env_core::kessler::KESSLER;
-        let found = measure(kessler, &[("contact", "swept"), ("warnings", "exact")], BatchOf::default(), 0.1)
-            .unwrap();
+        let found =
+            measure(kessler, &[("contact", "swept"), ("warnings", "exact")], BatchSettings::default(), 0.1)
+                .unwrap();
         let told = serde_json::to_value(&found).unwrap();
         assert_eq!(told["physics"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
         assert!(found.sentences().contains("debris 50, contact swept, warnings exact, one thread"));
-        assert!(measure(kessler, &[("contact", "swept"), ("risk", "pc")], BatchOf::default(), 0.1).is_err());
+        assert!(
+            measure(kessler, &[("contact", "swept"), ("risk", "pc")], BatchSettings::default(), 0.1).is_err()
+        );
     }
 
     #[test]
     fn tracks_are_observed_where_there_are_any() {
-        let batch = BatchOf { envs: 5, tracks: true };
+        let batch = BatchSettings { envs: 5, tracks: true };
         let told = measure(&env_core::kessler::KESSLER, &[], batch, 0.1).unwrap();
         assert!(told.single_thread_env_steps_per_s > 0.0);
         assert!(measure(&env_core::docking::DOCKING, &[], batch, 0.1).is_err());
@@ -280,11 +290,11 @@ mod tests {
     fn every_world_is_stepped() {
         for world in env_core::worlds() {
             let spec = world.bench_spec();
-            let mut flying = Flying::new(spec.task, spec.params, 8, spec.action).unwrap();
+            let mut stepped_batch = SteppedBatch::new(spec.task, spec.params, 8, spec.action).unwrap();
             let mut ended = 0;
             for _ in 0..2100 {
-                flying.step().unwrap();
-                ended += flying.ended();
+                stepped_batch.step().unwrap();
+                ended += stepped_batch.ended();
             }
             assert!(ended >= 8, "{}: {ended} episodes", world.name());
         }

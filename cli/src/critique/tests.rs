@@ -1,4 +1,4 @@
-//! What the subcommand reads and prints.
+//! Tests of the subcommand's input and output.
 
 use clap::Parser;
 use env_core::critique::{Judgement, Measure, Remedy};
@@ -7,13 +7,13 @@ use env_core::{Recipe, Seed};
 use super::*;
 
 #[derive(Parser)]
-struct Line {
+struct CritiqueCommand {
     #[command(flatten)]
     args: Args,
 }
 
 fn args(line: &[&str]) -> Args {
-    Line::try_parse_from([&["critique"], line].concat()).unwrap().args
+    CritiqueCommand::try_parse_from([&["critique"], line].concat()).unwrap().args
 }
 
 fn scenario() -> Scenario {
@@ -21,7 +21,7 @@ fn scenario() -> Scenario {
     Scenario::new(recipe, Seed::user(7).unwrap())
 }
 
-fn shown(actions: Vec<ActionVerdict>) -> Shown {
+fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
     let hit = Failure {
         mode: "collision",
         agent: 1,
@@ -75,7 +75,7 @@ fn shown(actions: Vec<ActionVerdict>) -> Shown {
         },
     };
     let flown = EpisodeOutcome { score: 0.441, total: 0.44, steps: 50, lost: 2, goal: None, fuel_used: 3.5 };
-    Shown { scenario: scenario(), flown, bracket: None, critique }
+    CritiqueReport { scenario: scenario(), flown, bracket: None, critique }
 }
 
 fn action(step: u32, verdict: Verdict, gain: f64) -> ActionVerdict {

@@ -1,4 +1,4 @@
-//! `sparring db backup`: a copy of a database, while it is used.
+//! `sparring db backup`: copies a database while it is in use.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 
 use super::super::output;
-use super::{human, readers};
+use super::{format_bytes, open_readers};
 use orchestrator::store;
 
 /// Copy a database, as it stands at one moment, while a server uses it.
@@ -25,7 +25,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     if to.exists() {
         bail!("{} exists already: name another file, or move it away", to.display());
     }
-    readers(db).await?.close().await;
+    open_readers(db).await?.close().await;
     let mut conn = store::open_maintenance(db).await?;
     store::copy(&mut conn, to)
         .await
@@ -35,7 +35,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
         "{} is a copy of {}, {}",
         to.display(),
         db.display(),
-        human(bytes.cast_signed())
+        format_bytes(bytes.cast_signed())
     ))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,4 +1,4 @@
-//! `sparring db check`: whether a database is whole, and agrees with itself.
+//! `sparring db check`: checks that a database is intact and consistent.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -7,14 +7,14 @@ use env_core::rollout::replay;
 use sqlx::SqliteConnection;
 
 use super::super::output;
-use super::readers;
+use super::open_readers;
+use orchestrator::engine::run_state::RunState;
 use orchestrator::store::columns::ClaimState;
 use orchestrator::store::episodes::{self, EpisodeState};
 use orchestrator::store::integrity::{self, CountedTwice, ScoredEpisode};
 use orchestrator::store::keys::EpisodeKey;
 use orchestrator::store::scenarios::ScenarioLoader;
 use orchestrator::store::{OpenError, compacted_leases, groups, leases};
-use orchestrator::engine::run_state::RunState;
 
 /// Whether a database is whole: its pages, what refers to what, that each run's curriculum can be brought back, that sums agree
 /// with episodes, and that actions replay to their scores.
@@ -27,20 +27,20 @@ pub(super) struct Args {
     replay: u32,
 }
 
-/// Scores are stored as they are replayed: the same to the last bit.
-const EXACT: f64 = 0.0;
+/// Accepted difference between a stored and a replayed score: both must be equal to the last bit.
+const SCORE_TOLERANCE: f64 = 0.0;
 
 pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     let damaged = || OpenError::Damaged(db.display().to_string()).to_string();
-    let readers = match readers(db).await {
+    let open_readers = match open_readers(db).await {
         Err(error) if matches!(error.downcast_ref(), Some(OpenError::Damaged(_))) => {
             output::print(&damaged())?;
             return Ok(ExitCode::FAILURE);
         }
-        readers => readers?,
+        open_readers => open_readers?,
     };
-    // As it stands at one moment, whatever a server does meanwhile.
-    let mut moment = readers.begin().await?;
+    // One read transaction sees one moment, even if a server writes meanwhile.
+    let mut moment = open_readers.begin().await?;
     let conn = &mut *moment;
     let mut found = match integrity::check_file(conn).await {
         Err(error) if error.is_damage() => vec![damaged()],
@@ -49,9 +49,9 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     if found.is_empty() {
         found.extend(integrity::check_rows(conn).await?);
         for run in integrity::runs(conn).await? {
-            found.extend(of_run(conn, &run.run).await?);
+            found.extend(check_run(conn, &run.run).await?);
         }
-        found.extend(replayed(conn, args.replay).await?);
+        found.extend(check_scores(conn, args.replay).await?);
     }
     if found.is_empty() {
         output::print(&format!("{} is whole; {} episodes were replayed at most", db.display(), args.replay))?;
@@ -61,8 +61,8 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::FAILURE)
 }
 
-/// That a run can be brought back, what was folded of it can be read, and its sums agree.
-async fn of_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<String>> {
+/// Checks that a run can be loaded, its compacted leases can be read, and its counters agree. Returns one sentence per finding.
+async fn check_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<String>> {
     let mut found = Vec::new();
     if let Err(error) = RunState::load(conn, run).await {
         found.push(format!("run {run} cannot be brought back: {error}"));
@@ -91,14 +91,14 @@ async fn of_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<St
     Ok(found)
 }
 
-/// That actions lead to the scores that are stored.
-async fn replayed(conn: &mut SqliteConnection, count: u32) -> anyhow::Result<Vec<String>> {
+/// Replays a random sample of episodes and compares their scores. Returns one sentence per finding.
+async fn check_scores(conn: &mut SqliteConnection, count: u32) -> anyhow::Result<Vec<String>> {
     let (mut found, mut loader) = (Vec::new(), ScenarioLoader::default());
     for ScoredEpisode { key, score: stored } in integrity::sample(conn, i64::from(count)).await? {
         let EpisodeKey { lease, number } = key;
-        let score = score(conn, &mut loader, key).await;
+        let score = replay_score(conn, &mut loader, key).await;
         match score {
-            Ok(score) if (score - stored).abs() <= EXACT => {}
+            Ok(score) if (score - stored).abs() <= SCORE_TOLERANCE => {}
             Ok(score) => {
                 found.push(format!("episode {number} of lease {lease} replays to {score}, not {stored}"));
             }
@@ -110,7 +110,7 @@ async fn replayed(conn: &mut SqliteConnection, count: u32) -> anyhow::Result<Vec
     Ok(found)
 }
 
-async fn score(
+async fn replay_score(
     conn: &mut SqliteConnection,
     loader: &mut ScenarioLoader,
     EpisodeKey { lease, number }: EpisodeKey,

@@ -1,4 +1,4 @@
-//! `sparring db export`: what a database has, as lines of JSON.
+//! `sparring db export`: writes the contents of a database as JSON lines.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,8 +8,8 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use sqlx::SqliteConnection;
 
-use super::lines::{self, Line};
-use super::readers;
+use super::lines::{self, ExportLine};
+use super::open_readers;
 use orchestrator::store::layouts::{self, LayoutFilter};
 use orchestrator::store::scenarios::ScenarioLoader;
 use orchestrator::store::{compacted_leases, curriculum, episodes, groups, leases, runs};
@@ -36,12 +36,12 @@ pub(super) struct Args {
     out: Option<PathBuf>,
 }
 
-/// Leases read at a time.
-const PAGE: i64 = 200;
+/// Rows read at a time.
+const PAGE_SIZE: i64 = 200;
 
 pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
-    let readers = readers(db).await?;
-    let mut moment = readers.begin().await?;
+    let open_readers = open_readers(db).await?;
+    let mut moment = open_readers.begin().await?;
     let conn = &mut *moment;
     let mut ids = runs::ids(conn).await?;
     if let Some(run) = &args.run {
@@ -52,8 +52,10 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     }
     match &args.out {
         None => {
-            let mut sink =
-                Sink { out: Box::new(std::io::BufWriter::new(std::io::stdout().lock())), gone: false };
+            let mut sink = LineSink {
+                out: Box::new(std::io::BufWriter::new(std::io::stdout().lock())),
+                is_closed: false,
+            };
             write_all(conn, &ids, args.actions, &mut sink).await?;
         }
         Some(file) => {
@@ -64,7 +66,8 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
                 file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let beside = tempfile::NamedTempFile::new_in(folder)
                 .with_context(|| format!("{} cannot be written", file.display()))?;
-            let mut sink = Sink { out: Box::new(std::io::BufWriter::new(beside.reopen()?)), gone: false };
+            let mut sink =
+                LineSink { out: Box::new(std::io::BufWriter::new(beside.reopen()?)), is_closed: false };
             write_all(conn, &ids, args.actions, &mut sink).await?;
             beside.as_file().sync_all()?;
             beside
@@ -75,27 +78,27 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where lines go.
-struct Sink {
+/// Destination of the exported lines.
+struct LineSink {
     out: Box<dyn Write>,
-    /// Nobody reads any more: `sparring db export | head`.
-    gone: bool,
+    /// True once the reader has closed the pipe, as in `sparring db export | head`.
+    is_closed: bool,
 }
 
-impl Sink {
-    fn put(&mut self, line: &impl Serialize) -> anyhow::Result<()> {
-        if !self.gone {
+impl LineSink {
+    fn write(&mut self, line: &impl Serialize) -> anyhow::Result<()> {
+        if !self.is_closed {
             let written = serde_json::to_vec(line)
                 .map_err(std::io::Error::from)
                 .and_then(|bytes| self.out.write_all(&bytes).and_then(|()| self.out.write_all(b"\n")));
-            self.take(written)?;
+            self.handle(written)?;
         }
         Ok(())
     }
 
-    fn take(&mut self, written: std::io::Result<()>) -> anyhow::Result<()> {
+    fn handle(&mut self, written: std::io::Result<()>) -> anyhow::Result<()> {
         match written {
-            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => self.gone = true,
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => self.is_closed = true,
             written => written.context("the lines cannot be written")?,
         }
         Ok(())
@@ -106,51 +109,51 @@ async fn write_all(
     conn: &mut SqliteConnection,
     ids: &[String],
     actions: bool,
-    sink: &mut Sink,
+    sink: &mut LineSink,
 ) -> anyhow::Result<()> {
     for run in ids {
-        if sink.gone {
+        if sink.is_closed {
             break;
         }
         let row = runs::get(conn, run).await?.with_context(|| format!("run {run} is gone"))?;
-        sink.put(&Line::run(row)?)?;
+        sink.write(&ExportLine::run(row)?)?;
         let mut after = -1;
         loop {
-            let moves = curriculum::moves(conn, run, after, PAGE).await?;
+            let moves = curriculum::moves(conn, run, after, PAGE_SIZE).await?;
             let Some(last) = moves.last() else { break };
             after = last.seq;
             for row in moves {
-                sink.put(&Line::moved(run, row)?)?;
+                sink.write(&ExportLine::moved(run, row)?)?;
             }
         }
         let mut before = i64::MAX;
         loop {
             let wanted = LayoutFilter { with_refused: true, ..LayoutFilter::default() };
-            let page = layouts::of_run(conn, run, &wanted, before, PAGE).await?;
+            let page = layouts::of_run(conn, run, &wanted, before, PAGE_SIZE).await?;
             let Some(last) = page.last() else { break };
             before = last.id;
             for row in page {
-                sink.put(&Line::layout(run, row)?)?;
+                sink.write(&ExportLine::layout(run, row)?)?;
             }
         }
-        leased(conn, run, actions, sink).await?;
+        write_leases(conn, run, actions, sink).await?;
     }
     let flushed = sink.out.flush();
-    sink.take(flushed)
+    sink.handle(flushed)
 }
 
-/// What was leased of a run: what was folded and what is whole, each in order.
-async fn leased(
+/// Writes a run's claims and episodes: first those of compacted leases, then those of complete leases, each in order.
+async fn write_leases(
     conn: &mut SqliteConnection,
     run: &str,
     actions: bool,
-    sink: &mut Sink,
+    sink: &mut LineSink,
 ) -> anyhow::Result<()> {
     let mut failed = Ok(());
     compacted_leases::each(conn, run, |folded| {
-        for line in lines::folded(run, &folded) {
+        for line in lines::compacted_lines(run, &folded) {
             if failed.is_ok() {
-                failed = sink.put(&line);
+                failed = sink.write(&line);
             }
         }
     })
@@ -158,27 +161,32 @@ async fn leased(
     failed?;
     let (mut after, mut loader) = (0, ScenarioLoader::default());
     loop {
-        let page = leases::page(conn, run, after, PAGE).await?;
+        let page = leases::page(conn, run, after, PAGE_SIZE).await?;
         let Some(last) = page.last() else { break };
         after = last.id;
         for lease in page {
             let claim = orchestrator::store::columns::claim(conn, lease.id).await?;
             if let Some(claim) = claim {
-                sink.put(&Line::claim(run, &lease, (claim.state, claim.episodes, claim.failed)))?;
+                let claim = lines::ExportedClaim {
+                    state: claim.state,
+                    episodes: claim.episodes,
+                    failed: claim.failed,
+                };
+                sink.write(&ExportLine::claim(run, &lease, claim))?;
             }
             let of_lease = groups::of_lease(conn, lease.id).await?;
             for row in episodes::of_leases(conn, &[lease.id]).await? {
                 let number = row.number / lease.group_size.max(1);
                 let Some(group) = of_lease.iter().find(|group| group.number == number) else { continue };
-                let mut line = lines::Episode::of(run, &lease, group, &row)?;
+                let mut line = lines::ExportedEpisode::new(run, &lease, group, &row)?;
                 if actions {
                     let scenario = loader.get(conn, &group.scenario).await?;
                     let log = episodes::log(conn, lease.id, row.number).await?;
-                    line.whole(&scenario, log.as_ref());
+                    line.add_actions(&scenario, log.as_ref());
                 }
-                sink.put(&Line::Episode(Box::new(line)))?;
+                sink.write(&ExportLine::Episode(Box::new(line)))?;
             }
-            if sink.gone {
+            if sink.is_closed {
                 return Ok(());
             }
         }

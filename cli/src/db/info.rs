@@ -1,4 +1,4 @@
-//! `sparring db info`: how large a database is, and what is in it.
+//! `sparring db info`: prints the size and the contents of a database.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -6,9 +6,9 @@ use std::process::ExitCode;
 use serde::Serialize;
 
 use super::super::output::{self, Format};
-use super::{human, readers};
+use super::{format_bytes, open_readers};
 use orchestrator::clock::rfc3339;
-use orchestrator::store::integrity::{self, RunSize, DatabaseSize};
+use orchestrator::store::integrity::{self, DatabaseSize, RunSize};
 
 /// How large a database is, what takes the room, and what each run has.
 #[derive(Debug, clap::Args)]
@@ -26,12 +26,12 @@ struct Info {
     runs: Vec<RunSize>,
 }
 
-/// Tables that are shown to people.
-const TABLES: usize = 8;
+/// Largest number of tables in the text output.
+const MAX_TABLES: usize = 8;
 
 pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
-    let readers = readers(db).await?;
-    let mut conn = readers.acquire().await?;
+    let open_readers = open_readers(db).await?;
+    let mut conn = open_readers.acquire().await?;
     let (size, runs) = (integrity::size(&mut conn).await?, integrity::runs(&mut conn).await?);
     let info = Info { db: db.display().to_string(), size, runs };
     match args.format {
@@ -46,12 +46,12 @@ fn words(info: &Info) -> String {
     let mut text = format!(
         "{}: schema {schema}, {}, of which {} are free\n",
         info.db,
-        human(*bytes),
-        human(*free_bytes)
+        format_bytes(*bytes),
+        format_bytes(*free_bytes)
     );
     let mut largest = output::table(&["table, with its indexes", "size"], 1);
-    for (name, bytes) in tables.iter().take(TABLES) {
-        largest.add_row([name.clone(), human(*bytes)]);
+    for (name, bytes) in tables.iter().take(MAX_TABLES) {
+        largest.add_row([name.clone(), format_bytes(*bytes)]);
     }
     text.push_str(&format!("{largest}\n"));
     if info.runs.is_empty() {

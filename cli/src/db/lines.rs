@@ -1,7 +1,7 @@
-//! The lines of an export.
+//! Records of an export, one per line.
 
-use orchestrator::store::layouts::{LayoutClaim, LayoutState, RetirementReason};
 use env_core::{ActionLog, Scenario};
+use orchestrator::store::layouts::{LayoutClaim, LayoutState, RetirementReason};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -9,7 +9,9 @@ use orchestrator::clock::rfc3339;
 use orchestrator::frames::wire_step;
 use orchestrator::ids::{EpisodeId, LayoutId};
 use orchestrator::store::columns::ClaimState;
-use orchestrator::store::compacted_leases::{CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
+use orchestrator::store::compacted_leases::{
+    CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease,
+};
 use orchestrator::store::curriculum::{LevelMoveKind, LevelMoveRow};
 use orchestrator::store::episodes::{EpisodeRow, EpisodeState};
 use orchestrator::store::groups::{GroupRole, GroupRow};
@@ -18,11 +20,11 @@ use orchestrator::store::leases::{LeaseRow, Purpose};
 use orchestrator::store::runs::{RunRow, RunStatus};
 use orchestrator::store::{StoreError, from_json};
 
-/// One line.
+/// Record of an export, tagged by its kind.
 #[derive(Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub(super) enum Line<'a> {
-    /// A run with its settings.
+pub(super) enum ExportLine<'a> {
+    /// Run with its settings.
     Run {
         run: String,
         name: String,
@@ -32,7 +34,7 @@ pub(super) enum Line<'a> {
         at: String,
         settings: Value,
     },
-    /// A level move with its evidence.
+    /// Level move with its evidence.
     Move {
         run: &'a str,
         seq: i64,
@@ -44,7 +46,7 @@ pub(super) enum Line<'a> {
         evidence: Value,
         at: String,
     },
-    /// A layout, in the designer's language.
+    /// Layout in the design language.
     Layout {
         run: &'a str,
         layout: String,
@@ -64,15 +66,23 @@ pub(super) enum Line<'a> {
         successes: i64,
         at: String,
     },
-    /// What was claimed of a lease in columns.
+    /// Claim of a lease's episodes in columns.
     Claim { run: &'a str, lease: String, state: ClaimState, episodes: i64, failed: i64 },
-    /// A reported episode.
-    Episode(Box<Episode<'a>>),
+    /// Episode with a reported result.
+    Episode(Box<ExportedEpisode<'a>>),
 }
 
-/// A reported episode.
+/// State and counts of a claim.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ExportedClaim {
+    pub(super) state: ClaimState,
+    pub(super) episodes: i64,
+    pub(super) failed: i64,
+}
+
+/// Episode with a reported result.
 #[derive(Debug, Serialize)]
-pub(super) struct Episode<'a> {
+pub(super) struct ExportedEpisode<'a> {
     run: &'a str,
     episode: String,
     purpose: Purpose,
@@ -99,7 +109,7 @@ pub(super) struct Episode<'a> {
     actions: Option<Value>,
 }
 
-impl<'a> Line<'a> {
+impl<'a> ExportLine<'a> {
     pub(super) fn run(row: RunRow) -> Result<Self, StoreError> {
         Ok(Self::Run {
             run: row.id,
@@ -147,24 +157,26 @@ impl<'a> Line<'a> {
         })
     }
 
-    pub(super) fn claim(run: &'a str, lease: &LeaseRow, (state, episodes, failed): (ClaimState, i64, i64)) -> Self {
+    pub(super) fn claim(run: &'a str, lease: &LeaseRow, claim: ExportedClaim) -> Self {
+        let ExportedClaim { state, episodes, failed } = claim;
         Self::Claim { run, lease: lease.name(), state, episodes, failed }
     }
 }
 
-/// What is left of a folded lease.
-pub(super) fn folded<'a>(run: &'a str, lease: &CompactedLease) -> Vec<Line<'a>> {
+/// Returns the lines of a compacted lease: its claim, then its episodes.
+pub(super) fn compacted_lines<'a>(run: &'a str, lease: &CompactedLease) -> Vec<ExportLine<'a>> {
     let claim = lease.claim.iter().map(|CompactedClaim { state, episodes, failed }| {
-        Line::claim(run, &lease.row, (*state, *episodes, *failed))
+        let claim = ExportedClaim { state: *state, episodes: *episodes, failed: *failed };
+        ExportLine::claim(run, &lease.row, claim)
     });
-    let episodes = lease
-        .episodes()
-        .map(|(group, known)| Line::Episode(Box::new(Episode::folded(run, &lease.row, group, known))));
+    let episodes = lease.episodes().map(|(group, known)| {
+        ExportLine::Episode(Box::new(ExportedEpisode::compacted(run, &lease.row, group, known)))
+    });
     claim.chain(episodes).collect()
 }
 
-impl<'a> Episode<'a> {
-    pub(super) fn of(
+impl<'a> ExportedEpisode<'a> {
+    pub(super) fn new(
         run: &'a str,
         lease: &LeaseRow,
         group: &GroupRow,
@@ -197,7 +209,7 @@ impl<'a> Episode<'a> {
         })
     }
 
-    fn folded(run: &'a str, lease: &LeaseRow, group: &CompactedGroup, known: &CompactedEpisode) -> Self {
+    fn compacted(run: &'a str, lease: &LeaseRow, group: &CompactedGroup, known: &CompactedEpisode) -> Self {
         Self {
             run,
             episode: EpisodeId { lease: lease.lease_id(), index: known.number }.to_string(),
@@ -224,8 +236,8 @@ impl<'a> Episode<'a> {
         }
     }
 
-    /// Adds what it was flown on, and how.
-    pub(super) fn whole(&mut self, scenario: &Scenario, log: Option<&ActionLog>) {
+    /// Adds the scenario and the actions of the episode.
+    pub(super) fn add_actions(&mut self, scenario: &Scenario, log: Option<&ActionLog>) {
         self.scenario = Some(scenario.to_json());
         self.actions = log.map(|log| json!(log.steps().map(|step| wire_step(log, step)).collect::<Vec<_>>()));
     }

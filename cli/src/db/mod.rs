@@ -1,4 +1,5 @@
-//! `sparring db`: looks after a database.
+//! `sparring db`: inspects, checks, copies, compacts and exports a database. One file per subcommand; [`lines`] defines the
+//! records of an export.
 
 mod backup;
 mod check;
@@ -30,14 +31,14 @@ Examples:
   sparring db export --run run-1a2b3c4d | jq -c 'select(.kind == \"episode\") | [.task, .level, .success]'")]
 pub struct Args {
     #[command(flatten)]
-    of: Database,
+    database: DatabaseArgs,
     #[command(subcommand)]
     command: Command,
 }
 
-/// Which database.
+/// Path of the database on the command line.
 #[derive(Debug, clap::Args)]
-pub(super) struct Database {
+pub(super) struct DatabaseArgs {
     /// The SQLite database
     #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     pub(super) db: PathBuf,
@@ -52,13 +53,13 @@ enum Command {
     Export(export::Args),
 }
 
-/// Does it.
+/// Runs the subcommand.
 ///
 /// # Errors
-/// A database that cannot be used.
+/// Returns an error if the database cannot be used.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let db = &args.of.db;
+    let db = &args.database.db;
     runtime.block_on(async {
         match &args.command {
             Command::Info(of) => info::run(db, of).await,
@@ -70,15 +71,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Connections that read a database of this program's schema.
-pub(super) async fn readers(db: &Path) -> anyhow::Result<SqlitePool> {
-    // An empty file would be made a database by being opened.
+/// Opens read connections to a database with this program's schema.
+///
+/// # Errors
+/// Returns an error if the file is missing, empty, or has another schema.
+pub(super) async fn open_readers(db: &Path) -> anyhow::Result<SqlitePool> {
+    // Opening an empty file would turn it into a database.
     let there = std::fs::metadata(db).with_context(|| format!("{} cannot be opened", db.display()))?;
     ensure!(there.len() > 0, "{} is empty", db.display());
     Ok(store::open_current_readers(db).await?)
 }
 
-/// Bytes as people read them.
-fn human(bytes: i64) -> String {
+/// Formats a number of bytes with a binary unit.
+fn format_bytes(bytes: i64) -> String {
     indicatif::BinaryBytes(u64::try_from(bytes).unwrap_or(0)).to_string()
 }

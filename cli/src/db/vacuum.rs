@@ -1,10 +1,10 @@
-//! `sparring db vacuum`: gives room that is free in the file back to the disk.
+//! `sparring db vacuum`: returns the free space of the file to the disk.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use super::super::output;
-use super::{human, readers};
+use super::{format_bytes, open_readers};
 use orchestrator::store::{self, DatabaseLock};
 
 /// Give room that is free in the file back to the disk. No server may use the database, and the disk needs room for as much again.
@@ -12,13 +12,13 @@ use orchestrator::store::{self, DatabaseLock};
 pub(super) struct Args {}
 
 pub(super) async fn run(db: &Path, _: &Args) -> anyhow::Result<ExitCode> {
-    readers(db).await?.close().await;
+    open_readers(db).await?.close().await;
     let lock = DatabaseLock::acquire(db)?;
     let before = std::fs::metadata(db)?.len();
     store::vacuum(db).await?;
     let after = std::fs::metadata(db)?.len();
     drop(lock);
-    let [before, after] = [before, after].map(|bytes| human(bytes.cast_signed()));
+    let [before, after] = [before, after].map(|bytes| format_bytes(bytes.cast_signed()));
     output::print(&format!("{} has {after}; before it had {before}", db.display()))?;
     Ok(ExitCode::SUCCESS)
 }

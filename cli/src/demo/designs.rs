@@ -1,20 +1,20 @@
-//! What was designed for the learner's own failures, as the service tells it.
+//! Layouts that designers made for the learner's failures, as the service reports them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use env_core::critique::bearing_sector;
 use serde::{Deserialize, Serialize};
 
-/// What designers thought of for the run.
+/// Layouts that designers made for the run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Designs {
-    /// The share of training groups that were designed; none before the first.
+    /// Share of training groups that came from designs; `None` before the first group.
     pub(super) share: Option<f64>,
-    /// Layouts and what the gate refused, the newest first.
+    /// Admitted and refused designs, the newest first.
     pub(super) all: Vec<Design>,
 }
 
-/// One design.
+/// Layout or refused design, as the service lists it.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub(super) struct Design {
@@ -23,12 +23,12 @@ pub(super) struct Design {
     /// `active`, `retired` or `refused`.
     pub(super) state: String,
     pub(super) aim: Option<Aim>,
-    /// Why it is retired, or which check of the gate refused it.
+    /// Reason of the retirement, or the check of the gate that refused the design.
     pub(super) why: Option<String>,
     pub(super) flown: Flown,
 }
 
-/// What a design goes for.
+/// Failure mode and bearing that a design aims at.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub(super) struct Aim {
@@ -37,7 +37,7 @@ pub(super) struct Aim {
     pub(super) frame: Option<String>,
 }
 
-/// How the learner fared on it.
+/// Results of the learner on the layout.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub(super) struct Flown {
@@ -45,26 +45,27 @@ pub(super) struct Flown {
     pub(super) successes: u64,
 }
 
-/// What came of designs for a task.
+/// Results of the designs for one task.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub(super) struct TaskDesigns {
-    /// Let through by the gate.
+pub(super) struct TaskDesignSummary {
+    /// Layouts that the gate admitted.
     pub(super) admitted: usize,
-    /// Refused, by check.
+    /// Refused layouts, counted by the check that refused them.
     pub(super) refused: BTreeMap<String, usize>,
-    /// Retired, by why.
+    /// Retired layouts, counted by reason.
     pub(super) retired: BTreeMap<String, usize>,
-    /// Episodes flown on them, and the share that succeeded.
+    /// Episodes run on the admitted layouts.
     pub(super) episodes: u64,
+    /// Share of these episodes that succeeded; `None` if there are no episodes.
     pub(super) success: Option<f64>,
-    /// What they went for, how often.
+    /// Aims of the admitted layouts, with their counts.
     pub(super) aims: BTreeMap<String, usize>,
 }
 
 impl Designs {
-    /// Of one task.
-    pub(super) fn of(&self, task: &str) -> TaskDesigns {
-        let mut sums = TaskDesigns::default();
+    /// Summarises the designs of one task.
+    pub(super) fn summarize_task(&self, task: &str) -> TaskDesignSummary {
+        let mut sums = TaskDesignSummary::default();
         let mut flown = Flown::default();
         for design in self.all.iter().filter(|design| design.task == task) {
             let why = || design.why.clone().unwrap_or_default();
@@ -77,7 +78,7 @@ impl Designs {
                 _ => {}
             }
             sums.admitted += 1;
-            *sums.aims.entry(design.words()).or_default() += 1;
+            *sums.aims.entry(design.describe_aim()).or_default() += 1;
             flown.episodes += design.flown.episodes;
             flown.successes += design.flown.successes;
         }
@@ -86,63 +87,63 @@ impl Designs {
         sums
     }
 
-    /// What is new since: a sentence a task. `seen` are the layouts that were told of, and will be.
-    pub(super) fn news(&self, seen: &mut BTreeSet<String>) -> Vec<String> {
+    /// Describes new layouts in one sentence per task. `seen` holds the ids of known layouts and receives the new ones.
+    pub(super) fn describe_new(&self, seen: &mut BTreeSet<String>) -> Vec<String> {
         let mut fresh: BTreeMap<&str, BTreeMap<String, usize>> = BTreeMap::new();
         for design in self.all.iter().filter(|design| design.state != "refused") {
             if seen.insert(design.id.clone()) {
-                *fresh.entry(&design.task).or_default().entry(design.words()).or_default() += 1;
+                *fresh.entry(&design.task).or_default().entry(design.describe_aim()).or_default() += 1;
             }
         }
-        let told = |(task, aims): (&str, BTreeMap<String, usize>)| {
+        let describe = |(task, aims): (&str, BTreeMap<String, usize>)| {
             let count: usize = aims.values().sum();
             let layouts = if count == 1 { "a layout is" } else { "layouts are" };
             let number = if count == 1 { String::new() } else { format!("{count} ") };
-            format!("{task}: {number}{layouts} designed for its failures: {}", listed(&aims))
+            format!("{task}: {number}{layouts} designed for its failures: {}", list_counts(&aims))
         };
-        fresh.into_iter().map(told).collect()
+        fresh.into_iter().map(describe).collect()
     }
 }
 
-impl TaskDesigns {
-    /// What came of them, in a sentence; none where nothing was designed.
-    pub(super) fn words(&self) -> Option<String> {
+impl TaskDesignSummary {
+    /// Describes the results in one sentence; `None` if nothing was designed.
+    pub(super) fn describe(&self) -> Option<String> {
         if self.admitted + self.refused.len() == 0 {
             return None;
         }
         let mut words =
-            format!("Designed for its failures: {} layouts ({})", self.admitted, listed(&self.aims));
+            format!("Designed for its failures: {} layouts ({})", self.admitted, list_counts(&self.aims));
         if !self.refused.is_empty() {
             let count: usize = self.refused.values().sum();
-            words += &format!("; the gate refused {count} more ({})", listed(&self.refused));
+            words += &format!("; the gate refused {count} more ({})", list_counts(&self.refused));
         }
         if let Some(success) = self.success {
             words += &format!("; it flew them {} times and succeeded in {success:.2}", self.episodes);
         }
         if !self.retired.is_empty() {
-            words += &format!("; retired: {}", listed(&self.retired));
+            words += &format!("; retired: {}", list_counts(&self.retired));
         }
         Some(words + ".")
     }
 }
 
-/// Counts in words, the most first: three of them, and how many more.
-fn listed(counts: &BTreeMap<String, usize>) -> String {
-    const TOLD: usize = 3;
+/// Lists the three largest counts and the sum of the others.
+fn list_counts(counts: &BTreeMap<String, usize>) -> String {
+    const MAX_LISTED: usize = 3;
     let mut counts: Vec<_> = counts.iter().collect();
     counts.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
-    let mut told: Vec<String> =
-        counts.iter().take(TOLD).map(|(name, count)| format!("{count} {name}")).collect();
-    let rest: usize = counts.iter().skip(TOLD).map(|(_, count)| **count).sum();
+    let mut listed: Vec<String> =
+        counts.iter().take(MAX_LISTED).map(|(name, count)| format!("{count} {name}")).collect();
+    let rest: usize = counts.iter().skip(MAX_LISTED).map(|(_, count)| **count).sum();
     if rest > 0 {
-        told.push(format!("{rest} more"));
+        listed.push(format!("{rest} more"));
     }
-    if told.is_empty() { "none".to_owned() } else { told.join(", ") }
+    if listed.is_empty() { "none".to_owned() } else { listed.join(", ") }
 }
 
 impl Design {
-    /// What it goes for, in words, as "collision from +Y" or "collision from behind".
-    fn words(&self) -> String {
+    /// Describes the aim, as "collision from +Y" or "collision from behind".
+    fn describe_aim(&self) -> String {
         const ORBIT: [&str; 4] = ["outside", "ahead", "inside", "behind"];
         const SKY: [&str; 4] = ["+X", "+Y", "-X", "-Y"];
         let Some(aim) = &self.aim else { return "unknown".to_owned() };
@@ -151,7 +152,7 @@ impl Design {
         let axes = if inertial { SKY } else { ORBIT };
         let Some(sector) = aim.bearing_deg.map(bearing_sector) else { return mode };
         let axis = |number: u32| axes[(number / 3 % 4) as usize];
-        // Every third sector is centred on an axis; the two between lie between two.
+        // Every third sector is centred on an axis. The two sectors between them lie between two axes.
         let from = match sector % 3 {
             0 => axis(sector).to_owned(),
             _ if inertial => format!("{}/{}", axis(sector), axis(sector + 3)),
@@ -181,8 +182,8 @@ mod tests {
     }
 
     #[test]
-    fn bearings_have_words() {
-        let words = |bearing, frame| design("", "active", None, bearing, frame).words();
+    fn bearings_are_described_by_axes() {
+        let words = |bearing, frame| design("", "active", None, bearing, frame).describe_aim();
         assert_eq!(words(Some(85.0), "inertial"), "collision from +Y");
         assert_eq!(words(Some(330.0), "inertial"), "collision from -Y/+X");
         assert_eq!(words(Some(270.0), "radial_in_track"), "collision from behind");
@@ -192,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_new_is_told_once_and_sums_add_up() {
+    fn new_layouts_are_reported_once_and_counts_add_up() {
         let all = vec![
             design("4", "active", None, Some(91.0), "inertial"),
             design("3", "refused", Some("solvable"), None, "inertial"),
@@ -201,16 +202,16 @@ mod tests {
         ];
         let designs = Designs { share: Some(0.2), all };
         let mut seen = BTreeSet::new();
-        let told = "kessler/survival: 3 layouts are designed for its failures: 2 collision from +Y, 1 collision from -X";
-        assert_eq!(designs.news(&mut seen), [told]);
-        assert!(designs.news(&mut seen).is_empty());
-        let sums = designs.of("kessler/survival");
+        let expected = "kessler/survival: 3 layouts are designed for its failures: 2 collision from +Y, 1 collision from -X";
+        assert_eq!(designs.describe_new(&mut seen), [expected]);
+        assert!(designs.describe_new(&mut seen).is_empty());
+        let sums = designs.summarize_task("kessler/survival");
         assert_eq!((sums.admitted, sums.episodes, sums.success), (3, 72, Some(0.25)));
         assert_eq!(
-            sums.words().unwrap(),
+            sums.describe().unwrap(),
             "Designed for its failures: 3 layouts (2 collision from +Y, 1 collision from -X); the gate refused 1 more \
              (1 solvable); it flew them 72 times and succeeded in 0.25; retired: 1 mastered."
         );
-        assert_eq!(designs.of("kessler/formation").words(), None);
+        assert_eq!(designs.summarize_task("kessler/formation").describe(), None);
     }
 }

@@ -16,15 +16,15 @@ pub(super) const MAX_RESULTS: usize = 5000;
 /// Bytes of one report that are aimed at: the service takes 16 MiB.
 const MAX_BYTES: usize = 12 << 20;
 
-/// What a trainer asks of the service.
+/// Operations of the service that the training loop uses.
 pub(super) trait Feed {
-    /// Leases groups.
+    /// Leases up to `groups` groups.
     async fn lease(&self, groups: usize, policy_version: u32) -> anyhow::Result<Lease>;
-    /// Reports what was flown.
+    /// Reports finished episodes and returns their receipts.
     async fn report(&self, policy_version: u32, results: Vec<Finished>) -> anyhow::Result<Receipts>;
-    /// Where each task stands.
+    /// Fetches the mastery of each task.
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>>;
-    /// What was designed so far.
+    /// Fetches the designs of the run.
     async fn designs(&self) -> anyhow::Result<Designs>;
 }
 
@@ -47,7 +47,7 @@ pub(super) struct LeasedGroup {
     pub(super) episodes: Vec<String>,
 }
 
-/// One finished episode.
+/// Finished episode with its actions.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Finished {
     pub(super) episode: String,
@@ -60,7 +60,7 @@ impl Finished {
         Self { episode, status: "finished", actions: Actions(log) }
     }
 
-    /// What it takes as JSON at most.
+    /// Returns an upper bound of the episode's size as JSON, in bytes.
     fn most_bytes(&self) -> usize {
         /// Of a number with its comma: a sign, 17 digits, a point, and an exponent of three with its sign.
         const NUMBER: usize = 25;
@@ -197,7 +197,7 @@ pub(super) struct TaskMastery {
 }
 
 impl TaskMastery {
-    /// What is known of the current level; none where that is nothing but a prior.
+    /// Returns the mastery of the current level, or `None` if it is only the prior.
     pub(super) fn evidence(&self) -> Option<Posterior> {
         self.mastery.filter(|mastery| mastery.n > 0)
     }
@@ -235,7 +235,8 @@ mod tests {
             let recipe = Recipe::at_level(task, 4).unwrap();
             let scenario = Scenario::new(std::sync::Arc::new(recipe), Seed::user(seed).unwrap());
             let mut pilot = task.policy("random", &scenario, seed).unwrap();
-            let env_core::rollout::Rollout { outcome: flown, log } = rollout::roll_out(&scenario, &mut *pilot).unwrap();
+            let env_core::rollout::Rollout { outcome: flown, log } =
+                rollout::roll_out(&scenario, &mut *pilot).unwrap();
             let sent = serde_json::to_string(&Finished::new("ep_1-a_0".to_owned(), log.clone())).unwrap();
             let read: Value = serde_json::from_str(&sent).unwrap();
             assert_eq!(read["actions"]["precision"], "f64");
@@ -251,7 +252,8 @@ mod tests {
         let flown = |steps: usize, name: usize| {
             let mut log = ActionLog::new(3, Precision::F64);
             for _ in 0..steps {
-                (0..5).for_each(|agent| log.push_entry(u32::MAX - agent, &[-1.234_567_890_123_456_7e-101; 3]));
+                (0..5)
+                    .for_each(|agent| log.push_entry(u32::MAX - agent, &[-1.234_567_890_123_456_7e-101; 3]));
                 log.end_step();
             }
             Finished::new(format!("ep_1-abcdef_{name}"), log)

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use api_types::{LeaseRequest, ProblemDetails, RunSummary};
 use reqwest::header::RETRY_AFTER;
 use reqwest::{Client, Method, StatusCode};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
 use super::designs::{Design, Designs};
 use super::feed::{Feed, Finished, Lease, Receipts, TaskMastery};
@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// Longest pause between two tries, whatever Retry-After says.
 const MAX_PAUSE: Duration = Duration::from_secs(10);
 /// Designs that are looked through: far more than a demo gets.
-const MOST_DESIGNS: usize = 20_000;
+const MAX_DESIGNS: usize = 20_000;
 /// Longest time one request may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -60,32 +60,18 @@ pub(super) struct TaskWish<'a> {
     pub(super) physics: &'a BTreeMap<String, String>,
 }
 
-#[derive(Deserialize)]
-struct Run {
-    id: String,
-}
-
-/// RFC 9457, what of it people need.
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Problem {
-    title: Option<String>,
-    detail: Option<String>,
-    field: Option<String>,
-}
-
 impl HttpFeed {
-    /// Creates a run.
+    /// Creates a run on the service at this URL.
     pub(super) async fn create(service: &str, wish: &RunWish<'_>) -> anyhow::Result<Self> {
         let plain = llm::http_client_builder(false).map_err(anyhow::Error::msg)?;
         let client = plain.timeout(TIMEOUT).build()?;
         let runs = format!("{}/v1/runs", service.trim_end_matches('/'));
-        let created: Run =
+        let created: RunSummary =
             send(&client, Method::POST, &runs, Some(wish)).await.context("no run was created")?;
         Ok(Self { client, url: format!("{runs}/{}", created.id), run: created.id })
     }
 
-    /// The run's id.
+    /// Returns the id of the run.
     pub(super) fn run(&self) -> &str {
         &self.run
     }
@@ -101,8 +87,11 @@ impl HttpFeed {
 
 impl Feed for HttpFeed {
     async fn lease(&self, groups: usize, policy_version: u32) -> anyhow::Result<Lease> {
-        let wish =
-            json!({"groups": groups, "policy_version": policy_version, "ttl_s": TTL_S, "purpose": "train"});
+        let wish = LeaseRequest {
+            policy_version,
+            ttl_s: TTL_S,
+            ..LeaseRequest::new(u32::try_from(groups).unwrap_or(u32::MAX))
+        };
         self.post("leases", &wish).await
     }
 
@@ -139,7 +128,7 @@ impl Feed for HttpFeed {
         let mut page: Page = self.get("designs?limit=500").await?;
         loop {
             designs.all.append(&mut page.designs);
-            let Some(next) = page.next.filter(|_| designs.all.len() < MOST_DESIGNS) else {
+            let Some(next) = page.next.filter(|_| designs.all.len() < MAX_DESIGNS) else {
                 return Ok(designs);
             };
             page = self.get(&format!("designs?limit=500&cursor={next}")).await?;
@@ -172,9 +161,9 @@ async fn send<A: DeserializeOwned>(
             tokio::time::sleep(pause(answer.headers().get(RETRY_AFTER).and_then(|v| v.to_str().ok()))).await;
             continue;
         }
-        let problem: Problem =
+        let problem: ProblemDetails =
             answer.bytes().await.ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
-        bail!("{method} {url}: {status}: {}", problem.sentence());
+        bail!("{method} {url}: {status}: {}", problem.message_with_field());
     }
 }
 
@@ -182,13 +171,6 @@ async fn send<A: DeserializeOwned>(
 fn pause(retry_after: Option<&str>) -> Duration {
     let seconds = retry_after.and_then(|text| text.trim().parse().ok()).unwrap_or(1);
     Duration::from_secs(seconds).clamp(Duration::from_millis(100), MAX_PAUSE)
-}
-
-impl Problem {
-    fn sentence(self) -> String {
-        let said = self.detail.or(self.title).unwrap_or_else(|| "the service does not say why".to_owned());
-        self.field.map_or_else(|| said.clone(), |field| format!("{field}: {said}"))
-    }
 }
 
 #[cfg(test)]
@@ -202,15 +184,5 @@ mod tests {
         assert_eq!(pause(Some("3600")), MAX_PAUSE);
         assert_eq!(pause(Some("Wed, 21 Oct 2026 07:28:00 GMT")), Duration::from_secs(1));
         assert_eq!(pause(None), Duration::from_secs(1));
-    }
-
-    #[test]
-    fn a_problem_says_field_and_detail() {
-        let problem: Problem = serde_json::from_str(
-            r#"{"type": "urn:x", "title": "Unprocessable", "status": 422, "detail": "it is 0", "field": "groups"}"#,
-        )
-        .unwrap();
-        assert_eq!(problem.sentence(), "groups: it is 0");
-        assert_eq!(Problem::default().sentence(), "the service does not say why");
     }
 }

@@ -1,58 +1,61 @@
 //! The learner: the cross-entropy method (Rubinstein 1999) over the numbers of a task's reflex, each in [0, 1].
 //!
-//! Ask for a population, fly all of it on the same scenarios, tell how each member fared: the fittest third gives the
-//! mean and spread from which the next population is drawn. Only the order of the fitness counts.
+//! [`CrossEntropy::ask`] samples a population. All members run the same scenarios, and [`CrossEntropy::tell`] receives their
+//! fitness. The fittest third gives the mean and spread from which the next population is drawn. Only the order of the
+//! fitness values counts.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Members of a population that shape the next, as a share of it.
+/// Share of a population that shapes the next one.
 const ELITE: f64 = 1.0 / 3.0;
-/// How far the mean goes towards the elite's in one generation. Below 1: a generation's fitness is noisy.
+/// Step of the mean towards the elite's mean in one generation. It is below 1 because the fitness is noisy.
 const PULL: f64 = 0.7;
-/// How far the spread goes towards the elite's.
+/// Step of the spread towards the elite's spread in one generation.
 const RELAX: f64 = 0.5;
-/// The spread never falls below a floor (else it shrinks faster than the mean can travel), which itself goes down by
-/// generations from the first number to the second: the ladder judges the whole population, so in the end its members
-/// must be nearly as good as its mean.
-const FLOOR: (f64, f64) = (0.2, 0.025);
+/// Initial lower bound of the spread. Without a bound, the spread shrinks faster than the mean can travel.
+const INITIAL_FLOOR: f64 = 0.2;
+/// Final lower bound of the spread. The ladder judges the whole population, so in the end its members must be nearly as good
+/// as its mean.
+const FINAL_FLOOR: f64 = 0.025;
+/// Factor by which the bound approaches [`FINAL_FLOOR`] in one generation.
 const FLOOR_DECAY: f64 = 0.95;
 /// Standard deviation of a uniform draw from [0, 1], 1/√12.
 const UNIFORM_SPREAD: f64 = 0.288_675_134_594_812_9;
 
-/// The cross-entropy method: where the next population is drawn.
+/// State of the cross-entropy method: the distribution of the next population.
 #[derive(Debug, Clone)]
 pub(super) struct CrossEntropy {
     mean: Vec<f64>,
     spread: Vec<f64>,
     floor: f64,
     generation: u32,
-    chance: ChaCha8Rng,
+    rng: ChaCha8Rng,
 }
 
 impl CrossEntropy {
-    /// Over so many numbers, at its start: the first population is uniform, as the policy `frozen` is.
+    /// Creates the initial state for `numbers` parameters. The first population is uniform, as the policy `frozen` is.
     pub(super) fn new(numbers: usize, seed: u64) -> Self {
         Self {
             mean: vec![0.5; numbers],
             spread: vec![UNIFORM_SPREAD; numbers],
-            floor: FLOOR.0,
+            floor: INITIAL_FLOOR,
             generation: 0,
-            chance: ChaCha8Rng::seed_from_u64(seed),
+            rng: ChaCha8Rng::seed_from_u64(seed),
         }
     }
 
-    /// Generations told.
+    /// Returns the number of generations whose fitness was received.
     pub(super) const fn generation(&self) -> u32 {
         self.generation
     }
 
-    /// The centre of what is asked for now.
+    /// Returns the mean of the current distribution.
     pub(super) fn mean(&self) -> &[f64] {
         &self.mean
     }
 
-    /// A population of this size.
+    /// Samples a population of this size.
     pub(super) fn ask(&mut self, size: usize) -> Vec<Vec<f64>> {
         let numbers = self.mean.len();
         (0..size).map(|_| (0..numbers).map(|i| self.draw(i)).collect()).collect()
@@ -69,17 +72,17 @@ impl CrossEntropy {
 
     #[expect(clippy::cast_precision_loss, reason = "53 bits fit an f64 exactly")]
     fn uniform(&mut self) -> f64 {
-        (self.chance.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+        (self.rng.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Takes a population's fitness (higher is better); the places of its elite, best first.
+    /// Updates the distribution by a population's fitness (higher is better). Returns the indices of the elite, best first.
     pub(super) fn tell(&mut self, population: &[Vec<f64>], fitness: &[f64]) -> Vec<usize> {
         let mut places: Vec<usize> = (0..population.len().min(fitness.len())).collect();
         places.sort_by(|&a, &b| fitness[b].total_cmp(&fitness[a]));
-        places.truncate(elite(places.len()));
+        places.truncate(elite_size(places.len()));
         let pull = if self.generation == 0 { 1.0 } else { PULL };
         self.generation += 1;
-        self.floor = FLOOR.1 + FLOOR_DECAY * (self.floor - FLOOR.1);
+        self.floor = FINAL_FLOOR + FLOOR_DECAY * (self.floor - FINAL_FLOOR);
         let count = places.len() as f64;
         for (i, (centre, spread)) in self.mean.iter_mut().zip(&mut self.spread).enumerate() {
             let of_elite = || places.iter().map(|&place| population[place][i]);
@@ -93,9 +96,9 @@ impl CrossEntropy {
     }
 }
 
-/// Members of the elite of a population of this size.
+/// Returns the size of the elite of a population of `size` members.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a third of a small count")]
-fn elite(size: usize) -> usize {
+fn elite_size(size: usize) -> usize {
     ((size as f64 * ELITE).round() as usize).max(1)
 }
 
@@ -103,14 +106,14 @@ fn elite(size: usize) -> usize {
 mod tests {
     use super::*;
 
-    /// Minus the squared distance to a point near a corner.
+    /// Returns minus the squared distance to a point near a corner.
     fn fitness(member: &[f64]) -> f64 {
         -member.iter().zip(TARGET).map(|(x, t)| (x - t) * (x - t)).sum::<f64>()
     }
     const TARGET: [f64; 12] = [0.9, 0.1, 0.3, 0.6, 0.0, 1.0, 0.8, 0.2, 0.5, 0.4, 0.7, 0.95];
 
     #[test]
-    fn it_improves_on_a_known_function() {
+    fn fitness_improves_on_a_known_function() {
         for seed in 0..5 {
             let mut method = CrossEntropy::new(TARGET.len(), seed);
             let mut means = Vec::new();
@@ -140,12 +143,12 @@ mod tests {
     }
 
     #[test]
-    fn a_population_stays_in_range() {
+    fn population_stays_in_range() {
         let mut method = CrossEntropy::new(6, 1);
         let population = method.ask(50);
         let scores: Vec<f64> = population.iter().map(|p| p[0]).collect();
         method.tell(&population, &scores);
         assert!(method.ask(200).iter().flatten().all(|x| (0.0..=1.0).contains(x)));
-        assert_eq!(elite(1), 1);
+        assert_eq!(elite_size(1), 1);
     }
 }

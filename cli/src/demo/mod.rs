@@ -1,13 +1,14 @@
-//! `sparring demo`: the whole loop, with a learner that comes along.
+//! `sparring demo`: runs the whole training loop with a built-in learner.
 //!
-//! It starts the real service, creates a run, and trains over HTTP as any trainer would. Who learns is [`learner`], of
-//! one task [`trainee`]; the loop is [`train`]; what the service is asked is [`feed`].
+//! The demo starts the real service, creates a run and trains over HTTP as any trainer would. [`train`] is the loop and the
+//! place to start reading. [`learner`] holds the optimiser, [`trainee`] the population of one task, [`rollouts`] the episode
+//! runner, [`feed`] and [`http`] the client of the service, [`show`] and [`summary`] the output.
 
 mod designs;
 mod feed;
-mod fly;
 mod http;
 mod learner;
+mod rollouts;
 mod show;
 mod summary;
 #[cfg(test)]
@@ -26,12 +27,12 @@ use clap::builder::PossibleValuesParser;
 use env_core::{Recipe, TaskSpec, World};
 
 use self::http::{DesignWish, HttpFeed, RunWish, TaskWish};
-use self::show::Screen;
+use self::show::ProgressScreen;
 use self::summary::Summary;
-use self::train::{MEMBERS, Plan, Progress, train};
-use self::trainee::Kind;
+use self::train::{MEMBERS, Progress, TrainingPlan, train};
+use self::trainee::LearnerMode;
 use super::llm_args::LlmArgs;
-use super::options::{self, Chosen};
+use super::options::{self, ChosenOption};
 use super::{output, worlds};
 use orchestrator::service::{Config, Service};
 
@@ -46,7 +47,7 @@ use orchestrator::service::{Config, Service};
 #[command(after_help = after_help())]
 pub struct Args {
     /// How many episodes to fly, over all tasks; unless told, 60 000, and fewer where they are long
-    #[arg(long, value_name = "N", value_parser = episodes)]
+    #[arg(long, value_name = "N", value_parser = parse_episodes)]
     episodes: Option<usize>,
     /// Keep the run in this database; else it is forgotten
     #[arg(long, value_name = "PATH", conflicts_with = "url")]
@@ -56,17 +57,17 @@ pub struct Args {
     seed: u64,
     /// Who flies
     #[arg(long, value_enum, default_value = "learn")]
-    learner: Kind,
+    learner: LearnerMode,
     /// Who designs layouts for what the learner fails at
     #[arg(long, value_enum, default_value = "auto")]
-    designer: Who,
+    designer: DesignerChoice,
     /// This task, of any world; repeat the option for more. All tasks of the first world unless told
     #[arg(long = "task", value_name = "TASK",
           value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
     tasks: Vec<String>,
     /// Fly under this physics option, in all tasks or those named; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
-    options: Vec<Chosen>,
+    options: Vec<ChosenOption>,
     /// Train against a running service instead of starting one, as http://127.0.0.1:8700
     #[arg(long, value_name = "URL")]
     url: Option<String>,
@@ -77,9 +78,9 @@ pub struct Args {
     llm: LlmArgs,
 }
 
-/// Who designs, in the service's words.
+/// Designer of the run, under the names that the API uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Who {
+enum DesignerChoice {
     /// The service's language model, where it has one, else the procedural designer
     Auto,
     /// Samples from the failure profile and edits what worked
@@ -88,7 +89,7 @@ enum Who {
     Off,
 }
 
-impl Who {
+impl DesignerChoice {
     const fn word(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -98,12 +99,12 @@ impl Who {
     }
 }
 
-/// Episodes of a run of the shortest tasks.
-const MOST_EPISODES: usize = 60_000;
-/// Steps that the episodes of longer tasks may have together, if all came to their horizons.
-const STEPS: usize = 6_000_000;
-/// Fewer than this show nothing: a level takes two blocks of 32 contested scenarios, 12 episodes each.
-const FEWEST_EPISODES: usize = 20_000;
+/// Largest default number of episodes; runs of the shortest tasks use it.
+const MAX_EPISODES: usize = 60_000;
+/// Environment steps that the default number of episodes aims at, if every episode reaches its horizon.
+const STEP_BUDGET: usize = 6_000_000;
+/// Smallest default number of episodes: one level takes two blocks of 32 contested scenarios with 12 episodes each.
+const MIN_EPISODES: usize = 20_000;
 
 fn after_help() -> String {
     format!(
@@ -111,23 +112,23 @@ fn after_help() -> String {
 Controls:
 {}
 
-Episodes, unless told: {STEPS} steps' worth at the longest horizon of the tasks, but at least {FEWEST_EPISODES} and at \
-most {MOST_EPISODES}: {}.
+Episodes, unless told: {STEP_BUDGET} steps' worth at the longest horizon of the tasks, but at least {MIN_EPISODES} and at \
+most {MAX_EPISODES}: {}.
 
 {}
 
 {AFTER_HELP}",
-        worlds::policies_in_words(&["hold", "blind", "frozen"]),
-        episodes_in_words(),
+        worlds::describe_policies(&["hold", "blind", "frozen"]),
+        describe_default_episodes(),
         options::help()
     )
 }
 
-/// How many episodes each world's tasks get, for people.
-fn episodes_in_words() -> String {
+/// Describes the default number of episodes of each world.
+fn describe_default_episodes() -> String {
     let world = |world: &'static dyn World| {
         let tasks: Vec<String> = world.tasks().iter().map(|task| task.id().to_owned()).collect();
-        format!("{} for {}", usual_episodes(&tasks), world.name())
+        format!("{} for {}", default_episodes(&tasks), world.name())
     };
     env_core::worlds().map(world).collect::<Vec<_>>().join(", ")
 }
@@ -149,7 +150,7 @@ Examples:
   sparring demo --task kessler/survival --physics contact=swept
   sparring demo --task kessler/survival --episodes 20000 --db run.sqlite3 --json";
 
-fn episodes(text: &str) -> Result<usize, String> {
+fn parse_episodes(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(number @ 1..=100_000_000) => Ok(number),
         Ok(number) => Err(format!("{number} is outside 1 to 100000000")),
@@ -157,32 +158,32 @@ fn episodes(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Trains and says what came of it.
+/// Trains and prints a summary.
 ///
 /// # Errors
-/// A service that cannot be started or reached, or one that refuses what is flown.
+/// Returns an error if the service cannot be started or reached, or if it refuses a result.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let (progress, run) = runtime.block_on(demo(args))?;
     let db = args.db.as_deref();
-    let words = summary::words(&progress, &run, db);
+    let text = summary::text(&progress, &run, db);
     if args.json {
-        // Somebody who closed stderr still gets the object.
-        let _ = writeln!(std::io::stderr().lock(), "{}", words.trim_end());
+        // A closed stderr must not suppress the JSON object.
+        let _ = writeln!(std::io::stderr().lock(), "{}", text.trim_end());
         output::print_json(&Summary::new(&progress, &run, db))?;
     } else {
-        output::print(&words)?;
+        output::print(&text)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Trains against the service at the URL given, or one of its own; the run's id.
+/// Trains against the service at `--url`, or a service of its own. Returns the progress and the run's id.
 async fn demo(args: &Args) -> anyhow::Result<(Progress, String)> {
     if let Some(url) = &args.url {
         return train_at(url, args).await;
     }
-    let forgotten = tempfile::tempdir()?;
-    let db = args.db.clone().unwrap_or_else(|| Path::new(forgotten.path()).join("demo.sqlite3"));
+    let temporary = tempfile::tempdir()?;
+    let db = args.db.clone().unwrap_or_else(|| Path::new(temporary.path()).join("demo.sqlite3"));
     let config = Config::local(db);
     let designers = args.llm.designers(&config.clock)?;
     let service = Service::start(Config { designers, ..config }).await?;
@@ -205,14 +206,14 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
     for task in specs {
         options::apply(Recipe::new(task)?, options.get(task.id()))?;
     }
-    let episodes = args.episodes.unwrap_or_else(|| usual_episodes(&tasks));
+    let episodes = args.episodes.unwrap_or_else(|| default_episodes(&tasks));
     let wish = RunWish {
         name: "sparring demo",
         seed: args.seed,
         strategy: "ladder",
         target: "mastery",
-        // Placement finds where a trained agent should start. This one is untrained: what a probe of 16 scenarios would
-        // find is its luck, and the luck of the controls.
+        // Placement finds the level at which a trained agent should start. This learner is untrained: a probe of 16
+        // scenarios would measure only its luck, and the luck of the controls.
         placement: false,
         group_size: MEMBERS,
         tasks: &tasks,
@@ -220,33 +221,33 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
     };
     let feed = HttpFeed::create(url, &wish).await?;
-    let plan = Plan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };
-    let mut screen = Screen::new(episodes)?;
+    let plan = TrainingPlan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };
+    let mut screen = ProgressScreen::new(episodes)?;
     let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
     screen.close();
     Ok((trained?, feed.run().to_owned()))
 }
 
-/// How many episodes show a learner climb in reasonable time, by the longest horizon of these tasks.
-fn usual_episodes(tasks: &[String]) -> usize {
+/// Returns the default number of episodes for these tasks, derived from their longest horizon.
+fn default_episodes(tasks: &[String]) -> usize {
     let horizon = |task: &String| {
         let task = env_core::task(task)?;
         let recipe = Recipe::at_level(task, 0).ok()?;
         usize::try_from(task.horizon(&recipe)).ok()
     };
     let longest = tasks.iter().filter_map(horizon).max().unwrap_or(1);
-    (STEPS / longest.max(1)).clamp(FEWEST_EPISODES, MOST_EPISODES)
+    (STEP_BUDGET / longest.max(1)).clamp(MIN_EPISODES, MAX_EPISODES)
 }
 
-/// Set by the first Ctrl-C; the second ends the program.
+/// Returns a flag that the first Ctrl-C sets. The second Ctrl-C exits the process.
 fn stop_on_ctrl_c() -> Arc<AtomicBool> {
-    /// 128 + SIGINT, as shells say it.
+    /// Exit code after an interrupt: 128 + SIGINT, as shells report it.
     const INTERRUPTED: i32 = 130;
     let stop = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&stop);
+    let interrupted = Arc::clone(&stop);
     tokio::spawn(async move {
         while tokio::signal::ctrl_c().await.is_ok() {
-            if told.swap(true, Ordering::Relaxed) {
+            if interrupted.swap(true, Ordering::Relaxed) {
                 std::process::exit(INTERRUPTED);
             }
         }

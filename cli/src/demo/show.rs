@@ -1,4 +1,4 @@
-//! What is seen while it trains, on stderr: a progress bar over a live table on a terminal, else a line now and then.
+//! Progress display on stderr: a progress bar above a live table on a terminal, else one line at intervals.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -9,27 +9,30 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::super::{output, worlds};
 use super::feed::TaskMastery;
-use super::train::{Moved, Progress, Watch};
+use super::train::{LevelChange, Progress, ProgressObserver};
 use super::trainee::Trainee;
 
-/// Between two pictures on a terminal.
-const PICTURE: Duration = Duration::from_millis(500);
-/// Between two lines elsewhere.
-const LINE: Duration = Duration::from_secs(5);
+/// Interval between two updates of the live table.
+const TABLE_INTERVAL: Duration = Duration::from_millis(500);
+/// Interval between two lines if stderr is no terminal.
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
-/// Where there is no number.
+/// Placeholder of a missing number.
 const DASH: &str = "–";
 
-/// What is seen while it trains.
-pub(super) struct Screen {
-    /// None where stderr is no terminal.
+/// Progress display of a training run.
+pub(super) struct ProgressScreen {
+    /// Progress bar; `None` if stderr is no terminal.
     bar: Option<ProgressBar>,
     started: Instant,
     last: Instant,
 }
 
-impl Screen {
-    /// A screen for so many episodes.
+impl ProgressScreen {
+    /// Creates the display for a run of `episodes` episodes.
+    ///
+    /// # Errors
+    /// Returns an error if the template of the progress bar is invalid.
     pub(super) fn new(episodes: usize) -> anyhow::Result<Self> {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::with_draw_target(Some(episodes as u64), ProgressDrawTarget::stderr());
@@ -41,25 +44,25 @@ impl Screen {
         Ok(Self { bar: bar.transpose()?, started: now, last: now })
     }
 
-    /// Clears what moves.
+    /// Removes the progress bar from the terminal.
     pub(super) fn close(self) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
         }
     }
 
-    fn say(&self, line: &str) {
+    fn print_line(&self, line: &str) {
         match &self.bar {
             Some(bar) => bar.println(line),
-            // A reader of stderr that has gone away misses progress, nothing else.
+            // A closed stderr loses progress lines and nothing else.
             None => drop(writeln!(std::io::stderr().lock(), "{line}")),
         }
     }
 }
 
-impl Watch for Screen {
-    fn due(&self) -> bool {
-        self.last.elapsed() >= if self.bar.is_some() { PICTURE } else { LINE }
+impl ProgressObserver for ProgressScreen {
+    fn is_due(&self) -> bool {
+        self.last.elapsed() >= if self.bar.is_some() { TABLE_INTERVAL } else { LINE_INTERVAL }
     }
 
     fn show(&mut self, progress: &Progress) {
@@ -67,53 +70,57 @@ impl Watch for Screen {
         match &self.bar {
             Some(bar) => {
                 bar.set_position(progress.flown as u64);
-                bar.set_prefix(format!(", {:.0}/s", rate(progress)));
+                bar.set_prefix(format!(", {:.0}/s", episodes_per_second(progress)));
                 bar.set_message(table(progress).use_stderr().to_string());
             }
-            None => self.say(&line(progress)),
+            None => self.print_line(&line(progress)),
         }
     }
 
-    fn moved(&mut self, moved: &Moved) {
-        let Moved { task, at, to, why, .. } = moved;
+    fn level_changed(&mut self, change: &LevelChange) {
+        let LevelChange { task, at, to, why, .. } = change;
         let seconds = self.started.elapsed().as_secs_f64();
-        self.say(&format!("{seconds:5.0} s  {at} episodes  {task} is at level {to}: {why}"));
+        self.print_line(&format!("{seconds:5.0} s  {at} episodes  {task} is at level {to}: {why}"));
     }
 
-    fn designed(&mut self, at: usize, news: &str) {
+    fn layouts_designed(&mut self, at: usize, news: &str) {
         let seconds = self.started.elapsed().as_secs_f64();
-        self.say(&format!("{seconds:5.0} s  {at} episodes  {news}"));
+        self.print_line(&format!("{seconds:5.0} s  {at} episodes  {news}"));
     }
 }
 
-/// Episodes a second.
-pub(super) fn rate(progress: &Progress) -> f64 {
+/// Returns the throughput in episodes per second.
+pub(super) fn episodes_per_second(progress: &Progress) -> f64 {
     progress.flown as f64 / progress.elapsed.as_secs_f64().max(1e-3)
 }
 
-/// One line of progress.
+/// Formats the progress as one line.
 fn line(progress: &Progress) -> String {
     let seconds = progress.elapsed.as_secs_f64();
     let tasks = progress.mastery.iter().map(|task| {
         let level = task.level.map_or_else(|| DASH.to_owned(), |level| level.to_string());
-        format!("  {} level {level} ({})", short(&task.task), share(task.evidence().map(|m| m.mean)))
+        format!(
+            "  {} level {level} ({})",
+            short_task_name(&task.task),
+            share(task.evidence().map(|m| m.mean))
+        )
     });
     format!(
         "{seconds:5.0} s  {}/{} episodes  {:.0}/s{}",
         progress.flown,
         progress.plan.episodes,
-        rate(progress),
+        episodes_per_second(progress),
         tasks.collect::<String>()
     )
 }
 
-/// Columns of a terminal below which the table leaves out what else would not fit.
-const WIDE: u16 = 118;
-/// What is left out then: params, population, elite, episodes a second.
-const NEEDS_WIDTH: [usize; 4] = [1, 6, 7, 9];
+/// Terminal width in columns below which the table hides [`WIDE_ONLY_COLUMNS`].
+const MIN_FULL_WIDTH: u16 = 118;
+/// Indices of the columns that a narrow terminal hides: params, population, elite, episodes per second.
+const WIDE_ONLY_COLUMNS: [usize; 4] = [1, 6, 7, 9];
 
-/// Where every task stands: success on contested scenarios of the level with its bounds, success and skill over all
-/// episodes, and how the last generation fared.
+/// Builds the table of all tasks: success on contested scenarios of the level with its bounds, success and skill over all
+/// episodes, and the success of the last generation.
 pub(super) fn table(progress: &Progress) -> Table {
     let header = [
         "task",
@@ -128,12 +135,12 @@ pub(super) fn table(progress: &Progress) -> Table {
         "per s",
     ];
     let mut table = output::table(&header, 2);
-    let narrow = table.width().is_some_and(|columns| columns < WIDE);
+    let narrow = table.width().is_some_and(|columns| columns < MIN_FULL_WIDTH);
     for (index, column) in table.column_iter_mut().enumerate() {
         match index {
-            // The params wrap between words; everything else stays whole.
+            // Params wrap between words; all other columns keep their content width.
             1 if !narrow => {}
-            _ if narrow && NEEDS_WIDTH.contains(&index) => {
+            _ if narrow && WIDE_ONLY_COLUMNS.contains(&index) => {
                 column.set_constraint(ColumnConstraint::Hidden);
             }
             _ => {
@@ -142,18 +149,18 @@ pub(super) fn table(progress: &Progress) -> Table {
         }
     }
     for task in &progress.mastery {
-        let fared = progress.trainees.get(&task.task).and_then(Trainee::fared);
+        let generation = progress.trainees.get(&task.task).and_then(Trainee::last_success);
         let rate = task.plain.episodes as f64 / progress.elapsed.as_secs_f64().max(1e-3);
         let contested = task.evidence().map(|m| format!("{:.2} ({:.2}–{:.2})", m.mean, m.q10, m.q90));
         let cells = [
             task.task.clone(),
-            params(task),
+            harder_params(task),
             task.level.map_or_else(|| DASH.to_owned(), |level| level.to_string()),
             contested.unwrap_or_else(|| DASH.to_owned()),
             share(task.plain.success),
             share(task.plain.skill),
-            share(fared.map(|f| f.population)),
-            share(fared.map(|f| f.elite)),
+            share(generation.map(|success| success.population)),
+            share(generation.map(|success| success.elite)),
             task.plain.episodes.to_string(),
             format!("{rate:.0}"),
         ];
@@ -162,25 +169,25 @@ pub(super) fn table(progress: &Progress) -> Table {
     table
 }
 
-/// The params that make the task harder than its space's easiest.
-fn params(task: &TaskMastery) -> String {
+/// Lists the params that make the task harder than the easiest values of its parameter space.
+fn harder_params(task: &TaskMastery) -> String {
     let Some(spec) = env_core::task(&task.task) else { return String::new() };
     let columns = spec.levels().columns();
     let harder = spec.params().iter().filter(|param| columns.iter().any(|column| column == param.name));
-    let told = harder.filter_map(|param| {
+    let described = harder.filter_map(|param| {
         let value = *task.params.get(param.name)?;
         let easiest = if param.harder == Harder::Down { param.max } else { param.min };
-        (value != easiest).then(|| worlds::param_in_words(param, &value.to_string()))
+        (value != easiest).then(|| worlds::describe_param(param, &value.to_string()))
     });
-    told.collect::<Vec<_>>().join(", ")
+    described.collect::<Vec<_>>().join(", ")
 }
 
-/// The task without its world.
-pub(super) fn short(task: &str) -> &str {
+/// Returns the task's id without its world.
+fn short_task_name(task: &str) -> &str {
     task.rsplit('/').next().unwrap_or(task)
 }
 
-/// A share with two digits, or a dash.
+/// Formats a share with two digits, or a dash if it is missing.
 pub(super) fn share(value: Option<f64>) -> String {
     value.map_or_else(|| DASH.to_owned(), |value| format!("{value:.2}"))
 }

@@ -1,4 +1,4 @@
-//! What came of it: in words for people, as one object for machines.
+//! Summary of a finished demo run: text for people and one JSON object for programs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -9,34 +9,34 @@ use serde::Serialize;
 
 use super::super::options::{self, TaskOptions};
 use super::super::worlds;
-use super::designs::TaskDesigns;
+use super::designs::TaskDesignSummary;
 use super::feed::{Posterior, TaskMastery};
-use super::show::{rate, share, table};
-use super::train::{Moved, Progress};
-use super::trainee::{Fared, Kind, Trainee};
+use super::show::{episodes_per_second, share, table};
+use super::train::{LevelChange, Progress};
+use super::trainee::{GenerationSuccess, LearnerMode, Trainee};
 
-/// Columns of the picture of a task's levels.
-const PICTURE: usize = 48;
-/// Columns of its words.
-const WIDTH: usize = 100;
+/// Width of the level chart of a task, in characters.
+const CHART_WIDTH: usize = 48;
+/// Width of wrapped text, in characters.
+const TEXT_WIDTH: usize = 100;
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// What is known of a level that was only just reached: the quantiles of Beta(1, 1).
+/// Posterior of a level without results: mean and quantiles of Beta(1, 1).
 const NO_EVIDENCE: Posterior = Posterior { n: 0, mean: 0.5, q10: 0.1, q90: 0.9 };
 
-/// What came of it, as one JSON object.
+/// Summary of a run, printed as one JSON object.
 #[derive(Debug, Serialize)]
 pub(super) struct Summary<'a> {
-    learner: Kind,
+    learner: LearnerMode,
     seed: u64,
     episodes: usize,
     seconds: f64,
-    /// Told to stop before all episodes were flown.
+    /// True if training stopped before all planned episodes were run.
     stopped: bool,
     run: &'a str,
     db: Option<&'a Path>,
     physics: &'a TaskOptions,
-    /// The share of training groups that were designed.
+    /// Share of training groups that came from designed layouts.
     designed: Option<f64>,
     tasks: BTreeMap<&'a str, TaskSummary<'a>>,
 }
@@ -45,7 +45,7 @@ pub(super) struct Summary<'a> {
 struct TaskSummary<'a> {
     level: Option<u32>,
     episodes: u64,
-    /// Mastery's mean at the current level: success on contested scenarios.
+    /// Mean mastery of the current level: the share of successes on contested scenarios.
     success: f64,
     success_q10: f64,
     success_q90: f64,
@@ -53,13 +53,13 @@ struct TaskSummary<'a> {
     plain_success: Option<f64>,
     score: Option<f64>,
     skill: Option<f64>,
-    last_generation: Option<Fared>,
+    last_generation: Option<GenerationSuccess>,
     generations: u32,
     params: &'a BTreeMap<String, f64>,
     learnt: BTreeMap<&'static str, f64>,
-    /// The numbers of the reflex themselves, in [0, 1]; none where nobody flies a reflex.
+    /// Reflex parameters, each in [0, 1]; `None` for policies without a reflex.
     numbers: Option<&'a [f64]>,
-    designs: TaskDesigns,
+    designs: TaskDesignSummary,
     moves: Vec<MoveSummary>,
     warnings: &'a [String],
 }
@@ -72,7 +72,7 @@ struct MoveSummary {
 }
 
 impl<'a> Summary<'a> {
-    /// Of a run; `db` where it was told which database to keep it in.
+    /// Creates the summary of a run. `db` is the database path from the command line, if one was given.
     pub(super) fn new(progress: &'a Progress, run: &'a str, db: Option<&'a Path>) -> Self {
         let task = |task: &'a TaskMastery| (task.task.as_str(), TaskSummary::new(progress, task));
         Self {
@@ -104,12 +104,12 @@ impl<'a> TaskSummary<'a> {
             plain_success: task.plain.success,
             score: task.plain.score,
             skill: task.plain.skill,
-            last_generation: trainee.and_then(Trainee::fared),
+            last_generation: trainee.and_then(Trainee::last_success),
             generations: trainee.map_or(0, Trainee::generation),
             params: &task.params,
-            learnt: meaning(progress, task).iter().map(|m| (m.name, m.value)).collect(),
+            learnt: reflex_meaning(progress, task).iter().map(|m| (m.name, m.value)).collect(),
             numbers: trainee.and_then(Trainee::numbers),
-            designs: progress.designs.of(&task.task),
+            designs: progress.designs.summarize_task(&task.task),
             moves: moves(progress, &task.task)
                 .map(|m| MoveSummary { episodes: m.at, from: m.from, to: m.to })
                 .collect(),
@@ -118,34 +118,34 @@ impl<'a> TaskSummary<'a> {
     }
 }
 
-fn moves<'a>(progress: &'a Progress, task: &'a str) -> impl Iterator<Item = &'a Moved> {
+fn moves<'a>(progress: &'a Progress, task: &'a str) -> impl Iterator<Item = &'a LevelChange> {
     progress.moves.iter().filter(move |moved| moved.task == task)
 }
 
-/// What came of it, in words.
-pub(super) fn words(progress: &Progress, run: &str, db: Option<&Path>) -> String {
-    let who = match progress.plan.kind {
-        Kind::Learn => "The learner",
-        Kind::Hold => "Holding (a control: it does nothing)",
-        Kind::Blind => "The blind plan (a control: it looks at nothing)",
-        Kind::Frozen => "The frozen learner (a control: random numbers, never updated)",
+/// Formats the summary of a run as text.
+pub(super) fn text(progress: &Progress, run: &str, db: Option<&Path>) -> String {
+    let learner = match progress.plan.kind {
+        LearnerMode::Learn => "The learner",
+        LearnerMode::Hold => "Holding (a control: it does nothing)",
+        LearnerMode::Blind => "The blind plan (a control: it looks at nothing)",
+        LearnerMode::Frozen => "The frozen learner (a control: random numbers, never updated)",
     };
     let seconds = progress.elapsed.as_secs_f64();
     let mut out = format!(
-        "\n{who} flew {} episodes in {seconds:.0} s ({:.0}/s), seed {}{}.\n\n{}\n",
+        "\n{learner} flew {} episodes in {seconds:.0} s ({:.0}/s), seed {}{}.\n\n{}\n",
         progress.flown,
-        rate(progress),
+        episodes_per_second(progress),
         progress.plan.seed,
         if progress.stopped { ", and was stopped early" } else { "" },
         table(progress),
     );
     if !progress.plan.options.is_empty() {
         // Writing into a string cannot fail.
-        let _ = writeln!(out, "\nPhysics: {}.", options::in_words(&progress.plan.options));
+        let _ = writeln!(out, "\nPhysics: {}.", options::describe(&progress.plan.options));
     }
     for task in &progress.mastery {
         // Writing into a string cannot fail.
-        let _ = write!(out, "\n{}", paragraph(progress, task));
+        let _ = write!(out, "\n{}", task_paragraph(progress, task));
     }
     if let Some(share) = progress.designs.share.filter(|share| *share > 0.0) {
         let _ = writeln!(
@@ -168,30 +168,30 @@ pub(super) fn words(progress: &Progress, run: &str, db: Option<&Path>) -> String
     out
 }
 
-fn paragraph(progress: &Progress, task: &TaskMastery) -> String {
+fn task_paragraph(progress: &Progress, task: &TaskMastery) -> String {
     let mut out = format!("{}\n", task.task);
     let level = task.level.unwrap_or(0);
     let top = env_core::task(&task.task).map_or(9, |spec| spec.levels().len().saturating_sub(1));
-    let of_task: Vec<&Moved> = moves(progress, &task.task).collect();
-    let picture = picture(&of_task, progress.flown, top as u32);
-    let wrapping = textwrap::Options::new(WIDTH).initial_indent("  ").subsequent_indent("    ");
+    let of_task: Vec<&LevelChange> = moves(progress, &task.task).collect();
+    let chart = level_chart(&of_task, progress.flown, top as u32);
+    let wrapping = textwrap::Options::new(TEXT_WIDTH).initial_indent("  ").subsequent_indent("    ");
     let mut line = |text: String| {
         out.push_str(&textwrap::fill(&text, &wrapping));
         out.push('\n');
     };
-    line(format!("level over time  0 {picture} {level}   (of 0 to {top})"));
-    line(match mastered(&of_task) {
+    line(format!("level over time  0 {chart} {level}   (of 0 to {top})"));
+    line(match mastered_levels(&of_task) {
         Some(levels) => format!("Mastered: {levels}."),
         None => "Mastered: nothing.".to_owned(),
     });
     if let Some(last) = of_task.last() {
         line(format!("Moved last, after {} episodes: {}.", last.at, last.why.trim_end_matches('.')));
     }
-    line(defeat(task, level, top));
-    if let Some(designs) = progress.designs.of(&task.task).words() {
+    line(describe_frontier(task, level, top));
+    if let Some(designs) = progress.designs.summarize_task(&task.task).describe() {
         line(designs);
     }
-    if let Some(learnt) = learnt(progress, task) {
+    if let Some(learnt) = describe_reflex(progress, task) {
         line(learnt);
     }
     for warning in &task.warnings {
@@ -200,8 +200,8 @@ fn paragraph(progress: &Progress, task: &TaskMastery) -> String {
     out
 }
 
-/// Levels that were left upwards, as "levels 0 to 4" or "levels 1 and 3".
-fn mastered(moves: &[&Moved]) -> Option<String> {
+/// Lists the levels that were left upwards, as "levels 0 to 4" or "levels 1 and 2".
+fn mastered_levels(moves: &[&LevelChange]) -> Option<String> {
     let left: BTreeSet<u32> = moves.iter().filter_map(|m| m.from.filter(|&from| m.to > from)).collect();
     let (first, last) = (*left.first()?, *left.last()?);
     if first == last {
@@ -217,8 +217,8 @@ fn mastered(moves: &[&Moved]) -> Option<String> {
     Some(format!("levels {}", all.join(", ")))
 }
 
-/// What it cannot do yet, and what makes that harder than what it can.
-fn defeat(task: &TaskMastery, level: u32, top: usize) -> String {
+/// Describes the level that is not mastered yet and the params that make it harder than the level below.
+fn describe_frontier(task: &TaskMastery, level: u32, top: usize) -> String {
     let bounds = task.evidence().map_or_else(
         || "no contested scenario of it has counted yet".to_owned(),
         |m| {
@@ -230,44 +230,44 @@ fn defeat(task: &TaskMastery, level: u32, top: usize) -> String {
     );
     let plain = share(task.plain.success);
     let what = if level as usize == top { "At the top" } else { "Not mastered yet" };
-    let harder = harder(&task.task, level);
+    let harder = changed_params(&task.task, level);
     let harder = if harder.is_empty() { harder } else { format!(" (harder than {}: {harder})", level - 1) };
     format!("{what}: level {level}{harder}: {bounds}. Over all its episodes, easy ones too: {plain}.")
 }
 
-/// What changes from the level below.
-fn harder(task: &str, level: u32) -> String {
+/// Lists the params that differ from the level below.
+fn changed_params(task: &str, level: u32) -> String {
     let Some((spec, below)) = env_core::task(task).zip(level.checked_sub(1)) else { return String::new() };
     let levels = spec.levels();
     let rows = levels.params(below as usize).zip(levels.params(level as usize));
     let changed = rows.filter(|(before, now)| before.1 != now.1);
-    let told = changed.filter_map(|((name, before), (_, now))| {
+    let described = changed.filter_map(|((name, before), (_, now))| {
         let param = spec.params().iter().find(|param| param.name == name)?;
-        Some(worlds::param_in_words(param, &format!("{before} → {now}")))
+        Some(worlds::describe_param(param, &format!("{before} → {now}")))
     });
-    told.collect::<Vec<_>>().join(", ")
+    described.collect::<Vec<_>>().join(", ")
 }
 
-/// What the numbers of the reflex at the centre of the population stand for.
-fn meaning(progress: &Progress, task: &TaskMastery) -> Vec<ParameterMeaning> {
+/// Returns the meaning of the reflex parameters at the centre of the population.
+fn reflex_meaning(progress: &Progress, task: &TaskMastery) -> Vec<ParameterMeaning> {
     let numbers = progress.trainees.get(&task.task).and_then(Trainee::numbers);
     let spec = env_core::task(&task.task);
     numbers.zip(spec).map(|(numbers, spec)| (spec.reflex().meaning)(numbers)).unwrap_or_default()
 }
 
-/// The same in words.
-fn learnt(progress: &Progress, task: &TaskMastery) -> Option<String> {
+/// Describes the reflex parameters in one sentence; `None` if no member is a reflex.
+fn describe_reflex(progress: &Progress, task: &TaskMastery) -> Option<String> {
     let generations = progress.trainees.get(&task.task).map_or(0, Trainee::generation);
-    let numbers: Vec<String> = meaning(progress, task).iter().map(told).collect();
-    let who = match generations {
+    let numbers: Vec<String> = reflex_meaning(progress, task).iter().map(format_parameter).collect();
+    let origin = match generations {
         0 => "Its reflex".to_owned(),
         n => format!("Learnt in {n} generations"),
     };
-    (!numbers.is_empty()).then(|| format!("{who}: {}.", numbers.join(", ")))
+    (!numbers.is_empty()).then(|| format!("{origin}: {}.", numbers.join(", ")))
 }
 
-/// A number of a reflex, as "burn size 0.22 LU/TU": three digits, as many as mean anything.
-fn told(meaning: &ParameterMeaning) -> String {
+/// Formats a reflex parameter with three significant digits, as "burn size 0.22 LU/TU".
+fn format_parameter(meaning: &ParameterMeaning) -> String {
     let ParameterMeaning { name, value, unit } = meaning;
     let digits = match value.abs() {
         size if size >= 100.0 => 0,
@@ -281,37 +281,37 @@ fn told(meaning: &ParameterMeaning) -> String {
     format!("{} {number}{}{unit}", name.replace('_', " "), if unit.is_empty() { "" } else { " " })
 }
 
-/// The level over the run, from left to right, as blocks.
-fn picture(moves: &[&Moved], flown: usize, top: u32) -> String {
+/// Draws the level over the run from left to right, as block characters.
+fn level_chart(moves: &[&LevelChange], flown: usize, top: u32) -> String {
     let level_at = |episodes: usize| moves.iter().rev().find(|m| m.at <= episodes).map_or(0, |m| m.to);
     let block = |level: u32| {
         let index = level as usize * (BLOCKS.len() - 1) / top.max(1) as usize;
         BLOCKS[index.min(BLOCKS.len() - 1)]
     };
-    (1..=PICTURE).map(|column| block(level_at(flown * column / PICTURE))).collect()
+    (1..=CHART_WIDTH).map(|column| block(level_at(flown * column / CHART_WIDTH))).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn moved(at: usize, from: Option<u32>, to: u32) -> Moved {
-        Moved { task: "kessler/survival".to_owned(), at, from, to, why: String::new() }
+    fn level_change(at: usize, from: Option<u32>, to: u32) -> LevelChange {
+        LevelChange { task: "kessler/survival".to_owned(), at, from, to, why: String::new() }
     }
 
     #[test]
-    fn a_picture_rises_where_the_level_does() {
-        let moves = [moved(10, Some(0), 1), moved(50, Some(1), 9)];
-        let drawn = picture(&moves.iter().collect::<Vec<_>>(), 100, 9);
-        assert_eq!(drawn.chars().count(), PICTURE);
-        assert_eq!(drawn.chars().filter(|c| *c == '█').count(), PICTURE / 2 + 1);
+    fn level_chart_rises_with_the_level() {
+        let moves = [level_change(10, Some(0), 1), level_change(50, Some(1), 9)];
+        let drawn = level_chart(&moves.iter().collect::<Vec<_>>(), 100, 9);
+        assert_eq!(drawn.chars().count(), CHART_WIDTH);
+        assert_eq!(drawn.chars().filter(|c| *c == '█').count(), CHART_WIDTH / 2 + 1);
         assert!(drawn.starts_with('▁') && drawn.ends_with('█'));
-        assert!(picture(&[], 0, 9).chars().all(|c| c == '▁'));
+        assert!(level_chart(&[], 0, 9).chars().all(|c| c == '▁'));
     }
 
     #[test]
-    fn numbers_of_a_reflex_are_told_with_their_units() {
-        let say = |name, value, unit| told(&ParameterMeaning { name, value, unit });
+    fn reflex_parameters_have_units() {
+        let say = |name, value, unit| format_parameter(&ParameterMeaning { name, value, unit });
         assert_eq!(say("look_ahead", 8.0, "steps"), "look ahead 8 steps");
         assert_eq!(say("burn_size", 0.2178, "LU/TU"), "burn size 0.22 LU/TU");
         assert_eq!(say("map", -0.5, ""), "map -0.5");
@@ -321,21 +321,27 @@ mod tests {
 
     #[test]
     fn levels_left_upwards_are_mastered() {
-        let told = |moves: &[Moved]| mastered(&moves.iter().collect::<Vec<_>>());
-        assert_eq!(told(&[]), None);
-        assert_eq!(told(&[moved(1, None, 4)]), None);
-        assert_eq!(told(&[moved(1, Some(0), 1)]).as_deref(), Some("level 0"));
-        let up_down_up =
-            [moved(1, Some(0), 1), moved(2, Some(1), 2), moved(3, Some(2), 1), moved(4, Some(1), 2)];
-        assert_eq!(told(&up_down_up).as_deref(), Some("levels 0 and 1"));
-        assert_eq!(told(&[moved(1, Some(0), 1), moved(2, Some(2), 3)]).as_deref(), Some("levels 0, 2"));
+        let levels = |moves: &[LevelChange]| mastered_levels(&moves.iter().collect::<Vec<_>>());
+        assert_eq!(levels(&[]), None);
+        assert_eq!(levels(&[level_change(1, None, 4)]), None);
+        assert_eq!(levels(&[level_change(1, Some(0), 1)]).as_deref(), Some("level 0"));
+        let up_down_up = [(1, 0, 1), (2, 1, 2), (3, 2, 1), (4, 1, 2)]
+            .map(|(at, from, to)| level_change(at, Some(from), to));
+        assert_eq!(levels(&up_down_up).as_deref(), Some("levels 0 and 1"));
+        assert_eq!(
+            levels(&[level_change(1, Some(0), 1), level_change(2, Some(2), 3)]).as_deref(),
+            Some("levels 0, 2")
+        );
     }
 
     #[test]
-    fn what_makes_a_level_harder_is_named() {
-        assert_eq!(harder("kessler/survival", 0), "");
-        assert_eq!(harder("kessler/survival", 5), "fuel 10 → 5");
-        assert_eq!(harder("kessler/survival", 6), "debris 100 → 125, fuel 5 → 4, radar range 300 → 20");
-        assert_eq!(harder("docking/single", 3), "time limit 1500 → 1000 s, thrust bound 1 → 0.5");
+    fn harder_params_of_a_level_are_listed() {
+        assert_eq!(changed_params("kessler/survival", 0), "");
+        assert_eq!(changed_params("kessler/survival", 5), "fuel 10 → 5");
+        assert_eq!(
+            changed_params("kessler/survival", 6),
+            "debris 100 → 125, fuel 5 → 4, radar range 300 → 20"
+        );
+        assert_eq!(changed_params("docking/single", 3), "time limit 1500 → 1000 s, thrust bound 1 → 0.5");
     }
 }

@@ -1,4 +1,4 @@
-//! The loop against a curriculum in this process: no HTTP, no database, the same judgement.
+//! Tests of the training loop against a curriculum in this process, without HTTP or a database.
 
 use std::collections::HashMap;
 use std::sync::Mutex;
@@ -12,52 +12,59 @@ use super::designs::Designs;
 use super::feed::{
     Evidence, Feed, Finished, Lease, LeasedGroup, Move, Plain, Posterior, Receipt, Receipts, TaskMastery,
 };
-use super::train::{MEMBERS, Moved, Plan, Progress, Watch, train};
-use super::trainee::{Kind, Member, Trainee};
+use super::train::{LevelChange, MEMBERS, Progress, ProgressObserver, TrainingPlan, train};
+use super::trainee::{LearnerMode, Member, Trainee};
 use crate::options::TaskOptions;
-use orchestrator::leases::prepare::{prepare, UnsolvableParams, Place};
-use curriculum::{Curriculum, GroupOutcome, LearningSignals, ObservedOutcome, Proposal, ScenarioSource, SequencedProposal, Settings, TaskPlan};
+use curriculum::{
+    Curriculum, GroupOutcome, LearningSignals, ObservedOutcome, Proposal, ScenarioSource, SequencedProposal,
+    Settings, TaskPlan,
+};
+use orchestrator::leases::prepare::unsolvable::UnsolvableParams;
+use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare};
 
-struct Local {
+struct LocalFeed {
     seed: u64,
-    books: Mutex<Books>,
+    state: Mutex<LocalState>,
 }
 
-struct Books {
+struct LocalState {
     curriculum: Curriculum,
-    open: HashMap<String, Open>,
+    open: HashMap<String, OpenGroup>,
     flown: HashMap<String, u64>,
 }
 
-/// One leased group, under its first episode's name.
+/// Leased group, stored under the id of its first episode.
 #[derive(Clone)]
-struct Open {
+struct OpenGroup {
     seq: u64,
     proposal: Proposal,
     scenario: Scenario,
     bracket: Bracket,
 }
 
-impl Local {
+impl LocalFeed {
     fn new(seed: u64, tasks: &[&str]) -> Self {
         let plans = tasks.iter().map(|task| TaskPlan::standard(task).unwrap()).collect();
         let settings = Settings { placement: false, ..Settings::ladder(plans) };
         let curriculum = Curriculum::new(seed, settings).unwrap();
-        Self { seed, books: Mutex::new(Books { curriculum, open: HashMap::new(), flown: HashMap::new() }) }
+        Self {
+            seed,
+            state: Mutex::new(LocalState { curriculum, open: HashMap::new(), flown: HashMap::new() }),
+        }
     }
 }
 
-impl Feed for Local {
+impl Feed for LocalFeed {
     async fn lease(&self, groups: usize, _: u32) -> anyhow::Result<Lease> {
-        let mut books = self.books.lock().unwrap();
+        let mut state = self.state.lock().unwrap();
         let mut lease = Lease { recipes: Vec::new(), groups: Vec::new() };
         for index in 0..groups {
-            let SequencedProposal { seq, proposal } = books.curriculum.propose();
+            let SequencedProposal { seq, proposal } = state.curriculum.propose();
             let prepared = prepare(
-                Place { space: SeedSpace::Training, run_seed: self.seed, seq },
+                SeedSource { space: SeedSpace::Training, run_seed: self.seed, seq },
                 &proposal,
                 None,
-                (&UnsolvableParams::default(), &|| true),
+                DrawContext { unsolvable: &UnsolvableParams::default(), is_wanted: &|| true },
             )?;
             let episodes: Vec<String> = (0..MEMBERS).map(|i| format!("ep_{seq}_{i}")).collect();
             lease.recipes.push(prepared.scenario.recipe().to_json());
@@ -65,24 +72,24 @@ impl Feed for Local {
                 recipe: index,
                 seed: prepared.scenario.seed().get(),
                 task: proposal.task.clone(),
-                contested: prepared.contested,
+                contested: prepared.is_contested,
                 episodes: episodes.clone(),
             });
-            let open = Open { seq, proposal, scenario: prepared.scenario, bracket: prepared.bracket };
-            books.open.insert(episodes[0].clone(), open);
+            let open = OpenGroup { seq, proposal, scenario: prepared.scenario, bracket: prepared.bracket };
+            state.open.insert(episodes[0].clone(), open);
         }
         Ok(lease)
     }
 
     async fn report(&self, _: u32, results: Vec<Finished>) -> anyhow::Result<Receipts> {
-        let mut books = self.books.lock().unwrap();
+        let mut state = self.state.lock().unwrap();
         let mut receipts = Receipts { results: Vec::new(), moves: Vec::new() };
         for group in results.chunks(MEMBERS) {
-            let open = books.open.remove(&group[0].episode).unwrap();
+            let open = state.open.remove(&group[0].episode).unwrap();
             let judged: Vec<Receipt> = group.iter().map(|finished| judge(&open, finished)).collect();
             let successes = judged.iter().filter(|receipt| receipt.success == Some(true)).count();
-            let ObservedOutcome { moves, .. } = books.curriculum.observe(&outcome(&open, successes));
-            *books.flown.entry(open.proposal.task.clone()).or_default() += MEMBERS as u64;
+            let ObservedOutcome { moves, .. } = state.curriculum.observe(&outcome(&open, successes));
+            *state.flown.entry(open.proposal.task.clone()).or_default() += MEMBERS as u64;
             receipts.results.extend(judged);
             receipts.moves.extend(moves.into_iter().map(|made| Move {
                 task: made.task,
@@ -99,15 +106,15 @@ impl Feed for Local {
     }
 
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>> {
-        let books = self.books.lock().unwrap();
-        let mastery = books.curriculum.mastery();
+        let state = self.state.lock().unwrap();
+        let mastery = state.curriculum.mastery();
         let task = |status: curriculum::TaskStatus| TaskMastery {
             mastery: mastery
                 .iter()
                 .find(|m| m.task == status.task && m.level == status.level)
                 .map(|m| Posterior { n: m.n, mean: m.mean, q10: m.q10, q90: m.q90 }),
             plain: Plain {
-                episodes: books.flown.get(&status.task).copied().unwrap_or(0),
+                episodes: state.flown.get(&status.task).copied().unwrap_or(0),
                 ..Plain::default()
             },
             task: status.task,
@@ -115,11 +122,11 @@ impl Feed for Local {
             params: status.params.into_iter().collect(),
             warnings: status.warnings,
         };
-        Ok(books.curriculum.status().into_iter().map(task).collect())
+        Ok(state.curriculum.status().into_iter().map(task).collect())
     }
 }
 
-fn judge(open: &Open, finished: &Finished) -> Receipt {
+fn judge(open: &OpenGroup, finished: &Finished) -> Receipt {
     let sent = serde_json::to_value(finished).unwrap();
     let steps = sent["actions"]["steps"].as_array().unwrap();
     let log = rollout::read_log(&open.scenario, steps, Precision::F64, None).unwrap();
@@ -134,7 +141,7 @@ fn judge(open: &Open, finished: &Finished) -> Receipt {
     }
 }
 
-fn outcome(open: &Open, successes: usize) -> GroupOutcome {
+fn outcome(open: &OpenGroup, successes: usize) -> GroupOutcome {
     GroupOutcome {
         proposal: open.seq,
         task: open.proposal.task.clone(),
@@ -155,33 +162,36 @@ fn outcome(open: &Open, successes: usize) -> GroupOutcome {
     }
 }
 
-/// Watches every batch and shows nothing.
-struct Silent;
+/// Observer that is due after every batch and displays nothing.
+struct SilentObserver;
 
-impl Watch for Silent {
-    fn due(&self) -> bool {
+impl ProgressObserver for SilentObserver {
+    fn is_due(&self) -> bool {
         true
     }
 
     fn show(&mut self, _: &Progress) {}
 
-    fn designed(&mut self, _: usize, _: &str) {}
-    fn moved(&mut self, _: &Moved) {}
+    fn layouts_designed(&mut self, _: usize, _: &str) {}
+    fn level_changed(&mut self, _: &LevelChange) {}
 }
 
-fn trained(kind: Kind, seed: u64, episodes: usize) -> Progress {
+fn trained(kind: LearnerMode, seed: u64, episodes: usize) -> Progress {
     trained_on(TASK, kind, seed, episodes)
 }
 
-fn trained_on(task: &str, kind: Kind, seed: u64, episodes: usize) -> Progress {
-    let plan = Plan { kind, seed, episodes, tasks: vec![task.to_owned()], options: TaskOptions::new() };
+fn trained_on(task: &str, kind: LearnerMode, seed: u64, episodes: usize) -> Progress {
+    let plan =
+        TrainingPlan { kind, seed, episodes, tasks: vec![task.to_owned()], options: TaskOptions::new() };
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).build().unwrap();
-    runtime.block_on(train(&Local::new(seed, &[task]), plan, &mut Silent, &AtomicBool::new(false))).unwrap()
+    runtime
+        .block_on(train(&LocalFeed::new(seed, &[task]), plan, &mut SilentObserver, &AtomicBool::new(false)))
+        .unwrap()
 }
 
 const TASK: &str = "kessler/eco_station";
 
-/// The share of contested scenarios of level 4, of seeds nobody trains on, in which a population succeeds.
+/// Returns a population's share of successes on contested scenarios of level 4, drawn from evaluation seeds.
 fn fitness(members: &[Member]) -> f64 {
     let spec = env_core::task(TASK).unwrap();
     let mut curriculum =
@@ -191,15 +201,15 @@ fn fitness(members: &[Member]) -> f64 {
     let (mut successes, n) = (0, 40);
     for seq in 0..n {
         let prepared = prepare(
-            Place { space: SeedSpace::Evaluation, run_seed: 0, seq },
+            SeedSource { space: SeedSpace::Evaluation, run_seed: 0, seq },
             &proposal,
             None,
-            (&UnsolvableParams::default(), &|| true),
+            DrawContext { unsolvable: &UnsolvableParams::default(), is_wanted: &|| true },
         )
         .unwrap();
         for member in members {
-            let mut pilot = member.pilot(&prepared.scenario).unwrap();
-            let flown = rollout::roll_out(&prepared.scenario, &mut *pilot).unwrap().outcome;
+            let mut policy = member.policy(&prepared.scenario).unwrap();
+            let flown = rollout::roll_out(&prepared.scenario, &mut *policy).unwrap().outcome;
             successes += u32::from(spec.is_success(&flown, prepared.bracket.skill(flown.score)));
         }
     }
@@ -208,8 +218,8 @@ fn fitness(members: &[Member]) -> f64 {
 
 #[test]
 fn the_learner_learns_and_climbs() {
-    let before = fitness(Trainee::new(Kind::Learn, MEMBERS, 12, 5).members());
-    let progress = trained(Kind::Learn, 5, 6000);
+    let before = fitness(Trainee::new(LearnerMode::Learn, MEMBERS, 12, 5).members());
+    let progress = trained(LearnerMode::Learn, 5, 6000);
     let trainee = &progress.trainees[TASK];
     let after = fitness(trainee.members());
     println!("success at level 4: {before:.2} before, {after:.2} after; {:?}", progress.mastery[0]);
@@ -223,53 +233,54 @@ fn the_learner_learns_and_climbs() {
 
 #[test]
 fn doing_nothing_masters_nothing() {
-    for kind in [Kind::Hold, Kind::Blind] {
+    for kind in [LearnerMode::Hold, LearnerMode::Blind] {
         let progress = trained(kind, 2, 4000);
         assert_eq!(progress.mastery[0].level, Some(0));
         assert!(progress.moves.is_empty());
     }
 }
 
-/// Another world, another reflex, nothing else said of either.
+/// The learner needs no knowledge of a world beyond its reflex.
 #[test]
-fn it_learns_in_every_world() {
-    let progress = trained_on("docking/multiagent", Kind::Learn, 1, 3000);
+fn learner_learns_in_every_world() {
+    let progress = trained_on("docking/multiagent", LearnerMode::Learn, 1, 3000);
     let trainee = &progress.trainees["docking/multiagent"];
-    println!("{:?}, {:?}", trainee.fared(), progress.mastery[0]);
+    println!("{:?}, {:?}", trainee.last_success(), progress.mastery[0]);
     // Measured: level 1 after 2 700 episodes of this seed; holding and the blind plan never leave level 0.
     assert!(progress.mastery[0].level >= Some(1), "{:?}", progress.mastery);
-    let words = super::summary::words(&progress, "r", None);
+    let words = super::summary::text(&progress, "r", None);
     assert!(words.contains("m/s") && !words.contains("LU"), "{words}");
-    let held = trained_on("docking/multiagent", Kind::Blind, 1, 600);
+    let held = trained_on("docking/multiagent", LearnerMode::Blind, 1, 600);
     assert!(held.mastery[0].mastery.unwrap().mean < 0.05, "{:?}", held.mastery);
 }
 
 #[test]
 fn the_same_seed_is_the_same_run() {
-    let (one, other) = (trained(Kind::Learn, 3, 1500), trained(Kind::Learn, 3, 1500));
+    let (one, other) = (trained(LearnerMode::Learn, 3, 1500), trained(LearnerMode::Learn, 3, 1500));
     assert_eq!(one.trainees[TASK].members(), other.trainees[TASK].members());
-    assert_ne!(one.trainees[TASK].members(), trained(Kind::Learn, 4, 1500).trainees[TASK].members());
+    assert_ne!(one.trainees[TASK].members(), trained(LearnerMode::Learn, 4, 1500).trainees[TASK].members());
 }
 
 #[test]
-fn told_to_stop_it_takes_no_more_and_sums_up() {
-    let plan = Plan {
-        kind: Kind::Hold,
+fn stop_request_ends_leasing_and_still_sums_up() {
+    let plan = TrainingPlan {
+        kind: LearnerMode::Hold,
         seed: 1,
         episodes: 1200,
         tasks: vec![TASK.to_owned()],
         options: TaskOptions::new(),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-    let progress =
-        runtime.block_on(train(&Local::new(1, &[TASK]), plan, &mut Silent, &AtomicBool::new(true))).unwrap();
+    let progress = runtime
+        .block_on(train(&LocalFeed::new(1, &[TASK]), plan, &mut SilentObserver, &AtomicBool::new(true)))
+        .unwrap();
     assert!(progress.stopped && progress.flown == 0 && progress.mastery.len() == 1);
 }
 
 #[test]
 fn the_summary_says_what_happened() {
-    let progress = trained(Kind::Learn, 5, 3000);
-    let words = super::summary::words(&progress, "r", Some(std::path::Path::new("x.sqlite3")));
+    let progress = trained(LearnerMode::Learn, 5, 3000);
+    let words = super::summary::text(&progress, "r", Some(std::path::Path::new("x.sqlite3")));
     for part in
         ["The learner flew 3000 episodes", TASK, "Mastered:", "look ahead", "sparring serve --db x.sqlite3"]
     {
@@ -281,8 +292,8 @@ fn the_summary_says_what_happened() {
     assert!(task["level"].is_u64() && task["success"].is_f64() && task["episodes"] == 3000, "{summary}");
 }
 
-/// The real service, over HTTP. The order of requests does not depend on how fast anything is, so a seed decides the run:
-/// but for designs, which come when they are done.
+/// Runs the real service over HTTP. The order of requests does not depend on timing, so the seed decides the run. Designs
+/// are the exception, since they arrive when they are finished.
 #[test]
 fn over_http_the_same_seed_is_the_same_run() {
     same_seed_over_http(
@@ -291,7 +302,7 @@ fn over_http_the_same_seed_is_the_same_run() {
     );
 }
 
-/// Long episodes, and agents that come and go with the level.
+/// Covers long episodes and a number of agents that depends on the level.
 #[test]
 fn over_http_the_same_seed_is_the_same_run_in_every_world() {
     same_seed_over_http("demo --episodes 480 --seed 6 --task docking/single --task docking/multiagent", 480);
@@ -317,7 +328,7 @@ fn same_seed_over_http(line: &str, episodes: usize) {
     }
 }
 
-/// Options reach the run that is made; what a server would refuse is refused before one is started.
+/// Options reach the created run. Options that a server would refuse are refused before a server starts.
 #[test]
 fn options_are_the_runs_physics() {
     let args = |line: &str| {
@@ -334,10 +345,10 @@ fn options_are_the_runs_physics() {
     let (other, _) = demo(plain).unwrap();
     assert_eq!((swept.flown, swept.late), (240, 0));
     assert_ne!(swept.mastery[0].plain.score, other.mastery[0].plain.score, "another physics");
-    let words = super::summary::words(&swept, &run, None);
+    let words = super::summary::text(&swept, &run, None);
     assert!(words.contains("\nPhysics: kessler/survival: contact swept, gravity j2.\n"), "{words}");
-    let told = serde_json::to_value(super::summary::Summary::new(&swept, &run, None)).unwrap();
-    assert_eq!(told["physics"]["kessler/survival"]["contact"], "swept");
+    let summary = serde_json::to_value(super::summary::Summary::new(&swept, &run, None)).unwrap();
+    assert_eq!(summary["physics"]["kessler/survival"]["contact"], "swept");
     let refuse = |options: &str| format!("{:#}", demo(&format!("{plain} {options}")).unwrap_err());
     assert!(refuse("--physics contact=swept --physics risk=pc").contains("cannot be combined"));
     assert!(refuse("--physics compat=upstream").contains("is for scenarios by hand"));

@@ -1,4 +1,4 @@
-//! The training loop: lease, fly, report, learn.
+//! The training loop: lease groups, roll them out, report the results, learn.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -7,103 +7,107 @@ use std::time::{Duration, Instant};
 
 use super::designs::Designs;
 use super::feed::{Feed, Finished, Lease, MAX_RESULTS, Move, Receipts, TaskMastery, batches};
-use super::fly::{fly, outcomes, sorties};
-use super::trainee::{Kind, Trainee};
+use super::rollouts::{assign_groups, group_outcomes, roll_out_groups};
+use super::trainee::{LearnerMode, Trainee};
 use crate::options::TaskOptions;
 
-/// Members of a population, and so episodes of a group: siblings fly the same scenario, and are compared on it.
+/// Members of a population, and therefore episodes of a group: siblings run the same scenario and are compared on it.
 pub(super) const MEMBERS: usize = 12;
-/// Groups leased at a time, per task.
+/// Groups in one lease, per task.
 const GROUPS_PER_TASK: usize = 8;
 
-/// What to train.
+/// Settings of one training run.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
-    pub(super) kind: Kind,
+pub(super) struct TrainingPlan {
+    pub(super) kind: LearnerMode,
     pub(super) seed: u64,
-    /// Episodes to fly, up to a group more.
+    /// Episodes to run; the last group may exceed it.
     pub(super) episodes: usize,
     pub(super) tasks: Vec<String>,
-    /// Physics options that were asked for.
+    /// Physics options from the command line, by task.
     pub(super) options: TaskOptions,
 }
 
-/// A change of level, and when.
+/// Change of a task's level, with its position in the training run.
 #[derive(Debug, Clone)]
-pub(super) struct Moved {
+pub(super) struct LevelChange {
     pub(super) task: String,
-    /// Episodes flown by then, over all tasks.
+    /// Episodes finished before the change, over all tasks.
     pub(super) at: usize,
     pub(super) from: Option<u32>,
     pub(super) to: u32,
     pub(super) why: String,
 }
 
-/// How far it is.
+/// State of the training run after the latest batch.
 #[derive(Debug)]
 pub(super) struct Progress {
-    pub(super) plan: Plan,
+    pub(super) plan: TrainingPlan,
     pub(super) flown: usize,
     pub(super) elapsed: Duration,
     pub(super) trainees: BTreeMap<String, Trainee>,
-    pub(super) moves: Vec<Moved>,
-    /// As last asked for, in the order of the plan.
+    pub(super) moves: Vec<LevelChange>,
+    /// Latest mastery of each task, in the order of the plan.
     pub(super) mastery: Vec<TaskMastery>,
-    /// As last asked for.
+    /// Latest designs of the run.
     pub(super) designs: Designs,
-    /// Layouts that were told of.
-    told: BTreeSet<String>,
-    /// Results that came too late to count.
+    /// Ids of layouts already reported to the observer.
+    announced: BTreeSet<String>,
+    /// Results that the service received after their lease ended; they do not count.
     pub(super) late: usize,
-    /// It was told to stop before its episodes were flown.
+    /// True if training stopped before all planned episodes were run.
     pub(super) stopped: bool,
 }
 
-/// Who watches.
-pub(super) trait Watch {
-    /// Whether something new should be shown by now.
-    fn due(&self) -> bool;
-    /// Shows where things stand.
+/// Receiver of progress updates.
+pub(super) trait ProgressObserver {
+    /// Returns true if the display needs an update.
+    fn is_due(&self) -> bool;
+    /// Displays the current progress.
     fn show(&mut self, progress: &Progress);
-    /// A level moved.
-    fn moved(&mut self, moved: &Moved);
-    /// Layouts were designed.
-    fn designed(&mut self, at: usize, news: &str);
+    /// Reports a change of level.
+    fn level_changed(&mut self, change: &LevelChange);
+    /// Reports new layouts in one sentence; `at` is the number of finished episodes.
+    fn layouts_designed(&mut self, at: usize, news: &str);
 }
 
-/// Trains until the episodes are flown, or `stop` is set: then what is leased is flown and no more is taken. (Leases given
-/// back would count as episodes lost.)
+/// Trains until all planned episodes are run or `stop` is set. After a stop, leased groups are still run but no more are
+/// leased, because released groups would count as lost episodes.
 pub(super) async fn train(
     feed: &impl Feed,
-    plan: Plan,
-    watch: &mut impl Watch,
+    plan: TrainingPlan,
+    observer: &mut impl ProgressObserver,
     stop: &AtomicBool,
 ) -> anyhow::Result<Progress> {
     let started = Instant::now();
     let mut training = Training::new(feed, plan, stop);
     let mut ahead = training.lease().await?;
     while let Some(lease) = ahead.take() {
-        ahead = training.step(&lease, watch).await?;
+        ahead = training.step(&lease, observer).await?;
         training.progress.elapsed = started.elapsed();
-        if watch.due() || ahead.is_none() {
-            training.progress.look(feed, watch).await?;
-            watch.show(&training.progress);
+        if observer.is_due() || ahead.is_none() {
+            training.progress.refresh(feed, observer).await?;
+            observer.show(&training.progress);
         }
     }
     let mut progress = training.progress;
     progress.stopped = progress.flown < progress.plan.episodes;
-    progress.look(feed, watch).await?;
+    progress.refresh(feed, observer).await?;
     progress.elapsed = started.elapsed();
     Ok(progress)
 }
 
 impl Progress {
-    /// Asks where things stand, and tells of layouts that are new.
-    async fn look(&mut self, feed: &impl Feed, watch: &mut impl Watch) -> anyhow::Result<()> {
+    /// Fetches mastery and designs from the service and reports new layouts.
+    async fn refresh(
+        &mut self,
+        feed: &impl Feed,
+        observer: &mut impl ProgressObserver,
+    ) -> anyhow::Result<()> {
         self.mastery = feed.mastery().await?;
         self.designs = feed.designs().await?;
-        for news in self.designs.news(&mut self.told) {
-            watch.designed(self.flown, &news);
+        for news in self.designs.describe_new(&mut self.announced) {
+            observer.layouts_designed(self.flown, &news);
         }
         Ok(())
     }
@@ -119,9 +123,9 @@ struct Training<'a, F> {
 }
 
 impl<'a, F: Feed> Training<'a, F> {
-    fn new(feed: &'a F, plan: Plan, stop: &'a AtomicBool) -> Self {
+    fn new(feed: &'a F, plan: TrainingPlan, stop: &'a AtomicBool) -> Self {
         let trainee = |(at, task): (u64, &String)| {
-            // Seeds of one run's tasks must differ, and so must those of neighbouring runs.
+            // Seeds must differ between the tasks of one run and between neighbouring runs.
             let seed = plan.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(at);
             let numbers = env_core::task(task).map_or(0, |spec| spec.reflex().names.len());
             (task.clone(), Trainee::new(plan.kind, MEMBERS, numbers, seed))
@@ -135,14 +139,14 @@ impl<'a, F: Feed> Training<'a, F> {
             moves: Vec::new(),
             mastery: Vec::new(),
             designs: Designs::default(),
-            told: BTreeSet::new(),
+            announced: BTreeSet::new(),
             late: 0,
             stopped: false,
         };
         Self { feed, stop, progress, leased: 0, policy_version: 0 }
     }
 
-    /// The next lease; none once enough is leased, or nobody wants more.
+    /// Leases the next groups. Returns `None` once all planned episodes are leased or a stop was requested.
     async fn lease(&mut self) -> anyhow::Result<Option<Lease>> {
         let plan = &self.progress.plan;
         let left = plan.episodes.saturating_sub(self.leased).div_ceil(MEMBERS);
@@ -155,32 +159,36 @@ impl<'a, F: Feed> Training<'a, F> {
         Ok(Some(lease))
     }
 
-    /// Flies a lease while the next is taken, reports it, learns from it; the next.
-    async fn step(&mut self, lease: &Lease, watch: &mut impl Watch) -> anyhow::Result<Option<Lease>> {
-        let sorties = Arc::new(sorties(lease, &self.progress.trainees)?);
-        let flying = {
-            let sorties = Arc::clone(&sorties);
-            tokio::task::spawn_blocking(move || fly(&sorties))
+    /// Runs a lease while the next one is requested, reports the results and learns from them. Returns the next lease.
+    async fn step(
+        &mut self,
+        lease: &Lease,
+        observer: &mut impl ProgressObserver,
+    ) -> anyhow::Result<Option<Lease>> {
+        let assignments = Arc::new(assign_groups(lease, &self.progress.trainees)?);
+        let rollouts = {
+            let assignments = Arc::clone(&assignments);
+            tokio::task::spawn_blocking(move || roll_out_groups(&assignments))
         };
         let next = self.lease().await?;
-        let finished = flying.await??;
+        let finished = rollouts.await??;
         let flown = finished.len();
         let Receipts { results, moves } = self.report(finished).await?;
         self.progress.flown += flown;
         self.progress.late += results.iter().filter(|receipt| receipt.status == "late").count();
-        for (sortie, outcomes) in sorties.iter().zip(outcomes(&sorties, results)?) {
+        for (sortie, outcomes) in assignments.iter().zip(group_outcomes(&assignments, results)?) {
             if let Some(trainee) = self.progress.trainees.get_mut(&sortie.task) {
-                trainee.take(&outcomes, sortie.contested);
+                trainee.record(&outcomes, sortie.contested);
             }
         }
         for trainee in self.progress.trainees.values_mut() {
             self.policy_version += u32::from(trainee.learn());
         }
-        self.note(moves, watch);
+        self.record_moves(moves, observer);
         Ok(next)
     }
 
-    /// Reports what was flown, in as few reports as the service takes it.
+    /// Reports finished episodes in as few requests as the service's limits allow.
     async fn report(&self, finished: Vec<Finished>) -> anyhow::Result<Receipts> {
         let mut all = Receipts { results: Vec::with_capacity(finished.len()), moves: Vec::new() };
         for batch in batches(finished, MEMBERS) {
@@ -191,12 +199,12 @@ impl<'a, F: Feed> Training<'a, F> {
         Ok(all)
     }
 
-    fn note(&mut self, moves: Vec<Move>, watch: &mut impl Watch) {
+    fn record_moves(&mut self, moves: Vec<Move>, observer: &mut impl ProgressObserver) {
         let at = self.progress.flown;
         for Move { task, from, to, evidence } in moves {
-            let moved = Moved { task, at, from, to, why: evidence.sentence };
-            watch.moved(&moved);
-            self.progress.moves.push(moved);
+            let change = LevelChange { task, at, from, to, why: evidence.sentence };
+            observer.level_changed(&change);
+            self.progress.moves.push(change);
         }
     }
 }

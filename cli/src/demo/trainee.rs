@@ -1,4 +1,4 @@
-//! What is trained on one task: a population, and what its members have earned so far.
+//! Population that is trained on one task, with the scores of its members in the current generation.
 
 use clap::ValueEnum;
 use env_core::Scenario;
@@ -7,13 +7,13 @@ use serde::Serialize;
 
 use super::learner::CrossEntropy;
 
-/// Scenarios after which a population is replaced.
-const GENERATION: usize = 12;
+/// Scenarios that a population runs before it is replaced.
+const SCENARIOS_PER_GENERATION: usize = 12;
 
-/// Who flies.
+/// Kind of learner or control that runs the episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Kind {
+pub(super) enum LearnerMode {
     /// Learns from the scores that come back
     Learn,
     /// Does nothing
@@ -24,7 +24,7 @@ pub(super) enum Kind {
     Frozen,
 }
 
-/// One member's policy.
+/// Policy of one member of a population.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Member {
     /// The task's reflex at these numbers.
@@ -34,8 +34,11 @@ pub(super) enum Member {
 }
 
 impl Member {
-    /// A pilot for one episode.
-    pub(super) fn pilot(&self, scenario: &Scenario) -> Result<Box<dyn Policy>, PolicyError> {
+    /// Builds the policy for one episode.
+    ///
+    /// # Errors
+    /// Returns [`PolicyError`] if the task does not have the named policy.
+    pub(super) fn policy(&self, scenario: &Scenario) -> Result<Box<dyn Policy>, PolicyError> {
         match self {
             Self::Reflex(numbers) => Ok((scenario.task().reflex().policy)(numbers)),
             Self::Named(name) => scenario.task().policy(name, scenario, 0),
@@ -43,76 +46,76 @@ impl Member {
     }
 }
 
-/// How one episode went, as the server says.
+/// Result of one episode, as reported by the server.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Outcome {
+pub(super) struct MemberOutcome {
     pub(super) score: f64,
     pub(super) skill: Option<f64>,
     pub(super) success: bool,
 }
 
-/// How a generation fared, on its contested scenarios: shares of success.
+/// Share of successes of a generation on its contested scenarios.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct Fared {
-    /// Of the whole population: what the ladder judges.
+pub(super) struct GenerationSuccess {
+    /// Share of the whole population, which is what the ladder judges.
     pub(super) population: f64,
-    /// Of its elite, chosen on the same scenarios and so a little flattered.
+    /// Share of the elite. It is biased upwards, since the elite is selected on the same scenarios.
     pub(super) elite: f64,
 }
 
-/// What a member has earned in this generation.
+/// Score of a member in the current generation.
 #[derive(Debug, Clone, Copy, Default)]
-struct Earned {
-    /// Sum over scenarios of what it earned above its siblings.
+struct MemberScore {
+    /// Sum over scenarios of the member's result minus the mean of its siblings.
     fitness: f64,
-    /// Contested scenarios in which it succeeded.
+    /// Contested scenarios in which the member succeeded.
     successes: u32,
 }
 
-/// One task's population.
+/// Population of one task and its optimiser.
 #[derive(Debug, Clone)]
 pub(super) struct Trainee {
     members: Vec<Member>,
-    /// None for controls.
+    /// Optimiser of the population; `None` for controls.
     method: Option<CrossEntropy>,
-    earned: Vec<Earned>,
+    scores: Vec<MemberScore>,
     scenarios: usize,
     contested: u32,
-    fared: Option<Fared>,
+    last_success: Option<GenerationSuccess>,
 }
 
 impl Trainee {
-    /// A population of `size` of a reflex with so many numbers; `seed` is its own.
-    pub(super) fn new(kind: Kind, size: usize, numbers: usize, seed: u64) -> Self {
+    /// Creates a population of `size` members. The task's reflex has `numbers` parameters; `seed` seeds the optimiser.
+    pub(super) fn new(kind: LearnerMode, size: usize, numbers: usize, seed: u64) -> Self {
         let mut method = CrossEntropy::new(numbers, seed);
         let members = match kind {
-            Kind::Learn => reflexes(method.ask(size)),
-            // One draw from what the learner starts from, flown by every sibling.
-            Kind::Frozen => reflexes(method.ask(1).into_iter().cycle().take(size).collect()),
-            Kind::Hold => vec![Member::Named("hold"); size],
-            Kind::Blind => vec![Member::Named("blind"); size],
+            LearnerMode::Learn => reflexes(method.ask(size)),
+            // One draw from the learner's initial distribution, shared by all siblings.
+            LearnerMode::Frozen => reflexes(method.ask(1).into_iter().cycle().take(size).collect()),
+            LearnerMode::Hold => vec![Member::Named("hold"); size],
+            LearnerMode::Blind => vec![Member::Named("blind"); size],
         };
-        let earned = vec![Earned::default(); members.len()];
-        let method = (kind == Kind::Learn).then_some(method);
-        Self { members, method, earned, scenarios: 0, contested: 0, fared: None }
+        let scores = vec![MemberScore::default(); members.len()];
+        let method = (kind == LearnerMode::Learn).then_some(method);
+        Self { members, method, scores, scenarios: 0, contested: 0, last_success: None }
     }
 
-    /// Who flies now, sibling by sibling.
+    /// Returns the members of the current population, in sibling order.
     pub(super) fn members(&self) -> &[Member] {
         &self.members
     }
 
-    /// Generations learnt from.
+    /// Returns the number of generations that the optimiser has learnt from.
     pub(super) fn generation(&self) -> u32 {
         self.method.as_ref().map_or(0, CrossEntropy::generation)
     }
 
-    /// How the last full generation fared.
-    pub(super) const fn fared(&self) -> Option<Fared> {
-        self.fared
+    /// Returns the share of successes of the last full generation.
+    pub(super) const fn last_success(&self) -> Option<GenerationSuccess> {
+        self.last_success
     }
 
-    /// The numbers of the reflex at the centre of the population; none where nobody flies a reflex.
+    /// Returns the reflex parameters at the centre of the population, or `None` if no member is a reflex.
     pub(super) fn numbers(&self) -> Option<&[f64]> {
         match (&self.method, self.members.first()) {
             (Some(method), _) => Some(method.mean()),
@@ -121,33 +124,33 @@ impl Trainee {
         }
     }
 
-    /// Takes one scenario's outcomes, one per member in order. What a member earned counts against its siblings', since
-    /// scenarios differ far more than members do: in skill, where the scenario defines it, else in score.
-    pub(super) fn take(&mut self, outcomes: &[Outcome], contested: bool) {
+    /// Records the outcomes of one scenario, one per member in order. Fitness is relative to the siblings' mean, because
+    /// scenarios differ far more than members do. It is measured in skill if the scenario defines it, else in score.
+    pub(super) fn record(&mut self, outcomes: &[MemberOutcome], contested: bool) {
         if outcomes.len() != self.members.len() {
-            return; // some sibling was lost: there is nothing fair to compare
+            return; // a sibling was lost, so a fair comparison is impossible
         }
-        let worth = |outcome: &Outcome| outcome.skill.unwrap_or(outcome.score);
+        let worth = |outcome: &MemberOutcome| outcome.skill.unwrap_or(outcome.score);
         let mean = outcomes.iter().map(worth).sum::<f64>() / outcomes.len() as f64;
-        for (earned, outcome) in self.earned.iter_mut().zip(outcomes) {
-            earned.fitness += worth(outcome) - mean;
-            earned.successes += u32::from(contested && outcome.success);
+        for (scores, outcome) in self.scores.iter_mut().zip(outcomes) {
+            scores.fitness += worth(outcome) - mean;
+            scores.successes += u32::from(contested && outcome.success);
         }
         self.scenarios += 1;
         self.contested += u32::from(contested);
     }
 
-    /// Replaces the population once it has met enough scenarios. True if it did.
+    /// Replaces the population once it has run enough scenarios. Returns true if the optimiser produced a new one.
     pub(super) fn learn(&mut self) -> bool {
-        if self.scenarios < GENERATION {
+        if self.scenarios < SCENARIOS_PER_GENERATION {
             return false;
         }
-        let earned = std::mem::replace(&mut self.earned, vec![Earned::default(); self.members.len()]);
-        let all: Vec<usize> = (0..earned.len()).collect();
+        let scores = std::mem::replace(&mut self.scores, vec![MemberScore::default(); self.members.len()]);
+        let all: Vec<usize> = (0..scores.len()).collect();
         let elite = match &mut self.method {
             Some(method) => {
                 let asked: Vec<Vec<f64>> = self.members.iter().filter_map(reflex).collect();
-                let fitness: Vec<f64> = earned.iter().map(|e| e.fitness).collect();
+                let fitness: Vec<f64> = scores.iter().map(|e| e.fitness).collect();
                 let elite = method.tell(&asked, &fitness);
                 self.members = reflexes(method.ask(asked.len()));
                 elite
@@ -156,10 +159,10 @@ impl Trainee {
         };
         if self.contested > 0 {
             let share = |places: &[usize]| {
-                let successes: u32 = places.iter().map(|&place| earned[place].successes).sum();
+                let successes: u32 = places.iter().map(|&place| scores[place].successes).sum();
                 f64::from(successes) / f64::from(self.contested) / places.len() as f64
             };
-            self.fared = Some(Fared { population: share(&all), elite: share(&elite) });
+            self.last_success = Some(GenerationSuccess { population: share(&all), elite: share(&elite) });
         }
         (self.scenarios, self.contested) = (0, 0);
         self.method.is_some()
@@ -181,51 +184,51 @@ fn reflex(member: &Member) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
 
-    fn outcome(score: f64) -> Outcome {
-        Outcome { score, skill: None, success: score > 0.5 }
+    fn outcome(score: f64) -> MemberOutcome {
+        MemberOutcome { score, skill: None, success: score > 0.5 }
     }
 
     #[test]
-    fn a_generation_ends_after_its_scenarios_and_the_elite_is_told_apart() {
-        let mut trainee = Trainee::new(Kind::Learn, 6, 12, 1);
+    fn generation_ends_after_its_scenarios_and_reports_the_elite() {
+        let mut trainee = Trainee::new(LearnerMode::Learn, 6, 12, 1);
         let before = trainee.members().to_vec();
-        let outcomes: Vec<Outcome> = (0..6).map(|i| outcome(f64::from(i) / 5.0)).collect();
-        for _ in 0..GENERATION {
+        let outcomes: Vec<MemberOutcome> = (0..6).map(|i| outcome(f64::from(i) / 5.0)).collect();
+        for _ in 0..SCENARIOS_PER_GENERATION {
             assert!(!trainee.learn());
-            trainee.take(&outcomes, true);
+            trainee.record(&outcomes, true);
         }
         assert!(trainee.learn());
         assert_ne!(trainee.members(), before);
         assert_eq!(trainee.generation(), 1);
-        assert_eq!(trainee.fared(), Some(Fared { population: 0.5, elite: 1.0 }));
+        assert_eq!(trainee.last_success(), Some(GenerationSuccess { population: 0.5, elite: 1.0 }));
     }
 
     #[test]
-    fn controls_stay_what_they_are() {
-        for kind in [Kind::Hold, Kind::Blind, Kind::Frozen] {
+    fn controls_never_change() {
+        for kind in [LearnerMode::Hold, LearnerMode::Blind, LearnerMode::Frozen] {
             let mut trainee = Trainee::new(kind, 4, 12, 3);
             let before = trainee.members().to_vec();
             assert!(before.windows(2).all(|pair| pair[0] == pair[1]), "{kind:?}");
-            for _ in 0..3 * GENERATION {
-                trainee.take(&[outcome(0.1), outcome(0.2), outcome(0.3), outcome(0.4)], true);
+            for _ in 0..3 * SCENARIOS_PER_GENERATION {
+                trainee.record(&[outcome(0.1), outcome(0.2), outcome(0.3), outcome(0.4)], true);
                 assert!(!trainee.learn());
             }
             assert_eq!(trainee.members(), before);
-            assert_eq!(trainee.fared(), Some(Fared { population: 0.0, elite: 0.0 }));
+            assert_eq!(trainee.last_success(), Some(GenerationSuccess { population: 0.0, elite: 0.0 }));
         }
     }
 
     #[test]
-    fn frozen_is_a_member_of_the_learners_first_population() {
-        let learner = Trainee::new(Kind::Learn, 4, 6, 9);
-        assert_eq!(Trainee::new(Kind::Frozen, 4, 6, 9).members()[0], learner.members()[0]);
+    fn frozen_equals_a_member_of_the_first_population() {
+        let learner = Trainee::new(LearnerMode::Learn, 4, 6, 9);
+        assert_eq!(Trainee::new(LearnerMode::Frozen, 4, 6, 9).members()[0], learner.members()[0]);
     }
 
     #[test]
-    fn a_group_that_lost_siblings_is_not_learnt_from() {
-        let mut trainee = Trainee::new(Kind::Learn, 4, 12, 1);
-        for _ in 0..2 * GENERATION {
-            trainee.take(&[outcome(1.0)], true);
+    fn incomplete_group_is_not_learnt_from() {
+        let mut trainee = Trainee::new(LearnerMode::Learn, 4, 12, 1);
+        for _ in 0..2 * SCENARIOS_PER_GENERATION {
+            trainee.record(&[outcome(1.0)], true);
         }
         assert!(!trainee.learn());
     }

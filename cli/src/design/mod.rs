@@ -1,14 +1,18 @@
-//! `sparring design`: layouts that hit what an agent fails at, each through the gate.
+//! `sparring design`: designs layouts for an agent's failures and passes each through the gate.
+//!
+//! [`run`] is the place to start reading. [`brief`] builds the design brief, [`service`] fetches a run from a server,
+//! [`designers`] creates the designer, [`design_report`] holds the results, [`table`], [`files`] and [`dry_run`] print them.
+//! The designers and the gate themselves live in the crate `designer`.
 
 mod brief;
+mod design_report;
+mod designers;
+mod dry_run;
 mod files;
-mod plan;
-mod row;
 mod service;
 mod table;
 #[cfg(test)]
 mod tests;
-mod who;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,15 +20,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, ensure};
 use designer::procedural::ProceduralDesigner;
-use designer::{DesignBrief, DesignOutcome, Designer, Gate, DesignLanguage, design_language};
+use designer::{DesignBrief, DesignLanguage, DesignOutcome, Designer, Gate, design_language};
 use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 
-use self::brief::Told;
-use self::row::{Outcome, Row};
-use self::who::Who;
+use self::brief::RunSnapshot;
+use self::design_report::{DesignReport, LayoutResult};
+use self::designers::DesignerKind;
 use super::llm_args::LlmArgs;
-use super::options::{self, Chosen};
+use super::options::{self, ChosenOption};
 use super::output::{Format, print, print_json};
 
 /// Design layouts that defeat an agent and can be solved, and pass them through the gate.
@@ -57,15 +61,15 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", conflicts_with = "layouts")]
     level: Option<u32>,
     /// This param has this value in every layout, whatever the level says; repeat it for more
-    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = brief::param, conflicts_with = "layouts")]
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = brief::parse_param, conflicts_with = "layouts")]
     params: Vec<(String, f64)>,
     /// Design under this physics option; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse,
           conflicts_with = "layouts")]
-    options: Vec<Chosen>,
+    options: Vec<ChosenOption>,
     /// Who designs: procedural, or replay where --layouts is given
     #[arg(long, value_enum)]
-    designer: Option<Who>,
+    designer: Option<DesignerKind>,
     /// A file of layouts to pass through the gate
     #[arg(long, value_name = "FILE")]
     layouts: Option<PathBuf>,
@@ -120,82 +124,89 @@ Examples:
   sparring design --run my-run --designer llm --llm-url http://127.0.0.1:8080/v1 --llm-model name
   sparring design --layouts mine.json --format json";
 
-/// Designs and gates.
+/// Designs layouts, passes them through the gate and prints the result.
 ///
 /// # Errors
-/// A server, profile or file that cannot be read, a task nobody designs for, params that cannot be.
+/// Returns an error if a server, profile or file cannot be read, the task has no design language, or params are invalid.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.check()?;
     if args.dry_run {
         let runtime = runtime()?;
-        let brief = asked(args, &runtime)?;
-        plan::show(args, &brief, speaks(&brief)?)?;
+        let brief = build_brief(args, &runtime)?;
+        dry_run::show(args, &brief, language_of(&brief)?)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let outcome = designed(args)?;
-    tell(args, &outcome)?;
+    let outcome = design_layouts(args)?;
+    print_report(args, &outcome)?;
     let admitted = outcome.admitted().count();
-    let well = if args.layouts.is_some() { admitted == outcome.rows.len() } else { admitted > 0 };
-    Ok(if well { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let is_success = if args.layouts.is_some() { admitted == outcome.rows.len() } else { admitted > 0 };
+    Ok(if is_success { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// What comes of these arguments.
-fn designed(args: &Args) -> anyhow::Result<Outcome> {
+/// Designs the layouts that the arguments ask for, or reads them from a file.
+fn design_layouts(args: &Args) -> anyhow::Result<DesignReport> {
     if args.layouts.is_some() {
-        return who::replay(args);
+        return designers::judge_file(args);
     }
     let runtime = runtime()?;
-    let mut designer = who::designer(args)?;
-    let brief = asked(args, &runtime)?;
+    let mut designer = designers::create_designer(args)?;
+    let brief = build_brief(args, &runtime)?;
     let known = brief.past_layouts.iter().map(|past| past.design.clone()).collect();
-    let mut gate = Gate::new(speaks(&brief)?, known);
-    let busy = Busy::new(&format!("{} designs {} layouts", designer.name(), brief.count));
+    let mut gate = Gate::new(language_of(&brief)?, known);
+    let spinner = Spinner::new(&format!("{} designs {} layouts", designer.name(), brief.count));
     let started = Instant::now();
     let designed = runtime.block_on(designer.design(&brief, &mut gate));
-    drop(busy);
+    drop(spinner);
     let (name, task) = (designer.name(), brief.recipe.task().id());
-    let instead = name != ProceduralDesigner.name();
+    let has_fallback = name != ProceduralDesigner.name();
     let mut designed = match designed {
-        // As in the service: what a language model does not do the procedural designer does.
-        Err(error) if instead => DesignOutcome { warnings: vec![error.to_string()], ..DesignOutcome::default() },
+        // As in the service, the procedural designer replaces a language model that fails.
+        Err(error) if has_fallback => {
+            DesignOutcome { warnings: vec![error.to_string()], ..DesignOutcome::default() }
+        }
         designed => designed?,
     };
     let missing = brief.count - designed.admitted().min(brief.count);
     let judged = std::mem::take(&mut designed.judged);
-    let mut rows: Vec<Row> = judged.into_iter().map(|judged| Row::of(name, task, judged)).collect();
-    if instead && missing > 0 {
+    let mut rows: Vec<LayoutResult> =
+        judged.into_iter().map(|judged| LayoutResult::new(name, task, judged)).collect();
+    if has_fallback && missing > 0 {
         let more = ProceduralDesigner::design_layouts(&DesignBrief { count: missing, ..brief }, &mut gate);
         designed.warnings.push(format!("the procedural designer stands in for {missing} layouts of {name}"));
-        rows.extend(more.judged.into_iter().map(|judged| Row::of(ProceduralDesigner.name(), task, judged)));
+        rows.extend(
+            more.judged.into_iter().map(|judged| LayoutResult::new(ProceduralDesigner.name(), task, judged)),
+        );
     }
     let DesignOutcome { usage, warnings: troubles, .. } = designed;
-    Ok(Outcome { designer: name, rows, usage, troubles, took: started.elapsed() })
+    Ok(DesignReport { designer: name, rows, usage, troubles, elapsed: started.elapsed() })
 }
 
 fn runtime() -> anyhow::Result<Runtime> {
     Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
 }
 
-/// The brief that is asked for; what a service knows is asked of it.
-fn asked(args: &Args, runtime: &Runtime) -> anyhow::Result<DesignBrief> {
-    let Some(run) = &args.run else { return brief::of(args, Told::default()) };
-    let mut brief = brief::of(args, runtime.block_on(service::ask(&args.url, run))?)?;
+/// Builds the brief from the arguments, and from the service if `--run` is given.
+fn build_brief(args: &Args, runtime: &Runtime) -> anyhow::Result<DesignBrief> {
+    let Some(run) = &args.run else { return brief::build(args, RunSnapshot::default()) };
+    let mut brief = brief::build(args, runtime.block_on(service::ask(&args.url, run))?)?;
     let task = brief.recipe.task().id();
     brief.past_layouts = runtime.block_on(service::past(&args.url, run, task))?;
     Ok(brief)
 }
 
 impl Args {
-    /// What clap cannot tell.
+    /// Checks rules that clap cannot express.
     fn check(&self) -> anyhow::Result<()> {
         match (self.designer, &self.layouts) {
-            (Some(Who::Replay), None) => Err(anyhow!("--designer replay: say which file with --layouts")),
-            (Some(Who::Procedural | Who::Llm), Some(_)) => {
+            (Some(DesignerKind::Replay), None) => {
+                Err(anyhow!("--designer replay: say which file with --layouts"))
+            }
+            (Some(DesignerKind::Procedural | DesignerKind::Llm), Some(_)) => {
                 Err(anyhow!("--layouts: these are read, not designed; leave --designer out"))
             }
             _ => Ok(()),
         }?;
-        // Before anything is designed, which may cost something.
+        // Checked before any design, since model calls may cost money.
         if let Some(out) = &self.out {
             let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
             let fine = folder.is_none_or(std::path::Path::is_dir) && !out.is_dir();
@@ -220,7 +231,8 @@ impl Args {
     }
 }
 
-fn speaks(brief: &DesignBrief) -> anyhow::Result<&'static dyn DesignLanguage> {
+/// Returns the design language of the brief's task.
+fn language_of(brief: &DesignBrief) -> anyhow::Result<&'static dyn DesignLanguage> {
     let task = brief.recipe.task();
     design_language(task).ok_or_else(|| {
         let known = env_core::tasks().filter(|task| design_language(*task).is_some()).map(env_core::TaskSpec::id);
@@ -232,18 +244,18 @@ fn speaks(brief: &DesignBrief) -> anyhow::Result<&'static dyn DesignLanguage> {
     })
 }
 
-/// Files first: what is printed last is what people read.
-fn tell(args: &Args, outcome: &Outcome) -> anyhow::Result<()> {
-    let pictures = args.svg.as_ref().map(|folder| files::pictures(folder, outcome));
-    let layouts = args.out.as_ref().map(|path| files::layouts(path, outcome));
+/// Writes the files, then prints the report: users read the last output.
+fn print_report(args: &Args, outcome: &DesignReport) -> anyhow::Result<()> {
+    let pictures = args.svg.as_ref().map(|folder| files::write_pictures(folder, outcome));
+    let layouts = args.out.as_ref().map(|path| files::write_layouts(path, outcome));
     let (mut written, mut failed) = (Vec::new(), None);
     for done in [pictures, layouts].into_iter().flatten() {
         match done {
-            Ok(told) => written.push(told),
+            Ok(sentence) => written.push(sentence),
             Err(error) => failed = failed.or(Some(error)),
         }
     }
-    // What was designed is shown though it could not be written.
+    // The report is printed even if a file could not be written.
     match args.format {
         Format::Json => print_json(&outcome.json())?,
         Format::Table => {
@@ -254,18 +266,18 @@ fn tell(args: &Args, outcome: &Outcome) -> anyhow::Result<()> {
     failed.map_or(Ok(()), Err)
 }
 
-/// A sign of life on stderr while it takes long; nothing where stderr is no terminal.
-struct Busy(ProgressBar);
+/// Spinner on stderr during long work; hidden if stderr is no terminal.
+struct Spinner(ProgressBar);
 
-impl Busy {
-    fn new(what: &str) -> Self {
-        let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
+impl Spinner {
+    fn new(message: &str) -> Self {
+        let spinner = ProgressBar::new_spinner().with_message(message.to_owned());
         spinner.enable_steady_tick(Duration::from_millis(200));
         Self(spinner)
     }
 }
 
-impl Drop for Busy {
+impl Drop for Spinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }

@@ -1,4 +1,4 @@
-//! What is printed for people.
+//! Text report of the designed layouts.
 
 use std::fmt::Write;
 
@@ -6,15 +6,15 @@ use comfy_table::CellAlignment;
 use designer::DesignTable;
 
 use super::super::output;
-use super::row::{Outcome, Passed, Row};
+use super::design_report::{DesignReport, GateReport, LayoutResult};
 
-/// Columns that text is filled to.
-const WIDTH: usize = 100;
-/// Refused layouts told one by one at most.
-const TOLD: usize = 12;
+/// Width of wrapped text, in characters.
+const TEXT_WIDTH: usize = 100;
+/// Largest number of refused layouts that are listed.
+const MAX_LISTED_REFUSALS: usize = 12;
 
-/// Admitted layouts with their encounters, refused ones with why, and what it all comes to.
-pub(super) fn text(outcome: &Outcome) -> String {
+/// Formats the admitted layouts with their encounters, the refused ones with reasons, and a summary.
+pub(super) fn text(outcome: &DesignReport) -> String {
     let mut parts: Vec<String> = Vec::new();
     for row in &outcome.rows {
         if let Ok(passed) = &row.verdict {
@@ -29,12 +29,13 @@ pub(super) fn text(outcome: &Outcome) -> String {
     parts.join("\n\n") + "\n"
 }
 
-fn admitted(row: &Row, passed: &Passed) -> String {
+fn admitted(row: &LayoutResult, passed: &GateReport) -> String {
     let listing = row.listing();
     let aim =
         listing.as_ref().map_or_else(|| "laid out by hand".to_owned(), |l| format!("aimed at {}", l.aim));
     let name = one_line(&row.name);
-    let mut text = textwrap::fill(&format!("{name} ({}): {}, {aim}", row.task, passed.claim.as_str()), WIDTH);
+    let mut text =
+        textwrap::fill(&format!("{name} ({}): {}, {aim}", row.task, passed.claim.as_str()), TEXT_WIDTH);
     let bracket = &passed.bracket;
     let novelty = passed.novelty.map_or_else(String::new, |novelty| format!(", novelty {novelty:.3}"));
     let _ = write!(
@@ -61,35 +62,38 @@ fn encounters(listing: DesignTable) -> String {
     table.to_string()
 }
 
-fn refused(outcome: &Outcome) -> String {
+fn refused(outcome: &DesignReport) -> String {
     let all: Vec<_> =
         outcome.rows.iter().filter_map(|row| Some((row, row.verdict.as_ref().err()?))).collect();
     let mut lines: Vec<String> = Vec::new();
-    for (row, why) in all.iter().take(TOLD) {
+    for (row, why) in all.iter().take(MAX_LISTED_REFUSALS) {
         let aim = row.listing().map_or_else(String::new, |listing| format!(", aimed at {}", listing.aim));
-        let told = format!("{}{aim}: refused, {}: {why}", one_line(&row.name), why.check().as_str());
-        let indented = textwrap::Options::new(WIDTH).subsequent_indent("  ");
-        lines.push(textwrap::fill(&told, indented));
+        let line = format!("{}{aim}: refused, {}: {why}", one_line(&row.name), why.check().as_str());
+        let indented = textwrap::Options::new(TEXT_WIDTH).subsequent_indent("  ");
+        lines.push(textwrap::fill(&line, indented));
     }
-    if all.len() > TOLD {
-        lines.push(format!("{} more were refused; --format json has all of them.", all.len() - TOLD));
+    if all.len() > MAX_LISTED_REFUSALS {
+        lines.push(format!(
+            "{} more were refused; --format json has all of them.",
+            all.len() - MAX_LISTED_REFUSALS
+        ));
     }
     lines.join("\n")
 }
 
-fn summary(outcome: &Outcome) -> String {
+fn summary(outcome: &DesignReport) -> String {
     let admitted = outcome.admitted().count();
     let mut text = match outcome.rows.len() {
         0 => "No layouts.".to_owned(),
         all => format!("{admitted} of {all} admitted"),
     };
-    let refused = outcome.refused();
+    let refused = outcome.refused_by_check();
     if !refused.is_empty() {
         let by: Vec<_> = refused.iter().map(|(check, count)| format!("{check} {count}")).collect();
         let _ = write!(text, "; refused by check: {}", by.join(", "));
     }
     let usage = &outcome.usage;
-    let seconds = outcome.took.as_secs_f64();
+    let seconds = outcome.elapsed.as_secs_f64();
     let _ = write!(text, ". The designer {} took {seconds:.1} s", outcome.designer);
     if usage.rounds > 1 {
         let _ = write!(text, " and {} rounds", usage.rounds);
@@ -99,11 +103,11 @@ fn summary(outcome: &Outcome) -> String {
             write!(text, ", {} {} tokens in and {} out", one_line(model), usage.tokens_in, usage.tokens_out);
     }
     text.push('.');
-    let troubles = outcome.troubles.iter().map(|trouble| textwrap::fill(&one_line(trouble), WIDTH));
-    std::iter::once(textwrap::fill(&text, WIDTH)).chain(troubles).collect::<Vec<_>>().join("\n")
+    let troubles = outcome.troubles.iter().map(|trouble| textwrap::fill(&one_line(trouble), TEXT_WIDTH));
+    std::iter::once(textwrap::fill(&text, TEXT_WIDTH)).chain(troubles).collect::<Vec<_>>().join("\n")
 }
 
-/// A stranger's words as one line of a terminal: nothing in it moves the cursor or changes colours.
+/// Replaces control characters of foreign text, so that it cannot move the cursor or change colours.
 pub(super) fn one_line(words: &str) -> String {
     words.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,4 +1,4 @@
-//! What the subcommand reads, prints and writes.
+//! Tests of the subcommand's input, output and files.
 
 use clap::Parser;
 use env_core::Scenario;
@@ -7,17 +7,17 @@ use serde_json::{Value, json};
 use super::*;
 
 #[derive(Debug, Parser)]
-struct Line {
+struct DesignCommand {
     #[command(flatten)]
     args: Args,
 }
 
 fn args(line: &[&str]) -> Args {
-    Line::try_parse_from([&["design"], line].concat()).unwrap().args
+    DesignCommand::try_parse_from([&["design"], line].concat()).unwrap().args
 }
 
 fn fault(line: &[&str]) -> String {
-    match Line::try_parse_from([&["design"], line].concat()) {
+    match DesignCommand::try_parse_from([&["design"], line].concat()) {
         Ok(line) => format!("{:#}", run(&line.args).unwrap_err()),
         Err(error) => error.to_string().lines().next().unwrap_or_default().to_owned(),
     }
@@ -33,7 +33,7 @@ fn path(file: &tempfile::NamedTempFile) -> &str {
     file.path().to_str().unwrap()
 }
 
-/// The answer of a service for two tasks; most failures are of survival.
+/// Failure profiles of two tasks, as a service returns them; most failures belong to survival.
 fn profiles() -> tempfile::NamedTempFile {
     let cell = |sector: u32, weight: f64| json!({"sector": sector, "band": 2, "count": 9, "weight": weight});
     file(
@@ -49,10 +49,10 @@ fn profiles() -> tempfile::NamedTempFile {
     )
 }
 
-/// Designs as somebody wrote them, through the gate, and what a model and a terminal may make of it.
-fn outcome() -> Outcome {
-    let brief = asked(&args(&["--level", "4", "--param", "debris=12"]), &runtime().unwrap()).unwrap();
-    let mut gate = Gate::new(speaks(&brief).unwrap(), Vec::new());
+/// Judges hand-written designs; some names hold terminal control characters.
+fn outcome() -> DesignReport {
+    let brief = build_brief(&args(&["--level", "4", "--param", "debris=12"]), &runtime().unwrap()).unwrap();
+    let mut gate = Gate::new(language_of(&brief).unwrap(), Vec::new());
     let met = |satellite: u32, step: u32, bearing_deg: u32, relative_speed: u32| {
         json!({"satellite": satellite, "step": step, "bearing_deg": bearing_deg, "relative_speed": relative_speed,
                "miss_distance": 5, "kind": "threat", "rogue": false})
@@ -67,20 +67,24 @@ fn outcome() -> Outcome {
         ("off\u{1b}[31m", 90, json!([met(0, 60, 90, 30)])),
     ] {
         let design = json!({"name": name, "aim": {"mode": "collision", "bearing_deg": bearing_deg}, "encounters": encounters});
-        // The first of some skies that take it: which bodies can be where depends on where satellites are.
+        // Several base scenarios are tried, since the possible positions of bodies depend on the satellites.
         let verdict = gate.judge(&brief, &design, (0..32).map(|number| brief.base_scenario(number)));
-        let judged = designer::JudgedLayout { name: name.to_owned(), design: Some(design), round: 1, verdict };
-        rows.push(Row::of("llm", "kessler/survival", judged));
+        let judged =
+            designer::JudgedLayout { name: name.to_owned(), design: Some(design), round: 1, verdict };
+        rows.push(LayoutResult::new("llm", "kessler/survival", judged));
     }
-    let mut usage =
-        designer::DesignUsage { model: Some("small".to_owned()), rounds: 3, ..designer::DesignUsage::default() };
+    let mut usage = designer::DesignUsage {
+        model: Some("small".to_owned()),
+        rounds: 3,
+        ..designer::DesignUsage::default()
+    };
     (usage.tokens_in, usage.tokens_out) = (1200, 340);
     let troubles = vec!["the model was asked again\u{1b}[2J: it answered in prose".to_owned()];
-    Outcome { designer: "llm", rows, usage, troubles, took: Duration::from_millis(1234) }
+    DesignReport { designer: "llm", rows, usage, troubles, elapsed: Duration::from_millis(1234) }
 }
 
 #[test]
-fn layouts_are_told_with_their_encounters() {
+fn layouts_are_listed_with_their_encounters() {
     let mut outcome = outcome();
     let text = table::text(&outcome);
     assert!(!text.contains('\u{1b}'), "a name cannot reach into the terminal");
@@ -92,7 +96,7 @@ fn layouts_are_told_with_their_encounters() {
     for _ in 0..15 {
         let verdict = refused.verdict.as_ref().map(|_| unreachable!("it was refused")).map_err(Clone::clone);
         let (name, scenario) = (String::new(), None);
-        outcome.rows.push(Row {
+        outcome.rows.push(LayoutResult {
             name,
             designer: "llm",
             task: refused.task,
@@ -105,7 +109,7 @@ fn layouts_are_told_with_their_encounters() {
     assert!(table::text(&outcome).contains("3 more were refused"));
 }
 
-/// What is written is what replay reads, admits and writes again, in every task there is a designer for.
+/// A written file is read, admitted and written again by `--layouts`, for every task with a designer.
 #[test]
 fn admitted_layouts_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
@@ -125,7 +129,7 @@ fn admitted_layouts_are_read_back() {
         let line = ["--profile", path(&profile), "--level", level, "--n", "3", "--out", &out];
         assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS, "{task}");
         let line = ["--layouts", &out, "--out", &again, "--format", "json"];
-        let outcome = designed(&args(&line)).unwrap();
+        let outcome = design_layouts(&args(&line)).unwrap();
         let refused: Vec<_> = outcome.rows.iter().filter_map(|row| row.verdict.as_ref().err()).collect();
         assert!(refused.is_empty() && outcome.rows.len() == 3, "{task}: {refused:?}");
         assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS);
@@ -155,15 +159,15 @@ fn pictures_are_written_with_an_index() {
 }
 
 #[test]
-fn a_dry_run_tells_the_brief() {
+fn dry_run_prints_the_brief() {
     let profile = profiles();
     let line = ["--profile", path(&profile), "--level", "5", "--param", "fuel=7", "--n", "3", "--dry-run"];
     let args = args(&line);
-    let mut brief = asked(&args, &runtime().unwrap()).unwrap();
+    let mut brief = build_brief(&args, &runtime().unwrap()).unwrap();
     brief.mastery = Some(designer::brief::LevelMastery { n: 64, mean: 0.5, q10: 0.42, q90: 0.58 });
-    let told = plan::text(&brief, speaks(&brief).unwrap());
-    // What the designer thinks of is its own tests' to say.
-    let (known, ideas) = told.split_once("first ideas").unwrap();
+    let text = dry_run::text(&brief, language_of(&brief).unwrap());
+    // The designer's own tests cover the ideas.
+    let (known, ideas) = text.split_once("first ideas").unwrap();
     insta::assert_snapshot!("dry_run", known);
     assert_eq!(
         ideas
@@ -179,7 +183,7 @@ fn a_dry_run_tells_the_brief() {
 #[test]
 fn a_profile_decides_the_task_unless_one_is_named() {
     let profile = profiles();
-    let brief = |line: &[&str]| asked(&args(line), &runtime().unwrap()).unwrap();
+    let brief = |line: &[&str]| build_brief(&args(line), &runtime().unwrap()).unwrap();
     let given = brief(&["--profile", path(&profile)]);
     assert_eq!(
         (given.recipe.task().id(), given.level, given.profile.criticised),
@@ -192,9 +196,9 @@ fn a_profile_decides_the_task_unless_one_is_named() {
     assert_eq!(blank.recipe.to_json()["physics"]["contact"], "swept");
 }
 
-/// The rule of files stays what it was: exit 1 if one is refused. Worlds without a language pass as threats.
+/// The exit code is 1 if one layout of a file is refused. Layouts of worlds without a language are judged as threats.
 #[test]
-fn files_pass_the_gate_whatever_world_they_are_of() {
+fn files_of_any_world_pass_the_gate() {
     let scenario = |value: Value| Scenario::from_json(&value).unwrap().to_json();
     let docking = scenario(json!({"task": "docking/single", "params": {"start_radius": 50}, "seed": 4}));
     let empty = scenario(json!({"task": "kessler/survival", "params": {"debris": 0}, "seed": 5}));
@@ -203,9 +207,9 @@ fn files_pass_the_gate_whatever_world_they_are_of() {
     assert_eq!(run(&args(&["--layouts", path(&good)])).unwrap(), ExitCode::SUCCESS);
     let both = file(&json!({"layouts": [entry("dock", &docking), entry("empty", &empty)]}).to_string());
     assert_eq!(run(&args(&["--layouts", path(&both), "--format", "json"])).unwrap(), ExitCode::FAILURE);
-    let outcome = designed(&args(&["--layouts", path(&both)])).unwrap();
+    let outcome = design_layouts(&args(&["--layouts", path(&both)])).unwrap();
     assert_eq!(outcome.json()["summary"]["refused"], json!({"contested": 1}));
-    let one = designed(&args(&["--layouts", path(&both), "--task", "docking/single"])).unwrap();
+    let one = design_layouts(&args(&["--layouts", path(&both), "--task", "docking/single"])).unwrap();
     assert_eq!((one.rows.len(), one.admitted().count()), (1, 1));
 }
 

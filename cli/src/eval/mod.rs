@@ -1,4 +1,7 @@
-//! `sparring eval`: policies on a frozen suite.
+//! `sparring eval`: evaluates policies on a frozen suite.
+//!
+//! The evaluation itself lives in `orchestrator::evaluation`. [`physics`] changes the options of a suite, [`tables`] and
+//! [`picture`] print the report.
 
 mod physics;
 mod picture;
@@ -12,8 +15,8 @@ use std::process::ExitCode;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::PossibleValuesParser;
 
-use self::physics::Physics;
-use super::options::{self, Chosen};
+use self::physics::ChangedPhysics;
+use super::options::{self, ChosenOption};
 use super::output::{self, Format};
 use super::worlds;
 use orchestrator::evaluation::report::ReportSettings;
@@ -63,7 +66,7 @@ pub struct Args {
     svg: Option<PathBuf>,
     /// Fly it under this physics option instead of the suite's, for all its tasks or those named; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
-    options: Vec<Chosen>,
+    options: Vec<ChosenOption>,
     /// How the result is printed
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
@@ -73,15 +76,15 @@ fn against_names() -> Vec<&'static str> {
     worlds::policy_names().into_iter().chain([BLIND_PANEL]).collect()
 }
 
-/// The row of the plans that look at nothing.
+/// Name of the row of the blind plans.
 const BLIND_PANEL: &str = "blind_panel";
-/// The policy that has learnt nothing.
+/// Name of the untrained policy.
 const FROZEN: &str = "frozen";
 
 fn after_help() -> String {
     format!(
         "Policies:\n{}\n\nBuilt-in suites: {}.\n\n{}\n\n{AFTER_HELP}",
-        worlds::policies_in_words(&worlds::policy_names()),
+        worlds::describe_policies(&worlds::policy_names()),
         file::built_in_names(),
         options::help()
     )
@@ -106,18 +109,19 @@ Examples:
   sparring eval --policy hold,random,heuristic --rollouts 8 --against heuristic --svg policies.svg
   sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
 
-/// Flies the policies and prints what they earned.
+/// Evaluates the policies and prints the report.
 ///
 /// # Errors
-/// A suite that cannot be used, or stdout that cannot be written.
+/// Returns an error if the suite cannot be used, a policy is missing in a task, or a file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    output::once("--policy", &args.policies)?;
-    output::may_write(args.svg.as_deref())?;
-    let LoadedSuite { suite, hash } = file::load_suite(&args.suite).with_context(|| format!("suite {}", args.suite))?;
-    check(&suite, args)?;
-    let (suite, physics) = under(suite, args)?;
-    let flown = fly_all(&suite, args)?;
-    let report = report(&suite, hash, args, physics, &flown);
+    output::reject_duplicates("--policy", &args.policies)?;
+    output::check_folder_exists(args.svg.as_deref())?;
+    let LoadedSuite { suite, hash } =
+        file::load_suite(&args.suite).with_context(|| format!("suite {}", args.suite))?;
+    check_policies(&suite, args)?;
+    let (suite, physics) = with_physics(suite, args)?;
+    let results = roll_out_policies(&suite, args)?;
+    let report = build_report(&suite, hash, args, physics, &results);
     match args.format {
         Format::Table => output::print(&tables::tables(&report))?,
         Format::Json => output::print_json(&report)?,
@@ -129,35 +133,44 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What was found, and how that is not as the suite was built.
-fn report(suite: &Suite, hash: String, args: &Args, physics: Option<Physics>, flown: &[PolicyResults]) -> EvaluationReport {
+/// Builds the report and notes the physics that differ from the suite's.
+fn build_report(
+    suite: &Suite,
+    hash: String,
+    args: &Args,
+    physics: Option<ChangedPhysics>,
+    results: &[PolicyResults],
+) -> EvaluationReport {
     let first = || match args.policies.as_slice() {
         [one] if one != FROZEN => Some(FROZEN.to_owned()),
         several => several.first().cloned(),
     };
-    let terms =
-        ReportSettings { seed: args.seed, rollouts: args.rollouts, against: args.against.clone().or_else(first) };
-    let mut report = EvaluationReport::new(suite, hash, &terms, flown);
+    let settings = ReportSettings {
+        seed: args.seed,
+        rollouts: args.rollouts,
+        against: args.against.clone().or_else(first),
+    };
+    let mut report = EvaluationReport::new(suite, hash, &settings, results);
     report.comparable = physics.is_none();
-    report.note = physics.as_ref().map(Physics::note);
+    report.note = physics.as_ref().map(ChangedPhysics::note);
     report.physics = physics.map(|physics| physics.options).unwrap_or_default();
     report
 }
 
-/// The suite as it is to be flown, and how that is not as it was built.
-fn under(suite: Suite, args: &Args) -> anyhow::Result<(Suite, Option<Physics>)> {
+/// Returns the suite under the options of the command line, and the changed physics if there are any.
+fn with_physics(suite: Suite, args: &Args) -> anyhow::Result<(Suite, Option<ChangedPhysics>)> {
     let options = options::by_task(&args.options, &suite.tasks())?;
-    let bar = output::progress(suite.entries().count(), "brackets")?;
-    let other = physics::under(&suite, options, &bar)?;
+    let bar = output::progress_bar(suite.entries().count(), "brackets")?;
+    let changed = physics::change_physics(&suite, options, &bar)?;
     bar.finish_and_clear();
-    Ok(match other {
-        Some((other, physics)) => (other, Some(physics)),
+    Ok(match changed {
+        Some((changed, physics)) => (changed, Some(physics)),
         None => (suite, None),
     })
 }
 
-/// Every task of the suite must have every policy asked for: a row is flown on all of it.
-fn check(suite: &Suite, args: &Args) -> anyhow::Result<()> {
+/// Checks that every task of the suite has every requested policy, since a row covers the whole suite.
+fn check_policies(suite: &Suite, args: &Args) -> anyhow::Result<()> {
     for group in &suite.groups {
         let task = group.recipe.task();
         let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
@@ -170,15 +183,15 @@ fn check(suite: &Suite, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The policies asked for and the one that they are compared with, then `frozen`, then the blind panel.
-fn fly_all(suite: &Suite, args: &Args) -> anyhow::Result<Vec<PolicyResults>> {
+/// Evaluates the requested policies and the one they are compared with, then `frozen`, then the blind panel.
+fn roll_out_policies(suite: &Suite, args: &Args) -> anyhow::Result<Vec<PolicyResults>> {
     let mut names: Vec<&str> = Vec::new();
     for name in args.policies.iter().chain(&args.against).map(String::as_str).chain([FROZEN]) {
         if !names.contains(&name) && name != BLIND_PANEL {
             names.push(name);
         }
     }
-    let bar = output::progress(names.len() * suite.entries().count(), "episodes")?;
+    let bar = output::progress_bar(names.len() * suite.entries().count(), "episodes")?;
     let settings = SuiteRolloutSettings { seed: args.seed, rollouts: args.rollouts };
     let flown = names.into_iter().map(|name| roll_out_policy(suite, name, settings, &|| bar.inc(1)));
     let mut flown = flown.collect::<Result<Vec<_>, _>>()?;

@@ -1,4 +1,4 @@
-//! A suite under other physics than its own.
+//! Changes the physics options of a suite and recomputes its brackets.
 
 use std::sync::Arc;
 
@@ -9,41 +9,41 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::options::{self, TaskOptions};
-use orchestrator::evaluation::suite::{SuiteEntry, SuiteGroup, SuitePart, Suite};
+use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
 
-/// How a suite was flown otherwise than it was built.
+/// Difference between the evaluated physics and those of the suite.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Physics {
-    /// What was asked for.
+pub(super) struct ChangedPhysics {
+    /// Options from the command line, by task.
     pub(super) options: TaskOptions,
-    /// Of the suite's contested scenarios those that are contested so, too.
+    /// Number of the suite's contested scenarios that remain contested.
     still_contested: usize,
-    /// The suite's contested scenarios.
+    /// Number of the suite's contested scenarios.
     contested: usize,
 }
 
-impl Physics {
-    /// For people.
+impl ChangedPhysics {
+    /// Describes the change and its effect on the comparison.
     pub(super) fn note(&self) -> String {
         format!(
             "Flown under other physics than the suite's ({}): floors and references were worked out anew; of its {} \
              contested scenarios {} are contested so, too. These numbers do not compare with those of the suite.",
-            options::in_words(&self.options),
+            options::describe(&self.options),
             self.contested,
             self.still_contested
         )
     }
 }
 
-/// The suite under these options, with brackets of its own; none where it is flown so anyhow.
+/// Applies options to a suite and recomputes its brackets. Returns `None` if the suite has these options already.
 ///
 /// # Errors
-/// Options that contradict each other or the suite's own, or a scenario that cannot start under them.
-pub(super) fn under(
+/// Returns an error if options contradict each other or the suite's own, or a scenario cannot start under them.
+pub(super) fn change_physics(
     suite: &Suite,
     options: TaskOptions,
     bar: &ProgressBar,
-) -> anyhow::Result<Option<(Suite, Physics)>> {
+) -> anyhow::Result<Option<(Suite, ChangedPhysics)>> {
     let recipes = suite.groups.iter().map(|group| {
         let recipe = Recipe::clone(&group.recipe);
         options::apply(recipe, options.get(group.recipe.task().id()))
@@ -57,23 +57,23 @@ pub(super) fn under(
         let recipe = Arc::new(recipe);
         let entries = group.entries.par_iter().map(|entry| {
             bar.inc(1);
-            again(entry, &recipe)
+            rebuild_entry(entry, &recipe)
         });
         let entries = entries.collect::<anyhow::Result<_>>()?;
         groups.push(SuiteGroup { level: group.level, recipe, entries });
     }
     let planner = groups.iter().filter_map(SuiteGroup::planner).max().unwrap_or(suite.planner);
-    let flown = Suite { groups, planner, ..suite.clone() };
-    let chosen = || flown.entries().filter(|entry| entry.part == SuitePart::Contested);
-    let physics = Physics {
+    let changed = Suite { groups, planner, ..suite.clone() };
+    let chosen = || changed.entries().filter(|entry| entry.part == SuitePart::Contested);
+    let physics = ChangedPhysics {
         options,
         still_contested: chosen().filter(|entry| is_contested(&entry.scenario, &entry.bracket)).count(),
         contested: chosen().count(),
     };
-    Ok(Some((flown, physics)))
+    Ok(Some((changed, physics)))
 }
 
-fn again(entry: &SuiteEntry, recipe: &Arc<Recipe>) -> anyhow::Result<SuiteEntry> {
+fn rebuild_entry(entry: &SuiteEntry, recipe: &Arc<Recipe>) -> anyhow::Result<SuiteEntry> {
     let scenario = Scenario::new(Arc::clone(recipe), entry.scenario.seed());
     let admission = admit(&scenario);
     let context = || format!("scenario {} cannot be flown under these options", entry.scenario.id());

@@ -1,31 +1,35 @@
-//! An evaluation drawn: means with their intervals, task beside task.
+//! Draws the shares of successes of an evaluation with their intervals, one panel per task.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use crate::plot::{DrawResult, SvgArea};
 use orchestrator::evaluation::EvaluationReport;
 use orchestrator::evaluation::bootstrap::Estimate;
 use orchestrator::evaluation::report::{ALL_LABEL, ReportRow};
 
-/// A part's width, and what a policy takes of its height.
-const WIDTH: u32 = 300;
+/// Width of a panel in pixels.
+const PANEL_WIDTH: u32 = 300;
+/// Height of a policy's row in pixels.
 const ROW: u32 = 22;
-/// Room for names at the left, and for the title and the axis above and below.
+/// Width of the policy names on the left, in pixels.
 const NAMES: u32 = 96;
+/// Height of the title above a panel, in pixels.
 const HEAD: u32 = 26;
+/// Height of the axis below a panel, in pixels.
 const FOOT: u32 = 40;
 
 const INK: RGBColor = RGBColor(60, 60, 60);
 const PALE: RGBColor = RGBColor(225, 225, 225);
-/// Success on contested scenarios, then on those that come as they come.
+/// Parts of a suite with their colours: contested scenarios, then those drawn without selection.
 const PARTS: [(&str, RGBColor); 2] =
     [("contested", RGBColor(214, 39, 40)), ("as_they_come", RGBColor(31, 119, 180))];
 
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-
-/// The share of successes with its interval: a part for each task, a line for each policy, contested scenarios and those that come as
-/// they come. An SVG document.
+/// Draws an SVG document with one panel per task and one row per policy. Each row shows the share of successes with its
+/// interval, on contested scenarios and on those drawn without selection.
+///
+/// # Errors
+/// Returns the message of the drawing backend if it fails.
 pub(super) fn draw(report: &EvaluationReport) -> Result<String, String> {
     let mut tasks: Vec<&str> = Vec::new();
     let mut policies: Vec<&str> = Vec::new();
@@ -42,31 +46,33 @@ pub(super) fn draw(report: &EvaluationReport) -> Result<String, String> {
     let part = HEAD + ROW * u32::try_from(policies.len()).unwrap_or(1) + FOOT;
     let mut text = String::new();
     {
-        let root = SVGBackend::with_string(&mut text, (NAMES + WIDTH * wide, part * high + HEAD))
+        let root = SVGBackend::with_string(&mut text, (NAMES + PANEL_WIDTH * wide, part * high + HEAD))
             .into_drawing_area();
-        let told = |error: DrawingAreaErrorKind<std::io::Error>| error.to_string();
-        root.fill(&WHITE).map_err(told)?;
+        let message = |error: DrawingAreaErrorKind<std::io::Error>| error.to_string();
+        root.fill(&WHITE).map_err(message)?;
         let (head, rest) = root.split_vertically(HEAD);
-        legend(&head, report).map_err(told)?;
+        legend(&head, report).map_err(message)?;
         let (names, parts) = rest.split_horizontally(NAMES);
         for lines in names.split_evenly((high as usize, 1)) {
             for (at, policy) in (0i32..).zip(&policies) {
                 let style =
                     ("sans-serif", 12).into_font().color(&INK).pos(Pos::new(HPos::Right, VPos::Center));
                 let y = HEAD as i32 + ROW as i32 * at + ROW as i32 / 2;
-                lines.draw(&Text::new((*policy).to_owned(), (NAMES as i32 - 4, y), style)).map_err(told)?;
+                lines
+                    .draw(&Text::new((*policy).to_owned(), (NAMES as i32 - 4, y), style))
+                    .map_err(message)?;
             }
         }
         for (task, area) in tasks.iter().zip(parts.split_evenly((high as usize, wide as usize))) {
             let rows: Vec<&ReportRow> = report.rows.iter().filter(|row| row.task == *task).collect();
-            of_task(task, &rows, &policies, &area).map_err(told)?;
+            draw_task(task, &rows, &policies, &area).map_err(message)?;
         }
-        root.present().map_err(told)?;
+        root.present().map_err(message)?;
     }
     Ok(text)
 }
 
-fn legend(area: &Area<'_>, report: &EvaluationReport) -> Drawn {
+fn legend(area: &SvgArea<'_>, report: &EvaluationReport) -> DrawResult {
     let words = format!("{}: share of successes, {:.0} % intervals", report.suite, 100.0 * report.confidence);
     let style = || ("sans-serif", 13).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
     area.draw(&Text::new(words.clone(), (8, 13), style()))?;
@@ -79,7 +85,7 @@ fn legend(area: &Area<'_>, report: &EvaluationReport) -> Drawn {
     Ok(())
 }
 
-fn of_task(task: &str, rows: &[&ReportRow], policies: &[&str], area: &Area<'_>) -> Drawn {
+fn draw_task(task: &str, rows: &[&ReportRow], policies: &[&str], area: &SvgArea<'_>) -> DrawResult {
     let count = policies.len().max(1) as f64;
     let mut chart = ChartBuilder::on(area)
         .margin_right(10)

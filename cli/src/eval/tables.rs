@@ -1,11 +1,11 @@
-//! An evaluation as tables.
+//! Formats an evaluation report as text tables.
 
 use crate::output;
 use orchestrator::evaluation::EvaluationReport;
 use orchestrator::evaluation::bootstrap::Estimate;
 use orchestrator::evaluation::report::{ALL_LABEL, ComparisonRow, ReportRow};
 
-/// A table per task, all tasks together first where they are of one world; then the comparisons.
+/// Formats one table per task, then the comparisons. If all tasks belong to one world, a joint table comes first.
 pub(super) fn tables(report: &EvaluationReport) -> String {
     let mut text = format!(
         "{}: {} scenarios, hash {}…, planner {}; means with {:.0} % bootstrap intervals over scenarios\n",
@@ -49,20 +49,20 @@ fn title(task: Option<&str>) -> &str {
     }
 }
 
-/// Between words only: a task's id has a slash in it.
+/// Wraps at spaces only, since the id of a task contains a slash.
 fn wrapping() -> textwrap::Options<'static> {
     textwrap::Options::new(100).word_separator(textwrap::WordSeparator::AsciiSpace)
 }
 
-/// The part is named on the first of its rows.
-fn part(at: usize, scenarios: usize, part: &str) -> String {
+/// Returns the label of a part for its first row, and an empty string for the others.
+fn part_label(at: usize, scenarios: usize, part: &str) -> String {
     if at == 0 { format!("{scenarios} {}", part.replace('_', " ")) } else { String::new() }
 }
 
 fn part_cells(rows: &[ReportRow]) -> Vec<[String; 8]> {
     let cells = |(at, row): (usize, &ReportRow)| {
         [
-            part(at, row.scenarios, row.part),
+            part_label(at, row.scenarios, row.part),
             row.policy.clone(),
             cell(row.score, 3),
             cell(row.cvar10, 3),
@@ -79,7 +79,7 @@ fn comparison_cells(rows: &[ComparisonRow]) -> Vec<[String; 6]> {
     let cells = |(at, row): (usize, &ComparisonRow)| {
         let of = &row.comparison;
         [
-            part(at, row.scenarios, row.part),
+            part_label(at, row.scenarios, row.part),
             row.policy.clone(),
             cell(of.score, 3),
             cell(of.success, 3),
@@ -93,17 +93,17 @@ fn comparison_cells(rows: &[ComparisonRow]) -> Vec<[String; 6]> {
 fn cell(estimate: Option<Estimate>, digits: usize) -> String {
     let number = |value: f64| {
         let text = format!("{value:.digits$}");
-        // What rounds to zero has no sign.
+        // A number that rounds to zero has no sign.
         let zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
         if zero { text.trim_start_matches('-').to_owned() } else { text }
     };
-    let told = |e: Estimate| format!("{} [{}, {}]", number(e.mean), number(e.low), number(e.high));
-    estimate.map_or_else(|| "none".to_owned(), told)
+    let format = |e: Estimate| format!("{} [{}, {}]", number(e.mean), number(e.low), number(e.high));
+    estimate.map_or_else(|| "none".to_owned(), format)
 }
 
 fn skill_cell(skill: Option<Estimate>, scenarios: usize) -> String {
     match skill {
-        Some(told) if told.scenarios < scenarios => format!("{} over {}", cell(skill, 3), told.scenarios),
+        Some(known) if known.scenarios < scenarios => format!("{} over {}", cell(skill, 3), known.scenarios),
         skill => cell(skill, 3),
     }
 }

@@ -1,4 +1,4 @@
-//! Evaluations of policies whose results are known beforehand.
+//! Tests with policies whose results are known beforehand.
 
 use super::*;
 use crate::suite::tests::{mixed, small};
@@ -25,12 +25,13 @@ fn args(policies: &[&str]) -> Args {
 #[test]
 fn hold_earns_the_stored_hold_numbers_exactly() {
     let suite = small();
-    let stored: Vec<_> = suite.entries().map(|entry| measure_episode(entry, &entry.bracket.panel[0])).collect();
+    let stored: Vec<_> =
+        suite.entries().map(|entry| measure_episode(entry, &entry.bracket.panel[0])).collect();
     assert_eq!(flown(&suite, "hold", 1).scenario_means(), stored);
 }
 
 #[test]
-fn the_reference_earns_the_stored_reference_and_succeeds_where_solvable() {
+fn reference_earns_its_stored_score_where_solvable() {
     let suite = small();
     let row = flown(&suite, "reference", 1);
     for (entry, measures) in suite.entries().zip(row.scenario_means()) {
@@ -55,10 +56,10 @@ fn chance_follows_the_seed_and_every_rollout_is_another() {
 fn the_report_has_every_block_and_the_controls() {
     let suite = small();
     let args = args(&["hold", "hold", "reference"]);
-    let rows = fly_all(&suite, &args).unwrap();
+    let rows = roll_out_policies(&suite, &args).unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row.policy.as_str()).collect();
     assert_eq!(names, ["hold", "reference", "frozen", "blind_panel"]);
-    let report = report(&suite, "0123456789abcdef".repeat(4), &args, None, &rows);
+    let report = build_report(&suite, "0123456789abcdef".repeat(4), &args, None, &rows);
     let value = serde_json::to_value(&report).unwrap();
     let told = value["rows"].as_array().unwrap();
     assert_eq!(told.len(), 4 * 3 * 4);
@@ -73,19 +74,19 @@ fn the_report_has_every_block_and_the_controls() {
     // The floor of survival is the panel's mean score: its skill is 0 but for plans cut off at −1.
     let panel = find("kessler/survival", "contested", "blind_panel");
     assert!((-1e-9..0.2).contains(&panel["skill"]["mean"].as_f64().unwrap()), "{panel}");
-    // The others against the first that was asked for.
+    // The other policies are compared with the first requested one.
     assert_eq!(value["against"], "hold");
     let against = value["comparisons"].as_array().unwrap();
     assert_eq!(against.len(), 4 * 3 * 3);
     let better =
         against.iter().find(|r| r["task"] == "all" && r["part"] == "contested" && r["policy"] == "reference");
     let better = better.unwrap();
-    // Where both are perfect, or lose all, neither is better.
+    // Neither is better where both are perfect or both lose everything.
     assert!((0.8..=1.0).contains(&better["improvement"]["mean"].as_f64().unwrap()), "{better}");
     let gap = best["score"]["mean"].as_f64().unwrap()
         - find("all", "contested", "hold")["score"]["mean"].as_f64().unwrap();
     assert!((better["score"]["mean"].as_f64().unwrap() - gap).abs() < 1e-9, "{better}");
-    // Two rollouts of a policy with chance in it say nothing of its worst.
+    // Two rollouts of a random policy are too few for its worst tenth.
     assert!(
         find("all", "all", "frozen")["cvar10"].is_null() && find("all", "all", "hold")["cvar10"].is_object()
     );
@@ -95,18 +96,19 @@ fn the_report_has_every_block_and_the_controls() {
 fn no_mean_is_made_of_two_worlds() {
     let suite = mixed();
     let rows = [flown(&suite, "hold", 1)];
-    let report = serde_json::to_value(report(&suite, "0".repeat(64), &args(&[]), None, &rows)).unwrap();
+    let report = serde_json::to_value(build_report(&suite, "0".repeat(64), &args(&[]), None, &rows)).unwrap();
     let tasks: std::collections::BTreeSet<&str> =
         report["rows"].as_array().unwrap().iter().map(|row| row["task"].as_str().unwrap()).collect();
     assert!(!tasks.contains("all") && tasks.len() > 1, "{tasks:?}");
 }
 
-/// Rows whose numbers rest on the planner alone: the learner may change.
+/// The rows depend on the planner alone, so a change of the learner does not affect them.
 #[test]
 fn the_tables_are_readable() {
     let suite = small();
     let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), PolicyResults::blind_panel(&suite)];
-    let report = report(&suite, "0123456789abcdef".repeat(4), &args(&["hold", "reference"]), None, &rows);
+    let report =
+        build_report(&suite, "0123456789abcdef".repeat(4), &args(&["hold", "reference"]), None, &rows);
     insta::assert_snapshot!("tables", tables::tables(&report));
     let drawn = picture::draw(&report).unwrap();
     assert!(
@@ -123,8 +125,8 @@ fn policies_are_those_of_every_world_in_the_suite() {
     let contested = suite.entries().zip(row.scenario_means()).filter(|(e, _)| e.part == SuitePart::Contested);
     let successes: f64 = contested.filter_map(|(_, measures)| measures.success).sum();
     assert!(successes >= 5.0, "the heuristics of both worlds are good at level 2: {successes} of 6");
-    assert!(check(&suite, &args(&["hold", "reference"])).is_ok());
-    let error = check(&suite, &args(&["hold", "golf"])).unwrap_err().to_string();
+    assert!(check_policies(&suite, &args(&["hold", "reference"])).is_ok());
+    let error = check_policies(&suite, &args(&["hold", "golf"])).unwrap_err().to_string();
     assert!(error.contains("docking/single, which has no policy golf; it has hold, random"), "{error}");
 }
 
@@ -145,7 +147,7 @@ fn other_physics_are_judged_by_brackets_of_their_own_and_say_so() {
     let chosen = |texts: &[&str]| texts.iter().map(|text| options::parse(text).unwrap()).collect::<Vec<_>>();
     let mut args = args(&["hold", "reference"]);
     args.options = chosen(&["contact=swept", "kessler/rendezvous:gravity=j2"]);
-    let (flown, physics) = under(suite.clone(), &args).unwrap();
+    let (flown, physics) = with_physics(suite.clone(), &args).unwrap();
     for (entry, own) in flown.entries().zip(suite.entries()) {
         assert_eq!((entry.part, entry.scenario.seed()), (own.part, own.scenario.seed()));
         let recipe = entry.scenario.recipe();
@@ -158,7 +160,7 @@ fn other_physics_are_judged_by_brackets_of_their_own_and_say_so() {
     let floors = |suite: &Suite| suite.entries().map(|entry| entry.bracket.floor).collect::<Vec<_>>();
     assert_ne!(floors(&flown), floors(&suite), "another physics is worth something else");
     let rows = [PolicyResults::blind_panel(&flown)];
-    let report = report(&flown, "0123456789abcdef".repeat(4), &args, physics, &rows);
+    let report = build_report(&flown, "0123456789abcdef".repeat(4), &args, physics, &rows);
     let told = serde_json::to_value(&report).unwrap();
     assert_eq!(told["comparable"], false);
     assert_eq!(told["physics"]["kessler/rendezvous"]["gravity"], "j2");
@@ -173,12 +175,12 @@ fn options_that_change_nothing_leave_a_report_comparable() {
     let suite = small();
     let mut args = args(&["hold"]);
     args.options = vec![options::parse("contact=end_of_step").unwrap()];
-    let (flown, physics) = under(suite.clone(), &args).unwrap();
+    let (flown, physics) = with_physics(suite.clone(), &args).unwrap();
     assert!(flown == suite && physics.is_none());
-    let report = report(&flown, String::new(), &args, None, &[]);
+    let report = build_report(&flown, String::new(), &args, None, &[]);
     let told = serde_json::to_value(&report).unwrap();
     assert!(told["comparable"] == true && told["note"].is_null() && told["physics"] == serde_json::json!({}));
     args.options = vec![options::parse("compat=upstream").unwrap()];
-    let error = format!("{:#}", under(suite, &args).unwrap_err());
+    let error = format!("{:#}", with_physics(suite, &args).unwrap_err());
     assert!(error.contains("is for scenarios by hand"), "{error}");
 }

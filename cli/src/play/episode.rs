@@ -1,64 +1,65 @@
-//! One episode, from its reset to its end.
+//! Runs one episode on an OpenEnv server, from its reset to its end.
 
 use std::time::Duration;
 
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
-use super::pilot::{Decision, Pilot, PilotError};
-use super::record::{Record, Tape};
-use super::session::{Address, Session, SessionError};
-use super::tasks::{Task, first_word};
+use super::episode_policy::{EpisodePolicy, PolicyFault, StepDecision};
+use super::openenv_task::{OpenEnvTask, first_word};
+use super::session::{ServerAddress, Session, SessionError};
+use super::transcript::{TranscriptRecord, TranscriptWriter};
 use orchestrator::policy::TimeStep;
 
-/// Resets until the wanted task comes: the public kessler-env takes its three in turn.
-const RESETS: u32 = 4;
-/// Score from which the public kessler-env calls an episode a success.
-const SUCCESS: f64 = 0.1;
-/// An episode that goes on for this many times its horizon never ends.
-const HORIZONS: u32 = 10;
+/// Resets within which the requested task must appear: the public kessler-env serves its three tasks in turn.
+const MAX_RESETS: u32 = 4;
+/// Lowest score of a success in the public kessler-env.
+const SUCCESS_SCORE: f64 = 0.1;
+/// Longest accepted episode, as a multiple of the task's horizon.
+const MAX_HORIZONS: u32 = 10;
 
-/// One episode to fly.
+/// Parameters of one episode to run.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Job<'a> {
-    /// Counted from 1, over all tasks.
+pub(super) struct EpisodeJob<'a> {
+    /// Number of the episode, counted from 1 over all tasks.
     pub(super) number: u64,
-    pub(super) task: &'a Task,
+    pub(super) task: &'a OpenEnvTask,
     pub(super) environment: &'a str,
     pub(super) model: &'a str,
-    /// The goal's first word.
+    /// First word of the task's goal.
     pub(super) mission: &'a str,
     pub(super) seed: Option<u64>,
-    pub(super) address: &'a Address,
-    /// How long an answer of the environment may take.
+    pub(super) address: &'a ServerAddress,
+    /// Longest time that one response of the environment may take.
     pub(super) timeout: Duration,
 }
 
-/// Why an episode was not flown to its end.
+/// Reason why an episode did not reach its end.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum Fault {
+pub(super) enum EpisodeFault {
     #[error(transparent)]
     Session(#[from] SessionError),
     #[error(transparent)]
-    Pilot(#[from] PilotError),
-    #[error("the environment flies no {wanted}: after {RESETS} resets its goals were {goals}")]
+    Policy(#[from] PolicyFault),
+    #[error("the environment flies no {wanted}: after {MAX_RESETS} resets its goals were {goals}")]
     OtherTask { wanted: String, goals: String },
     #[error("the episode has not ended after {steps} steps")]
     Endless { steps: u32 },
     #[error("it was told to stop")]
     Stopped,
     #[error(transparent)]
-    Output(#[from] anyhow::Error),
+    Transcript(#[from] anyhow::Error),
 }
 
-/// How an episode went.
+/// Result of an episode, possibly incomplete.
 #[derive(Debug, Default)]
-pub(super) struct Flown {
+pub(super) struct EpisodeResult {
     pub(super) rewards: Vec<f64>,
     pub(super) score: f64,
-    pub(super) fault: Option<Fault>,
-    /// Answers of the model that were no action, and steps in which it gave none.
+    pub(super) fault: Option<EpisodeFault>,
+    /// Number of model responses that were no valid action.
     pub(super) invalid: u64,
+    /// Number of steps that were replaced by holding.
     pub(super) held: u64,
     pub(super) calls: u64,
     pub(super) tokens_in: u64,
@@ -66,23 +67,23 @@ pub(super) struct Flown {
     pub(super) waited: Duration,
 }
 
-/// Flies one episode and tells it.
-pub(super) async fn fly(
-    job: &Job<'_>,
-    mut pilot: Pilot,
-    tape: &mut Tape<'_>,
+/// Runs one episode and writes its transcript.
+pub(super) async fn run_episode(
+    job: &EpisodeJob<'_>,
+    mut policy: EpisodePolicy,
+    writer: &mut TranscriptWriter<'_>,
     stop: &mut watch::Receiver<bool>,
-) -> Flown {
-    let mut flown = Flown::default();
+) -> EpisodeResult {
+    let mut flown = EpisodeResult::default();
     let begun = tokio::select! {
         begun = begin(job) => begun,
-        () = stopped(stop) => Err(Fault::Stopped),
+        () = stopped(stop) => Err(EpisodeFault::Stopped),
     };
     let ended = match begun {
         Ok((mut session, seen)) => {
             let ended = tokio::select! {
-                ended = go_on(job, &mut session, seen, &mut pilot, tape, &mut flown) => ended,
-                () = stopped(stop) => Err(Fault::Stopped),
+                ended = roll_out_steps(job, &mut session, seen, &mut policy, writer, &mut flown) => ended,
+                () = stopped(stop) => Err(EpisodeFault::Stopped),
             };
             session.close().await;
             ended
@@ -96,36 +97,36 @@ pub(super) async fn fly(
     flown.score = flown.rewards.iter().sum::<f64>().clamp(range.min, range.max);
     flown.fault = ended.err();
     let words = flown.fault.as_ref().map(ToString::to_string);
-    let told = tape.push(&Record::End {
+    let told = writer.push(&TranscriptRecord::End {
         episode: job.number,
-        success: flown.fault.is_none() && flown.score >= SUCCESS,
+        success: flown.fault.is_none() && flown.score >= SUCCESS_SCORE,
         steps: flown.rewards.len(),
         score: flown.score,
         rewards: &flown.rewards,
         fault: words.as_deref(),
     });
-    if let Err(error) = told.and_then(|()| tape.flush()) {
-        flown.fault.get_or_insert(Fault::Output(error));
+    if let Err(error) = told.and_then(|()| writer.flush()) {
+        flown.fault.get_or_insert(EpisodeFault::Transcript(error));
     }
     flown
 }
 
-/// Waits until all is to stop.
+/// Waits for the stop signal.
 async fn stopped(stop: &mut watch::Receiver<bool>) {
     if stop.wait_for(|stop| *stop).await.is_err() {
-        std::future::pending::<()>().await; // nobody is left who could say so
+        std::future::pending::<()>().await; // the sender is gone, so no signal can arrive
     }
 }
 
-/// A session in which the wanted task begins.
-async fn begin(job: &Job<'_>) -> Result<(Session, TimeStep), Fault> {
+/// Opens a session and resets it until the requested task begins.
+async fn begin(job: &EpisodeJob<'_>) -> Result<(Session, TimeStep), EpisodeFault> {
     let mut data = json!({"task": job.task.spec.id()});
     if let Some(seed) = job.seed {
         data["seed"] = seed.into();
     }
     let (mut session, mut seen) = Session::begin(job.address, &data, job.timeout).await?;
     let mut goals: Vec<String> = Vec::new();
-    for _ in 1..RESETS {
+    for _ in 1..MAX_RESETS {
         let goal = goal(&seen);
         if goal == job.mission {
             return Ok((session, seen));
@@ -139,7 +140,7 @@ async fn begin(job: &Job<'_>) -> Result<(Session, TimeStep), Fault> {
     }
     goals.push(goal);
     session.close().await;
-    Err(Fault::OtherTask { wanted: job.task.spec.id().to_owned(), goals: goals.join(", ") })
+    Err(EpisodeFault::OtherTask { wanted: job.task.spec.id().to_owned(), goals: goals.join(", ") })
 }
 
 fn goal(seen: &TimeStep) -> String {
@@ -147,44 +148,44 @@ fn goal(seen: &TimeStep) -> String {
     llm::sanitize_line(first_word(goal))
 }
 
-async fn go_on(
-    job: &Job<'_>,
+async fn roll_out_steps(
+    job: &EpisodeJob<'_>,
     session: &mut Session,
     mut seen: TimeStep,
-    pilot: &mut Pilot,
-    tape: &mut Tape<'_>,
-    flown: &mut Flown,
-) -> Result<(), Fault> {
-    tape.push(&Record::Start {
+    policy: &mut EpisodePolicy,
+    writer: &mut TranscriptWriter<'_>,
+    flown: &mut EpisodeResult,
+) -> Result<(), EpisodeFault> {
+    writer.push(&TranscriptRecord::Start {
         episode: job.number,
         task: &job.task.name,
         env: job.environment,
         model: job.model,
-        prompt: pilot.prompt(),
+        prompt: policy.prompt_version(),
         seed: job.seed,
         observation: &seen.observation,
     })?;
     let horizon = job.task.example().map_or(1, |scenario| job.task.spec.horizon(scenario.recipe()));
-    let most = horizon.saturating_mul(HORIZONS);
+    let most = horizon.saturating_mul(MAX_HORIZONS);
     for step in 1.. {
         if seen.done {
             break;
         }
         if step > most {
-            return Err(Fault::Endless { steps: most });
+            return Err(EpisodeFault::Endless { steps: most });
         }
-        let decision = pilot.decide(&seen).await?;
-        count(&decision, flown);
-        let Decision { action, error, turn } = decision;
-        let (next, action, error) = taken(session, action, error, pilot).await?;
+        let decision = policy.decide(&seen).await?;
+        add_usage(&decision, flown);
+        let StepDecision { action, error, turn } = decision;
+        let (next, action, error) = step_or_hold(session, action, error, policy).await?;
         flown.rewards.push(next.reward);
         flown.held += u64::from(error.is_some());
         seen = next;
-        tape.push(&Record::Step {
+        writer.push(&TranscriptRecord::Step {
             episode: job.number,
             step,
             action: &action,
-            text: &pilot.actions().to_text(&action),
+            text: &policy.codec().to_text(&action),
             reward: seen.reward,
             done: seen.done,
             error: error.as_deref(),
@@ -195,7 +196,7 @@ async fn go_on(
     Ok(())
 }
 
-fn count(decision: &Decision, flown: &mut Flown) {
+fn add_usage(decision: &StepDecision, flown: &mut EpisodeResult) {
     let Some(turn) = &decision.turn else { return };
     let usage = turn.usage();
     flown.invalid += u64::from(turn.invalid);
@@ -205,17 +206,17 @@ fn count(decision: &Decision, flown: &mut Flown) {
     flown.waited = flown.waited.saturating_add(usage.latency);
 }
 
-/// What an action came to. One that the environment refuses is followed by doing nothing, so that the episode goes on.
-async fn taken(
+/// Steps the environment. If it refuses the action, steps it again with the hold action, so that the episode continues.
+async fn step_or_hold(
     session: &mut Session,
     action: Value,
     error: Option<String>,
-    pilot: &Pilot,
+    policy: &EpisodePolicy,
 ) -> Result<(TimeStep, Value, Option<String>), SessionError> {
     match session.step(&action).await {
         Ok(seen) => Ok((seen, action, error)),
-        Err(refused @ SessionError::Refused { .. }) if action != pilot.actions().hold() => {
-            let hold = pilot.actions().hold();
+        Err(refused @ SessionError::Refused { .. }) if action != policy.codec().hold() => {
+            let hold = policy.codec().hold();
             let seen = session.step(&hold).await?;
             Ok((seen, hold, Some(refused.to_string())))
         }

@@ -1,13 +1,17 @@
-//! `sparring play`: a language model, or a built-in policy, flies episodes on an OpenEnv server.
+//! `sparring play`: runs episodes on an OpenEnv server with a language model or a built-in policy.
+//!
+//! [`runner`] runs several episodes concurrently and [`episode`] runs one; start reading there. [`session`] is the WebSocket
+//! client, [`episode_policy`] chooses actions, [`transcript`] writes the output. The chat policy itself lives in
+//! `orchestrator::policy`.
 
 mod episode;
-mod flight;
+mod episode_policy;
 mod model;
-mod pilot;
-mod record;
+mod openenv_task;
+mod runner;
 mod session;
 mod summary;
-mod tasks;
+mod transcript;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -21,12 +25,12 @@ use clap::builder::PossibleValuesParser;
 use env_core::{SEED_REQUIREMENT, Seed};
 use tokio::sync::watch;
 
-use self::episode::{Flown, Job};
-use self::flight::Planned;
-use self::pilot::Wish;
-use self::record::{Format, Output};
-use self::session::Address;
-use self::tasks::Task;
+use self::episode::{EpisodeJob, EpisodeResult};
+use self::episode_policy::PolicySource;
+use self::openenv_task::OpenEnvTask;
+use self::runner::PlannedEpisode;
+use self::session::ServerAddress;
+use self::transcript::{Transcript, TranscriptFormat};
 use super::{llm_args, worlds};
 use orchestrator::policy::{ActionCodec, ChatSettings, ObservationFormat};
 
@@ -52,8 +56,8 @@ pub struct Args {
     env_url: String,
     /// A task: survival, eco_station, rendezvous, or any by its id, as docking/single; repeat it for more. Those three
     /// unless told
-    #[arg(long = "task", value_name = "TASK", value_parser = Task::parse)]
-    tasks: Vec<Task>,
+    #[arg(long = "task", value_name = "TASK", value_parser = OpenEnvTask::parse)]
+    tasks: Vec<OpenEnvTask>,
     /// Episodes of each task
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     episodes: u64,
@@ -71,7 +75,7 @@ pub struct Args {
     timeout: u64,
     /// What stands on stdout
     #[arg(long, value_enum, default_value = "lines")]
-    format: Format,
+    format: TranscriptFormat,
     /// Write the transcript to this file: one JSON object a line, with all that was said
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -97,7 +101,7 @@ pub struct Args {
     #[arg(long, value_name = "VARIABLE", help_heading = "Language model")]
     key_env: Option<String>,
     /// How freely the model chooses its words; the API decides unless told
-    #[arg(long, value_name = "T", value_parser = llm_args::temperature, help_heading = "Language model")]
+    #[arg(long, value_name = "T", value_parser = llm_args::parse_temperature, help_heading = "Language model")]
     temperature: Option<f64>,
     /// Tokens of one answer, at most
     #[arg(long, value_name = "N", default_value_t = 1024, help_heading = "Language model",
@@ -113,12 +117,12 @@ pub struct Args {
     history: u16,
     /// How the model is told what is seen
     #[arg(long, value_enum, default_value = "compact", help_heading = "Language model")]
-    telemetry: Told,
+    telemetry: TelemetryFormat,
 }
 
-/// How a model is told what is seen.
+/// Format of the observations in the model's prompt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Told {
+enum TelemetryFormat {
     /// As tables of what matters: of debris, what comes near each satellite
     Compact,
     /// As the JSON that the server says
@@ -128,7 +132,7 @@ enum Told {
 fn after_help() -> String {
     format!(
         "Policies:\n{}\nreference cannot fly here: it plans on the scenario itself.\n\n{AFTER_HELP}",
-        worlds::policies_in_words(&worlds::policy_names())
+        worlds::describe_policies(&worlds::policy_names())
     )
 }
 
@@ -159,10 +163,10 @@ Examples:
   sparring play --task docking/single --policy heuristic --format jsonl
   sparring play --api-base-url http://127.0.0.1:8080/v1 --model qwen --telemetry raw --history 0 --out raw.jsonl";
 
-/// Flies, and says how it went.
+/// Runs the episodes and prints a summary.
 ///
 /// # Errors
-/// Settings that cannot be, nobody at one of the addresses, or a task that the server does not fly.
+/// Returns an error if the settings are invalid, an address cannot be reached, or the server does not have a task.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let code = runtime.block_on(play(args));
@@ -171,9 +175,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 async fn play(args: &Args) -> anyhow::Result<ExitCode> {
-    let address = Address::parse(&args.env_url).context("--env-url")?;
-    let mut tasks: Vec<Task> = Vec::new();
-    for task in if args.tasks.is_empty() { Task::usual() } else { args.tasks.clone() } {
+    let address = ServerAddress::parse(&args.env_url).context("--env-url")?;
+    let mut tasks: Vec<OpenEnvTask> = Vec::new();
+    for task in if args.tasks.is_empty() { OpenEnvTask::default_tasks() } else { args.tasks.clone() } {
         if !tasks.iter().any(|known| known.spec.id() == task.spec.id()) {
             tasks.push(task);
         }
@@ -187,45 +191,46 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
             args.episodes
         );
     }
-    let wish = wish(args)?;
+    let policy_source = policy_source(args)?;
     for task in &tasks {
-        wish.check(task)?;
+        policy_source.check(task)?;
     }
     let timeout = Duration::from_secs(args.timeout);
-    let known: Vec<Known> = tasks.iter().map(known).collect::<anyhow::Result<_>>()?;
-    let output = Output::new(args.format, args.out.as_deref(), args.concurrency == 1)?;
-    let name = wish.name();
+    let contexts: Vec<TaskContext> = tasks.iter().map(TaskContext::new).collect::<anyhow::Result<_>>()?;
+    let output = Transcript::new(args.format, args.out.as_deref(), args.concurrency == 1)?;
+    let name = policy_source.name();
     let mut planned = Vec::new();
-    for (task, known) in tasks.iter().zip(&known) {
+    for (task, context) in tasks.iter().zip(&contexts) {
         for episode in 0..args.episodes {
-            let job = Job {
+            let job = EpisodeJob {
                 number: planned.len() as u64 + 1,
                 task,
-                environment: &known.environment,
+                environment: &context.environment,
                 model: &name,
-                mission: &known.mission,
+                mission: &context.mission,
                 seed: args.seed.map(|seed| seed.saturating_add(episode)),
                 address: &address,
                 timeout,
             };
-            planned.push(Planned { job, actions: &known.actions });
+            planned.push(PlannedEpisode { job, actions: &context.actions });
         }
     }
-    let (told, stop) = watch::channel(false);
+    let (stop_sender, stop) = watch::channel(false);
     tokio::spawn(async move {
-        if crate::serve::told_to_stop().await.is_ok() {
-            told.send_replace(true);
+        if crate::serve::stop_signal().await.is_ok() {
+            stop_sender.send_replace(true);
         }
-        std::future::pending::<()>().await; // who listens would take its end for a word
+        std::future::pending::<()>().await; // receivers would see a dropped sender as a change
     });
-    let flown = flight::fly(&planned, &wish, &output, args.concurrency.into(), &stop).await?;
-    outcome(&tasks, &planned, flown, matches!(wish, Wish::Model { .. }))
+    let results =
+        runner::run_episodes(&planned, &policy_source, &output, args.concurrency.into(), &stop).await?;
+    finish(&tasks, &planned, results, matches!(policy_source, PolicySource::Model { .. }))
 }
 
-/// Who is to fly.
-fn wish(args: &Args) -> anyhow::Result<Wish> {
+/// Returns the policy that the arguments select.
+fn policy_source(args: &Args) -> anyhow::Result<PolicySource> {
     if let Some(name) = &args.policy {
-        return Ok(Wish::BuiltIn { name: name.clone(), seed: args.seed.unwrap_or(0) });
+        return Ok(PolicySource::BuiltIn { name: name.clone(), seed: args.seed.unwrap_or(0) });
     }
     let settings = ChatSettings {
         run: "play".to_owned(),
@@ -234,38 +239,44 @@ fn wish(args: &Args) -> anyhow::Result<Wish> {
         max_tokens: args.max_tokens,
     };
     let telemetry = match args.telemetry {
-        Told::Compact => ObservationFormat::Compact,
-        Told::Raw => ObservationFormat::Raw,
+        TelemetryFormat::Compact => ObservationFormat::Compact,
+        TelemetryFormat::Raw => ObservationFormat::Raw,
     };
-    Ok(Wish::Model { llm: model::endpoint(args)?, settings, telemetry, answered: Arc::default() })
+    Ok(PolicySource::Model { llm: model::endpoint(args)?, settings, telemetry, answered: Arc::default() })
 }
 
-/// What is known of a task before its first episode.
-struct Known {
+/// Properties of a task that are known before its first episode.
+struct TaskContext {
     environment: String,
     mission: String,
     actions: ActionCodec,
 }
 
-fn known(task: &Task) -> anyhow::Result<Known> {
-    Ok(Known { environment: task.environment(), mission: task.mission()?, actions: ActionCodec::new(task.spec) })
+impl TaskContext {
+    fn new(task: &OpenEnvTask) -> anyhow::Result<Self> {
+        Ok(Self {
+            environment: task.environment(),
+            mission: task.mission()?,
+            actions: ActionCodec::new(task.spec),
+        })
+    }
 }
 
-/// Says how it went. Where nothing at all was flown, nobody was there: that is an error.
-fn outcome(
-    tasks: &[Task],
-    planned: &[Planned<'_>],
-    mut flown: Vec<Option<Flown>>,
+/// Prints the summary and returns the exit code. If no episode took a step, the first fault is returned as an error.
+fn finish(
+    tasks: &[OpenEnvTask],
+    planned: &[PlannedEpisode<'_>],
+    mut results: Vec<Option<EpisodeResult>>,
     model: bool,
 ) -> anyhow::Result<ExitCode> {
-    let nothing = flown.iter().flatten().all(|flown| flown.rewards.is_empty());
-    let first = flown.iter_mut().flatten().find(|flown| flown.fault.is_some());
-    if nothing && let Some(fault) = first.and_then(|flown| flown.fault.take()) {
+    let no_steps = results.iter().flatten().all(|result| result.rewards.is_empty());
+    let first = results.iter_mut().flatten().find(|result| result.fault.is_some());
+    if no_steps && let Some(fault) = first.and_then(|result| result.fault.take()) {
         return Err(fault.into());
     }
-    // Progress and summary are worth no failure.
-    let words = summary::words(tasks, planned, &flown, model);
-    let _ = write!(std::io::stderr().lock(), "{words}");
-    let all = flown.iter().all(|flown| flown.as_ref().is_some_and(|flown| flown.fault.is_none()));
+    // A closed stderr is no failure: the episodes are finished.
+    let text = summary::text(tasks, planned, &results, model);
+    let _ = write!(std::io::stderr().lock(), "{text}");
+    let all = results.iter().all(|result| result.as_ref().is_some_and(|result| result.fault.is_none()));
     Ok(if all { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

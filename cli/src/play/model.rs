@@ -1,4 +1,4 @@
-//! Where the model is, from the command line and the environment.
+//! Endpoint of the language model, from the command line and the environment.
 
 use std::env::VarError;
 
@@ -9,7 +9,10 @@ use super::Args;
 use crate::llm_args;
 use orchestrator::clock::Clock;
 
-/// The endpoint that is asked for.
+/// Creates the client of the selected endpoint.
+///
+/// # Errors
+/// Returns an error if no model is named, or its key or address is invalid.
 pub(super) fn endpoint(args: &Args) -> anyhow::Result<LlmClient> {
     let config = config(args, |name| std::env::var(name))?;
     LlmClient::new(config).context("the model")
@@ -21,11 +24,12 @@ fn config(args: &Args, read: impl Fn(&str) -> Result<String, VarError>) -> anyho
     let (Some(url), Some(model)) = (&args.api_base_url, &args.model) else { bail!(missing) };
     let mut config = LlmConfig::new(url, model, llm_args::wall_clock(&Clock::system()));
     let named = args.key_env.as_deref();
-    config.key = llm_args::key(named.as_ref().map_or(&llm_args::UPSTREAM_KEYS[..], std::slice::from_ref), read)?;
+    config.key =
+        llm_args::read_key(named.as_ref().map_or(&llm_args::UPSTREAM_KEYS[..], std::slice::from_ref), read)?;
     if let (Some(name), None) = (named, &config.key) {
         bail!("--key-env {name}: the variable holds nothing");
     }
-    llm_args::pace(&mut config, args.timeout, args.concurrency);
+    llm_args::set_pace(&mut config, args.timeout, args.concurrency);
     config.retries = args.retries;
     config.max_tokens = args.max_tokens;
     Ok(config)
@@ -38,14 +42,14 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct PlayCommand {
         #[command(flatten)]
         args: Args,
     }
 
     fn of(more: &str, held: &[(&str, &str)]) -> anyhow::Result<LlmConfig> {
         let line = format!("x --api-base-url http://h/v1 --model m {more}");
-        let args = Line::try_parse_from(line.split_whitespace())?.args;
+        let args = PlayCommand::try_parse_from(line.split_whitespace())?.args;
         config(&args, |name| {
             let found = held.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned());
             found.ok_or(VarError::NotPresent)
@@ -53,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn the_key_is_where_the_original_has_it_or_where_it_is_said_to_be() {
+    fn key_is_read_from_the_original_or_the_named_variable() {
         use secrecy::ExposeSecret;
         let key = |more: &str, held: &[(&str, &str)]| {
             of(more, held).map(|config| config.key.map(|key| key.expose_secret().to_owned()))

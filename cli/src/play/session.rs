@@ -1,12 +1,12 @@
-//! One session on an OpenEnv server: a WebSocket on which an episode is reset and stepped.
+//! Session on an OpenEnv server: a WebSocket that resets and steps one environment.
 
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use llm::{sanitize_line, tls_config};
 use futures_util::{SinkExt, StreamExt};
+use llm::{sanitize_line, tls_config};
 use reqwest::Url;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
@@ -15,49 +15,52 @@ use tokio_tungstenite::{Connector, MaybeTlsStream, WebSocketStream, connect_asyn
 
 use orchestrator::policy::TimeStep;
 
-/// Bytes of one message, at most: an observation of a thousand pieces of debris has some 100 000.
-const MOST_BYTES: usize = 8 << 20;
-/// Between tries for a place on a server that is full.
-const PAUSE: Duration = Duration::from_millis(500);
-/// What a server that is full says.
-const FULL: &str = "CAPACITY_REACHED";
+/// Largest message in bytes. An observation with 1000 pieces of debris has about 100 000 bytes.
+const MAX_MESSAGE_BYTES: usize = 8 << 20;
+/// Pause between two attempts on a server that has no free session.
+const CAPACITY_RETRY_PAUSE: Duration = Duration::from_millis(500);
+/// Error code of a server that has no free session.
+const CAPACITY_REACHED: &str = "CAPACITY_REACHED";
 
-/// Where a server is.
+/// Address of a server, with its WebSocket URL and TLS connector.
 #[derive(Clone)]
-pub(super) struct Address {
+pub(super) struct ServerAddress {
     base: Url,
     socket: Url,
     tls: Connector,
 }
 
-impl fmt::Debug for Address {
+impl fmt::Debug for ServerAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.socket.as_str())
     }
 }
 
-/// What keeps an episode from going on.
+/// Failure of a session.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum SessionError {
-    /// Nobody is there.
+    /// The server cannot be reached.
     #[error("the environment at {at} cannot be reached: {reason}")]
     Unreachable { at: String, reason: String },
-    /// The connection is gone.
+    /// The connection was closed.
     #[error("the environment broke the connection off: {reason}")]
     Broken { reason: String },
-    /// No answer in time.
+    /// The response did not arrive in time.
     #[error("the environment did not answer within {after_s} s")]
     Late { after_s: u64 },
-    /// It answered with an error; the session goes on.
+    /// The server returned an error; the session continues.
     #[error("the environment refused: {message} ({code})")]
     Refused { code: String, message: String },
-    /// It answered with something else than an observation.
+    /// The response is no observation.
     #[error("the environment's answer makes no sense: {reason}")]
     Nonsense { reason: String },
 }
 
-impl Address {
-    /// Reads the address of a server, as `http://127.0.0.1:8700`.
+impl ServerAddress {
+    /// Parses the address of a server, as `http://127.0.0.1:8700`.
+    ///
+    /// # Errors
+    /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment.
     pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
         let base =
             Url::parse(text).with_context(|| "an address as http://127.0.0.1:8700 is wanted".to_owned())?;
@@ -87,7 +90,7 @@ impl Address {
     }
 }
 
-/// A session.
+/// Open session on a server.
 #[derive(Debug)]
 pub(super) struct Session {
     socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
@@ -95,13 +98,14 @@ pub(super) struct Session {
 }
 
 impl Session {
-    async fn open(address: &Address, timeout: Duration) -> Result<Self, SessionError> {
+    async fn open(address: &ServerAddress, timeout: Duration) -> Result<Self, SessionError> {
         let fault = |reason: String| SessionError::Unreachable {
             at: address.base.as_str().trim_end_matches('/').to_owned(),
             reason: sanitize_line(&reason),
         };
-        let config =
-            WebSocketConfig::default().max_message_size(Some(MOST_BYTES)).max_frame_size(Some(MOST_BYTES));
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(MAX_MESSAGE_BYTES))
+            .max_frame_size(Some(MAX_MESSAGE_BYTES));
         let opening = connect_async_tls_with_config(
             address.socket.as_str(),
             Some(config),
@@ -115,10 +119,12 @@ impl Session {
         }
     }
 
-    /// A session in which an episode was reset with this data. A server that is full is asked again for as long as an answer
-    /// may take.
+    /// Opens a session and resets it with this data. If the server has no free session, retries until `timeout` has passed.
+    ///
+    /// # Errors
+    /// Returns [`SessionError`] if the server cannot be reached or refuses the reset.
     pub(super) async fn begin(
-        address: &Address,
+        address: &ServerAddress,
         data: &Value,
         timeout: Duration,
     ) -> Result<(Self, TimeStep), SessionError> {
@@ -127,25 +133,33 @@ impl Session {
             let mut session = Self::open(address, timeout).await?;
             match session.reset(data).await {
                 Ok(seen) => return Ok((session, seen)),
-                Err(SessionError::Refused { code, .. }) if code == FULL && begun.elapsed() < timeout => {
-                    tokio::time::sleep(PAUSE).await;
+                Err(SessionError::Refused { code, .. })
+                    if code == CAPACITY_REACHED && begun.elapsed() < timeout =>
+                {
+                    tokio::time::sleep(CAPACITY_RETRY_PAUSE).await;
                 }
                 Err(error) => return Err(error),
             }
         }
     }
 
-    /// Begins an episode anew.
+    /// Starts a new episode.
+    ///
+    /// # Errors
+    /// Returns [`SessionError`] if the exchange fails or the server refuses the data.
     pub(super) async fn reset(&mut self, data: &Value) -> Result<TimeStep, SessionError> {
         self.ask(&json!({"type": "reset", "data": data})).await
     }
 
-    /// One step.
+    /// Steps the environment with an action.
+    ///
+    /// # Errors
+    /// Returns [`SessionError`] if the exchange fails or the server refuses the action.
     pub(super) async fn step(&mut self, action: &Value) -> Result<TimeStep, SessionError> {
         self.ask(&json!({"type": "step", "data": action})).await
     }
 
-    /// Says good-bye; whether that is heard matters to nobody.
+    /// Closes the session within one second. Failures are ignored.
     pub(super) async fn close(mut self) {
         let goodbye = async {
             let _ = self.socket.send(Message::text(json!({"type": "close"}).to_string())).await;
@@ -158,11 +172,11 @@ impl Session {
         let timeout = self.timeout;
         let answer = tokio::time::timeout(timeout, self.exchange(message.to_string())).await;
         let text = answer.map_err(|_| SessionError::Late { after_s: timeout.as_secs() })??;
-        read(&text)
+        parse_response(&text)
     }
 
     async fn exchange(&mut self, message: String) -> Result<String, SessionError> {
-        // A server that is full speaks first and closes: what it said is worth more than that it could not be told.
+        // A server without a free session sends its error first and closes. That error says more than a failed send.
         let sent = self.socket.send(Message::text(message)).await;
         loop {
             let broken = |reason: String| Err(SessionError::Broken { reason: sanitize_line(&reason) });
@@ -185,14 +199,14 @@ impl Session {
     }
 }
 
-/// An answer in the wire form.
-fn read(text: &str) -> Result<TimeStep, SessionError> {
+/// Parses a response of the server.
+fn parse_response(text: &str) -> Result<TimeStep, SessionError> {
     let nonsense = |reason: &str| SessionError::Nonsense { reason: sanitize_line(reason) };
     let mut answer: Value = serde_json::from_str(text).map_err(|error| nonsense(&error.to_string()))?;
     let mut data = answer.get_mut("data").map_or(Value::Null, Value::take);
     match answer["type"].as_str() {
         Some("observation") if data["observation"].is_object() => Ok(TimeStep {
-            // Nothing is earned before the first step.
+            // A reset has no reward.
             reward: data["reward"].as_f64().unwrap_or(0.0),
             done: data["done"].as_bool().unwrap_or(false),
             observation: data.get_mut("observation").map_or(Value::Null, Value::take),
@@ -221,9 +235,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_of_servers_only() {
+    fn server_addresses_are_validated() {
         let of = |text: &str| {
-            Address::parse(text).map(|address| (address.base.to_string(), address.socket.to_string()))
+            ServerAddress::parse(text).map(|address| (address.base.to_string(), address.socket.to_string()))
         };
         let pair = |a: &str, b: &str| (a.to_owned(), b.to_owned());
         assert_eq!(of("http://h:8000").unwrap(), pair("http://h:8000/", "ws://h:8000/ws"));
@@ -237,13 +251,14 @@ mod tests {
 
     #[test]
     fn answers_are_observations_or_say_why_not() {
-        let seen =
-            read(r#"{"type":"observation","data":{"observation":{"a":1},"reward":null,"done":false}}"#)
-                .unwrap();
+        let seen = parse_response(
+            r#"{"type":"observation","data":{"observation":{"a":1},"reward":null,"done":false}}"#,
+        )
+        .unwrap();
         assert_eq!(seen, TimeStep { observation: json!({"a": 1}), reward: 0.0, done: false });
         let error = json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors":
             [{"type": "missing", "loc": ["burns", 0, "delta_vx"], "msg": "Field required\u{1b}[2J"}]}});
-        let of = |text: &str| read(text).unwrap_err().to_string();
+        let of = |text: &str| parse_response(text).unwrap_err().to_string();
         insta::assert_snapshot!(
             [
                 of(&error.to_string()),

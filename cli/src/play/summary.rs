@@ -1,13 +1,18 @@
-//! What all episodes came to, in words.
+//! Text summary of all episodes.
 
 use std::fmt::Write;
 
-use super::episode::Flown;
-use super::flight::Planned;
-use super::tasks::Task;
+use super::episode::EpisodeResult;
+use super::openenv_task::OpenEnvTask;
+use super::runner::PlannedEpisode;
 
-/// The summary; `model` where one flew.
-pub(super) fn words(tasks: &[Task], planned: &[Planned<'_>], flown: &[Option<Flown>], model: bool) -> String {
+/// Formats the summary. With `model`, it includes the token usage.
+pub(super) fn text(
+    tasks: &[OpenEnvTask],
+    planned: &[PlannedEpisode<'_>],
+    flown: &[Option<EpisodeResult>],
+    model: bool,
+) -> String {
     let mut text = String::new();
     let mut of_task: Vec<String> = Vec::new();
     for task in tasks {
@@ -31,13 +36,13 @@ pub(super) fn words(tasks: &[Task], planned: &[Planned<'_>], flown: &[Option<Flo
     let _ = write!(text, "{}", if left > 0 { format!(", {left} were not begun") } else { String::new() });
     let _ = writeln!(text, ". Mean score (of episodes): {}.", of_task.join(", "));
     if model {
-        tokens(flown, &mut text);
+        write_token_usage(flown, &mut text);
     }
     text
 }
 
-fn tokens(flown: &[Option<Flown>], text: &mut String) {
-    let sum = |of: fn(&Flown) -> u64| flown.iter().flatten().map(of).fold(0, u64::saturating_add);
+fn write_token_usage(flown: &[Option<EpisodeResult>], text: &mut String) {
+    let sum = |of: fn(&EpisodeResult) -> u64| flown.iter().flatten().map(of).fold(0, u64::saturating_add);
     let calls = sum(|flown| flown.calls);
     let waited: f64 = flown.iter().flatten().map(|flown| flown.waited.as_secs_f64()).sum();
     let _ = writeln!(

@@ -1,78 +1,102 @@
-//! Curves over time, as SVG.
+//! Charts of curves over time, drawn as SVG.
+
+use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
+use crate::plot::{DrawResult, SvgArea};
 use orchestrator::clock::{Millis, rfc3339};
 
 const SIZE: (u32, u32) = (560, 190);
 const INK: RGBColor = RGBColor(60, 60, 60);
 const PALE: RGBColor = RGBColor(228, 228, 228);
-/// Okabe & Ito (2008): told apart by everybody.
+/// Palette of Okabe & Ito (2008), which is safe for colour-blind readers.
 pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
 pub(super) const ORANGE: RGBColor = RGBColor(213, 94, 0);
 pub(super) const GREEN: RGBColor = RGBColor(0, 138, 99);
 pub(super) const MAUVE: RGBColor = RGBColor(168, 73, 127);
 
-/// A curve: what it is called, its colour, and its values where they are known.
+/// Curve with its name, colour and values; unknown values are `None`.
 #[derive(Debug)]
 pub(super) struct Curve {
     pub(super) name: &'static str,
     pub(super) colour: RGBColor,
     pub(super) values: Vec<Option<f64>>,
-    /// An interval around each value.
-    pub(super) around: Option<Vec<Option<(f64, f64)>>>,
+    /// Interval around each value, drawn as a band.
+    pub(super) intervals: Option<Vec<Option<Interval>>>,
 }
 
-/// A picture of some curves.
+/// Closed interval on the value axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Interval {
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// Mark of a level move on the time axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LevelMark {
+    /// Time of the move.
+    pub(super) at: Millis,
+    /// True unless the level went down.
+    pub(super) is_upward: bool,
+}
+
+/// Chart of several curves over one time range.
 #[derive(Debug)]
 pub(super) struct Chart<'a> {
-    /// Where each value stands.
-    pub(super) at: &'a [Millis],
-    /// From when to when.
-    pub(super) stretch: (Millis, Millis),
-    /// The values' axis; as the values have it where none is given.
-    pub(super) limits: Option<(f64, f64)>,
-    /// Horizontal lines: thresholds.
-    pub(super) lines: &'a [f64],
-    /// Moments at which a level moved: when, and whether up.
-    pub(super) marks: &'a [(Millis, bool)],
-    /// The curves.
+    /// Time of each value.
+    pub(super) times: &'a [Millis],
+    /// Time range of the chart.
+    pub(super) range: Range<Millis>,
+    /// Range of the value axis; by default the range of the values with a margin.
+    pub(super) limits: Option<Interval>,
+    /// Values of the dashed horizontal lines.
+    pub(super) thresholds: &'a [f64],
+    /// Level moves, drawn as triangles.
+    pub(super) marks: &'a [LevelMark],
+    /// Curves of the chart.
     pub(super) curves: &'a [Curve],
 }
 
-/// Times as an axis: labels are short, in UTC.
-struct Times(Millis, Millis);
+/// Time axis with short labels in UTC.
+struct TimeAxis(Range<Millis>);
 
-impl Ranged for Times {
+impl Ranged for TimeAxis {
     type FormatOption = NoDefaultFormatting;
     type ValueType = Millis;
 
     #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
     fn map(&self, value: &Millis, limit: (i32, i32)) -> i32 {
-        let share = (value - self.0) as f64 / (self.1 - self.0).max(1) as f64;
+        let Range { start, end } = self.0;
+        let share = (value - start) as f64 / (end - start).max(1) as f64;
         limit.0 + (share * f64::from(limit.1 - limit.0)) as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<Millis> {
-        (0..=4).map(|nth| self.0 + (self.1 - self.0) * nth / 4).collect()
+        let Range { start, end } = self.0;
+        (0..=4).map(|nth| start + (end - start) * nth / 4).collect()
     }
 
     fn range(&self) -> std::ops::Range<Millis> {
-        self.0..self.1
+        self.0.clone()
     }
 }
 
-impl ValueFormatter<Millis> for Times {
+impl ValueFormatter<Millis> for TimeAxis {
     fn format_ext(&self, value: &Millis) -> String {
         let text = rfc3339(*value); // 2026-01-31T12:00:00.000Z
         let (day, time) = (text.get(5..10).unwrap_or_default(), text.get(11..16).unwrap_or_default());
-        if self.1 - self.0 > 3 * 86_400_000 { day.to_owned() } else { format!("{day} {time}") }
+        if self.0.end - self.0.start > 3 * 86_400_000 { day.to_owned() } else { format!("{day} {time}") }
     }
 }
 
 impl Chart<'_> {
-    /// Draws it: an SVG document.
+    /// Draws the chart as an SVG document.
+    ///
+    /// # Errors
+    /// Returns an error if the drawing backend fails.
     pub(super) fn draw(&self) -> anyhow::Result<String> {
         let mut text = String::new();
         {
@@ -82,17 +106,14 @@ impl Chart<'_> {
         Ok(text)
     }
 
-    fn draw_on(
-        &self,
-        root: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
-    ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
-        let (low, high) = self.limits.unwrap_or_else(|| self.spread());
+    fn draw_on(&self, root: &SvgArea<'_>) -> DrawResult {
+        let Interval { low, high } = self.limits.unwrap_or_else(|| self.value_range());
         let mut chart = ChartBuilder::on(root)
             .margin(6)
             .margin_right(34) // half of the last label
             .x_label_area_size(20)
             .y_label_area_size(38)
-            .build_cartesian_2d(Times(self.stretch.0, self.stretch.1), low..high)?;
+            .build_cartesian_2d(TimeAxis(self.range.clone()), low..high)?;
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -101,12 +122,12 @@ impl Chart<'_> {
             .label_style(("sans-serif", 11).into_font().color(&INK))
             .y_labels(5)
             .draw()?;
-        for line in self.lines {
-            let ends = [(self.stretch.0, *line), (self.stretch.1, *line)];
+        for threshold in self.thresholds {
+            let ends = [(self.range.start, *threshold), (self.range.end, *threshold)];
             chart.draw_series(DashedLineSeries::new(ends, 5, 4, INK.stroke_width(1)))?;
         }
         for curve in self.curves {
-            self.band(&mut chart, curve)?;
+            self.draw_band(&mut chart, curve)?;
             for part in self.parts(&curve.values) {
                 if let [alone] = part[..] {
                     chart.draw_series([Circle::new(alone, 2, curve.colour.filled())])?;
@@ -115,41 +136,38 @@ impl Chart<'_> {
                 }
             }
         }
-        for (at, up) in self.marks {
-            let colour = if *up { GREEN } else { ORANGE };
-            chart.draw_series([TriangleMarker::new(
-                (*at, low),
-                if *up { 6 } else { -6 },
-                colour.filled(),
-            )])?;
+        for LevelMark { at, is_upward } in self.marks {
+            let (colour, size) = if *is_upward { (GREEN, 6) } else { (ORANGE, -6) };
+            chart.draw_series([TriangleMarker::new((*at, low), size, colour.filled())])?;
         }
         root.present()
     }
 
-    fn band(
+    fn draw_band(
         &self,
         chart: &mut ChartContext<
             '_,
             SVGBackend<'_>,
-            Cartesian2d<Times, plotters::coord::types::RangedCoordf64>,
+            Cartesian2d<TimeAxis, plotters::coord::types::RangedCoordf64>,
         >,
         curve: &Curve,
-    ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
-        let Some(around) = &curve.around else { return Ok(()) };
-        let known = || self.at.iter().zip(around).filter_map(|(at, ends)| Some((*at, (*ends)?)));
-        let lower = known().map(|(at, (low, _))| (at, low));
-        let upper: Vec<_> = known().map(|(at, (_, high))| (at, high)).collect();
-        let around: Vec<_> = lower.chain(upper.into_iter().rev()).collect();
-        if around.len() > 3 {
-            chart.draw_series([Polygon::new(around, curve.colour.mix(0.18))])?;
+    ) -> DrawResult {
+        let Some(intervals) = &curve.intervals else { return Ok(()) };
+        let known =
+            || self.times.iter().zip(intervals).filter_map(|(at, interval)| Some((*at, (*interval)?)));
+        let lower = known().map(|(at, interval)| (at, interval.low));
+        let upper: Vec<_> = known().map(|(at, interval)| (at, interval.high)).collect();
+        let outline: Vec<_> = lower.chain(upper.into_iter().rev()).collect();
+        if outline.len() > 3 {
+            chart.draw_series([Polygon::new(outline, curve.colour.mix(0.18))])?;
         }
         Ok(())
     }
 
-    /// A curve's parts between what is not known.
+    /// Splits a curve at its unknown values.
     fn parts(&self, values: &[Option<f64>]) -> Vec<Vec<(Millis, f64)>> {
         let mut parts = vec![Vec::new()];
-        for (at, value) in self.at.iter().zip(values) {
+        for (at, value) in self.times.iter().zip(values) {
             match (value, parts.last_mut()) {
                 (Some(value), Some(part)) => part.push((*at, *value)),
                 (None, Some(part)) if !part.is_empty() => parts.push(Vec::new()),
@@ -160,14 +178,15 @@ impl Chart<'_> {
         parts
     }
 
-    fn spread(&self) -> (f64, f64) {
+    /// Returns the range of all values with a margin of 8 %.
+    fn value_range(&self) -> Interval {
         let values = || self.curves.iter().flat_map(|curve| curve.values.iter().flatten().copied());
         let low = values().fold(f64::INFINITY, f64::min);
         let high = values().fold(f64::NEG_INFINITY, f64::max);
         if low > high {
-            return (0.0, 1.0);
+            return Interval { low: 0.0, high: 1.0 };
         }
-        let room = if high > low { 0.08 * (high - low) } else { 0.5 };
-        (low - room, high + room)
+        let margin = if high > low { 0.08 * (high - low) } else { 0.5 };
+        Interval { low: low - margin, high: high + margin }
     }
 }

@@ -1,79 +1,92 @@
-//! What a report tells, from the database.
+//! Reads the contents of a report from the database.
+
+use std::ops::Range;
 
 use anyhow::{Context, bail};
 use env_core::TaskSpec;
 use sqlx::{Acquire, SqliteConnection};
 
+use ::curriculum::{Explanation, Mastery, TaskStatus};
 use orchestrator::clock::Millis;
+use orchestrator::engine::task_history::standings;
+use orchestrator::evaluation::read;
 use orchestrator::evaluation::report::ReportRow;
-use orchestrator::store::layouts::{self, LayoutRow, LayoutFilter};
+use orchestrator::queries::run_progress::RunProgress;
+use orchestrator::queries::standing::update_last_points;
 use orchestrator::store::curriculum::{self, LevelMoveRow};
 use orchestrator::store::evaluations::{self, EvaluationRow, EvaluationState};
 use orchestrator::store::failures::{self, FailureCell};
 use orchestrator::store::history::{self, HistoryPoint, HistoryWindow};
+use orchestrator::store::layouts::{self, LayoutFilter, LayoutRow};
+use orchestrator::store::overview;
 use orchestrator::store::runs::{self, RunRow};
 use orchestrator::store::task_counters::TaskCounters;
-use orchestrator::store::overview;
-use orchestrator::evaluation::read;
-use orchestrator::engine::task_history::standings;
-use orchestrator::queries::run_progress::RunProgress;
-use orchestrator::queries::standing::update_last_points;
-use ::curriculum::{Explanation, Mastery, TaskStatus};
 
-/// Points of a curve.
-const POINTS: i64 = 240;
-/// Layouts that are named: those that the agent fails most.
-const LAYOUTS: usize = 12;
-/// How many are read at a time: of layouts and evaluations the newest so many.
-const MOST: i64 = 500;
+/// Number of points of a curve.
+const CURVE_POINTS: i64 = 240;
+/// Largest number of listed layouts: those that the agent fails most often.
+const MAX_LAYOUTS: usize = 12;
+/// Rows read at a time. Of layouts and evaluations, only the newest page is read.
+const PAGE_SIZE: i64 = 500;
 
-/// A run, as it is told.
-pub(super) struct Told {
-    /// The run.
+/// Contents of a run's report.
+pub(super) struct RunReport {
+    /// Row of the run.
     pub(super) row: RunRow,
-    /// When this was.
+    /// Time of the report.
     pub(super) now: Millis,
-    /// How long a point of its curves is, milliseconds.
-    pub(super) width: Millis,
-    /// When its curves begin and end.
-    pub(super) stretch: (Millis, Millis),
-    /// Episodes that finished, on designed layouts and in accepted columns, too.
+    /// Width of a point of the curves, in milliseconds.
+    pub(super) point_width: Millis,
+    /// Time range of the curves.
+    pub(super) range: Range<Millis>,
+    /// Finished episodes, including those on designed layouts and in accepted columns.
     pub(super) episodes: i64,
-    /// The rules that it goes by, in words.
+    /// Rules of the curriculum as text.
     pub(super) explanation: Explanation,
-    /// Its tasks.
-    pub(super) tasks: Vec<Task>,
-    /// The layouts that the agent fails most, of those that were flown.
+    /// Tasks of the run.
+    pub(super) tasks: Vec<TaskReport>,
+    /// Layouts that the agent fails most often, of those with episodes.
     pub(super) layouts: Vec<LayoutRow>,
-    /// Its evaluations that are complete, with all tasks and parts of each.
-    pub(super) evaluations: Vec<(EvaluationRow, Vec<ReportRow>)>,
+    /// Complete evaluations of the run, the oldest first.
+    pub(super) evaluations: Vec<EvaluationResult>,
 }
 
-/// A task of it.
-pub(super) struct Task {
-    /// The task.
+/// Complete evaluation with its rows for all tasks and parts.
+pub(super) struct EvaluationResult {
+    /// Row of the evaluation.
+    pub(super) evaluation: EvaluationRow,
+    /// Results by task, part and policy.
+    pub(super) rows: Vec<ReportRow>,
+}
+
+/// Contents of the report for one task.
+pub(super) struct TaskReport {
+    /// Specification of the task.
     pub(super) spec: &'static dyn TaskSpec,
-    /// Where it stands.
+    /// Current level and params.
     pub(super) status: TaskStatus,
-    /// What was mastered at that level.
+    /// Mastery of the current level.
     pub(super) mastery: Option<Mastery>,
-    /// Plain sums: what was designed or claimed is not in them.
+    /// Counters over all episodes except those of designed layouts and claimed columns.
     pub(super) sums: TaskCounters,
-    /// Its curves.
+    /// Points of the curves.
     pub(super) points: Vec<HistoryPoint>,
-    /// How its level moved.
+    /// Level moves, the oldest first.
     pub(super) moves: Vec<LevelMoveRow>,
-    /// What it fails at.
+    /// Failures by mode and encounter.
     pub(super) failures: Vec<FailureCell>,
 }
 
-/// Reads all of it in one transaction, so that it is of one moment.
-pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) -> anyhow::Result<Told> {
+/// Reads the report in one transaction, so that all parts belong to one moment.
+///
+/// # Errors
+/// Returns an error if the run does not exist or the database cannot be read.
+pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) -> anyhow::Result<RunReport> {
     let mut conn = conn.begin().await?;
     let Some(row) = runs::get(&mut conn, run).await? else { bail!("there is no run {run}") };
     let standing = RunProgress::stored(&mut conn, run).await.context("the run's curriculum")?;
     let RunProgress { status, mastery, explanation, sums: plain, .. } = standing;
-    let window = HistoryWindow::new(row.created_at, now, POINTS, now);
+    let window = HistoryWindow::new(row.created_at, now, CURVE_POINTS, now);
     let mut points = history::curve(&mut conn, run, window).await?;
     update_last_points(&mut points, &standings(&status, &mastery));
     let moves = all_moves(&mut conn, run).await?;
@@ -82,7 +95,7 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
         let Some(spec) = env_core::task(&status.task) else { continue };
         let failures = failures::profile(&mut conn, run, &status.task).await?;
         let of = |task: &str| task == status.task;
-        tasks.push(Task {
+        tasks.push(TaskReport {
             spec,
             mastery: mastery.iter().find(|m| of(&m.task) && m.level == status.level).cloned(),
             sums: plain.get(&status.task).cloned().unwrap_or_default(),
@@ -95,14 +108,14 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
     let episodes = overview::counts(&mut conn, run).await?.episodes;
     let begins = points.iter().map(|point| point.start).min().unwrap_or(window.from);
     let ends = points.iter().map(|point| point.start + window.width).max().unwrap_or(window.to);
-    Ok(Told {
+    Ok(RunReport {
         episodes,
         explanation,
         tasks,
-        layouts: hardest(&mut conn, run).await?,
-        evaluations: evaluated(&mut conn, run).await?,
-        width: window.width,
-        stretch: (begins, ends),
+        layouts: hardest_layouts(&mut conn, run).await?,
+        evaluations: complete_evaluations(&mut conn, run).await?,
+        point_width: window.width,
+        range: begins..ends,
         now,
         row,
     })
@@ -112,7 +125,7 @@ async fn all_moves(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec
     let mut all: Vec<LevelMoveRow> = Vec::new();
     loop {
         let after = all.last().map_or(-1, |row| row.seq);
-        let page = curriculum::moves(conn, run, after, MOST).await?;
+        let page = curriculum::moves(conn, run, after, PAGE_SIZE).await?;
         if page.is_empty() {
             return Ok(all);
         }
@@ -120,25 +133,26 @@ async fn all_moves(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec
     }
 }
 
-/// The newest layouts that were flown, those that the agent fails most first.
-async fn hardest(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<LayoutRow>> {
-    let mut flown = layouts::of_run(conn, run, &LayoutFilter::default(), i64::MAX, MOST).await?;
+/// Returns the newest layouts with episodes, sorted by the agent's share of successes.
+async fn hardest_layouts(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<LayoutRow>> {
+    let mut flown = layouts::of_run(conn, run, &LayoutFilter::default(), i64::MAX, PAGE_SIZE).await?;
     flown.retain(|row| row.episodes > 0);
     let share = |row: &LayoutRow| row.successes as f64 / row.episodes as f64;
     flown.sort_by(|a, b| share(a).total_cmp(&share(b)).then(b.episodes.cmp(&a.episodes)));
-    flown.truncate(LAYOUTS);
+    flown.truncate(MAX_LAYOUTS);
     Ok(flown)
 }
 
-async fn evaluated(
+async fn complete_evaluations(
     conn: &mut SqliteConnection,
     run: &str,
-) -> anyhow::Result<Vec<(EvaluationRow, Vec<ReportRow>)>> {
+) -> anyhow::Result<Vec<EvaluationResult>> {
     let mut found = Vec::new();
-    for row in evaluations::page(conn, i64::MAX, MOST).await? {
+    for row in evaluations::page(conn, i64::MAX, PAGE_SIZE).await? {
         if row.run.as_deref() == Some(run) && row.state == EvaluationState::Complete {
-            let flown = read::read(conn, row.id).await?;
-            found.push((row, read::report(&flown)?.rows));
+            let flown = read::load_evaluation(conn, row.id).await?;
+            let rows = read::report_evaluation(&flown)?.rows;
+            found.push(EvaluationResult { evaluation: row, rows });
         }
     }
     found.reverse();

@@ -1,4 +1,6 @@
-//! `sparring report`: a run on one page, for people who were not there.
+//! `sparring report`: writes the report of a run as one HTML page.
+//!
+//! [`gather`] reads the contents from the database, [`page`] renders them; [`chart`] and [`rose`] draw the pictures.
 
 mod chart;
 mod gather;
@@ -10,7 +12,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
-use super::db::{Database, readers};
+use super::db::{DatabaseArgs, open_readers};
 use super::output;
 use orchestrator::clock::Clock;
 use orchestrator::ids::RunId;
@@ -28,31 +30,31 @@ pub struct Args {
     /// The run's id, as `sparring db info` lists them
     run: RunId,
     #[command(flatten)]
-    of: Database,
+    database: DatabaseArgs,
     /// The file that is written; what was there before is replaced
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
 }
 
-/// Writes it.
+/// Writes the report.
 ///
 /// # Errors
-/// A database that cannot be used, a run that there is not, or a file that cannot be written.
+/// Returns an error if the database cannot be used, the run does not exist, or the file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    output::may_write(Some(&args.out))?;
+    output::check_folder_exists(Some(&args.out))?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let told = runtime.block_on(async {
-        let readers = readers(&args.of.db).await?;
-        let mut conn = readers.acquire().await?;
+    let report = runtime.block_on(async {
+        let open_readers = open_readers(&args.database.db).await?;
+        let mut conn = open_readers.acquire().await?;
         gather::gather(&mut conn, args.run.as_str(), Clock::system().now()).await
     })?;
-    let text = page::page(&told)?;
+    let text = page::render(&report)?;
     std::fs::write(&args.out, &text).with_context(|| args.out.display().to_string())?;
     let kib = text.len().div_ceil(1024);
     output::print(&format!(
         "{}: {} episodes of {} on one page of {kib} KiB",
         args.out.display(),
-        told.episodes,
+        report.episodes,
         args.run
     ))?;
     Ok(ExitCode::SUCCESS)

@@ -1,4 +1,4 @@
-//! The page of a report. What people and models wrote is escaped by the template's own rules.
+//! HTML page of a report. The template escapes all text that users and models wrote.
 
 use orchestrator::store::curriculum::LevelMoveKind;
 use std::collections::BTreeMap;
@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
-use super::chart::{BLUE, Chart, Curve, GREEN, MAUVE, ORANGE};
-use super::gather::{Task, Told};
+use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
+use super::gather::{EvaluationResult, RunReport, TaskReport};
 use super::rose::rose;
 use orchestrator::clock::{Millis, rfc3339};
 use orchestrator::evaluation::bootstrap::Estimate;
 use orchestrator::store::from_json;
-use orchestrator::store::history::HistoryBucket;
+use orchestrator::store::history::{HistoryBucket, HistoryPoint};
 
 const STYLE: &str = "\
 :root{color-scheme:light;font:15px/1.45 system-ui,'Segoe UI',Roboto,sans-serif;color:#1b2430}\
@@ -24,8 +24,11 @@ figcaption{font-size:.9rem;color:#566273}.say{min-width:14rem}svg{max-width:100%
 .told{unicode-bidi:isolate;overflow-wrap:anywhere}pre{overflow-x:auto;background:#eef1f5;padding:.6rem}\
 .wide{overflow-x:auto}b.key{display:inline-block;width:.8em;height:.8em;margin:0 .3em 0 .8em}@media print{h2{break-after:avoid}figure{break-inside:avoid}}";
 
-/// The whole page.
-pub(super) fn page(told: &Told) -> anyhow::Result<String> {
+/// Renders the whole page.
+///
+/// # Errors
+/// Returns an error if the run's settings are no JSON or a chart cannot be drawn.
+pub(super) fn render(told: &RunReport) -> anyhow::Result<String> {
     let settings: Value = from_json("a run's settings", &told.row.settings)?;
     let tasks = told.tasks.iter().map(|task| task_section(told, task)).collect::<anyhow::Result<Vec<_>>>()?;
     let page = html! {
@@ -53,7 +56,7 @@ pub(super) fn page(told: &Told) -> anyhow::Result<String> {
     Ok(page.into_string())
 }
 
-fn head(told: &Told) -> Markup {
+fn head(told: &RunReport) -> Markup {
     let standing = if told.row.archived_at.is_some() { "archived" } else { told.row.status.as_str() };
     html! {
         h1 .told { (told.row.name) }
@@ -71,9 +74,9 @@ fn head(told: &Told) -> Markup {
                         td .n { @if let Some(level) = task.status.level { (level) } @else { "–" } }
                         td .say { (posterior(task)) }
                         td .n { (task.sums.episodes) }
-                        td .n { (percent(over(task.sums.successes as f64, task.sums.episodes))) }
-                        td .n { (number(over(task.sums.score, task.sums.episodes))) }
-                        td .n { (number(over(task.sums.skill, task.sums.skilled))) }
+                        td .n { (percent(ratio(task.sums.successes as f64, task.sums.episodes))) }
+                        td .n { (number(ratio(task.sums.score, task.sums.episodes))) }
+                        td .n { (number(ratio(task.sums.skill, task.sums.skilled))) }
                         td .say { @for now in told.explanation.tasks.iter().filter(|of| of.task == task.spec.id()) { (now.now) } }
                     }
                 }
@@ -82,59 +85,60 @@ fn head(told: &Told) -> Markup {
     }
 }
 
-fn posterior(task: &Task) -> String {
+fn posterior(task: &TaskReport) -> String {
     match &task.mastery {
         Some(m) => format!("{:.2}, {:.2} to {:.2}, of {} scenarios", m.mean, m.q10, m.q90, m.n),
-        // Of a level of which nothing came back yet it is known as little as of any.
+        // A level without results has the prior.
         None if task.status.level.is_some() => "0.50, 0.10 to 0.90, of no scenario yet".to_owned(),
         None => "–".to_owned(),
     }
 }
 
-fn task_section(told: &Told, task: &Task) -> anyhow::Result<Markup> {
-    let at: Vec<Millis> = task.points.iter().map(|point| point.start + told.width / 2).collect();
-    let marks: Vec<(Millis, bool)> = task
+fn task_section(told: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
+    let times: Vec<Millis> = task.points.iter().map(|point| point.start + told.point_width / 2).collect();
+    let marks: Vec<LevelMark> = task
         .moves
         .iter()
-        .filter(|row| row.at >= told.stretch.0)
-        .map(|row| (row.at, row.kind != LevelMoveKind::Down))
+        .filter(|row| row.at >= told.range.start)
+        .map(|row| LevelMark { at: row.at, is_upward: row.kind != LevelMoveKind::Down })
         .collect();
     let of = |value: &dyn Fn(&HistoryBucket) -> Option<f64>| {
         task.points.iter().map(|point| value(&point.bucket)).collect::<Vec<_>>()
     };
-    let plain = |name, colour, values| Curve { name, colour, values, around: None };
-    let draw = |limits, lines: &[f64], marks: &[_], curves: &[Curve]| {
-        Chart { at: &at, stretch: told.stretch, limits, lines, marks, curves }.draw()
+    let plain = |name, colour, values| Curve { name, colour, values, intervals: None };
+    let draw = |limits, thresholds: &[f64], marks: &[_], curves: &[Curve]| {
+        Chart { times: &times, range: told.range.clone(), limits, thresholds, marks, curves }.draw()
     };
-    // By which the ladder moves; others go by something else.
+    // Only the ladder moves by these thresholds.
     let thresholds: &[f64] = if told.explanation.strategy == "ladder" { &[0.3, 0.7] } else { &[] };
-    let around = task.points.iter().map(|point| point.bucket.mastery.map(|s| (s.q10, s.q90))).collect();
+    let interval = |point: &HistoryPoint| point.bucket.mastery.map(|s| Interval { low: s.q10, high: s.q90 });
+    let intervals = task.points.iter().map(interval).collect();
     let mastery = [
         Curve {
             name: "mastery",
             colour: BLUE,
             values: of(&|p| p.mastery.map(|s| s.mean)),
-            around: Some(around),
+            intervals: Some(intervals),
         },
-        plain("contested", GREEN, of(&|p| over(p.solved, p.contested))),
-        plain("all episodes", ORANGE, of(&|p| over(p.successes as f64, p.episodes))),
-        plain("blind panel", MAUVE, of(&|p| over(p.panel, p.panels))),
+        plain("contested", GREEN, of(&|p| ratio(p.solved, p.contested))),
+        plain("all episodes", ORANGE, of(&|p| ratio(p.successes as f64, p.episodes))),
+        plain("blind panel", MAUVE, of(&|p| ratio(p.panel, p.panels))),
     ];
     let level = [plain("level", BLUE, of(&|p| p.mastery.and_then(|s| s.level).map(|level| level as f64)))];
     let skill = [
-        plain("skill", BLUE, of(&|p| over(p.skill, p.skilled))),
-        plain("score", ORANGE, of(&|p| over(p.score, p.episodes))),
+        plain("skill", BLUE, of(&|p| ratio(p.skill, p.skilled))),
+        plain("score", ORANGE, of(&|p| ratio(p.score, p.episodes))),
     ];
     let mut pictures = vec![
         (
             "Success on contested scenarios",
             legend(&mastery),
-            draw(Some((0.0, 1.0)), thresholds, &marks, &mastery)?,
+            draw(Some(Interval { low: 0.0, high: 1.0 }), thresholds, &marks, &mastery)?,
         ),
         ("Level, and when it moved", legend(&level), draw(None, &[], &marks, &level)?),
         ("Skill and score", legend(&skill), draw(None, &[], &[], &skill)?),
     ];
-    let params = params(task);
+    let params = param_curves(task);
     for (name, curve) in &params {
         pictures.push((name, html! {}, draw(None, &[], &[], std::slice::from_ref(curve))?));
     }
@@ -148,8 +152,8 @@ fn task_section(told: &Told, task: &Task) -> anyhow::Result<Markup> {
                 }
             }
         }
-        (moved(task))
-        (failed(task))
+        (level_moves(task))
+        (failure_modes(task))
     })
 }
 
@@ -157,38 +161,39 @@ fn legend(curves: &[Curve]) -> Markup {
     html! { @for curve in curves { b .key style={ "background:rgb(" (curve.colour.0) "," (curve.colour.1) "," (curve.colour.2) ")" } {} (curve.name) } }
 }
 
-/// The params that were not the same all the time: their means.
-fn params(task: &Task) -> Vec<(&str, Curve)> {
+/// Returns the curves of the params that changed, as means over each point.
+fn param_curves(task: &TaskReport) -> Vec<(&str, Curve)> {
     let mut known: BTreeMap<&str, Vec<Option<f64>>> = BTreeMap::new();
     for name in task.points.iter().flat_map(|point| point.bucket.params.keys()) {
-        let mean = |part: &HistoryBucket| part.params.get(name).map(|spread| spread.total / spread.n.max(1) as f64);
+        let mean =
+            |part: &HistoryBucket| part.params.get(name).map(|spread| spread.total / spread.n.max(1) as f64);
         known.entry(name).or_insert_with(|| task.points.iter().map(|point| mean(&point.bucket)).collect());
     }
     known.retain(|_, values| {
         let mut values = values.iter().flatten();
         values.next().is_some_and(|first| values.any(|value| (value - first).abs() > 1e-9))
     });
-    let curve = |values| Curve { name: "mean", colour: BLUE, values, around: None };
+    let curve = |values| Curve { name: "mean", colour: BLUE, values, intervals: None };
     known.into_iter().map(|(name, values)| (name, curve(values))).collect()
 }
 
-fn moved(task: &Task) -> Markup {
+fn level_moves(task: &TaskReport) -> Markup {
     html! {
         @if !task.moves.is_empty() {
             details { summary { "How its level moved, and on what evidence: " (task.moves.len()) " moves" }
-                ol { @for row in &task.moves { li { (rfc3339(row.at)) ": " (row.kind) " to level " (row.to_level) ". " (sentence(&row.evidence)) } } }
+                ol { @for row in &task.moves { li { (rfc3339(row.at)) ": " (row.kind) " to level " (row.to_level) ". " (evidence_sentence(&row.evidence)) } } }
             }
         }
     }
 }
 
-/// The sentence of a move's evidence, if it has one.
-fn sentence(evidence: &str) -> String {
+/// Returns the sentence of a move's evidence, or an empty string.
+fn evidence_sentence(evidence: &str) -> String {
     let read: Option<Value> = serde_json::from_str(evidence).ok();
     read.and_then(|value| value["sentence"].as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-fn failed(task: &Task) -> Markup {
+fn failure_modes(task: &TaskReport) -> Markup {
     let count = |mode: &str| {
         task.failures.iter().filter(|cell| cell.key.mode == mode).map(|cell| cell.counters.count).sum::<i64>()
     };
@@ -199,11 +204,11 @@ fn failed(task: &Task) -> Markup {
         .map(|mode| (mode, count(mode.name)))
         .filter(|(_, n)| *n > 0)
         .collect();
-    // Of all of them: what was never to be seen could not be avoided either.
+    // Shares refer to all failures, since a body that was never visible could not be avoided.
     let avoidable = |mode: &str| {
         let of = task.failures.iter().filter(|cell| cell.key.mode == mode);
         let known = of.clone().any(|cell| cell.counters.avoidable + cell.counters.unavoidable > 0);
-        over(of.map(|cell| cell.counters.avoidable).sum::<i64>() as f64, count(mode)).filter(|_| known)
+        ratio(of.map(|cell| cell.counters.avoidable).sum::<i64>() as f64, count(mode)).filter(|_| known)
     };
     html! {
         @if !modes.is_empty() {
@@ -219,7 +224,7 @@ fn failed(task: &Task) -> Markup {
     }
 }
 
-fn layouts(told: &Told) -> Markup {
+fn layouts(told: &RunReport) -> Markup {
     html! {
         @if !told.layouts.is_empty() {
             h2 { "What was designed against it" }
@@ -231,7 +236,7 @@ fn layouts(told: &Told) -> Markup {
                         td .told { (row.name) } td { (row.task) }
                         td { (row.mode.as_deref().unwrap_or("–").replace('_', " ")) @if let Some(from) = row.bearing_deg { " from " (from) "°" } }
                         td { (row.designer) } td { (row.state) } td .n { (row.episodes) }
-                        td .n { (percent(over(row.successes as f64, row.episodes))) }
+                        td .n { (percent(ratio(row.successes as f64, row.episodes))) }
                     }
                 } }
             } }
@@ -239,19 +244,19 @@ fn layouts(told: &Told) -> Markup {
     }
 }
 
-fn evaluations(told: &Told) -> Markup {
+fn evaluations(told: &RunReport) -> Markup {
     html! {
         @if !told.evaluations.is_empty() {
             h2 { "Evaluations" }
             p .soft { "On frozen suites, with 95 % intervals over scenarios. Beside it, plans that look at nothing." }
-            @for (row, rows) in &told.evaluations {
-                h3 .told { (row.name) }
-                p .soft { (row.suite) @if let Some(version) = row.version { ", version " (version) } ", " (row.rollouts) " episodes of each scenario" }
+            @for EvaluationResult { evaluation, rows } in &told.evaluations {
+                h3 .told { (evaluation.name) }
+                p .soft { (evaluation.suite) @if let Some(version) = evaluation.version { ", version " (version) } ", " (evaluation.rollouts) " episodes of each scenario" }
                 div .wide { table {
                     thead { tr { th { "Task" } th { "Scenarios" } th { "Policy" } th { "Success" } th { "Score" } th { "Skill" } } }
                     tbody { @for of in rows {
                         tr { td { (of.task) } td { (of.scenarios) " " (of.part.replace('_', " ")) } td .told { @if of.policy == "blind_panel" { "plans that look at nothing" } @else { (of.policy) } }
-                            td { (estimate(of.success)) } td { (estimate(of.score)) } td { (estimate(of.skill)) } }
+                            td { (format_estimate(of.success)) } td { (format_estimate(of.score)) } td { (format_estimate(of.skill)) } }
                     } }
                 } }
             }
@@ -259,11 +264,12 @@ fn evaluations(told: &Told) -> Markup {
     }
 }
 
-fn estimate(of: Option<Estimate>) -> String {
+fn format_estimate(of: Option<Estimate>) -> String {
     of.map_or_else(|| "–".to_owned(), |e| format!("{:.3} [{:.3}, {:.3}]", e.mean, e.low, e.high))
 }
 
-fn over(sum: f64, n: i64) -> Option<f64> {
+/// Returns `sum / n`, or `None` if `n` is 0.
+fn ratio(sum: f64, n: i64) -> Option<f64> {
     (n > 0).then(|| sum / n as f64)
 }
 

@@ -1,4 +1,4 @@
-//! The bearing rose: from where, and how fast, what defeats an agent comes.
+//! Bearing rose: bearings and relative speeds of the encounters that defeat an agent.
 
 use env_core::critique::{BEARING_SECTORS, SpeedBands};
 use maud::{Markup, html};
@@ -6,12 +6,12 @@ use maud::{Markup, html};
 use orchestrator::store::failures::{EncounterBin, FailureCell};
 
 const SIZE: f64 = 240.0;
-/// For the word at the right.
-const ROOM: f64 = 40.0;
+/// Width reserved for the label on the right.
+const LABEL_WIDTH: f64 = 40.0;
 const INNER: f64 = 20.0;
 const OUTER: f64 = 96.0;
 
-/// A failure mode's rose; nothing where the mode has no direction.
+/// Draws the rose of a failure mode; empty if the mode has no direction.
 pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Markup {
     let met: Vec<(EncounterBin, i64)> = cells
         .iter()
@@ -23,7 +23,7 @@ pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Mar
     let words = format!("{mode}, by bearing and relative speed");
     html! {
         figure {
-            svg viewBox={ "0 0 " (SIZE + ROOM) " " (SIZE) } width=(SIZE + ROOM) height=(SIZE) role="img" aria-label=(words) {
+            svg viewBox={ "0 0 " (SIZE + LABEL_WIDTH) " " (SIZE) } width=(SIZE + LABEL_WIDTH) height=(SIZE) role="img" aria-label=(words) {
                 g transform={ "translate(" (SIZE / 2.0) " " (SIZE / 2.0) ")" } {
                     @for sector in 0..BEARING_SECTORS {
                         @for band in 0..rings {
@@ -48,7 +48,7 @@ fn count_of(met: &[(EncounterBin, i64)], sector: u32, band: usize) -> i64 {
     here.map_or(0, |(_, count)| *count)
 }
 
-/// From white to orange.
+/// Returns a colour between white (0) and orange (`most`).
 fn shade(count: i64, most: i64) -> String {
     let share = count as f64 / most.max(1) as f64;
     let mix = |from: f64, to: f64| from + (to - from) * share;
@@ -63,7 +63,7 @@ fn speed(band: usize, bands: &SpeedBands) -> String {
     }
 }
 
-/// A sector's part of a ring: radial out is up, in-track to the right.
+/// Returns the SVG path of a sector in a ring. Radial out is up, in-track to the right.
 fn wedge(sector: u32, band: usize, rings: usize) -> String {
     let ring = (OUTER - INNER) / rings.max(1) as f64;
     let (near, far) = (INNER + ring * band as f64, INNER + ring * (band + 1) as f64);

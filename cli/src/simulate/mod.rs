@@ -1,4 +1,5 @@
-//! `sparring simulate-curriculum`: curricula against learners whose ability is known.
+//! `sparring simulate-curriculum`: simulates curricula with learners of known ability. The simulation itself lives in
+//! `curriculum::simulation`; [`table`] and [`picture`] print its results.
 
 mod picture;
 mod table;
@@ -125,9 +126,9 @@ Examples:
   sparring simulate-curriculum --strategy all --learner slow,fast --svg curricula.svg
   sparring simulate-curriculum --strategy plr --learner fast --set score=learnability --set replay=0.5";
 
-/// One simulation and what came of it.
+/// Finished simulation of one strategy with one learner.
 #[derive(Debug)]
-pub(super) struct Simulated {
+pub(super) struct CompletedSimulation {
     strategy: StrategyKind,
     learner: LearnerKind,
     track: SimulationTrace,
@@ -139,10 +140,10 @@ pub(super) struct Simulated {
 /// # Errors
 /// Settings that cannot be, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    output::once("--strategy", &args.strategies)?;
-    output::once("--learner", &args.learners)?;
-    output::may_write(args.svg.as_deref())?;
-    let bar = output::progress(pairs(args).len(), "simulations")?;
+    output::reject_duplicates("--strategy", &args.strategies)?;
+    output::reject_duplicates("--learner", &args.learners)?;
+    output::check_folder_exists(args.svg.as_deref())?;
+    let bar = output::progress_bar(pairs(args).len(), "simulations")?;
     let simulated = simulated(args, &|| bar.inc(1))?;
     bar.finish_and_clear();
     match args.format {
@@ -156,7 +157,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Each strategy that is asked for with each learner.
+/// Returns every requested strategy with every requested learner.
 fn pairs(args: &Args) -> Vec<(StrategyKind, LearnerKind)> {
     let learners = kinds(&args.learners, LearnerKind::ALL, LearnerKind::name);
     let strategies = kinds(&args.strategies, StrategyKind::ALL, StrategyKind::name);
@@ -166,19 +167,19 @@ fn pairs(args: &Args) -> Vec<(StrategyKind, LearnerKind)> {
         .collect()
 }
 
-/// All that is asked for; `done` hears of each.
-fn simulated(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<Simulated>> {
+/// Runs all requested simulations in parallel; `done` is called after each.
+fn simulated(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<CompletedSimulation>> {
     let one = |(strategy, learner)| {
         let plan = plan(args, strategy)?;
         let track =
             simulate(&plan, Learner::new(learner, &args.tasks)).map_err(|error| anyhow!("{error}"))?;
         done();
-        Ok(Simulated { strategy, learner, summary: SimulationSummary::new(&track), track })
+        Ok(CompletedSimulation { strategy, learner, summary: SimulationSummary::new(&track), track })
     };
     pairs(args).into_par_iter().map(one).collect()
 }
 
-/// Those that are asked for, each once.
+/// Returns the requested kinds, each once.
 fn kinds<K: Copy, const N: usize>(asked: &[String], all: [K; N], word: fn(K) -> &'static str) -> Vec<K> {
     let every = asked.iter().any(|name| name == ALL);
     all.into_iter().filter(|kind| every || asked.iter().any(|name| name == word(*kind))).collect()
@@ -203,24 +204,24 @@ fn plan(args: &Args, strategy: StrategyKind) -> anyhow::Result<SimulationPlan> {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct SimulationReport<'a> {
     episodes: u64,
     group_size: u32,
     tasks: &'a [String],
     seed: u64,
-    simulations: Vec<ToldOne<'a>>,
+    simulations: Vec<SimulationEntry<'a>>,
 }
 
 #[derive(Serialize)]
-struct ToldOne<'a> {
+struct SimulationEntry<'a> {
     strategy: StrategyKind,
     learner: &'static str,
     summary: &'a SimulationSummary,
     moves: Vec<Value>,
 }
 
-fn told<'a>(args: &'a Args, simulated: &'a [Simulated]) -> Told<'a> {
-    let one = |of: &'a Simulated| ToldOne {
+fn told<'a>(args: &'a Args, simulated: &'a [CompletedSimulation]) -> SimulationReport<'a> {
+    let one = |of: &'a CompletedSimulation| SimulationEntry {
         strategy: of.strategy,
         learner: of.learner.name(),
         summary: &of.summary,
@@ -231,7 +232,7 @@ fn told<'a>(args: &'a Args, simulated: &'a [Simulated]) -> Told<'a> {
             .map(|made| serde_json::json!({"episode": made.episodes_before, "move": made.level_move}))
             .collect(),
     };
-    Told {
+    SimulationReport {
         episodes: args.episodes,
         group_size: args.group_size,
         tasks: &args.tasks,

@@ -1,21 +1,22 @@
-//! Simulations drawn: what was faced, and how good the learner was.
+//! Draws simulations: the difficulty of the faced scenarios and the skill of the learner.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::Simulated;
+use super::CompletedSimulation;
+use crate::plot::{DrawResult, SvgArea};
 use curriculum::MoveKind;
 use curriculum::simulation::{SimulatedGroup, SimulatedMove};
 
-/// The size of one simulation's part.
-const PART: (u32, u32) = (320, 210);
-/// Room above for what the lines mean.
-const HEAD: u32 = 34;
-/// Parts beside each other at most.
-const BESIDE: usize = 4;
-/// Stretches that the band is drawn of.
-const STRETCHES: usize = 80;
-/// Rows of the table, and where untrained learners are.
+/// Width and height of one simulation's panel in pixels.
+const PANEL: (u32, u32) = (320, 210);
+/// Height of the legend in pixels.
+const LEGEND_HEIGHT: u32 = 34;
+/// Largest number of panels in a row.
+const MAX_COLUMNS: usize = 4;
+/// Number of sections into which the band is divided.
+const SECTIONS: usize = 80;
+/// Range of the value axis in rows of the level table; untrained learners are below row 0.
 const ROWS: std::ops::Range<f64> = -3.5..10.0;
 
 const FACED: RGBColor = RGBColor(31, 119, 180);
@@ -23,21 +24,23 @@ const SKILL: RGBColor = RGBColor(214, 39, 40);
 const SUCCESS: RGBColor = RGBColor(44, 160, 44);
 const INK: RGBColor = RGBColor(60, 60, 60);
 
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-
-/// All of them beside and below each other: an SVG document.
-pub(super) fn draw(simulated: &[Simulated], episodes: u64) -> Result<String, String> {
+/// Draws all simulations as panels of one SVG document.
+///
+/// # Errors
+/// Returns the message of the drawing backend if it fails.
+pub(super) fn draw(simulated: &[CompletedSimulation], episodes: u64) -> Result<String, String> {
     let learners = simulated.iter().filter(|one| one.strategy == simulated[0].strategy).count();
-    let beside = learners.clamp(1, BESIDE);
+    let beside = learners.clamp(1, MAX_COLUMNS);
     let below = simulated.len().div_ceil(beside);
-    let size =
-        (PART.0 * u32::try_from(beside).unwrap_or(1), PART.1 * u32::try_from(below).unwrap_or(1) + HEAD);
+    let size = (
+        PANEL.0 * u32::try_from(beside).unwrap_or(1),
+        PANEL.1 * u32::try_from(below).unwrap_or(1) + LEGEND_HEIGHT,
+    );
     let mut text = String::new();
     {
         let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
         root.fill(&WHITE).map_err(|error| error.to_string())?;
-        let (head, rest) = root.split_vertically(HEAD);
+        let (head, rest) = root.split_vertically(LEGEND_HEIGHT);
         legend(&head).map_err(|error| error.to_string())?;
         for (one, area) in simulated.iter().zip(rest.split_evenly((below, beside))) {
             part(one, &area, episodes).map_err(|error| error.to_string())?;
@@ -47,7 +50,7 @@ pub(super) fn draw(simulated: &[Simulated], episodes: u64) -> Result<String, Str
     Ok(text)
 }
 
-fn legend(area: &Area<'_>) -> Drawn {
+fn legend(area: &SvgArea<'_>) -> DrawResult {
     let words = [
         (FACED, "rows faced: median and the middle eight tenths"),
         (SKILL, "skill of the learner, rows"),
@@ -64,7 +67,7 @@ fn legend(area: &Area<'_>) -> Drawn {
     Ok(())
 }
 
-fn part(one: &Simulated, area: &Area<'_>, episodes: u64) -> Drawn {
+fn part(one: &CompletedSimulation, area: &SvgArea<'_>, episodes: u64) -> DrawResult {
     let title = format!("{} × {}", one.strategy.name(), one.learner.name());
     let mut chart = ChartBuilder::on(area)
         .margin(6)
@@ -83,17 +86,17 @@ fn part(one: &Simulated, area: &Area<'_>, episodes: u64) -> Drawn {
         .x_label_formatter(&thousands)
         .y_labels(6)
         .draw()?;
-    let stretches: Vec<Stretch> = stretches(&one.track.groups, episodes);
+    let sections: Vec<Section> = sections(&one.track.groups, episodes);
     let band: Vec<(f64, f64)> = {
-        let upper = stretches.iter().map(|s| (s.at, s.high));
-        upper.chain(stretches.iter().rev().map(|s| (s.at, s.low))).collect()
+        let upper = sections.iter().map(|s| (s.at, s.high));
+        upper.chain(sections.iter().rev().map(|s| (s.at, s.low))).collect()
     };
     if band.len() > 2 {
         chart.draw_series([Polygon::new(band, FACED.mix(0.2))])?;
     }
-    let line = |value: fn(&Stretch) -> f64| stretches.iter().map(move |s| (s.at, value(s)));
+    let line = |value: fn(&Section) -> f64| sections.iter().map(move |s| (s.at, value(s)));
     chart.draw_series(LineSeries::new(line(|s| s.middle), FACED.stroke_width(1)))?;
-    let success = stretches.iter().filter_map(|s| Some((s.at, 10.0 * s.success?)));
+    let success = sections.iter().filter_map(|s| Some((s.at, 10.0 * s.success?)));
     chart.draw_series(LineSeries::new(success, SUCCESS.stroke_width(1)))?;
     chart.draw_series(LineSeries::new(line(|s| s.skill), SKILL.stroke_width(2)))?;
     for SimulatedMove { episodes_before, level_move } in &one.track.moves {
@@ -108,21 +111,21 @@ fn part(one: &Simulated, area: &Area<'_>, episodes: u64) -> Drawn {
     Ok(())
 }
 
-/// A stretch of a simulation, all tasks together.
-struct Stretch {
+/// Section of a simulation over all tasks.
+struct Section {
     at: f64,
     low: f64,
     middle: f64,
     high: f64,
     skill: f64,
-    /// None where nothing contested was flown.
+    /// Share of successes on contested scenarios; `None` if there were none.
     success: Option<f64>,
 }
 
-fn stretches(samples: &[SimulatedGroup], episodes: u64) -> Vec<Stretch> {
-    let width = (episodes as f64 / STRETCHES as f64).max(1.0);
-    let mut told = Vec::new();
-    for number in 0..STRETCHES {
+fn sections(samples: &[SimulatedGroup], episodes: u64) -> Vec<Section> {
+    let width = (episodes as f64 / SECTIONS as f64).max(1.0);
+    let mut sections = Vec::new();
+    for number in 0..SECTIONS {
         let (from, to) = (width * number as f64, width * (number + 1) as f64);
         let these: Vec<&SimulatedGroup> =
             samples.iter().filter(|s| (from..to).contains(&(s.episodes_before as f64))).collect();
@@ -136,7 +139,7 @@ fn stretches(samples: &[SimulatedGroup], episodes: u64) -> Vec<Stretch> {
         let (successes, finished) = contested.fold((0u64, 0u64), |(s, f), sample| {
             (s + u64::from(sample.successes), f + u64::from(sample.finished))
         });
-        told.push(Stretch {
+        sections.push(Section {
             at: 0.5 * (from + to),
             low,
             middle,
@@ -145,5 +148,5 @@ fn stretches(samples: &[SimulatedGroup], episodes: u64) -> Vec<Stretch> {
             success: (finished > 0).then(|| successes as f64 / finished as f64),
         });
     }
-    told
+    sections
 }

@@ -1,22 +1,22 @@
-//! Simulations as tables.
+//! Formats simulations as text tables.
 
-use super::Simulated;
+use super::CompletedSimulation;
 use crate::output;
 use curriculum::simulation::SimulatedGroup;
 use curriculum::{LevelMove, MoveKind};
 
-/// Stretches that one simulation is told in.
-const STRETCHES: usize = 10;
+/// Number of rows of a single simulation's table.
+const SECTIONS: usize = 10;
 
-/// One in full, or several in a line each.
-pub(super) fn tables(simulated: &[Simulated], episodes: u64) -> String {
+/// Formats one simulation in full, or several in one line each.
+pub(super) fn tables(simulated: &[CompletedSimulation], episodes: u64) -> String {
     match simulated {
         [one] => in_full(one, episodes),
         several => lines(several),
     }
 }
 
-fn lines(simulated: &[Simulated]) -> String {
+fn lines(simulated: &[CompletedSimulation]) -> String {
     let header = [
         "strategy",
         "learner",
@@ -54,7 +54,7 @@ fn lines(simulated: &[Simulated]) -> String {
     if notes.is_empty() { format!("{table}\n") } else { format!("{table}\n\n{}\n", notes.join("\n")) }
 }
 
-fn in_full(one: &Simulated, episodes: u64) -> String {
+fn in_full(one: &CompletedSimulation, episodes: u64) -> String {
     let explanation = one.track.curriculum.explain();
     let mut text =
         format!("{} with the learner {}. {}\n", one.strategy, one.learner.name(), explanation.summary);
@@ -63,18 +63,22 @@ fn in_full(one: &Simulated, episodes: u64) -> String {
             one.track.groups.iter().filter(|sample| sample.task_index == place).collect();
         let header = ["episodes", "groups", "skill", "faced", "success", "contested", "zero variance"];
         let mut table = output::table(&header, 0);
-        for stretch in 0..STRETCHES as u64 {
+        for stretch in 0..SECTIONS as u64 {
             let (from, to) =
-                (episodes * stretch / STRETCHES as u64, episodes * (stretch + 1) / STRETCHES as u64);
+                (episodes * stretch / SECTIONS as u64, episodes * (stretch + 1) / SECTIONS as u64);
             let within =
                 of_task.iter().copied().filter(|sample| (from..to).contains(&sample.episodes_before));
             table.add_row(row(to, &within.collect::<Vec<_>>()));
         }
-        let now = explanation.tasks.iter().find(|told| told.task == status.task).map_or("", |told| &told.now);
+        let now = explanation.tasks.iter().find(|task| task.task == status.task).map_or("", |task| &task.now);
         text.push_str(&format!("\n{}: {now}\n{table}\n", status.task));
         let moves = one.track.moves.iter().filter(|made| made.level_move.task == status.task);
         moves.for_each(|made| {
-            text.push_str(&format!("  after {}: {}\n", made.episodes_before, moved(&made.level_move)));
+            text.push_str(&format!(
+                "  after {}: {}\n",
+                made.episodes_before,
+                describe_move(&made.level_move)
+            ));
         });
         status.warnings.iter().for_each(|warning| text.push_str(&format!("  {warning}\n")));
     }
@@ -107,7 +111,7 @@ fn row(to: u64, samples: &[&SimulatedGroup]) -> [String; 7] {
     ]
 }
 
-fn moved(made: &LevelMove) -> String {
+fn describe_move(made: &LevelMove) -> String {
     let (way, from) = (made.kind, made.from);
     match (way, from) {
         (MoveKind::Placement, _) | (_, None) => format!("placed at {}: {}", made.to, made.evidence.sentence),

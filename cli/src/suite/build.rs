@@ -1,4 +1,4 @@
-//! `sparring suite build`: draws scenarios from the evaluation seeds.
+//! `sparring suite build`: draws a suite of scenarios from the evaluation seeds.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,16 +12,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
-use crate::options::{self, TaskOptions, Chosen};
+use crate::options::{self, ChosenOption, TaskOptions};
 use crate::{output, worlds};
-use orchestrator::evaluation::suite::{SuiteEntry, SuiteGroup, SuitePart, Suite, file};
+use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart, file};
 
-/// Draws after which a level is given up on: the rarest contested scenarios of the committed levels are 1 in 27.
-const MOST_DRAWS: usize = 20_000;
-/// The levels of a suite unless told: dense where agents differ.
-const LEVELS: [usize; 8] = [0, 2, 4, 5, 6, 7, 8, 9];
-/// Draws judged together, in parallel, at least; which scenarios are kept does not depend on it.
-const BATCH: usize = 8;
+/// Draws after which a level is given up. In the committed levels, at least 1 in 27 scenarios is contested.
+const MAX_DRAWS: usize = 20_000;
+/// Default levels of a suite: dense where agents differ.
+const DEFAULT_LEVELS: [usize; 8] = [0, 2, 4, 5, 6, 7, 8, 9];
+/// Smallest number of draws that are judged in parallel. It does not affect which scenarios are kept.
+const MIN_BATCH: usize = 8;
 
 /// Draw scenarios and their brackets, and write them to a file.
 ///
@@ -32,7 +32,7 @@ const BATCH: usize = 8;
 #[command(after_help = after_help())]
 pub struct Args {
     /// What the suite is called; its seeds follow from it
-    #[arg(long, value_parser = good_name)]
+    #[arg(long, value_parser = parse_name)]
     name: String,
     /// The file to write
     #[arg(long, value_name = "FILE")]
@@ -51,7 +51,7 @@ pub struct Args {
     as_they_come: usize,
     /// A physics option of the suite, for all its tasks or those named; repeat it for more
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
-    options: Vec<Chosen>,
+    options: Vec<ChosenOption>,
 }
 
 fn after_help() -> String {
@@ -64,25 +64,25 @@ Examples:
   sparring suite build --name my-suite-v1 --tasks kessler --out my-suite-v1.json
   sparring suite build --name small-v1 --out small-v1.json --tasks kessler/survival --levels 5,7";
 
-/// What to draw.
+/// Specification of a suite to draw.
 #[derive(Clone)]
-pub struct Plan {
-    /// What the suite is called.
+pub struct SuitePlan {
+    /// Name of the suite; its seeds follow from it.
     pub name: String,
-    /// The tasks.
+    /// Tasks of the suite.
     pub tasks: Vec<&'static dyn TaskSpec>,
-    /// The levels of each.
+    /// Levels of each task.
     pub levels: Vec<usize>,
     /// Contested scenarios per task and level.
     pub contested: usize,
-    /// Scenarios as they come per task and level.
+    /// Scenarios without selection per task and level.
     pub as_they_come: usize,
     /// Physics options that are not at their defaults, by task.
     pub options: TaskOptions,
 }
 
-impl Plan {
-    /// The command that builds this suite.
+impl SuitePlan {
+    /// Returns the command line that builds this suite.
     fn command(&self) -> String {
         let levels: Vec<String> = self.levels.iter().map(usize::to_string).collect();
         let tasks: Vec<&str> = self.tasks.iter().map(|task| task.id()).collect();
@@ -102,13 +102,13 @@ impl Plan {
     }
 }
 
-/// Builds a suite and writes it.
+/// Builds a suite and writes it to a file.
 ///
 /// # Errors
-/// A task or level that does not exist, a level without contested scenarios, a file that cannot be written.
+/// Returns an error if a task or level does not exist, contested scenarios are too rare, or the file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let plan = args.plan()?;
-    let bar = output::progress(plan.tasks.len() * plan.levels.len(), "task levels")?;
+    let bar = output::progress_bar(plan.tasks.len() * plan.levels.len(), "task levels")?;
     let suite = build(&plan, &bar)?;
     bar.finish_and_clear();
     let text = file::write_suite(&suite)?;
@@ -124,23 +124,24 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 impl Args {
-    fn plan(&self) -> anyhow::Result<Plan> {
+    fn plan(&self) -> anyhow::Result<SuitePlan> {
         let taken = file::built_in(&self.name).is_some();
         ensure!(
             !taken,
             "{} comes with the program: two suites of one name would be taken for the same",
             self.name
         );
-        let tasks = if self.tasks.is_empty() { env_core::default_tasks() } else { named(&self.tasks)? };
+        let tasks =
+            if self.tasks.is_empty() { env_core::default_tasks() } else { tasks_by_name(&self.tasks)? };
         let levels = if self.levels.is_empty() {
             let fewest = tasks.iter().map(|task| task.levels().len()).min().unwrap_or(0);
-            LEVELS.into_iter().filter(|&level| level < fewest).collect()
+            DEFAULT_LEVELS.into_iter().filter(|&level| level < fewest).collect()
         } else {
             self.levels.clone()
         };
         ensure!(self.contested + self.as_they_come > 0, "a suite needs at least one scenario per level");
         let options = options::by_task(&self.options, &tasks)?;
-        Ok(Plan {
+        Ok(SuitePlan {
             name: self.name.clone(),
             options,
             tasks,
@@ -151,8 +152,11 @@ impl Args {
     }
 }
 
-/// Tasks by their ids, and all tasks of a world by its name; each once.
-pub(super) fn named(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpec>> {
+/// Finds tasks by their ids, and all tasks of a world by its name; each task appears once.
+///
+/// # Errors
+/// Returns an error if a name is neither a task nor a world.
+pub(super) fn tasks_by_name(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpec>> {
     let mut tasks: Vec<&'static dyn TaskSpec> = Vec::new();
     for name in names {
         let meant = match (env_core::task(name), env_core::world(name)) {
@@ -173,11 +177,11 @@ pub(super) fn named(names: &[String]) -> anyhow::Result<Vec<&'static dyn TaskSpe
     Ok(tasks)
 }
 
-/// Draws a suite. The same plan gives the same suite, at any number of threads.
+/// Draws a suite. The same plan gives the same suite for any number of threads.
 ///
 /// # Errors
-/// A level that a task does not have, or one where contested scenarios are too rare.
-pub fn build(plan: &Plan, bar: &ProgressBar) -> anyhow::Result<Suite> {
+/// Returns an error if a task lacks a level, or contested scenarios are too rare.
+pub fn build(plan: &SuitePlan, bar: &ProgressBar) -> anyhow::Result<Suite> {
     let mut groups = Vec::with_capacity(plan.tasks.len() * plan.levels.len());
     for task in &plan.tasks {
         for &level in &plan.levels {
@@ -191,25 +195,32 @@ pub fn build(plan: &Plan, bar: &ProgressBar) -> anyhow::Result<Suite> {
             bar.inc(1);
         }
     }
-    let planner = groups.iter().flat_map(|g| &g.entries).map(|e| e.bracket.planner_version).max().unwrap_or(0);
+    let planner =
+        groups.iter().flat_map(|g| &g.entries).map(|e| e.bracket.planner_version).max().unwrap_or(0);
     Ok(Suite { name: plan.name.clone(), planner, created_by: plan.command(), groups })
 }
 
-fn draw(plan: &Plan, recipe: &Arc<Recipe>, level: usize, part: SuitePart) -> anyhow::Result<Vec<SuiteEntry>> {
+fn draw(
+    plan: &SuitePlan,
+    recipe: &Arc<Recipe>,
+    level: usize,
+    part: SuitePart,
+) -> anyhow::Result<Vec<SuiteEntry>> {
     let wanted = if part == SuitePart::Contested { plan.contested } else { plan.as_they_come };
     let mut seeds = seeds(&plan.name, recipe.task().id(), level, part);
     let mut kept = Vec::with_capacity(wanted);
     let mut draws = 0;
     while kept.len() < wanted {
-        if draws >= MOST_DRAWS {
+        if draws >= MAX_DRAWS {
             let found = kept.len();
             bail!("{} level {level}: {found} of {wanted} found in {draws} draws", recipe.task().id());
         }
         let missing = wanted - kept.len();
-        let batch = if part == SuitePart::Contested { missing.max(BATCH) } else { missing };
+        let batch = if part == SuitePart::Contested { missing.max(MIN_BATCH) } else { missing };
         let drawn: Vec<Scenario> = (0..batch).map(|_| Scenario::new(Arc::clone(recipe), seeds())).collect();
         draws += batch;
-        let judged: Vec<Option<SuiteEntry>> = drawn.into_par_iter().map(|scenario| keep(scenario, part)).collect();
+        let judged: Vec<Option<SuiteEntry>> =
+            drawn.into_par_iter().map(|scenario| keep(scenario, part)).collect();
         kept.extend(judged.into_iter().flatten().take(missing));
     }
     Ok(kept)
@@ -219,11 +230,13 @@ fn keep(scenario: Scenario, part: SuitePart) -> Option<SuiteEntry> {
     let admission = admit(&scenario);
     let wanted = part == SuitePart::AsTheyCome || admission.contested;
     let mut bracket = admission.bracket.filter(|_| wanted)?;
-    bracket.reference_plan = env_core::ActionLog::new(bracket.reference_plan.dim(), bracket.reference_plan.precision());
+    bracket.reference_plan =
+        env_core::ActionLog::new(bracket.reference_plan.dim(), bracket.reference_plan.precision());
     Some(SuiteEntry { part, scenario, bracket })
 }
 
-/// Evaluation seeds, a stream of their own for each suite, task, level and part: one more level shifts no other.
+/// Returns a generator of evaluation seeds. Each suite, task, level and part has its own stream, so that an added level does
+/// not shift the others.
 fn seeds(suite: &str, task: &str, level: usize, part: SuitePart) -> impl FnMut() -> Seed {
     let key = blake3::derive_key("sparring suite seeds 1", suite.as_bytes());
     let part = if part == SuitePart::Contested { "contested" } else { "as they come" };
@@ -235,7 +248,7 @@ fn seeds(suite: &str, task: &str, level: usize, part: SuitePart) -> impl FnMut()
     move || Seed::in_space(SeedSpace::Evaluation, generator.next_u64())
 }
 
-fn good_name(name: &str) -> Result<String, String> {
+fn parse_name(name: &str) -> Result<String, String> {
     let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if name.is_empty() || name.len() > 64 || !name.chars().all(good) {
         return Err("a name is 1 to 64 small letters, digits and hyphens".to_owned());

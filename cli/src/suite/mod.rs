@@ -1,4 +1,5 @@
-//! `sparring suite`: frozen sets of held-out scenarios.
+//! `sparring suite`: builds and verifies frozen sets of held-out scenarios. The format of the files lives in
+//! `orchestrator::evaluation::suite`.
 
 pub mod build;
 #[cfg(test)]
@@ -33,10 +34,10 @@ enum Action {
     Verify(verify::Args),
 }
 
-/// Does what the arguments say.
+/// Runs the subcommand.
 ///
 /// # Errors
-/// Anything but a difference found by `verify`, which is exit code 1.
+/// Returns an error if the suite cannot be read or built. A difference found by `verify` gives exit code 1 instead.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match &args.action {
         Action::Build(args) => build::run(args),

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use indicatif::ProgressBar;
 
-use super::build::{Plan, build};
+use super::build::{SuitePlan, build};
 use super::verify::differences;
 use crate::options::{self, TaskOptions};
 use orchestrator::evaluation::suite::file::{self, BuiltInSuite, LoadedSuite};
@@ -12,7 +12,7 @@ use orchestrator::evaluation::suite::{Suite, SuiteError, SuitePart};
 
 /// A small suite of another world, with one level of a task of the first.
 pub(crate) fn mixed() -> Suite {
-    let plan = Plan {
+    let plan = SuitePlan {
         name: "mixed".to_owned(),
         tasks: ["docking/single", "docking/multiagent", "kessler/survival"]
             .map(|id| env_core::task(id).unwrap())
@@ -33,7 +33,7 @@ pub(crate) fn small() -> Suite {
 
 fn fresh() -> Suite {
     let tasks = ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"];
-    let plan = Plan {
+    let plan = SuitePlan {
         name: "small".to_owned(),
         tasks: tasks.iter().map(|id| env_core::task(id).unwrap()).collect(),
         levels: vec![2, 6],
@@ -104,8 +104,9 @@ fn an_altered_byte_is_refused() {
 fn a_forged_suite_is_refused() {
     let text = file::write_suite(&small()).unwrap();
     let seed = small().entries().next().unwrap().scenario.seed().get();
-    let tell =
-        |from: &str, to: &str| file::parse_suite(rehashed(&text.replacen(from, to, 1)).as_bytes()).unwrap_err();
+    let tell = |from: &str, to: &str| {
+        file::parse_suite(rehashed(&text.replacen(from, to, 1)).as_bytes()).unwrap_err()
+    };
     let seed = format!("\"seed\":{seed}");
     insta::assert_snapshot!([
         tell(&seed, "\"seed\":5"),
@@ -163,7 +164,9 @@ fn built_in_suites_read_and_are_small_enough_to_commit() {
 /// Committed once, a suite never changes: results on it would not compare.
 #[test]
 fn regress_built_in_suites_are_the_committed_ones() {
-    let hashes = file::BUILT_IN_SUITES.iter().map(|BuiltInSuite { name, .. }| format!("{name} {}", file::load_suite(name).unwrap().hash));
+    let hashes = file::BUILT_IN_SUITES
+        .iter()
+        .map(|BuiltInSuite { name, .. }| format!("{name} {}", file::load_suite(name).unwrap().hash));
     insta::assert_snapshot!("built_in", hashes.collect::<Vec<_>>().join("\n"));
 }
 
@@ -172,7 +175,8 @@ fn regress_built_in_suites_are_the_committed_ones() {
 fn tasks_are_named_one_by_one_or_by_their_world() {
     let ids = |names: &[&str]| {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
-        super::build::named(&names).map(|tasks| tasks.iter().map(|task| task.id()).collect::<Vec<_>>())
+        super::build::tasks_by_name(&names)
+            .map(|tasks| tasks.iter().map(|task| task.id()).collect::<Vec<_>>())
     };
     assert_eq!(ids(&["docking"]).unwrap(), ["docking/single", "docking/multiagent"]);
     let both = ["docking/multiagent", "docking", "kessler/survival"];
@@ -216,7 +220,7 @@ fn a_suite_may_have_physics_of_its_own() {
     let chosen = ["risk=pc", "kessler/formation:gravity=j2"].map(|text| options::parse(text).unwrap());
     let options = options::by_task(&chosen, &tasks).unwrap();
     let plan =
-        Plan { name: "own".to_owned(), tasks, levels: vec![3], contested: 2, as_they_come: 1, options };
+        SuitePlan { name: "own".to_owned(), tasks, levels: vec![3], contested: 2, as_they_come: 1, options };
     let suite = build(&plan, &ProgressBar::hidden()).unwrap();
     let told = "--physics kessler/formation:gravity=j2 --physics kessler/formation:risk=pc --physics kessler/survival:risk=pc";
     assert!(suite.created_by.ends_with(told), "{}", suite.created_by);

@@ -1,4 +1,4 @@
-//! `sparring suite verify`: whether a suite is still what it says.
+//! `sparring suite verify`: recomputes a suite and compares it with its file.
 
 use std::process::ExitCode;
 
@@ -11,8 +11,8 @@ use crate::output;
 use orchestrator::evaluation::suite::file::{self, LoadedSuite};
 use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
 
-/// Differences that are told one by one.
-const TOLD: usize = 10;
+/// Largest number of listed differences.
+const MAX_LISTED_DIFFERENCES: usize = 10;
 
 /// Recompute every id, every bracket and the hash of a suite; exit 1 on any difference.
 ///
@@ -35,10 +35,10 @@ Examples:
   sparring suite verify
   sparring suite verify my-suite-v1.json";
 
-/// Verifies a suite and says what was found.
+/// Verifies a suite and prints the differences; a difference gives exit code 1.
 ///
 /// # Errors
-/// Something that is no suite at all; a difference is exit code 1.
+/// Returns an error if the file is no suite.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let LoadedSuite { suite, hash } = match file::load_suite(&args.suite) {
         Ok(loaded) => loaded,
@@ -49,16 +49,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Err(error) => return Err(error).context(format!("suite {}", args.suite)),
     };
     let count = suite.entries().count();
-    let bar = output::progress(count, "brackets")?;
+    let bar = output::progress_bar(count, "brackets")?;
     let differences = differences(&suite, &bar);
     bar.finish_and_clear();
     let mut text = String::new();
-    for difference in differences.iter().take(TOLD) {
+    for difference in differences.iter().take(MAX_LISTED_DIFFERENCES) {
         text.push_str(difference);
         text.push('\n');
     }
-    if differences.len() > TOLD {
-        text.push_str(&format!("… and {} more\n", differences.len() - TOLD));
+    if differences.len() > MAX_LISTED_DIFFERENCES {
+        text.push_str(&format!("… and {} more\n", differences.len() - MAX_LISTED_DIFFERENCES));
     }
     let verdict = if differences.is_empty() { "all as stored" } else { "DIFFERENT" };
     text.push_str(&format!(
@@ -66,21 +66,21 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
          equal: {verdict}",
         suite.name,
         count - differences.len(),
-        planners(&suite)
+        planner_versions(&suite)
     ));
     output::print(&text)?;
     Ok(if differences.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The versions of the planners that made its brackets, as "1" or "1 and 2".
-fn planners(suite: &Suite) -> String {
+/// Lists the versions of the planners that made the brackets, as "1" or "1 and 2".
+fn planner_versions(suite: &Suite) -> String {
     let mut versions: Vec<u32> = suite.groups.iter().filter_map(SuiteGroup::planner).collect();
     versions.sort_unstable();
     versions.dedup();
     versions.iter().map(u32::to_string).collect::<Vec<_>>().join(" and ")
 }
 
-/// One sentence per scenario whose bracket is not what is stored.
+/// Returns one sentence per scenario whose recomputed bracket differs from the stored one.
 #[must_use]
 pub fn differences(suite: &Suite, bar: &ProgressBar) -> Vec<String> {
     let entries: Vec<&SuiteEntry> = suite.entries().collect();
@@ -112,7 +112,9 @@ fn difference(entry: &SuiteEntry) -> Option<String> {
         } else {
             format!("{here} here; {kept} stored")
         })
-    } else if entry.part == SuitePart::Contested && !env_core::admission::is_contested(&entry.scenario, stored) {
+    } else if entry.part == SuitePart::Contested
+        && !env_core::admission::is_contested(&entry.scenario, stored)
+    {
         Some("it is not contested".to_owned())
     } else {
         None

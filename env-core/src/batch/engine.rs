@@ -46,7 +46,7 @@ pub trait BatchLane: Send + Sized {
     fn state_hash(&self) -> [u8; 32];
 
     /// Scene after a step with these actions.
-    fn scene(&self, acted: &[f32]) -> Scene;
+    fn scene(&self, actions: &[f32]) -> Scene;
 
     /// Texts of the events of the last step.
     fn alerts(&self) -> Vec<String>;
@@ -235,9 +235,9 @@ impl<L: BatchLane> Batch for BatchEngine<L> {
         self.slots.get(env).map(|slot| slot.lane.state_hash())
     }
 
-    fn scene(&self, env: usize, acted: &[f32]) -> Option<Scene> {
+    fn scene(&self, env: usize, actions: &[f32]) -> Option<Scene> {
         let slot = self.slots.get(env)?;
-        slot.scenario.as_ref().map(|_| slot.lane.scene(acted))
+        slot.scenario.as_ref().map(|_| slot.lane.scene(actions))
     }
 
     fn telemetry(&self, env: usize) -> Option<Value> {
@@ -333,7 +333,8 @@ impl<L: BatchLane> Slot<L> {
         autoreset: Autoreset,
         row: Row<'_>,
     ) -> Result<(), BatchError> {
-        let Row { observation, rewards, team_reward, terminated, truncated, done, executed_actions, .. } = row;
+        let Row { observation, rewards, team_reward, terminated, truncated, done, executed_actions, .. } =
+            row;
         rewards.fill(0.0);
         *team_reward = 0.0;
         truncated.fill(false);

@@ -65,9 +65,9 @@ pub trait Batch: Send {
     /// A digest of every bit of an environment's state.
     fn state_hash(&self, env: usize) -> Option<[u8; 32]>;
 
-    /// Scene of an environment, or `None` if it has no episode. `acted` are the actions of its agents in the last step,
+    /// Scene of an environment, or `None` if it has no episode. `actions` are the actions of its agents in the last step,
     /// along the world's axes.
-    fn scene(&self, env: usize, acted: &[f32]) -> Option<Scene>;
+    fn scene(&self, env: usize, actions: &[f32]) -> Option<Scene>;
 
     /// Texts of the events in the last step of an environment.
     fn alerts(&self, env: usize) -> Vec<String>;

@@ -111,18 +111,18 @@ impl BatchLane for DockingLane {
         if !out.executed_actions.is_empty() {
             out.executed_actions.copy_from_slice(actions);
         }
-        let stepped = self.sim.apply_thrusts(thrusts);
-        *out.team_reward = stepped.reward as f32;
+        let step = self.sim.apply_thrusts(thrusts);
+        *out.team_reward = step.reward as f32;
         let live = self.sim.active_deputies();
         for (agent, live) in live.into_iter().enumerate().take(self.agents) {
-            let before = stepped.active_before[agent];
-            out.rewards[agent] = if before { stepped.rewards[agent].total() as f32 } else { 0.0 };
+            let before = step.active_before[agent];
+            out.rewards[agent] = if before { step.rewards[agent].total() as f32 } else { 0.0 };
             // A timeout is both, as in `DockingEpisode`.
             out.terminated[agent] = !live;
             out.truncated[agent] =
                 before && self.sim.deputies().get(agent).is_some_and(|d| d.end_conditions.timeout);
         }
-        stepped.done
+        step.done
     }
 
     fn mark_absent_agents(&self, terminated: &mut [bool]) {
@@ -138,8 +138,8 @@ impl BatchLane for DockingLane {
         self.sim.outcome().score
     }
 
-    fn scene(&self, acted: &[f32]) -> Scene {
-        super::scene::build_scene(&self.sim, acted)
+    fn scene(&self, actions: &[f32]) -> Scene {
+        super::scene::build_scene(&self.sim, actions)
     }
 
     fn telemetry(&self) -> Value {

@@ -25,7 +25,7 @@ pub(super) struct DockingEpisode {
     rewards: [DockingReward; MAX_DEPUTIES],
     reward: f64,
     /// Created on first use, so that a replay does not pay for it.
-    seen: OnceCell<DockingTelemetry>,
+    telemetry_cache: OnceCell<DockingTelemetry>,
 }
 
 impl DockingEpisode {
@@ -36,23 +36,23 @@ impl DockingEpisode {
             sim: DockingSim::new(setup, &start),
             rewards: [DockingReward::default(); MAX_DEPUTIES],
             reward: 0.0,
-            seen: OnceCell::new(),
+            telemetry_cache: OnceCell::new(),
         })
     }
 
-    fn seen(&self) -> &DockingTelemetry {
-        self.seen.get_or_init(|| self.sim.telemetry(&self.rewards, self.reward))
+    fn cached_telemetry(&self) -> &DockingTelemetry {
+        self.telemetry_cache.get_or_init(|| self.sim.telemetry(&self.rewards, self.reward))
     }
 }
 
 impl Episode for DockingEpisode {
     fn step(&mut self, action: JointAction<'_>, report: &mut StepReport) -> Result<(), StepError> {
-        let stepped = self.sim.step(action)?;
-        (self.rewards, self.reward) = (stepped.rewards, stepped.reward);
-        self.seen = OnceCell::new();
+        let step = self.sim.step(action)?;
+        (self.rewards, self.reward) = (step.rewards, step.reward);
+        self.telemetry_cache = OnceCell::new();
         report.agents.clear();
-        for (i, (deputy, reward)) in self.sim.deputies().iter().zip(stepped.rewards).enumerate() {
-            if !stepped.active_before[i] {
+        for (i, (deputy, reward)) in self.sim.deputies().iter().zip(step.rewards).enumerate() {
+            if !step.active_before[i] {
                 continue;
             }
             let ends = deputy.end_conditions;
@@ -65,9 +65,9 @@ impl Episode for DockingEpisode {
                 needs_action: !ends.any(),
             });
         }
-        report.reward = stepped.reward;
+        report.reward = step.reward;
         report.elapsed = STEP_S;
-        report.done = stepped.done;
+        report.done = step.done;
         Ok(())
     }
 
@@ -80,11 +80,11 @@ impl Episode for DockingEpisode {
     }
 
     fn observation(&self) -> &dyn Any {
-        self.seen()
+        self.cached_telemetry()
     }
 
     fn telemetry(&self) -> Value {
-        serde_json::to_value(self.seen()).unwrap_or(Value::Null)
+        serde_json::to_value(self.cached_telemetry()).unwrap_or(Value::Null)
     }
 
     fn write_observation(&self, out: &mut Vec<u8>) {

@@ -9,7 +9,7 @@ use super::telemetry::MISSION_TEXT;
 use crate::json_writer::LazySeq;
 
 /// Observation of all agents without `reward` and `done`: the same fields in the same order as
-/// [`Telemetry`](super::telemetry::Telemetry).
+/// [`DockingTelemetry`](super::telemetry::DockingTelemetry).
 #[derive(Debug)]
 pub(super) struct DockingObservation<'a> {
     pub(super) sim: &'a DockingSim,

@@ -28,7 +28,7 @@ const PLANES: [Plane; 2] = [
 ];
 
 /// Builds the scene after these thrusts (three values for each deputy).
-pub(super) fn build_scene(sim: &DockingSim, acted: &[f32]) -> Scene {
+pub(super) fn build_scene(sim: &DockingSim, actions: &[f32]) -> Scene {
     let active = sim.deputies().iter().filter(|deputy| deputy.is_active());
     let far = active.map(|deputy| distance(&deputy.state)).fold(MIN_HALF_EXTENT_M, f64::max);
     // 20, 40, 80, 160 … m, so that the scale changes rarely; a ring at half of it shows the scale.
@@ -47,13 +47,13 @@ pub(super) fn build_scene(sim: &DockingSim, acted: &[f32]) -> Scene {
     });
     let head = format!("{} s of {}, score {:.3}", sim.steps(), sim.setup().time_limit, sim.outcome().score);
     Scene {
-        views: PLANES.iter().map(|plane| build_view(sim, acted, plane, reach)).collect(),
+        views: PLANES.iter().map(|plane| build_view(sim, actions, plane, reach)).collect(),
         status_lines: std::iter::once(head).chain(deputy_lines).collect(),
         alerts: sim.events().iter().map(super::event::DockingEvent::alert).collect(),
     }
 }
 
-fn build_view(sim: &DockingSim, acted: &[f32], plane: &Plane, reach: f64) -> View {
+fn build_view(sim: &DockingSim, actions: &[f32], plane: &Plane, reach: f64) -> View {
     let &Plane { title, across, up } = plane;
     let at = |state: &[f64; 6]| -> Point { (state[across], state[up]) };
     let mut marks = vec![
@@ -79,7 +79,7 @@ fn build_view(sim: &DockingSim, acted: &[f32], plane: &Plane, reach: f64) -> Vie
         });
         marks.push(Primitive::Path { points: path.collect(), style: Style::Guide });
         marks.push(Primitive::Marker { id: u64::from(number), at: here, style: Style::Agent(number) });
-        let thrust = acted.chunks_exact(3).nth(number as usize).unwrap_or(&[0.0; 3]);
+        let thrust = actions.chunks_exact(3).nth(number as usize).unwrap_or(&[0.0; 3]);
         let (x, y) = (f64::from(thrust[across]), f64::from(thrust[up]));
         if x != 0.0 || y != 0.0 {
             let to = (here.0 + THRUST_ARROW_RATIO * reach * x, here.1 + THRUST_ARROW_RATIO * reach * y);

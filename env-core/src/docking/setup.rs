@@ -97,13 +97,13 @@ impl DockingSetup {
     ///
     /// # Errors
     /// Returns [`ScenarioError::Unfair`] if a deputy is too close to another after [`START_TRIES`] redraws.
-    pub fn sample_starts(&self, chance: &mut impl EpisodeRng) -> Result<DeputyStarts, ScenarioError> {
+    pub fn sample_starts(&self, rng: &mut impl EpisodeRng) -> Result<DeputyStarts, ScenarioError> {
         if let Some(given) = self.layout_starts {
             return Ok(given);
         }
         let mut start = DeputyStarts { deputies: self.deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
         for i in 0..self.deputies {
-            let mut state = self.sample_state(chance, RngStream::Agents);
+            let mut state = self.sample_state(rng, RngStream::Agents);
             let mut tries = 0;
             while let Some((other, _)) = find_too_close(&start.states[..i], &state) {
                 if tries == START_TRIES {
@@ -116,7 +116,7 @@ impl DockingSetup {
                     });
                 }
                 tries += 1;
-                state = self.sample_state(chance, RngStream::Redraw(i as u32));
+                state = self.sample_state(rng, RngStream::Redraw(i as u32));
             }
             start.states[i] = state;
         }
@@ -126,19 +126,19 @@ impl DockingSetup {
     /// Samples the state of a deputy by six draws: distance, azimuth and elevation of the position; speed, azimuth and
     /// elevation of the velocity. The number is fixed, so that more deputies do not change the first ones, and other params
     /// do not change the directions.
-    fn sample_state(&self, chance: &mut impl EpisodeRng, stream: RngStream) -> RelativeState {
-        let radius = chance.uniform_in(stream, self.start_radius * MIN_START_RATIO, self.start_radius);
-        let [x, y, z] = sample_direction(chance, stream);
-        let speed = chance.uniform_in(stream, 0.0, self.speed_ratio) * speed_limit(radius);
-        let [vx, vy, vz] = sample_direction(chance, stream);
+    fn sample_state(&self, rng: &mut impl EpisodeRng, stream: RngStream) -> RelativeState {
+        let radius = rng.uniform_in(stream, self.start_radius * MIN_START_RATIO, self.start_radius);
+        let [x, y, z] = sample_direction(rng, stream);
+        let speed = rng.uniform_in(stream, 0.0, self.speed_ratio) * speed_limit(radius);
+        let [vx, vy, vz] = sample_direction(rng, stream);
         [radius * x, radius * y, radius * z, speed * vx, speed * vy, speed * vz]
     }
 }
 
 /// Samples a unit vector by uniform azimuth and elevation, as in the original, so it is denser towards the poles.
-fn sample_direction(chance: &mut impl EpisodeRng, stream: RngStream) -> [f64; 3] {
-    let (sin_azimuth, cos_azimuth) = libm::sincos(chance.uniform_in(stream, 0.0, START_AZIMUTH_RAD));
-    let elevation = chance.uniform_in(stream, -START_ELEVATION_RAD, START_ELEVATION_RAD);
+fn sample_direction(rng: &mut impl EpisodeRng, stream: RngStream) -> [f64; 3] {
+    let (sin_azimuth, cos_azimuth) = libm::sincos(rng.uniform_in(stream, 0.0, START_AZIMUTH_RAD));
+    let elevation = rng.uniform_in(stream, -START_ELEVATION_RAD, START_ELEVATION_RAD);
     let (sin_elevation, cos_elevation) = libm::sincos(elevation);
     [cos_azimuth * cos_elevation, sin_azimuth * cos_elevation, sin_elevation]
 }

@@ -122,24 +122,24 @@ impl DockingSim {
     /// Advances the episode by one step under finite thrusts of any size; each axis is clamped. After the end it does
     /// nothing. The batch engine calls it directly.
     pub fn apply_thrusts(&mut self, thrusts: Thrusts) -> DockingStep {
-        let mut stepped = DockingStep {
+        let mut result = DockingStep {
             active_before: self.active_deputies(),
             rewards: [DockingReward::default(); MAX_DEPUTIES],
             reward: 0.0,
             done: self.done,
         };
         if self.done {
-            return stepped;
+            return result;
         }
         self.step += 1;
         self.events.clear();
         let mut sum = 0.0;
         for (i, thrust) in thrusts.into_iter().enumerate() {
-            if stepped.active_before[i] {
-                let moved = self.deputies[i].step(self.transition, &self.setup, self.step, thrust);
-                stepped.rewards[i] = moved.reward;
-                self.delta_v += moved.delta_v;
-                sum += moved.reward.total();
+            if result.active_before[i] {
+                let step = self.deputies[i].step(self.transition, &self.setup, self.step, thrust);
+                result.rewards[i] = step.reward;
+                self.delta_v += step.delta_v;
+                sum += step.reward.total();
                 if !self.deputies[i].is_active() {
                     self.push_end_events(i);
                 }
@@ -148,11 +148,11 @@ impl DockingSim {
         if self.deputy_count > 1 {
             self.apply_collisions();
         }
-        stepped.reward = sum / self.deputy_count as f64;
-        self.total += stepped.reward;
+        result.reward = sum / self.deputy_count as f64;
+        self.total += result.reward;
         self.done = !self.deputies().iter().any(Deputy::is_active);
-        stepped.done = self.done;
-        stepped
+        result.done = self.done;
+        result
     }
 
     /// Records the events of a deputy that leaves.
@@ -207,8 +207,8 @@ impl DockingSim {
         let mut rows = out.chunks_mut(OBSERVATION_DIM);
         for deputy in self.deputies() {
             let Some(row) = rows.next() else { return };
-            let seen = observe_deputy(&deputy.state);
-            row.copy_from_slice(&seen[..row.len()]);
+            let observation = observe_deputy(&deputy.state);
+            row.copy_from_slice(&observation[..row.len()]);
         }
         rows.for_each(|row| row.fill(0.0));
     }

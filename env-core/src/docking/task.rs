@@ -108,8 +108,8 @@ impl TaskSpec for DockingTask {
         None
     }
 
-    fn is_success(&self, flown: &EpisodeOutcome, _: Option<f64>) -> bool {
-        flown.lost == 0 && flown.goal.is_some_and(|docked| docked >= 1.0)
+    fn is_success(&self, outcome: &EpisodeOutcome, _: Option<f64>) -> bool {
+        outcome.lost == 0 && outcome.goal.is_some_and(|docked| docked >= 1.0)
     }
 
     fn blind_can_succeed(&self) -> bool {
@@ -120,16 +120,16 @@ impl TaskSpec for DockingTask {
         codec::read_step(step, log)
     }
 
-    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
-        Ok(Box::new(telemetry::DockingTelemetry::deserialize(wire)?))
+    fn read_observation(&self, value: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
+        Ok(Box::new(telemetry::DockingTelemetry::deserialize(value)?))
     }
 
     fn batch(
         &self,
-        feed: Box<dyn ScenarioSource>,
+        source: Box<dyn ScenarioSource>,
         config: BatchConfig,
     ) -> Result<Box<dyn Batch>, BatchError> {
-        batch::create_batch(self, feed, config)
+        batch::create_batch(self, source, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

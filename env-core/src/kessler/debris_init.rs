@@ -1,14 +1,14 @@
 //! Initial debris: turns random draws into bodies on circular orbits, in the machine's vector
 //! width.
 
+use std::f64::consts::TAU;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::body_blocks::{BLOCK_LEN, BodyBlock, BodyBlocks};
 use super::constants::{DEBRIS_RADII, GM};
 use super::kernel::Body;
 use crate::episode_rng::{EpisodeRng, RngStream};
-
-const TAU: f64 = std::f64::consts::TAU;
 
 /// Draws per body, each uniform in [0, 1): radius, angle, and both velocity offsets.
 pub(super) const DRAWS_PER_BODY: usize = 4;

@@ -70,8 +70,8 @@ impl Body {
         self
     }
 
-    /// Returns the body one step earlier. The inverse of a step is explicit: `p_k = p_{k+1} −
-    /// v_{k+1}` and `v_k = v_{k+1} − a(p_k)`.
+    /// Returns the body one step earlier. The inverse of a step is explicit: `p_k = p_{k+1} − v_{k+1}` and
+    /// `v_k = v_{k+1} − a(p_k)`.
     #[must_use]
     pub fn coast_back(self, gravity: Gravity) -> Self {
         let (x, y) = (self.x - self.vx, self.y - self.vy);

@@ -144,11 +144,11 @@ impl TaskSpec for KesslerTask {
         threat_placement::place_contested_threat(scenario)
     }
 
-    fn is_success(&self, flown: &EpisodeOutcome, skill: Option<f64>) -> bool {
-        flown.lost == 0
+    fn is_success(&self, outcome: &EpisodeOutcome, skill: Option<f64>) -> bool {
+        outcome.lost == 0
             && match self.objective {
                 Objective::Survival | Objective::EcoStation => skill.is_none_or(|s| s >= MIN_SUCCESS_SKILL),
-                Objective::Rendezvous | Objective::Formation => flown.goal.is_some_and(|g| g >= GOAL),
+                Objective::Rendezvous | Objective::Formation => outcome.goal.is_some_and(|g| g >= GOAL),
             }
     }
 
@@ -160,16 +160,16 @@ impl TaskSpec for KesslerTask {
         codec::read_step(step, log)
     }
 
-    fn read_observation(&self, wire: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
-        Ok(Box::new(telemetry::KesslerTelemetry::deserialize(wire)?))
+    fn read_observation(&self, value: &Value) -> serde_json::Result<Box<dyn Any + Send>> {
+        Ok(Box::new(telemetry::KesslerTelemetry::deserialize(value)?))
     }
 
     fn batch(
         &self,
-        feed: Box<dyn ScenarioSource>,
+        source: Box<dyn ScenarioSource>,
         config: BatchConfig,
     ) -> Result<Box<dyn Batch>, BatchError> {
-        batch::batch(self.objective, self.metadata.id, feed, config)
+        batch::batch(self.objective, self.metadata.id, source, config)
     }
 
     fn policies(&self) -> &'static [PolicySpec] {

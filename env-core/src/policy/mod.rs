@@ -8,7 +8,7 @@ use std::any::Any;
 
 use serde::Serialize;
 
-pub(crate) use self::typed_policy::{HoldPolicy, TypedPolicy, PlanPolicy, erase_type};
+pub(crate) use self::typed_policy::{HoldPolicy, PlanPolicy, TypedPolicy, erase_type};
 use crate::error::ScenarioError;
 use crate::log::ActionLog;
 
@@ -73,8 +73,8 @@ mod tests {
             let mut report = StepReport::default();
             while !episode.done() && episode.steps() < 100 {
                 local.act(episode.observation(), &mut local_log);
-                let wire: Value = serde_json::from_str(&episode.telemetry().to_string()).unwrap();
-                remote.act(&*task.read_observation(&wire).unwrap(), &mut remote_log);
+                let json: Value = serde_json::from_str(&episode.telemetry().to_string()).unwrap();
+                remote.act(&*task.read_observation(&json).unwrap(), &mut remote_log);
                 episode.step(local_log.step(local_log.len() - 1), &mut report).unwrap();
             }
             assert!(local_log == remote_log && local_log.len() > 30, "{}", task.id());

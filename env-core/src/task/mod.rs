@@ -22,12 +22,12 @@ pub use self::recipe::{Recipe, RecipeId};
 pub use self::scenario::{Scenario, ScenarioId};
 use crate::batch::{Batch, BatchConfig, BatchError, ScenarioSource};
 use crate::bracket::{Bracket, EpisodeOutcome};
-use crate::critique::{Critique, Judgement, FailureModeSpec, SpeedBands};
+use crate::critique::{Critique, FailureModeSpec, Judgement, SpeedBands};
 use crate::error::{LogError, ReplayError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
-use crate::space::{ActionSpace, ActionGrid, Levels, OptionSpec, ParamSpec, ScoreRange};
+use crate::space::{ActionGrid, ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
 
 /// A task as data.
 #[derive(Debug)]
@@ -141,7 +141,7 @@ pub trait TaskSpec: Send + Sync {
     fn make_contested(&self, scenario: &Scenario) -> Option<(Scenario, Bracket)>;
 
     /// The task's success rule. True if an episode with this outcome and skill is a success.
-    fn is_success(&self, flown: &EpisodeOutcome, skill: Option<f64>) -> bool;
+    fn is_success(&self, outcome: &EpisodeOutcome, skill: Option<f64>) -> bool;
 
     /// True if a blind plan can succeed at all, so that a contested scenario must prove that most do not.
     fn blind_can_succeed(&self) -> bool;
@@ -159,11 +159,15 @@ pub trait TaskSpec: Send + Sync {
     /// Returns the parser's error if the value is not an observation of this world.
     fn read_observation(&self, value: &Value) -> serde_json::Result<Box<dyn Any + Send>>;
 
-    /// Creates many environments of this task that are stepped together; `feed` supplies their scenarios.
+    /// Creates many environments of this task that are stepped together; `source` supplies their scenarios.
     ///
     /// # Errors
     /// Returns an error if the configuration is out of range, or requires a feature that the world does not have.
-    fn batch(&self, feed: Box<dyn ScenarioSource>, config: BatchConfig) -> Result<Box<dyn Batch>, BatchError>;
+    fn batch(
+        &self,
+        source: Box<dyn ScenarioSource>,
+        config: BatchConfig,
+    ) -> Result<Box<dyn Batch>, BatchError>;
 
     /// The built-in policies in the order of presentation. Every task has `hold`, `random`, `blind`, `frozen`, `heuristic`
     /// and `reference`.

@@ -2,7 +2,9 @@
 
 use serde_json::{Value, json};
 
-use crate::schema::{action_metadata, list_of, message, model, observation_base, scalar, with_default, described};
+use crate::schema::{
+    action_metadata, described, list_of, message, model, observation_base, scalar, with_default,
+};
 
 pub(super) const THRUST: &str = "DeputyThrust";
 const DEPUTY: &str = "DeputyTelemetry";
@@ -40,7 +42,10 @@ pub(super) fn observation() -> Value {
         done,
         reward,
         metadata,
-        ("mission_objective", with_default(described(scalar("string"), "The goal for the current episode"), json!(""))),
+        (
+            "mission_objective",
+            with_default(described(scalar("string"), "The goal for the current episode"), json!("")),
+        ),
         ("time_s", number("Elapsed time, s")),
         ("time_limit_s", number("Time at which a deputy that has not docked has failed, s")),
         ("thrust_bound", number("Largest thrust per axis, N; more is clamped")),
@@ -53,7 +58,10 @@ pub(super) fn observation() -> Value {
                  across it.",
             ),
         ),
-        ("critical_alerts", described(alerts, "Events of the last step, and deputies above the speed limit now")),
+        (
+            "critical_alerts",
+            described(alerts, "Events of the last step, and deputies above the speed limit now"),
+        ),
         ("total_score", number("Cumulative mission score: the sum of rewards")),
     ];
     message(

@@ -36,8 +36,9 @@ fn thrusts_are_read_in_every_form() {
 
 #[test]
 fn errors_name_deputy_and_axis() {
-    let errors =
-        read_action(&json!({"thrusts": [{"deputy_id": 1.5, "thrust_x": "x", "thrust_z": "inf"}], "burns": []}));
+    let errors = read_action(
+        &json!({"thrusts": [{"deputy_id": 1.5, "thrust_x": "x", "thrust_z": "inf"}], "burns": []}),
+    );
     let entry = json!({"deputy_id": 1.5, "thrust_x": "x", "thrust_z": "inf"});
     let parsing = |what| format!("Input should be a valid {what}");
     assert_eq!(

@@ -3,7 +3,9 @@
 
 use serde_json::{Value, json};
 
-use crate::schema::{action_metadata, list_of, message, model, observation_base, scalar, with_default, described};
+use crate::schema::{
+    action_metadata, described, list_of, message, model, observation_base, scalar, with_default,
+};
 
 pub(super) const BURN: &str = "ThrusterBurn";
 const SATELLITE: &str = "SatelliteTelemetry";

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::{any_json, at_level};
 use crate::{
-    ValidationError, LocSegment, MAX_ECHO_BYTES, MAX_ERRORS, MAX_TEXT_BYTES, parse_python_json, wire_format,
+    LocSegment, MAX_ECHO_BYTES, MAX_ERRORS, MAX_TEXT_BYTES, ValidationError, parse_python_json, wire_format,
 };
 
 /// A task of a world, and the names of its action's fields.

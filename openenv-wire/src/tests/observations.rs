@@ -71,13 +71,7 @@ fn check_rollout(scenario: &Scenario, policy: &str, max_steps: u32, fields: &mut
             episode.write_observation(&mut out);
             assert!(out.starts_with(b"before{"));
             let written: Value = serde_json::from_slice(&out[6..]).unwrap();
-            assert_eq!(
-                written,
-                expected_observation(&*episode),
-                "{} step {}",
-                task.id(),
-                episode.steps()
-            );
+            assert_eq!(written, expected_observation(&*episode), "{} step {}", task.id(), episode.steps());
             assert_conforms(&written, schema, schema);
             fields.extend(written.as_object().unwrap().keys().cloned());
             if written["satellites"][0].get("survival_probability").is_some() {

@@ -1,4 +1,4 @@
-//! What is needed to criticise episodes: their scenarios and action logs, read in a few statements however many they are.
+//! Input of critique jobs: the scenarios and action logs of their episodes, read in a few statements.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -9,75 +9,84 @@ use crate::critiques::sampling;
 use crate::store::critiques::CritiqueJob;
 use crate::store::groups::{self, GroupRow};
 use crate::store::keys::{EpisodeKey, GroupKey};
-use crate::store::scenarios::{ScenarioLoader, LoadedScenarios};
+use crate::store::scenarios::{LoadedScenarios, ScenarioLoader};
 use crate::store::{StoreError, episodes};
 
-/// Episodes criticised at a time: enough to share a commit, few enough that it is short and little is done again after a
-/// crash.
-const EPISODES: usize = 64;
+/// Episodes criticised together: enough to share a commit, and few enough that little is repeated after a crash.
+const MAX_EPISODES: usize = 64;
 
-/// What an episode is criticised on.
+/// An episode to criticise.
 #[derive(Debug)]
 pub(crate) struct CritiqueEpisode {
     pub(crate) scenario: Scenario,
-    /// The layout of a designed group.
+    /// Number of the layout of a designed group.
     pub(crate) layout: Option<i64>,
     pub(crate) log: ActionLog,
 }
 
-/// A job with what is needed to do it.
+/// An episode that sampling selected.
+#[derive(Debug)]
+pub(crate) struct SelectedEpisode {
+    /// Index of the episode in its lease.
+    pub(crate) number: i64,
+    /// The episode, or the reason why it cannot be read.
+    pub(crate) episode: Result<CritiqueEpisode, String>,
+}
+
+/// A critique job with the episodes to criticise.
 #[derive(Debug)]
 pub struct CritiqueInput {
     pub(crate) job: CritiqueJob,
-    /// What is criticised, by index in the lease.
-    pub(crate) chosen: Vec<(i64, Result<CritiqueEpisode, String>)>,
+    pub(crate) selected: Vec<SelectedEpisode>,
+    /// Number of episodes that sampling left out.
     pub(crate) skipped: i64,
 }
 
-/// Loads jobs until enough episodes are together, of each run the share that so many halvings leave. An episode that cannot
-/// be read back fails by itself.
+/// Loads jobs until they have enough episodes. Of each run the share that remains after its `halvings` is selected. An episode that
+/// cannot be read fails by itself.
 ///
 /// # Errors
-/// The database's.
+/// Returns an error of the store if a statement fails.
 pub async fn load(
     conn: &mut SqliteConnection,
     jobs: Vec<CritiqueJob>,
     halvings: &BTreeMap<String, u32>,
 ) -> Result<Vec<CritiqueInput>, StoreError> {
-    let mut picked = Vec::new();
-    let mut shelf = CritiqueScenarios::default();
+    let mut loaded = Vec::new();
+    let mut loader = EpisodeLoader::default();
     for job in jobs {
         let halvings = halvings.get(&job.run).copied().unwrap_or(0);
         let numbers = job.numbers().map_err(|error| error.to_string());
-        let kept = numbers.map(|mut numbers| {
-            numbers.retain(|number| sampling::kept(job.lease, *number, halvings));
+        let selected = numbers.map(|mut numbers| {
+            numbers.retain(|number| sampling::is_selected(job.lease, *number, halvings));
             numbers
         });
-        for number in kept.iter().flatten() {
-            shelf.wanted.insert(EpisodeKey { lease: job.lease, number: *number });
-            shelf.groups.entry(job.lease).or_default().insert(number / job.group_size.max(1));
+        for number in selected.iter().flatten() {
+            loader.needed.insert(EpisodeKey { lease: job.lease, number: *number });
+            loader.groups.entry(job.lease).or_default().insert(number / job.group_size.max(1));
         }
-        picked.push((job, kept));
-        if shelf.wanted.len() >= EPISODES {
+        loaded.push((job, selected));
+        if loader.needed.len() >= MAX_EPISODES {
             break;
         }
     }
-    shelf.fill(conn).await?;
-    Ok(picked.into_iter().map(|(job, kept)| shelf.material(job, kept)).collect())
+    loader.read(conn).await?;
+    Ok(loaded.into_iter().map(|(job, selected)| loader.input(job, selected)).collect())
 }
 
-/// What was read, to be handed out.
+/// Groups, scenarios and logs of the selected episodes.
 #[derive(Default)]
-struct CritiqueScenarios {
-    wanted: BTreeSet<EpisodeKey>,
+struct EpisodeLoader {
+    needed: BTreeSet<EpisodeKey>,
+    /// Numbers of the needed groups, by lease.
     groups: BTreeMap<i64, BTreeSet<i64>>,
     rows: HashMap<GroupKey, GroupRow>,
     scenarios: LoadedScenarios,
     logs: HashMap<EpisodeKey, Result<ActionLog, StoreError>>,
 }
 
-impl CritiqueScenarios {
-    async fn fill(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
+impl EpisodeLoader {
+    async fn read(&mut self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
         for (lease, numbers) in &self.groups {
             let numbers: Vec<i64> = numbers.iter().copied().collect();
             for row in groups::get_many(conn, *lease, &numbers).await? {
@@ -86,22 +95,28 @@ impl CritiqueScenarios {
         }
         let ids: BTreeSet<&[u8]> = self.rows.values().map(|row| row.scenario.as_slice()).collect();
         self.scenarios = ScenarioLoader::default().all(conn, &ids.into_iter().collect::<Vec<_>>()).await?;
-        let wanted: Vec<_> = self.wanted.iter().copied().collect();
-        self.logs = episodes::logs(conn, &wanted).await?;
+        let needed: Vec<_> = self.needed.iter().copied().collect();
+        self.logs = episodes::logs(conn, &needed).await?;
         Ok(())
     }
 
-    fn material(&self, job: CritiqueJob, kept: Result<Vec<i64>, String>) -> CritiqueInput {
-        let chosen: Vec<_> = match kept {
-            Ok(numbers) => numbers.into_iter().map(|number| (number, self.stage(&job, number))).collect(),
-            // Its list of episodes was changed by hand: all of them fail.
-            Err(why) => (0..job.episodes).map(|_| (0, Err(why.clone()))).collect(),
+    fn input(&self, job: CritiqueJob, selected: Result<Vec<i64>, String>) -> CritiqueInput {
+        let selected: Vec<_> = match selected {
+            Ok(numbers) => {
+                let select = |number| SelectedEpisode { number, episode: self.episode(&job, number) };
+                numbers.into_iter().map(select).collect()
+            }
+            // The stored list of episodes is unreadable: every episode of the job fails.
+            Err(why) => {
+                let unreadable = || SelectedEpisode { number: 0, episode: Err(why.clone()) };
+                (0..job.episodes).map(|_| unreadable()).collect()
+            }
         };
-        let skipped = job.episodes - chosen.len() as i64;
-        CritiqueInput { job, chosen, skipped }
+        let skipped = job.episodes - selected.len() as i64;
+        CritiqueInput { job, selected, skipped }
     }
 
-    fn stage(&self, job: &CritiqueJob, number: i64) -> Result<CritiqueEpisode, String> {
+    fn episode(&self, job: &CritiqueJob, number: i64) -> Result<CritiqueEpisode, String> {
         let gone = |what: &str| format!("{what} in the database is gone");
         let group = GroupKey { lease: job.lease, number: number / job.group_size.max(1) };
         let row = self.rows.get(&group).ok_or_else(|| gone("a group"))?;

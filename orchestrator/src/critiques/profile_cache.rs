@@ -1,29 +1,37 @@
-//! What a run's task has shown so far: read once, then held in memory, since the writer alone changes it.
+//! Failure profile of a run's task in memory: read once, since the writer alone changes it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use sqlx::SqliteConnection;
 
-use crate::critiques::profile;
-use crate::critiques::profile::FailureFinding;
-use crate::critiques::criticise::CritiqueResult;
 use crate::clock::Millis;
+use crate::critiques::critique_result::CritiqueResult;
+use crate::critiques::profile::{self, FailureFinding};
 use crate::store::StoreError;
-use crate::store::critiques::{self, CritiqueCounters, CritiqueJob};
-use crate::store::failures::{self, CellKey, CellCounters, FailureExample, EXAMPLES_PER_CELL};
+use crate::store::critiques::{self, CritiqueCounters};
 use crate::store::failure_sectors::{self, InertialSectorRow};
+use crate::store::failures::{self, CellCounters, CellKey, EXAMPLES_PER_CELL, FailureExample};
+use crate::store::keys::EpisodeKey;
 
 /// The failure profile of a run's task, as it is stored.
 #[derive(Debug, Default)]
 pub struct ProfileCache {
-    sums: CritiqueCounters,
-    /// With the number of each.
-    cells: BTreeMap<CellKey, (Option<i64>, CellCounters)>,
-    /// By mode and inertial sector.
+    run: String,
+    task: String,
+    counters: CritiqueCounters,
+    cells: BTreeMap<CellKey, CachedCell>,
+    /// Rows by failure mode and inertial sector.
     sectors: BTreeMap<(String, i64), InertialSectorRow>,
 }
 
-/// What a batch touches of it.
+#[derive(Debug, Default)]
+struct CachedCell {
+    /// Number of the row; `None` until it is inserted.
+    id: Option<i64>,
+    counters: CellCounters,
+}
+
+/// Rows that a batch of results changes.
 #[derive(Default)]
 struct ChangedRows {
     cells: BTreeMap<CellKey, Vec<FailureExample>>,
@@ -31,96 +39,107 @@ struct ChangedRows {
 }
 
 impl ProfileCache {
+    /// Reads the profile of a task.
     pub(crate) async fn load(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Self, StoreError> {
         let cells = failures::profile(conn, run, task).await?;
+        let cells =
+            cells.into_iter().map(|row| (row.key, CachedCell { id: Some(row.id), counters: row.counters }));
         let sectors = failure_sectors::of_task(conn, run, task).await?;
         Ok(Self {
-            sums: critiques::counters(conn, run, task).await?,
-            cells: cells.into_iter().map(|cell| (cell.key, (Some(cell.id), cell.counters))).collect(),
+            run: run.to_owned(),
+            task: task.to_owned(),
+            counters: critiques::counters(conn, run, task).await?,
+            cells: cells.collect(),
             sectors: sectors.into_iter().map(|row| ((row.mode.clone(), row.sector), row)).collect(),
         })
     }
 
-    /// Enters what jobs showed, here and in the store.
-    pub(crate) async fn enter(
+    /// Adds the findings of results, here and in the store.
+    pub(crate) async fn add(
         &mut self,
         conn: &mut SqliteConnection,
-        (run, task): (&str, &str),
         now: Millis,
-        all: &[CritiqueResult],
+        results: &[CritiqueResult],
     ) -> Result<(), StoreError> {
-        let mut touched = ChangedRows::default();
-        for done in all {
-            self.sums.skipped += done.skipped;
-            self.sums.failed += done.failed;
-            for note in &done.notes {
-                profile::enter(&mut self.sums, note);
-                for failing in &note.failures {
-                    self.fail(&mut touched, now, (&done.job, note.number), failing);
+        let mut changed = ChangedRows::default();
+        for result in results {
+            self.counters.skipped += result.skipped;
+            self.counters.failed += result.failed;
+            for findings in &result.findings {
+                profile::add_findings(&mut self.counters, findings);
+                let episode = EpisodeKey { lease: result.job.lease, number: findings.number };
+                for failure in &findings.failures {
+                    self.add_failure(&mut changed, now, episode, failure);
                 }
             }
         }
-        critiques::put_counters(conn, run, task, &self.sums).await?;
-        let sectors: Vec<_> = touched.sectors.iter().filter_map(|key| self.sectors.get(key)).collect();
-        failure_sectors::put(conn, run, task, &sectors).await?;
-        self.write_cells(conn, (run, task), &touched.cells).await
+        critiques::put_counters(conn, &self.run, &self.task, &self.counters).await?;
+        let sectors: Vec<_> = changed.sectors.iter().filter_map(|key| self.sectors.get(key)).collect();
+        failure_sectors::put(conn, &self.run, &self.task, &sectors).await?;
+        self.write_cells(conn, &changed.cells).await
     }
 
-    fn fail(&mut self, touched: &mut ChangedRows, now: Millis, (job, number): (&CritiqueJob, i64), failing: &FailureFinding) {
-        let place = self.sums.criticised;
-        if let Some(sector) = failing.inertial.map(i64::from) {
-            let key = (failing.key.mode.clone(), sector);
-            let fresh = InertialSectorRow { mode: key.0.clone(), sector, count: 0, weight: 0.0, as_of: place };
-            profile::enter_sector(self.sectors.entry(key.clone()).or_insert(fresh), place);
-            touched.sectors.insert(key);
+    fn add_failure(
+        &mut self,
+        changed: &mut ChangedRows,
+        now: Millis,
+        episode: EpisodeKey,
+        failure: &FailureFinding,
+    ) {
+        let nth = self.counters.criticised;
+        if let Some(sector) = failure.inertial.map(i64::from) {
+            let key = (failure.key.mode.clone(), sector);
+            let new = InertialSectorRow { mode: key.0.clone(), sector, count: 0, weight: 0.0, as_of: nth };
+            profile::add_sector(self.sectors.entry(key.clone()).or_insert(new), nth);
+            changed.sectors.insert(key);
         }
-        let (_, sums) = self.cells.entry(failing.key.clone()).or_default();
-        profile::enter_failure(sums, place, now, failing);
-        let example = example(sums.count, place, job.lease, number, failing);
-        touched.cells.entry(failing.key.clone()).or_default().push(example);
+        let counters = &mut self.cells.entry(failure.key.clone()).or_default().counters;
+        profile::add_failure(counters, nth, now, failure);
+        let example = example(counters.count, nth, episode, failure);
+        changed.cells.entry(failure.key.clone()).or_default().push(example);
     }
 
-    /// Writes cells that were touched, and the newest examples of each.
+    /// Writes the changed cells, and the newest examples of each.
     async fn write_cells(
         &mut self,
         conn: &mut SqliteConnection,
-        (run, task): (&str, &str),
-        touched: &BTreeMap<CellKey, Vec<FailureExample>>,
+        changed: &BTreeMap<CellKey, Vec<FailureExample>>,
     ) -> Result<(), StoreError> {
         let (mut known, mut new) = (Vec::new(), Vec::new());
-        for key in touched.keys() {
+        for key in changed.keys() {
             match self.cells.get(key) {
-                Some((Some(_), sums)) => known.push((key, sums)),
-                Some((None, sums)) => new.push((key, sums)),
-                None => {} // cannot be: it was entered
+                Some(CachedCell { id: Some(_), counters }) => known.push((key, counters)),
+                Some(CachedCell { id: None, counters }) => new.push((key, counters)),
+                None => {} // every changed cell is cached
             }
         }
-        failures::put_cells(conn, run, task, &known).await?;
-        for (key, number) in failures::insert_cells(conn, run, task, &new).await? {
-            self.cells.entry(key).or_default().0 = Some(number);
+        failures::put_cells(conn, &self.run, &self.task, &known).await?;
+        for (key, id) in failures::insert_cells(conn, &self.run, &self.task, &new).await? {
+            self.cells.entry(key).or_default().id = Some(id);
         }
         let mut newest = Vec::new();
-        for (key, examples) in touched {
-            let Some((Some(cell), _)) = self.cells.get(key) else { continue }; // cannot be: it was written above
-            let old = examples.len().saturating_sub(EXAMPLES_PER_CELL as usize);
-            newest.extend(examples[old..].iter().map(|example| (*cell, example)));
+        for (key, examples) in changed {
+            let Some(CachedCell { id: Some(id), .. }) = self.cells.get(key) else { continue }; // it was written above
+            let surplus = examples.len().saturating_sub(EXAMPLES_PER_CELL as usize);
+            newest.extend(examples[surplus..].iter().map(|example| (*id, example)));
         }
         failures::put_examples(conn, &newest).await
     }
 }
 
-fn example(nth: i64, place: i64, lease: i64, number: i64, failing: &FailureFinding) -> FailureExample {
-    let met = failing.met;
+/// Builds the example of a failure, the `nth_of_cell` of its cell, from the task's `place`-th criticised episode.
+fn example(nth_of_cell: i64, place: i64, episode: EpisodeKey, failure: &FailureFinding) -> FailureExample {
+    let encounter = failure.encounter;
     FailureExample {
-        nth,
+        nth: nth_of_cell,
         place,
-        lease,
-        number,
-        agent: i64::from(failing.agent),
-        step: i64::from(failing.step),
-        bearing_deg: met.map(|m| m.bearing_deg),
-        relative_speed: met.map(|m| m.relative_speed),
-        steps_left: met.map(|m| i64::from(m.steps_left)),
-        avoidable: met.and_then(|m| m.avoidable),
+        lease: episode.lease,
+        number: episode.number,
+        agent: i64::from(failure.agent),
+        step: i64::from(failure.step),
+        bearing_deg: encounter.map(|found| found.bearing_deg),
+        relative_speed: encounter.map(|found| found.relative_speed),
+        steps_left: encounter.map(|found| i64::from(found.steps_left)),
+        avoidable: encounter.and_then(|found| found.avoidable),
     }
 }

@@ -1,27 +1,27 @@
-//! Which episodes are criticised when more are reported than can be.
+//! Selects the episodes to criticise when more are reported than can be criticised.
 
 /// Episodes of a run that may wait before some of them are skipped.
-pub const PATIENCE: i64 = 2000;
+pub const MAX_WAITING: i64 = 2000;
 
-/// Halvings of the share that is criticised, by how many episodes of the run wait: none up to [`PATIENCE`], one up to
-/// twice that, two up to four times, and so on. However long the queue, about [`PATIENCE`] critiques and a few more are
-/// behind it, and the share grows back as it drains.
+/// Returns how often the share of criticised episodes is halved when this many episodes of the run wait: not at all up to
+/// [`MAX_WAITING`], once up to twice that number, twice up to four times, and so on. However long the queue is, it stands for about
+/// [`MAX_WAITING`] critiques, and the share recovers as the queue drains.
 #[must_use]
 pub fn halvings(waiting: i64) -> u32 {
-    let over = waiting.max(0) / PATIENCE;
-    if waiting <= PATIENCE { 0 } else { over.ilog2() + 1 }
+    let over = waiting.max(0) / MAX_WAITING;
+    if waiting <= MAX_WAITING { 0 } else { over.ilog2() + 1 }
 }
 
-/// The share of episodes that is criticised.
+/// Returns the share of episodes that is criticised.
 #[must_use]
 pub fn share(halvings: u32) -> f64 {
     libm::exp2(-f64::from(halvings))
 }
 
-/// Whether an episode is among those that are criticised: by its name alone, so that what it shows has no say, and what
-/// is kept under more halvings is kept under fewer.
+/// True if an episode is selected. The choice depends on its key alone, so that its content has no influence, and an episode that is
+/// selected under more halvings is selected under fewer.
 #[must_use]
-pub fn kept(lease: i64, number: i64, halvings: u32) -> bool {
+pub fn is_selected(lease: i64, number: i64, halvings: u32) -> bool {
     let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 critique sample");
     hasher.update(&lease.to_le_bytes()).update(&number.to_le_bytes());
     let mut word = [0; 8];
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_skipped_until_too_many_wait() {
+    fn share_is_halved_only_when_too_many_episodes_wait() {
         let at = [
             (-1, 0),
             (0, 0),
@@ -54,14 +54,14 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_nested_and_of_the_size_they_say() {
+    fn samples_are_nested_and_of_the_expected_size() {
         let all: Vec<(i64, i64)> = (1..=40).flat_map(|lease| (0..500).map(move |n| (lease, n))).collect();
         for h in 0..6 {
-            let n = all.iter().filter(|(l, n)| kept(*l, *n, h)).count() as f64;
+            let n = all.iter().filter(|(l, n)| is_selected(*l, *n, h)).count() as f64;
             let wanted = all.len() as f64 * share(h);
             // Binomial: four standard deviations, one draw in 16 000 would be outside.
             assert!((n - wanted).abs() <= 4.0 * (wanted * (1.0 - share(h))).sqrt(), "{h}: {n}, not {wanted}");
-            assert!(all.iter().all(|(l, n)| !kept(*l, *n, h + 1) || kept(*l, *n, h)), "nested");
+            assert!(all.iter().all(|(l, n)| !is_selected(*l, *n, h + 1) || is_selected(*l, *n, h)), "nested");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What is entered into a real database reads back, once, whatever the batches.
+//! Stores critiques in a real database: every finding once, whatever the size of jobs and batches.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,19 +7,20 @@ use env_core::critique::{Judgement, SpeedBands};
 use env_core::{ActionLog, SeedSpace, rollout};
 use proptest::prelude::*;
 
-use crate::runs::create_run::CreateRun;
-use crate::leases::prepare::seed_of;
-use crate::critiques::profile::{fade, FailureFinding, EncounterFinding};
-use crate::runs::settings::RunRequest;
-use crate::engine::signals::WorkerSignals;
-use crate::engine::writer::Writer;
-use crate::critiques::criticise::{CritiqueResult, StoreCritiques, criticise};
-use crate::critiques::critique_input::{CritiqueInput, CritiqueEpisode};
-use crate::critiques::profile::EpisodeFindings;
+use crate::clock::Clock;
+use crate::critiques::criticise::criticise;
+use crate::critiques::critique_input::{CritiqueEpisode, CritiqueInput, SelectedEpisode};
+use crate::critiques::critique_result::CritiqueResult;
+use crate::critiques::profile::{EncounterFinding, EpisodeFindings, FailureFinding, decay};
+use crate::critiques::store_critiques::StoreCritiques;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
+use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
-use crate::clock::Clock;
+use crate::engine::writer::Writer;
+use crate::leases::seeds::seed_of;
+use crate::runs::create_run::CreateRun;
+use crate::runs::run_request::RunRequest;
 use crate::store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
 use crate::store::failure_sectors::{self, InertialSectorRow};
 use crate::store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
@@ -29,10 +30,10 @@ const RUN: &str = "run";
 const TASK: &str = "kessler/survival";
 const BANDS: SpeedBands = SpeedBands { edges: &[1.0, 2.0], unit: "LU/TU" };
 
-/// Puts a lease and jobs of these sizes on the queue; the jobs.
-struct Report(Vec<usize>);
+/// Stores a lease and enqueues jobs of these sizes.
+struct EnqueueJobs(Vec<usize>);
 
-impl Change for Report {
+impl Change for EnqueueJobs {
     type Output = Vec<CritiqueJob>;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Vec<CritiqueJob>, ServiceError> {
@@ -64,24 +65,24 @@ impl Change for Report {
     }
 }
 
-/// Everything that was entered.
+/// Everything that the store keeps of critiques.
 #[derive(Debug, PartialEq)]
-struct Entered {
+struct StoredProfile {
     sums: CritiqueCounters,
     cells: Vec<(CellKey, CellCounters)>,
     inertial: Vec<InertialSectorRow>,
     waiting: i64,
 }
 
-struct Look;
+struct ReadProfile;
 
-impl Change for Look {
-    type Output = Entered;
+impl Change for ReadProfile {
+    type Output = StoredProfile;
 
-    async fn apply(self, tx: &mut WriteTx) -> Result<Entered, ServiceError> {
+    async fn apply(self, tx: &mut WriteTx) -> Result<StoredProfile, ServiceError> {
         let conn = &mut tx.conn;
         let cells = failures::profile(conn, RUN, TASK).await?;
-        Ok(Entered {
+        Ok(StoredProfile {
             sums: critiques::counters(conn, RUN, TASK).await?,
             cells: cells.into_iter().map(|cell| (cell.key, cell.counters)).collect(),
             inertial: failure_sectors::of_task(conn, RUN, TASK).await?,
@@ -90,9 +91,9 @@ impl Change for Look {
     }
 }
 
-struct Kept(FailureFilter, i64);
+struct ReadExamples(FailureFilter, i64);
 
-impl Change for Kept {
+impl Change for ReadExamples {
     type Output = Vec<failures::ListedFailure>;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Vec<failures::ListedFailure>, ServiceError> {
@@ -103,8 +104,9 @@ impl Change for Kept {
 async fn open(db: &Path) -> Writer {
     let connection = crate::store::open_writer(db).await.unwrap();
     let (writer, _) = Writer::start(connection, None, Clock::manual(1_000).clock, WorkerSignals::default());
-    let wish = RunRequest { id: Some(RUN.to_owned()), tasks: Some(vec![TASK.to_owned()]), ..RunRequest::default() };
-    writer.change(CreateRun::read(&wish).unwrap()).await.unwrap();
+    let request =
+        RunRequest { id: Some(RUN.to_owned()), tasks: Some(vec![TASK.to_owned()]), ..RunRequest::default() };
+    writer.change(CreateRun::from_request(&request).unwrap()).await.unwrap();
     writer
 }
 
@@ -141,37 +143,44 @@ fn critique(value: f64, failures: Vec<env_core::critique::Failure>) -> env_core:
     }
 }
 
-fn done(job: CritiqueJob, notes: Vec<EpisodeFindings>) -> CritiqueResult {
-    CritiqueResult { job, notes, skipped: 0, failed: 0, reason: None }
+fn result_of(job: CritiqueJob, findings: Vec<EpisodeFindings>) -> CritiqueResult {
+    CritiqueResult { job, findings, skipped: 0, failed: 0, reason: None }
 }
 
 #[test]
-fn a_critique_is_put_into_cells() {
+fn critique_fills_the_cells_of_its_failures() {
     let decay = env_core::critique::Failure { mode: "decay", encounter: None, ..collision(0.0, 0.0, None) };
     let shown = critique(-0.5, vec![collision(-20.0, 2.0, Some(true)), decay]);
     let note = EpisodeFindings::of(3, &shown, BANDS).unwrap();
     assert_eq!((note.number, note.judged, note.verdicts), (3, -0.5, [1, 0, 0, 1]));
-    assert_eq!(note.failures[0].key, CellKey { mode: "collision".to_owned(), encounter: Some(EncounterBin { sector: 11, band: 2 }) });
+    assert_eq!(
+        note.failures[0].key,
+        CellKey { mode: "collision".to_owned(), encounter: Some(EncounterBin { sector: 11, band: 2 }) }
+    );
     assert_eq!(note.failures[1].key, CellKey { mode: "decay".to_owned(), encounter: None });
     assert!(EpisodeFindings::of(3, &critique(f64::NAN, Vec::new()), BANDS).is_err());
 }
 
 #[tokio::test]
-async fn what_is_entered_reads_back_and_a_job_is_entered_once() {
+async fn findings_read_back_and_a_job_is_stored_once() {
     let folder = tempfile::tempdir().unwrap();
     let writer = open(&folder.path().join("x.sqlite3")).await;
-    let jobs = writer.change(Report(vec![100, 3])).await.unwrap();
-    assert_eq!(writer.change(Look).await.unwrap().waiting, 103);
+    let jobs = writer.change(EnqueueJobs(vec![100, 3])).await.unwrap();
+    assert_eq!(writer.change(ReadProfile).await.unwrap().waiting, 103);
     let notes = |count: i64| {
-        let note = |n| EpisodeFindings::of(n, &critique(0.25, vec![collision(95.0, 1.5, Some(n % 2 == 0))]), BANDS);
+        let note =
+            |n| EpisodeFindings::of(n, &critique(0.25, vec![collision(95.0, 1.5, Some(n % 2 == 0))]), BANDS);
         (0..count).map(|n| note(n).unwrap()).collect::<Vec<_>>()
     };
-    let first = || done(jobs[0].clone(), notes(100));
+    let first = || result_of(jobs[0].clone(), notes(100));
     writer.change(StoreCritiques(vec![first()])).await.unwrap();
-    let once = writer.change(Look).await.unwrap();
-    let closed: f64 = (0..100).map(|i| fade(1.0, i)).sum();
+    let once = writer.change(ReadProfile).await.unwrap();
+    let closed: f64 = (0..100).map(|i| decay(1.0, i)).sum();
     let (key, cell) = &once.cells[0];
-    assert_eq!((key.encounter, once.cells.len(), once.waiting), (Some(EncounterBin { sector: 3, band: 1 }), 1, 3));
+    assert_eq!(
+        (key.encounter, once.cells.len(), once.waiting),
+        (Some(EncounterBin { sector: 3, band: 1 }), 1, 3)
+    );
     assert_eq!((cell.count, cell.avoidable, cell.unavoidable, cell.steps_left), (100, 50, 50, 600));
     assert_eq!((cell.as_of, cell.last_at), (100, 1_000));
     // 100 multiplications and additions below 128: at most 1e-12 together.
@@ -179,28 +188,32 @@ async fn what_is_entered_reads_back_and_a_job_is_entered_once() {
     assert_eq!((once.sums.criticised, once.sums.judged.all), (100, 25.0));
     assert_eq!(once.sums.verdicts.map(|v| v.all), [100, 0, 0, 100]);
 
-    // A worker that was cut off after its commit does the job again: nothing changes.
+    // A worker that stopped after its commit repeats the job: nothing changes.
     writer.change(StoreCritiques(vec![first()])).await.unwrap();
-    assert_eq!(writer.change(Look).await.unwrap(), once);
+    assert_eq!(writer.change(ReadProfile).await.unwrap(), once);
 
-    // Skipped and failed episodes are counted, and nothing else of them.
-    let rest =
-        CritiqueResult { skipped: 2, failed: 1, reason: Some("lost".to_owned()), ..done(jobs[1].clone(), Vec::new()) };
+    // Skipped and failed episodes are counted only.
+    let rest = CritiqueResult {
+        skipped: 2,
+        failed: 1,
+        reason: Some("lost".to_owned()),
+        ..result_of(jobs[1].clone(), Vec::new())
+    };
     writer.change(StoreCritiques(vec![rest])).await.unwrap();
-    let both = writer.change(Look).await.unwrap();
+    let both = writer.change(ReadProfile).await.unwrap();
     assert_eq!((both.sums.criticised, both.sums.skipped, both.sums.failed, both.waiting), (100, 2, 1, 0));
     assert_eq!(both.cells, once.cells);
 
-    // The ring holds the newest, newest first, and pages follow each other.
-    let all = writer.change(Kept(FailureFilter::default(), 500)).await.unwrap();
+    // A cell keeps its newest examples; pages list them from the newest.
+    let all = writer.change(ReadExamples(FailureFilter::default(), 500)).await.unwrap();
     let numbers: Vec<i64> = all.iter().map(|k| k.example.number).collect();
     assert_eq!(numbers, (36..100).rev().collect::<Vec<_>>());
     let last = all[9].clone();
     let before = FailureCursor { place: last.example.place, cell: last.cell, nth: last.example.nth };
     let wanted = FailureFilter { before: Some(before), ..FailureFilter::default() };
-    assert_eq!(writer.change(Kept(wanted, 5)).await.unwrap(), all[10..15]);
+    assert_eq!(writer.change(ReadExamples(wanted, 5)).await.unwrap(), all[10..15]);
     let elsewhere = FailureFilter { sector: Some(4), ..FailureFilter::default() };
-    assert!(writer.change(Kept(elsewhere, 5)).await.unwrap().is_empty());
+    assert!(writer.change(ReadExamples(elsewhere, 5)).await.unwrap().is_empty());
     let x = &all[0].example;
     assert_eq!(
         (x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable),
@@ -209,7 +222,7 @@ async fn what_is_entered_reads_back_and_a_job_is_entered_once() {
 }
 
 #[test]
-fn an_episode_that_cannot_be_criticised_is_counted_and_holds_up_no_other() {
+fn failed_critique_is_counted_and_affects_no_other() {
     let task = env_core::task(TASK).unwrap();
     let recipe = env_core::Recipe::new(task).unwrap();
     let scenario = env_core::Scenario::new(recipe, seed_of(SeedSpace::Training, 1, 2, 3));
@@ -225,22 +238,20 @@ fn an_episode_that_cannot_be_criticised_is_counted_and_holds_up_no_other() {
         numbers: "[0,1,2,3]".to_owned(),
         episodes: 4,
     };
-    let stage = |log: &ActionLog| CritiqueEpisode { scenario: scenario.clone(), layout: Some(7), log: log.clone() };
-    let chosen = vec![
-        (0, Ok(stage(&log))),
-        (1, Err("its log is gone".to_owned())),
-        (2, Ok(stage(&too_short))),
-        (3, Ok(stage(&log))),
-    ];
-    let done = criticise(CritiqueInput { job, chosen, skipped: 0 });
-    assert_eq!(done.notes.iter().map(|n| n.number).collect::<Vec<_>>(), [0, 3]);
-    assert!(done.notes.iter().all(|note| note.layout == Some(7)));
-    assert_eq!((done.failed, done.reason.as_deref()), (2, Some("episode 1: its log is gone")));
+    let with = |log: &ActionLog| {
+        Ok(CritiqueEpisode { scenario: scenario.clone(), layout: Some(7), log: log.clone() })
+    };
+    let episodes = [with(&log), Err("its log is gone".to_owned()), with(&too_short), with(&log)];
+    let selected = (0..).zip(episodes).map(|(number, episode)| SelectedEpisode { number, episode }).collect();
+    let result = criticise(CritiqueInput { job, selected, skipped: 0 });
+    assert_eq!(result.findings.iter().map(|n| n.number).collect::<Vec<_>>(), [0, 3]);
+    assert!(result.findings.iter().all(|found| found.layout == Some(7)));
+    assert_eq!((result.failed, result.reason.as_deref()), (2, Some("episode 1: its log is gone")));
 }
 
-fn notes() -> impl Strategy<Value = Vec<EpisodeFindings>> {
-    let failing = (0usize..3, 0u32..3, 0u32..2, proptest::option::of(any::<bool>()), 0u32..9);
-    let failing = failing.prop_map(|(mode, sector, band, avoidable, steps_left)| FailureFinding {
+fn findings() -> impl Strategy<Value = Vec<EpisodeFindings>> {
+    let failure = (0usize..3, 0u32..3, 0u32..2, proptest::option::of(any::<bool>()), 0u32..9);
+    let failure = failure.prop_map(|(mode, sector, band, avoidable, steps_left)| FailureFinding {
         key: CellKey {
             mode: ["collision", "debris", "decay"][mode].to_owned(),
             encounter: (mode < 2).then_some(EncounterBin { sector, band }),
@@ -248,67 +259,74 @@ fn notes() -> impl Strategy<Value = Vec<EpisodeFindings>> {
         agent: 0,
         step: 5,
         inertial: (mode < 2).then_some((sector * 5 + band) % 12),
-        met: (mode < 2).then_some(EncounterFinding { bearing_deg: 1.0, relative_speed: 1.0, steps_left, avoidable }),
+        encounter: (mode < 2).then_some(EncounterFinding {
+            bearing_deg: 1.0,
+            relative_speed: 1.0,
+            steps_left,
+            avoidable,
+        }),
     });
-    let failures = proptest::collection::vec(failing, 0..4);
-    // Judged in eighths: their sums are exact in any order.
+    let failures = proptest::collection::vec(failure, 0..4);
+    // The judged values are eighths, whose sums are exact in any order.
     let note = (-8i32..9, [0i64..4, 0..4, 0..4, 0..4], failures).prop_map(|(eighths, verdicts, failures)| {
         EpisodeFindings { number: 0, layout: None, judged: f64::from(eighths) / 8.0, verdicts, failures }
     });
     proptest::collection::vec(note, 1..60)
 }
 
-/// What does not depend on the order of episodes.
-fn totals(entered: &Entered) -> (CritiqueCounters, Vec<(CellKey, CellCounters)>) {
-    let mut sums = entered.sums.clone();
+/// The part of a profile that does not depend on the order of episodes.
+fn totals(profile: &StoredProfile) -> (CritiqueCounters, Vec<(CellKey, CellCounters)>) {
+    let mut sums = profile.sums.clone();
     sums.judged.now = 0.0;
     sums.verdicts.iter_mut().for_each(|v| v.now = 0.0);
-    let still =
-        |(key, cell): &(CellKey, CellCounters)| (key.clone(), CellCounters { weight: 0.0, as_of: 0, ..*cell });
-    (sums, entered.cells.iter().map(still).collect())
+    let still = |(key, cell): &(CellKey, CellCounters)| {
+        (key.clone(), CellCounters { weight: 0.0, as_of: 0, ..*cell })
+    };
+    (sums, profile.cells.iter().map(still).collect())
 }
 
-/// Enters notes in one batch, or in jobs and batches of other sizes; what is there then.
-async fn entered(notes: Vec<EpisodeFindings>, sizes: &[usize], batch: usize) -> Entered {
+/// Stores findings in jobs and batches of these sizes, and reads the profile.
+async fn store(findings: Vec<EpisodeFindings>, sizes: &[usize], batch: usize) -> StoredProfile {
     static DATABASES: AtomicUsize = AtomicUsize::new(0);
     let folder = tempfile::tempdir().unwrap();
     let name = format!("{}.sqlite3", DATABASES.fetch_add(1, Ordering::Relaxed));
     let writer = open(&folder.path().join(name)).await;
     let mut parts: Vec<Vec<EpisodeFindings>> = Vec::new();
-    let mut rest = notes;
+    let mut rest = findings;
     let mut sizes = sizes.iter().cycle();
     while !rest.is_empty() {
         let size = sizes.next().map_or(1, |s| *s).clamp(1, rest.len());
         let tail = rest.split_off(size);
         parts.push(std::mem::replace(&mut rest, tail));
     }
-    let jobs = writer.change(Report(parts.iter().map(Vec::len).collect())).await.unwrap();
-    let mut all: Vec<CritiqueResult> = jobs.into_iter().zip(parts).map(|(job, notes)| done(job, notes)).collect();
+    let jobs = writer.change(EnqueueJobs(parts.iter().map(Vec::len).collect())).await.unwrap();
+    let mut all: Vec<CritiqueResult> =
+        jobs.into_iter().zip(parts).map(|(job, findings)| result_of(job, findings)).collect();
     while !all.is_empty() {
         let tail = all.split_off(batch.min(all.len()));
         writer.change(StoreCritiques(std::mem::replace(&mut all, tail))).await.unwrap();
     }
-    writer.change(Look).await.unwrap()
+    writer.change(ReadProfile).await.unwrap()
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn the_order_of_batches_does_not_change_totals(
-        notes in notes(),
+    fn order_and_size_of_batches_do_not_change_totals(
+        findings in findings(),
         sizes in proptest::collection::vec(1usize..9, 1..5),
         batch in 1usize..4,
         turn in 0usize..60,
     ) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let one = runtime.block_on(entered(notes.clone(), &[notes.len()], 1));
-        let many = runtime.block_on(entered(notes.clone(), &sizes, batch));
+        let one = runtime.block_on(store(findings.clone(), &[findings.len()], 1));
+        let many = runtime.block_on(store(findings.clone(), &sizes, batch));
         prop_assert_eq!(&one, &many, "how episodes are batched changes nothing at all, to the bit");
-        let mut turned = notes;
+        let mut turned = findings;
         let by = turn % turned.len();
         turned.rotate_left(by);
-        let other = runtime.block_on(entered(turned, &sizes, batch));
+        let other = runtime.block_on(store(turned, &sizes, batch));
         prop_assert_eq!(totals(&one), totals(&other), "their order changes no total");
     }
 }

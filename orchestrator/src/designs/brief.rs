@@ -1,4 +1,4 @@
-//! What a designer is told, gathered from the store.
+//! Loads the brief of a designer from the store.
 
 use std::time::Duration;
 
@@ -7,78 +7,107 @@ use env_core::Seed;
 use serde_json::Value;
 use sqlx::SqliteConnection;
 
-use crate::designs::design_request::StartedDesignRequest;
+use crate::designs::start_design::StartedDesignRequest;
 use crate::store::layouts::{self, LayoutFilter, LayoutRow, LayoutState};
 use crate::store::{StoreError, from_json, scenarios, to_u32};
 
-/// Earlier layouts that a designer hears of: those let through, and those refused. Counted apart, so that a bad round does
-/// not make it forget what worked.
-const FATES: (i64, i64) = (24, 8);
-/// How long a designer may take: then it ends with what it has.
-const PATIENCE: Duration = Duration::from_secs(540);
-/// Earlier designs that a new one is compared with.
-const ARCHIVE: i64 = 500;
+/// Maximum number of earlier admitted layouts in a brief. Refused ones have a limit of their own, so that a bad round does not
+/// displace what worked.
+const MAX_ADMITTED: i64 = 24;
+/// Maximum number of earlier refused layouts in a brief.
+const MAX_REFUSED: i64 = 8;
+/// Time after which a designer returns what it has.
+const TIME_LIMIT: Duration = Duration::from_secs(540);
+/// Maximum number of earlier designs that a new one is compared with.
+const MAX_ARCHIVE: i64 = 500;
 
-/// The brief of an ask that was begun, and the designs that the gate knows.
-///
-/// # Errors
-/// The database's, or a design that cannot be read back.
-pub async fn gather(conn: &mut SqliteConnection, begun: &StartedDesignRequest) -> Result<(DesignBrief, Vec<Value>), StoreError> {
-    let mut brief = DesignBrief::new(begun.base.clone(), begun.wanted as usize, seed(begun.run_seed, begun.ask));
-    if let Some(level) = begun.level {
-        brief = brief.at_level(&begun.levels, level);
-    }
-    brief.profile = begun.profile.clone();
-    brief.mastery = begun.standing;
-    brief.past_layouts = fates(conn, begun).await?;
-    brief.time_limit = Some(PATIENCE);
-    let known = layouts::archive(conn, &begun.run, &begun.task, ARCHIVE).await?;
-    let archive = known.iter().map(|text| from_json("a design", text)).collect::<Result<_, _>>()?;
-    Ok((brief, archive))
+/// A brief, and the earlier designs that the gate compares new ones with.
+#[derive(Debug, Clone)]
+pub struct BriefWithArchive {
+    /// Brief of the designer.
+    pub brief: DesignBrief,
+    /// Earlier designs of the run's task.
+    pub archive: Vec<Value>,
 }
 
-/// What a designer's draws follow from: the run and the ask.
+/// Loads the brief of a request that was started.
+///
+/// # Errors
+/// Returns [`StoreError`] if a query fails, or if a stored design cannot be read.
+pub async fn load_brief(
+    conn: &mut SqliteConnection,
+    request: &StartedDesignRequest,
+) -> Result<BriefWithArchive, StoreError> {
+    let mut brief = DesignBrief::new(
+        request.recipe.clone(),
+        request.wanted as usize,
+        brief_seed(request.run_seed, request.id),
+    );
+    if let Some(level) = request.level {
+        brief = brief.at_level(&request.levels, level);
+    }
+    brief.profile = request.profile.clone();
+    brief.mastery = request.mastery;
+    brief.past_layouts = past_layouts(conn, request).await?;
+    brief.time_limit = Some(TIME_LIMIT);
+    let known = layouts::archive(conn, &request.run, &request.task, MAX_ARCHIVE).await?;
+    let archive = known.iter().map(|text| from_json("a design", text)).collect::<Result<_, _>>()?;
+    Ok(BriefWithArchive { brief, archive })
+}
+
+/// Returns the seed of a designer's draws, derived from the run's seed and the number of the request.
 #[must_use]
-pub fn seed(run_seed: u64, ask: i64) -> u64 {
+pub fn brief_seed(run_seed: u64, request: i64) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 briefs");
     hasher.update(&run_seed.to_le_bytes());
-    hasher.update(&ask.to_le_bytes());
+    hasher.update(&request.to_le_bytes());
     let mut bits = [0; 8];
     hasher.finalize_xof().fill(&mut bits);
     u64::from_le_bytes(bits)
 }
 
-async fn fates(conn: &mut SqliteConnection, begun: &StartedDesignRequest) -> Result<Vec<PastLayout>, StoreError> {
-    let passed = LayoutFilter { task: Some(begun.task.clone()), ..LayoutFilter::default() };
-    let refused = LayoutFilter { state: Some(LayoutState::Refused), with_refused: true, ..passed.clone() };
-    let mut rows = layouts::of_run(conn, &begun.run, &passed, i64::MAX, FATES.0).await?;
-    rows.extend(layouts::of_run(conn, &begun.run, &refused, i64::MAX, FATES.1).await?);
+/// Loads the newest earlier layouts, newest first.
+async fn past_layouts(
+    conn: &mut SqliteConnection,
+    request: &StartedDesignRequest,
+) -> Result<Vec<PastLayout>, StoreError> {
+    let admitted = LayoutFilter { task: Some(request.task.clone()), ..LayoutFilter::default() };
+    let refused = LayoutFilter { state: Some(LayoutState::Refused), with_refused: true, ..admitted.clone() };
+    let mut rows = layouts::of_run(conn, &request.run, &admitted, i64::MAX, MAX_ADMITTED).await?;
+    rows.extend(layouts::of_run(conn, &request.run, &refused, i64::MAX, MAX_REFUSED).await?);
     rows.sort_by_key(|row| std::cmp::Reverse(row.id));
-    let mut fates = Vec::with_capacity(rows.len());
+    let mut past_layouts = Vec::with_capacity(rows.len());
     for row in rows {
         let Some(design) = &row.design else { continue };
-        let sky = match &row.scenario {
+        let seed = match &row.scenario {
             Some(id) => scenarios::seed(conn, id).await?.and_then(|seed| Seed::new(seed).ok()),
             None => None,
         };
-        fates.push(PastLayout { design: from_json("a design", design)?, seed: sky, outcome: fate(&row) });
+        past_layouts.push(PastLayout {
+            design: from_json("a design", design)?,
+            seed,
+            outcome: outcome_of(&row),
+        });
     }
-    Ok(fates)
+    Ok(past_layouts)
 }
 
-fn fate(row: &LayoutRow) -> LayoutOutcome {
+fn outcome_of(row: &LayoutRow) -> LayoutOutcome {
     if row.state == LayoutState::Refused {
         let (check, reason) = (row.gate_check.clone(), row.reason.clone());
-        return LayoutOutcome::Refused { check: check.unwrap_or_default(), reason: reason.unwrap_or_default() };
+        return LayoutOutcome::Refused {
+            check: check.unwrap_or_default(),
+            reason: reason.unwrap_or_default(),
+        };
     }
     if row.episodes == 0 {
         return LayoutOutcome::Untested;
     }
-    let over = |sum: f64| sum / row.episodes as f64;
+    let per_episode = |sum: f64| sum / row.episodes as f64;
     LayoutOutcome::Evaluated {
         episodes: to_u32(row.episodes),
-        success_rate: over(row.successes as f64),
-        regret: over(row.regret),
+        success_rate: per_episode(row.successes as f64),
+        regret: per_episode(row.regret),
         aimed_share: row.as_aimed_share(),
         is_retired: row.state == LayoutState::Retired,
     }

@@ -1,84 +1,91 @@
-//! When a designer is asked: the stock runs low, or the agent fails at something else than before.
+//! Decides when a designer is asked: when the stock of layouts runs low, or when the failure profile has changed.
 
-use crate::designs::DesignerKind;
 use crate::clock::Millis;
+use crate::designs::DesignerKind;
 
-/// Criticised episodes below which nothing is designed.
-pub const EPISODES: i64 = 32;
-/// What failures must weigh together for anything to be designed.
-pub const FAILURES: f64 = 8.0;
-/// How far a profile must have moved to be designed for anew.
-pub const MOVED: f64 = 0.2;
-/// Criticised episodes after which it may have.
-pub const MOVED_AFTER: i64 = 256;
-/// Most layouts of one ask.
-pub const MOST: u32 = 32;
-/// Active layouts near the level, in stocks, above which a moved profile alone asks for no more.
-const FULL: u32 = 4;
-/// Shortest time between two asks of one run and task.
-const PAUSE_MS: [(DesignerKind, Millis); 2] = [(DesignerKind::Llm, 60_000), (DesignerKind::Procedural, 5_000)];
-/// How often that doubles while nothing comes of it.
-const DOUBLINGS: u32 = 7;
+/// Number of criticised episodes below which nothing is designed.
+pub const MIN_CRITICISED: i64 = 32;
+/// Total weight of failures below which nothing is designed.
+pub const MIN_FAILURE_WEIGHT: f64 = 8.0;
+/// Distance of the profile from that of the last request, from which a full stock is designed again.
+pub const MIN_PROFILE_DISTANCE: f64 = 0.2;
+/// Number of episodes criticised since then, below which a changed profile does not count.
+pub const MIN_NEW_CRITICISED: i64 = 256;
+/// Maximum number of layouts in one request.
+pub const MAX_LAYOUTS_PER_REQUEST: u32 = 32;
+/// Active layouts near the level, as a multiple of the stock, from which a changed profile requests no more.
+const MAX_STOCKS: u32 = 4;
+/// Minimum time between two requests to the language model for one task, in milliseconds.
+const LLM_PAUSE_MS: Millis = 60_000;
+/// Minimum time between two requests to the procedural designer for one task, in milliseconds.
+const PROCEDURAL_PAUSE_MS: Millis = 5_000;
+/// Maximum number of doublings of the pause while requests bring no layout.
+const MAX_DOUBLINGS: u32 = 7;
 
-/// How the last ask of a run's task went.
+/// Result of the last request for a run's task.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LastDesignRequest {
-    /// When it was made.
+    /// When the request finished.
     pub at: Millis,
-    /// Criticised episodes that it rested on.
+    /// Number of episodes criticised at that time.
     pub criticised: i64,
-    /// How far the profile has moved since.
+    /// Distance between the profile of that time and the current one.
     pub distance: f64,
-    /// How many in a row, the last among them, brought no layout.
-    pub barren: u32,
+    /// Number of consecutive requests up to this one that brought no layout.
+    pub barren_streak: u32,
 }
 
-/// What the decision rests on.
+/// Inputs of the decision to design for a task.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StockView {
-    /// Who would be asked.
-    pub which: DesignerKind,
-    /// Whether the task's placement is over.
-    pub placed: bool,
-    /// Episodes criticised.
+pub struct DesignDemand {
+    /// Designer that would be asked.
+    pub designer: DesignerKind,
+    /// True if the placement of the task is over.
+    pub is_placed: bool,
+    /// Number of criticised episodes.
     pub criticised: i64,
-    /// What failures weigh.
-    pub failures: f64,
-    /// Active layouts near the current level.
-    pub held: u32,
-    /// How many there should be.
+    /// Total weight of the failures.
+    pub failure_weight: f64,
+    /// Number of active layouts near the current level.
+    pub active: u32,
+    /// Number of active layouts that there should be.
     pub stock: u32,
-    /// The last ask, if there was one.
+    /// The last request, if there was one.
     pub last: Option<LastDesignRequest>,
-    /// Now.
+    /// Current time, in milliseconds since the epoch.
     pub now: Millis,
 }
 
-/// How long after an ask the next may come, where so many in a row brought nothing.
+/// Returns the minimum time between two requests, in milliseconds, after a streak of requests without a layout.
 #[must_use]
-pub fn pause_ms(which: DesignerKind, barren: u32) -> Millis {
-    let base = PAUSE_MS.iter().find(|(of, _)| *of == which).map_or(60_000, |(_, pause)| *pause);
-    base << barren.min(DOUBLINGS)
+pub fn pause_ms(designer: DesignerKind, barren_streak: u32) -> Millis {
+    let base = match designer {
+        DesignerKind::Llm => LLM_PAUSE_MS,
+        DesignerKind::Procedural => PROCEDURAL_PAUSE_MS,
+    };
+    base << barren_streak.min(MAX_DOUBLINGS)
 }
 
-/// How many layouts to ask for now, if any.
+/// Returns the number of layouts to request now; `None` if none are requested.
 #[must_use]
-pub fn wanted(view: &StockView) -> Option<u32> {
-    if !view.placed || view.criticised < EPISODES || view.failures < FAILURES {
+pub fn layouts_wanted(demand: &DesignDemand) -> Option<u32> {
+    if !demand.is_placed || demand.criticised < MIN_CRITICISED || demand.failure_weight < MIN_FAILURE_WEIGHT {
         return None;
     }
-    let early = |last: LastDesignRequest| view.now < last.at.saturating_add(pause_ms(view.which, last.barren));
-    if view.last.is_some_and(early) {
-        return None;
-    }
-    let missing = view.stock.saturating_sub(view.held);
-    let moved = |last: LastDesignRequest| {
-        last.distance >= MOVED
-            && view.criticised - last.criticised >= MOVED_AFTER
-            && view.held < view.stock.saturating_mul(FULL)
+    let is_too_early = |last: LastDesignRequest| {
+        demand.now < last.at.saturating_add(pause_ms(demand.designer, last.barren_streak))
     };
-    let anew = if view.last.is_some_and(moved) { view.stock } else { 0 };
-    Some(missing.max(anew).min(MOST)).filter(|wanted| *wanted > 0)
+    if demand.last.is_some_and(is_too_early) {
+        return None;
+    }
+    let missing = demand.stock.saturating_sub(demand.active);
+    let has_changed = |last: LastDesignRequest| {
+        last.distance >= MIN_PROFILE_DISTANCE
+            && demand.criticised - last.criticised >= MIN_NEW_CRITICISED
+            && demand.active < demand.stock.saturating_mul(MAX_STOCKS)
+    };
+    let replacements = if demand.last.is_some_and(has_changed) { demand.stock } else { 0 };
+    Some(missing.max(replacements).min(MAX_LAYOUTS_PER_REQUEST)).filter(|wanted| *wanted > 0)
 }
 
 #[cfg(test)]
@@ -87,34 +94,37 @@ mod tests {
 
     use super::*;
 
-    const VIEW: StockView = StockView {
-        which: DesignerKind::Procedural,
-        placed: true,
+    const DEMAND: DesignDemand = DesignDemand {
+        designer: DesignerKind::Procedural,
+        is_placed: true,
         criticised: 1000,
-        failures: 50.0,
-        held: 8,
+        failure_weight: 50.0,
+        active: 8,
         stock: 8,
         last: None,
         now: 1_000_000,
     };
 
     fn last(distance: f64, criticised: i64) -> Option<LastDesignRequest> {
-        Some(LastDesignRequest { at: 0, criticised, distance, barren: 0 })
+        Some(LastDesignRequest { at: 0, criticised, distance, barren_streak: 0 })
     }
 
     #[test]
-    fn asked_for_what_is_missing_or_when_the_profile_moved() {
-        assert_eq!(wanted(&VIEW), None);
-        assert_eq!(wanted(&StockView { held: 3, ..VIEW }), Some(5));
-        assert_eq!(wanted(&StockView { held: 0, stock: 64, ..VIEW }), Some(MOST));
-        assert_eq!(wanted(&StockView { last: last(0.2, 744), ..VIEW }), Some(8));
-        assert_eq!(wanted(&StockView { last: last(0.2, 745), ..VIEW }), None);
-        assert_eq!(wanted(&StockView { last: last(0.19, 0), ..VIEW }), None);
-        assert_eq!(wanted(&StockView { last: last(1.0, 0), held: 32, ..VIEW }), None);
+    fn missing_layouts_or_a_changed_profile_are_requested() {
+        assert_eq!(layouts_wanted(&DEMAND), None);
+        assert_eq!(layouts_wanted(&DesignDemand { active: 3, ..DEMAND }), Some(5));
+        assert_eq!(
+            layouts_wanted(&DesignDemand { active: 0, stock: 64, ..DEMAND }),
+            Some(MAX_LAYOUTS_PER_REQUEST)
+        );
+        assert_eq!(layouts_wanted(&DesignDemand { last: last(0.2, 744), ..DEMAND }), Some(8));
+        assert_eq!(layouts_wanted(&DesignDemand { last: last(0.2, 745), ..DEMAND }), None);
+        assert_eq!(layouts_wanted(&DesignDemand { last: last(0.19, 0), ..DEMAND }), None);
+        assert_eq!(layouts_wanted(&DesignDemand { last: last(1.0, 0), active: 32, ..DEMAND }), None);
     }
 
     #[test]
-    fn the_pause_doubles_while_nothing_comes_of_it() {
+    fn pause_doubles_while_requests_bring_no_layout() {
         assert_eq!(pause_ms(DesignerKind::Procedural, 0), 5_000);
         assert_eq!(pause_ms(DesignerKind::Procedural, 3), 40_000);
         assert_eq!(pause_ms(DesignerKind::Procedural, 99), 640_000);
@@ -122,24 +132,24 @@ mod tests {
     }
 
     proptest! {
-        /// Nothing is asked without evidence, during placement, or too soon; never more than what is missing or a stock.
+        /// Nothing is requested without evidence, during placement, or too early; never more than what is missing or a stock.
         #[test]
-        fn laws(
-            (placed, llm) in any::<(bool, bool)>(), criticised in 0i64..600, failures in 0.0f64..20.0, held in 0u32..40,
-            stock in 1u32..=64, asked in any::<bool>(),
-            (at, before, distance, barren) in (0i64..2_000_000, 0i64..600, 0.0f64..1.0, 0u32..10),
+        fn requests_need_evidence_and_time(
+            (is_placed, has_llm) in any::<(bool, bool)>(), criticised in 0i64..600, failure_weight in 0.0f64..20.0, active in 0u32..40,
+            stock in 1u32..=64, has_last in any::<bool>(),
+            (at, before, distance, barren_streak) in (0i64..2_000_000, 0i64..600, 0.0f64..1.0, 0u32..10),
         ) {
-            let which = if llm { DesignerKind::Llm } else { DesignerKind::Procedural };
-            let last = asked.then_some(LastDesignRequest { at, criticised: before, distance, barren });
-            let view = StockView { which, placed, criticised, failures, held, stock, last, now: 1_000_000 };
-            if let Some(wanted) = wanted(&view) {
-                prop_assert!(placed && criticised >= EPISODES && failures >= FAILURES);
-                prop_assert!(last.is_none_or(|last| view.now - last.at >= pause_ms(which, barren)));
-                prop_assert!((1..=MOST).contains(&wanted));
+            let designer = if has_llm { DesignerKind::Llm } else { DesignerKind::Procedural };
+            let last = has_last.then_some(LastDesignRequest { at, criticised: before, distance, barren_streak });
+            let demand = DesignDemand { designer, is_placed, criticised, failure_weight, active, stock, last, now: 1_000_000 };
+            if let Some(wanted) = layouts_wanted(&demand) {
+                prop_assert!(is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT);
+                prop_assert!(last.is_none_or(|last| demand.now - last.at >= pause_ms(designer, barren_streak)));
+                prop_assert!((1..=MAX_LAYOUTS_PER_REQUEST).contains(&wanted));
                 prop_assert!(wanted <= stock);
-                prop_assert!(held < stock || distance >= MOVED);
-            } else if placed && criticised >= EPISODES && failures >= FAILURES && held < stock {
-                prop_assert!(last.is_some_and(|last| view.now - last.at < pause_ms(which, barren)));
+                prop_assert!(active < stock || distance >= MIN_PROFILE_DISTANCE);
+            } else if is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT && active < stock {
+                prop_assert!(last.is_some_and(|last| demand.now - last.at < pause_ms(designer, barren_streak)));
             }
         }
     }

@@ -1,38 +1,38 @@
-//! Where designers come from: the service is given them, and knows no endpoint or key.
+//! Source of designers. The service is configured with one, and knows neither endpoint nor key.
 
 use designer::Designer;
 use designer::llm_designer::LlmDesigner;
-use llm::{LlmClient, Spending};
 use designer::procedural::ProceduralDesigner;
+use llm::{LlmClient, Spending};
 use serde_json::Value;
 
 use crate::store::design_requests::DesignerKind;
 
-/// Makes designers.
+/// Creates designers for runs.
 pub trait Designers: std::fmt::Debug + Send + Sync {
-    /// A designer for a run; none where there is none of the kind.
-    fn designer(&self, which: DesignerKind, run: &str) -> Option<Box<dyn Designer>>;
+    /// Returns a designer for a run; `None` if there is none of the kind.
+    fn designer(&self, kind: DesignerKind, run: &str) -> Option<Box<dyn Designer>>;
 
-    /// Whether a language model is configured.
+    /// Returns true if a language model is configured.
     fn has_llm(&self) -> bool;
 
-    /// How the language model is, for people; none where none is configured. It holds no keys.
+    /// Returns the health of the language model as JSON without keys; `None` if no model is configured.
     fn health(&self) -> Option<Value> {
         None
     }
 
-    /// Counts what asking the language model took on a day (days since 1970 UTC) before this process began: budgets survive
-    /// restarts.
+    /// Restores the tokens and the cost that a run spent on a day (days since 1970 UTC) before this process started: budgets
+    /// survive restarts.
     fn restore(&self, _run: &str, _tokens: u64, _cost: f64, _day: i64) {}
 }
 
-/// Those that need no configuration.
+/// The designers that need no configuration.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct BuiltInDesigners;
 
 impl Designers for BuiltInDesigners {
-    fn designer(&self, which: DesignerKind, _: &str) -> Option<Box<dyn Designer>> {
-        match which {
+    fn designer(&self, kind: DesignerKind, _: &str) -> Option<Box<dyn Designer>> {
+        match kind {
             DesignerKind::Llm => None,
             DesignerKind::Procedural => Some(Box::new(ProceduralDesigner)),
         }
@@ -43,15 +43,15 @@ impl Designers for BuiltInDesigners {
     }
 }
 
-/// Those, and a language model.
+/// The built-in designers and a language model.
 #[derive(Debug, Clone)]
 pub struct DesignersWithModel(pub LlmClient);
 
 impl Designers for DesignersWithModel {
-    fn designer(&self, which: DesignerKind, run: &str) -> Option<Box<dyn Designer>> {
-        match which {
+    fn designer(&self, kind: DesignerKind, run: &str) -> Option<Box<dyn Designer>> {
+        match kind {
             DesignerKind::Llm => Some(Box::new(LlmDesigner::new(self.0.clone(), run))),
-            DesignerKind::Procedural => BuiltInDesigners.designer(which, run),
+            DesignerKind::Procedural => BuiltInDesigners.designer(kind, run),
         }
     }
 

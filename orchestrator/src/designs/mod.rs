@@ -1,19 +1,24 @@
-//! The designer's life: from what an agent fails at to layouts that it is given, and to their end.
+//! Designed layouts: from an agent's failures to scenarios that it trains on, and their retirement.
 //!
-//! [`stock`] decides when to ask, [`ask`] begins and ends a round of asking, [`brief`] gathers what a designer is told,
-//! [`serve`] mixes layouts into leases, [`outcome`] takes how they were flown, [`life`] decides when they retire.
+//! [`demand`] decides when a designer is asked. [`start_design`] starts a request, [`brief`] loads the designer's brief, and
+//! [`finish_design`] stores the layouts that the gate admitted. [`serve`] mixes layouts into leases, [`outcome`] counts how groups on
+//! them ended, and [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. The worker that
+//! calls designers is `workers::design`; the designers themselves are in the crate `designer`.
 
-pub mod design_request;
 pub mod brief;
+pub mod demand;
 pub mod designers;
-pub mod manual;
-pub mod layout_life;
+pub mod finish_design;
+pub mod layout_status;
 pub mod outcome;
 pub mod profile;
+pub mod request_design;
+pub mod retire_layout;
 pub mod serve;
 pub mod settings;
-pub mod demand;
+pub mod start_design;
 
+pub use self::designers::{BuiltInDesigners, Designers, DesignersWithModel};
+pub use self::settings::{DesignSettings, DesignSettingsRequest, designer_kind};
 pub use crate::store::design_requests::DesignerKind;
-pub use designers::{BuiltInDesigners, Designers, DesignersWithModel};
-pub use settings::{DesignSettings, DesignSettingsRequest, DesignerChoice};
+pub use api_types::DesignerChoice;

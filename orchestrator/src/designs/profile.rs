@@ -1,34 +1,33 @@
-//! A failure profile as it stands: collected from the store once, weighed once, for whoever shows it and whoever designs
-//! from it.
+//! Failure profile of a run's task, loaded and weighted in one place for designers and for the API.
 
 use designer::FailureProfile;
 use designer::profile::{FailureCell, ModeProfile, SectorWeight};
 use sqlx::SqliteConnection;
 
+use crate::critiques::profile::{decay, total_weight};
 use crate::store::critiques::{self, CritiqueCounters};
-use crate::store::failures::{self, CellKey, CellCounters};
+use crate::store::failures::{self, CellCounters, CellKey};
 use crate::store::{StoreError, failure_sectors, to_u32, to_u64};
-use crate::critiques::profile::{fade, weight_of};
 
-/// A cell with what it weighs now.
+/// A cell with its current weight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightedCell {
-    /// The number that its examples are under.
+    /// Number of the cell, which its examples refer to.
     pub cell: i64,
-    /// Which it is.
+    /// Failure mode, sector and band of the cell.
     pub key: CellKey,
-    /// Its sums as stored.
-    pub sums: CellCounters,
-    /// What its failures weigh now.
+    /// Counters of the cell as stored.
+    pub counters: CellCounters,
+    /// Current weight of its failures.
     pub weight: f64,
 }
 
 /// The failure profile of a run's task.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CollectedProfile {
-    /// What it rests on.
-    pub sums: CritiqueCounters,
-    /// Its cells, by mode, sector and band.
+    /// Counters of the criticised episodes.
+    pub counters: CritiqueCounters,
+    /// Cells of the profile, ordered by mode, sector and band.
     pub cells: Vec<WeightedCell>,
     /// The same failures by mode and inertial sector.
     pub inertial: Vec<(String, SectorWeight)>,
@@ -37,28 +36,28 @@ pub struct CollectedProfile {
 /// A failure mode of a profile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModeSummary<'a> {
-    /// How often it occurred.
+    /// Number of failures of this mode.
     pub count: i64,
-    /// What that weighs now.
+    /// Current weight of the failures.
     pub weight: f64,
-    /// Where.
+    /// Cells of the mode.
     pub cells: Vec<&'a WeightedCell>,
-    /// From where, by inertial sector.
+    /// Failures of the mode by inertial sector.
     pub inertial: Vec<SectorWeight>,
 }
 
 impl CollectedProfile {
-    /// Collects the profile of a run's task.
+    /// Loads the profile of a run's task.
     ///
     /// # Errors
-    /// The database's.
-    pub async fn read(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Self, StoreError> {
-        let sums = critiques::counters(conn, run, task).await?;
-        let weight = |held: f64, as_of: i64| fade(held, sums.criticised - as_of);
+    /// Returns [`StoreError::Database`] if a query fails.
+    pub async fn load(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Self, StoreError> {
+        let counters = critiques::counters(conn, run, task).await?;
+        let weight = |stored: f64, as_of: i64| decay(stored, counters.criticised - as_of);
         let cells = failures::profile(conn, run, task).await?.into_iter();
         let cells = cells.map(|cell| {
             let weight = weight(cell.counters.weight, cell.counters.as_of);
-            WeightedCell { cell: cell.id, key: cell.key, sums: cell.counters, weight }
+            WeightedCell { cell: cell.id, key: cell.key, counters: cell.counters, weight }
         });
         let inertial = failure_sectors::of_task(conn, run, task).await?.into_iter().map(|row| {
             let sector = SectorWeight {
@@ -68,29 +67,29 @@ impl CollectedProfile {
             };
             (row.mode, sector)
         });
-        Ok(Self { cells: cells.collect(), inertial: inertial.collect(), sums })
+        Ok(Self { cells: cells.collect(), inertial: inertial.collect(), counters })
     }
 
-    /// What the criticised episodes weigh together.
+    /// Returns the current weight of all criticised episodes.
     #[must_use]
     pub fn weight(&self) -> f64 {
-        weight_of(self.sums.criticised)
+        total_weight(self.counters.criticised)
     }
 
-    /// One failure mode.
+    /// Returns the summary of a failure mode.
     #[must_use]
     pub fn mode(&self, name: &str) -> ModeSummary<'_> {
         let cells: Vec<_> = self.cells.iter().filter(|cell| cell.key.mode == name).collect();
         let inertial = self.inertial.iter().filter(|(mode, _)| mode == name);
         ModeSummary {
-            count: cells.iter().map(|cell| cell.sums.count).sum(),
+            count: cells.iter().map(|cell| cell.counters.count).sum(),
             weight: cells.iter().map(|cell| cell.weight).sum(),
             inertial: inertial.map(|(_, sector)| *sector).collect(),
             cells,
         }
     }
 
-    /// The modes that occurred, each once, in order.
+    /// Returns the modes that occurred, each once, in order.
     #[must_use]
     pub fn modes(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.cells.iter().map(|cell| cell.key.mode.as_str()).collect();
@@ -98,7 +97,7 @@ impl CollectedProfile {
         names
     }
 
-    /// The profile as designers read it.
+    /// Returns the profile in the form for designers.
     #[must_use]
     pub fn profile(&self, task: &str) -> FailureProfile {
         let modes = self.modes().into_iter().map(|name| {
@@ -107,28 +106,29 @@ impl CollectedProfile {
                 mode: name.to_owned(),
                 count: to_u64(mode.count),
                 weight: mode.weight,
-                cells: mode.cells.iter().map(|cell| told(cell)).collect(),
+                cells: mode.cells.iter().map(|cell| failure_cell(cell)).collect(),
                 inertial: mode.inertial,
             }
         });
         FailureProfile {
             task: task.to_owned(),
-            criticised: to_u64(self.sums.criticised),
+            criticised: to_u64(self.counters.criticised),
             weight: self.weight(),
             modes: modes.collect(),
         }
     }
 }
 
-fn told(cell: &WeightedCell) -> FailureCell {
-    let WeightedCell { key, sums, weight, .. } = cell;
-    let share = |n: i64| key.encounter.filter(|_| sums.count > 0).map(|_| n as f64 / sums.count as f64);
+fn failure_cell(cell: &WeightedCell) -> FailureCell {
+    let WeightedCell { key, counters, weight, .. } = cell;
+    let share =
+        |n: i64| key.encounter.filter(|_| counters.count > 0).map(|_| n as f64 / counters.count as f64);
     FailureCell {
         sector: key.encounter.map(|bin| bin.sector),
         band: key.encounter.map(|bin| bin.band),
-        count: to_u64(sums.count),
+        count: to_u64(counters.count),
         weight: *weight,
-        avoidable_share: share(sums.avoidable),
-        mean_steps_left: share(sums.steps_left),
+        avoidable_share: share(counters.avoidable),
+        mean_steps_left: share(counters.steps_left),
     }
 }

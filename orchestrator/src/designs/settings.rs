@@ -1,72 +1,57 @@
-//! What a run is told about designs.
+//! Settings of a run that concern designed layouts.
 
+use api_types::DesignerChoice;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::designs::DesignerKind;
 use crate::engine::error::ServiceError;
-use crate::runs::settings::within;
+use crate::runs::validate::check_range;
 
-/// Who designs for a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum DesignerChoice {
-    /// The language model where the server has one, else the procedural designer.
-    Auto,
-    /// The language model; the procedural designer does what it does not.
-    Llm,
-    /// The procedural designer.
-    Procedural,
-    /// Nobody: nothing is designed.
-    Off,
-}
-
-impl DesignerChoice {
-    /// The kind that is asked; none where nothing is designed.
-    #[must_use]
-    pub const fn which(self, has_llm: bool) -> Option<DesignerKind> {
-        match (self, has_llm) {
-            (Self::Off, _) => None,
-            (Self::Llm, _) | (Self::Auto, true) => Some(DesignerKind::Llm),
-            (Self::Procedural, _) | (Self::Auto, false) => Some(DesignerKind::Procedural),
-        }
+/// Returns the designer to use; `None` if nothing is designed.
+#[must_use]
+pub const fn designer_kind(choice: DesignerChoice, has_llm: bool) -> Option<DesignerKind> {
+    match (choice, has_llm) {
+        (DesignerChoice::Off, _) => None,
+        (DesignerChoice::Llm, _) | (DesignerChoice::Auto, true) => Some(DesignerKind::Llm),
+        (DesignerChoice::Procedural, _) | (DesignerChoice::Auto, false) => Some(DesignerKind::Procedural),
     }
 }
 
-/// Layouts designed for the agent's failures, as a run asks for them. Everything may be left out.
+/// Request for layouts designed for the agent's failures. Every field may be left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DesignSettingsRequest {
     /// The share of training groups that are designed, 0 to 1 (0.3), once there are failures to design for and the task's
     /// placement is over. 0: nothing is designed.
     pub share: Option<f64>,
-    /// Who designs: `auto` (default), `llm`, `procedural` or `off`.
+    /// The designer: `auto` (default), `llm`, `procedural` or `off`.
     pub designer: Option<DesignerChoice>,
-    /// The share of training groups that one layout may take, above 0, at most 1 (0.05); four groups it may always take.
+    /// The share of training groups that one layout may take, above 0, at most 1 (0.05); four groups are always allowed.
     pub layout_share: Option<f64>,
-    /// Whether outcomes of designed groups move levels and mastery (false). Then those of threats that were designed at the
+    /// True if outcomes of designed groups move levels and mastery (false). Only those of threats that were designed at the
     /// current level do.
     pub evidence: Option<bool>,
-    /// How many active layouts near the current level of a task are kept in stock: 1 to 64 (8).
+    /// Number of active layouts near the current level of a task that are kept in stock: 1 to 64 (8).
     pub stock: Option<u32>,
 }
 
-/// The same, complete, as stored.
+/// Design settings of a run, complete, as stored.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DesignSettings {
-    /// The share of training groups that are designed.
+    /// The share of training groups that are designed, 0 to 1.
     pub share: f64,
-    /// Who designs.
+    /// The designer of the run.
     pub designer: DesignerChoice,
-    /// The share of training groups that one layout may take.
+    /// The share of training groups that one layout may take, above 0 and at most 1.
     pub layout_share: f64,
-    /// Whether outcomes of designed groups are evidence.
+    /// True if outcomes of designed groups are evidence.
     pub evidence: bool,
-    /// How many active layouts near the current level are kept in stock.
+    /// Number of active layouts near the current level that are kept in stock, for each task.
     pub stock: u32,
 }
 
-/// A run of before there were designs: it goes on as it was.
+/// The settings of a run that was stored without design settings: nothing is designed.
 impl Default for DesignSettings {
     fn default() -> Self {
         Self { share: 0.0, designer: DesignerChoice::Off, layout_share: 0.05, evidence: false, stock: 8 }
@@ -74,34 +59,34 @@ impl Default for DesignSettings {
 }
 
 impl DesignSettings {
-    /// Checks a wish and fills it up.
+    /// Checks a request and returns complete settings.
     ///
     /// # Errors
-    /// The field at fault.
-    pub fn read(wish: &DesignSettingsRequest) -> Result<Self, ServiceError> {
-        let share = wish.share.unwrap_or(0.3);
+    /// Returns an error that names the first field that is out of bounds.
+    pub fn from_request(request: &DesignSettingsRequest) -> Result<Self, ServiceError> {
+        let share = request.share.unwrap_or(0.3);
         if !(0.0..=1.0).contains(&share) {
             return Err(ServiceError::invalid("design.share", format!("it is {share}, outside 0 to 1")));
         }
-        let layout_share = wish.layout_share.unwrap_or(0.05);
+        let layout_share = request.layout_share.unwrap_or(0.05);
         if !(layout_share > 0.0 && layout_share <= 1.0) {
-            let words = format!("it is {layout_share}, but must be above 0 and at most 1");
-            return Err(ServiceError::invalid("design.layout_share", words));
+            let reason = format!("it is {layout_share}, but must be above 0 and at most 1");
+            return Err(ServiceError::invalid("design.layout_share", reason));
         }
-        let stock = wish.stock.unwrap_or(8);
-        within("design.stock", stock, 1, 64)?;
+        let stock = request.stock.unwrap_or(8);
+        check_range("design.stock", stock, 1, 64)?;
         Ok(Self {
             share,
-            designer: wish.designer.unwrap_or(DesignerChoice::Auto),
+            designer: request.designer.unwrap_or(DesignerChoice::Auto),
             layout_share,
-            evidence: wish.evidence.unwrap_or(false),
+            evidence: request.evidence.unwrap_or(false),
             stock,
         })
     }
 
-    /// Whether anything is designed and served.
+    /// Returns true if layouts are designed and served.
     #[must_use]
-    pub fn on(&self) -> bool {
+    pub fn is_enabled(&self) -> bool {
         self.share > 0.0 && self.designer != DesignerChoice::Off
     }
 }

@@ -1,7 +1,7 @@
 //! The error of every use case of the service.
 
 use crate::store::leases::LeaseStatus;
-use crate::store::{StoreError, Outage};
+use crate::store::{Outage, StoreError};
 use curriculum::{RestoreError, SettingsError};
 
 /// Error of a use case.

@@ -3,12 +3,12 @@
 use serde::Serialize;
 
 use crate::clock::Millis;
-use crate::metrics::{self, LeaseEvent};
 use crate::engine::error::ServiceError;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_state::move_kind;
-use crate::store::design_requests::DesignerKind;
+use crate::metrics::{self, LeaseEvent};
 use crate::store::columns::ClaimState;
+use crate::store::design_requests::DesignerKind;
 use crate::store::events::{EventKind, NewEvent};
 use crate::store::groups::{GroupRole, GroupRow, GroupState};
 use crate::store::leases::{LeaseForm, LeaseRow, Purpose};
@@ -171,7 +171,9 @@ impl Outbox {
         let body = to_json(event)?;
         match event {
             RunEvent::Lease { state, .. } => metrics::record_lease(*state),
-            RunEvent::Move(moved) => metrics::record_level_move(moved.task.clone(), move_kind(moved.kind).to_string()),
+            RunEvent::Move(moved) => {
+                metrics::record_level_move(moved.task.clone(), move_kind(moved.kind).to_string())
+            }
             _ => {}
         }
         self.push_event(NewEvent { run: run.to_owned(), kind: event.kind(), body, at });

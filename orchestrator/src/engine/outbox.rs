@@ -8,9 +8,9 @@ use crate::clock::Millis;
 use crate::engine::run_cache::RunCache;
 use crate::engine::signals::{Signal, WorkerSignals};
 use crate::engine::task_history::{HistoryWriter, TaskCounts};
+use crate::store::StoreError;
 use crate::store::curriculum::{self, NewCurriculumEvent};
 use crate::store::events::{self, NewEvent};
-use crate::store::StoreError;
 use crate::store::history::HistoryBucket;
 
 /// Events of a run between two trims of its ring of kept events.

@@ -22,7 +22,11 @@ impl RunCache {
     ///
     /// # Errors
     /// Returns [`ServiceError::UnknownRun`] if the run does not exist, and another error if it cannot be restored.
-    pub async fn load(&mut self, conn: &mut SqliteConnection, run: &str) -> Result<&mut RunState, ServiceError> {
+    pub async fn load(
+        &mut self,
+        conn: &mut SqliteConnection,
+        run: &str,
+    ) -> Result<&mut RunState, ServiceError> {
         if !self.runs.contains_key(run) {
             let state = RunState::load(conn, run).await?;
             self.runs.insert(run.to_owned(), state);

@@ -41,7 +41,7 @@ pub struct RunState {
     /// The curriculum: a fold over the run's curriculum events.
     pub curriculum: Curriculum,
     /// Failure profiles by task, of the tasks that were written since the run was loaded.
-    pub(crate) ledgers: BTreeMap<String, ProfileCache>,
+    pub(crate) profiles: BTreeMap<String, ProfileCache>,
     /// Number of events at the last snapshot.
     snapshot_at: u64,
     /// Curriculum events that are not written yet.
@@ -87,7 +87,7 @@ impl RunState {
             is_paused: row.status == RunStatus::Paused,
             policy_version: row.policy_version,
             curriculum,
-            ledgers: BTreeMap::new(),
+            profiles: BTreeMap::new(),
             snapshot_at,
             unwritten: Vec::new(),
         })

@@ -24,9 +24,9 @@ impl Change for WriteProbe {
 mod tests {
     use super::*;
     use crate::clock::Clock;
-    use crate::store::{self, Outage};
     use crate::engine::signals::WorkerSignals;
     use crate::engine::writer::Writer;
+    use crate::store::{self, Outage};
 
     /// Writes a blob of this many bytes.
     struct WriteBlob(i64);

@@ -12,7 +12,7 @@ use crate::engine::run_cache::RunCache;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::store::history::HistoryBucket;
-use crate::store::{DatabaseLock, StoreError, Outage};
+use crate::store::{DatabaseLock, Outage, StoreError};
 
 /// A write transaction: the connection, the runs in memory and the effects that are left to the end of the transaction.
 ///

@@ -11,18 +11,18 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Instant;
 
-use sqlx::{Connection, SqliteConnection, query};
+use sqlx::{Connection, SqliteConnection};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
 use crate::clock::Clock;
-use crate::metrics;
 use crate::engine::change::{Change, Query, ReadTx};
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
-use crate::store::{DatabaseLock, StoreError, Outage};
+use crate::metrics;
+use crate::store::{DatabaseLock, Outage, StoreError, transactions};
 
 /// Capacity of each queue of waiting work.
 const QUEUE_CAPACITY: usize = 1024;
@@ -232,7 +232,7 @@ async fn serve(mut tx: WriteTx, mut inbox: Inbox, clock: Clock, signals: WorkerS
         metrics::record_commit(deliveries.len(), started_at.elapsed(), committed.is_ok());
         if let Err(error) = &committed {
             tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
-            drop(query("ROLLBACK").execute(&mut tx.conn).await);
+            drop(transactions::roll_back_batch(&mut tx.conn).await);
             tx.discard_all();
             tx.is_troubled = true;
             clock.adopt(-tx.clock_shift); // the shift of the deadlines was rolled back
@@ -247,8 +247,6 @@ async fn serve(mut tx: WriteTx, mut inbox: Inbox, clock: Clock, signals: WorkerS
 }
 
 /// Applies the first job, and the jobs that wait after each one, in one transaction.
-///
-/// The statement that begins or ends a savepoint also carries its neighbour: each statement costs a switch between two threads.
 async fn commit_batch(
     tx: &mut WriteTx,
     clock: &Clock,
@@ -257,25 +255,26 @@ async fn commit_batch(
     deliveries: &mut Vec<Delivery>,
 ) -> Result<(), StoreError> {
     let mut has_urgent = !first.is_bulk();
-    apply_in_savepoint(tx, clock, "BEGIN IMMEDIATE; SAVEPOINT change", first, deliveries).await?;
+    let begun = transactions::begin_batch(&mut tx.conn).await;
+    apply_in_savepoint(tx, clock, begun, first, deliveries).await?;
     for _ in 1..MAX_BATCH {
         let Some(job) = inbox.more(&mut has_urgent) else { break };
-        apply_in_savepoint(tx, clock, "RELEASE change; SAVEPOINT change", job, deliveries).await?;
+        let begun = transactions::begin_next_change(&mut tx.conn).await;
+        apply_in_savepoint(tx, clock, begun, job, deliveries).await?;
     }
     tx.flush().await?;
-    query("RELEASE change; COMMIT").execute(&mut tx.conn).await?;
-    Ok(())
+    transactions::commit_batch(&mut tx.conn).await
 }
 
-/// Applies one job in a savepoint of its own, which the statement `begin` opens.
+/// Applies one job in a savepoint of its own; refuses it if the savepoint was not `begun`.
 async fn apply_in_savepoint(
     tx: &mut WriteTx,
     clock: &Clock,
-    begin: &'static str,
+    begun: Result<(), StoreError>,
     job: Box<dyn Job>,
     deliveries: &mut Vec<Delivery>,
 ) -> Result<(), StoreError> {
-    if let Err(error) = query(begin).execute(&mut tx.conn).await.map_err(StoreError::from) {
+    if let Err(error) = begun {
         job.refuse(&error);
         return Err(error);
     }
@@ -287,8 +286,8 @@ async fn apply_in_savepoint(
         return Ok(());
     }
     // On a full disk SQLite may have rolled back the whole transaction: there is no savepoint to return to.
-    let undone = query("ROLLBACK TO change").execute(&mut tx.conn).await;
-    undone.map_err(|error| trouble.map_or_else(|| error.into(), StoreError::RolledBack))?;
+    let undone = transactions::undo_change(&mut tx.conn).await;
+    undone.map_err(|error| trouble.map_or(error, StoreError::RolledBack))?;
     tx.discard_change();
     // A later change of this transaction may restore the evicted runs: it must find their kept events in the store.
     tx.flush().await

@@ -1,117 +1,105 @@
-//! Beginning an evaluation.
+//! Starts evaluations of policies on suites.
 
 use serde::Deserialize;
 use utoipa::ToSchema;
 
-use crate::evaluation::suite::file::{self, LoadedSuite};
-use crate::evaluation::suite::{SuiteEntry, Suite};
-use crate::ids::RunId;
-use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
-use crate::store::{runs, to_i64, to_json};
-use crate::runs::settings::{within, MAX_GROUP_SIZE};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
+use crate::evaluation::suite::file::{self, LoadedSuite};
+use crate::evaluation::suite::{Suite, SuiteEntry};
+use crate::ids::RunId;
+use crate::runs::settings::MAX_GROUP_SIZE;
+use crate::runs::validate::check_range;
+use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
+use crate::store::{runs, to_i64, to_json};
 
-/// Longest words, in characters.
-const MOST: usize = 200;
-/// Evaluations that may be under way.
-const MOST_UNFINISHED: i64 = 100;
+/// Maximum length of a name, in characters.
+const MAX_NAME_CHARS: usize = 200;
+/// Maximum number of unfinished evaluations.
+const MAX_UNFINISHED: i64 = 100;
 
-/// An evaluation as it is asked for.
+/// Request to start an evaluation.
 #[derive(Debug, Clone, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct EvaluationWish {
-    /// A suite that comes with the program (kessler-heldout-v2).
+pub struct EvaluationRequest {
+    /// A built-in suite (kessler-heldout-v2).
     #[schema(example = "kessler-heldout-v2")]
     pub suite: Option<String>,
-    /// Only its scenarios of these tasks (all), for a policy that flies no others. Needs `run`: the server flies whole suites.
+    /// Tasks whose scenarios are evaluated (all), for a policy that supports no others. Needs `run`: the server evaluates whole suites.
     #[schema(example = json!(["docking/single"]))]
     pub tasks: Option<Vec<String>>,
-    /// Without `run`, a built-in policy that every task of the suite has: the server flies it. With `run`, whatever you call yours.
+    /// Without `run`, a built-in policy that every task of the suite has: the server rolls it out. With `run`, a name of your choice.
     #[schema(example = "heuristic")]
     pub policy: String,
-    /// The run whose trainer flies it, in leases with `purpose: eval` and this evaluation's id.
+    /// The run whose trainer rolls it out, in leases with `purpose: eval` and this evaluation's id.
     pub run: Option<String>,
     /// The version of the run's policy (the newest).
     pub version: Option<u32>,
-    /// What trainings of one kind that differ by their seed are called together.
+    /// Common name of trainings that differ only by their seed.
     pub training: Option<String>,
-    /// By what this one differs from them.
+    /// Seed of this training.
     pub training_seed: Option<u32>,
-    /// Episodes of each scenario: 1 to 1 024 (1; 8 where the policy has chance in it).
+    /// Episodes of each scenario: 1 to 1 024 (1; 8 if the policy is stochastic).
     pub rollouts: Option<u32>,
-    /// Whether these differ by chance: a trainer's do unless told (a built-in policy is known).
+    /// True if the policy is stochastic (true for a trainer's policy; known for a built-in one).
     pub chance: Option<bool>,
-    /// What a built-in policy with chance in it draws from (0).
+    /// Seed of a stochastic built-in policy (0).
     pub seed: Option<u32>,
-    /// A name for people (the policy's).
+    /// A name for people (the name of the policy).
     pub name: Option<String>,
 }
 
-/// Begins an evaluation.
+/// Starts an evaluation of a policy on a suite.
 #[derive(Debug)]
 pub struct BeginEvaluation {
     row: EvaluationRow,
     run: Option<RunId>,
-    /// Places of the suite.
+    /// Positions of the scenarios in the suite.
     entries: Vec<i64>,
 }
 
 impl BeginEvaluation {
-    /// Reads a wish.
+    /// Checks a request.
     ///
     /// # Errors
-    /// The field at fault.
-    pub fn read(wish: EvaluationWish) -> Result<Self, ServiceError> {
-        let which = wish.suite.unwrap_or_else(|| file::DEFAULT_SUITE.to_owned());
-        let LoadedSuite { suite, hash } = file::built_in(&which).ok_or_else(|| {
-            let which: String = which.chars().take(60).collect();
+    /// Returns an error that names the first invalid field.
+    pub fn from_request(request: EvaluationRequest) -> Result<Self, ServiceError> {
+        let name = request.suite.as_deref().unwrap_or(file::DEFAULT_SUITE);
+        let LoadedSuite { suite, hash } = file::built_in(name).ok_or_else(|| {
+            let name: String = name.chars().take(60).collect();
             ServiceError::invalid(
                 "suite",
-                format!("there is no suite {which:?}; there are {}", file::built_in_names()),
+                format!("there is no suite {name:?}; there are {}", file::built_in_names()),
             )
         })?;
-        for (field, words) in [
-            ("policy", Some(&wish.policy)),
-            ("training", wish.training.as_ref()),
-            ("name", wish.name.as_ref()),
-        ] {
-            if words.is_some_and(|words| words.is_empty() || words.chars().count() > MOST) {
-                return Err(ServiceError::invalid(field, format!("it must have 1 to {MOST} characters")));
-            }
-        }
-        let run = wish.run.as_deref().map(str::parse::<RunId>).transpose();
+        check_names(&request)?;
+        let run = request.run.as_deref().map(str::parse::<RunId>).transpose();
         let run = run.map_err(|error| ServiceError::invalid("run", error.to_string()))?;
         let chance = match run {
-            None => by_chance(suite, &wish.policy)?,
-            Some(_) => wish.chance.unwrap_or(true),
+            None => is_stochastic(suite, &request.policy)?,
+            Some(_) => request.chance.unwrap_or(true),
         };
-        let rollouts = wish.rollouts.unwrap_or(if chance { 8 } else { 1 });
-        within("rollouts", rollouts, 1, MAX_GROUP_SIZE)?;
-        let of_a_run = [
-            ("version", wish.version.is_some(), "only the policy of a run has versions; say which run"),
-            ("chance", wish.chance.is_some(), "of a built-in policy it is known; leave it out"),
-            ("tasks", wish.tasks.is_some(), "the server flies whole suites; leave it out"),
-        ];
-        if let Some((field, _, why)) = of_a_run.into_iter().find(|(_, told, _)| run.is_none() && *told) {
-            return Err(ServiceError::invalid(field, why));
+        let rollouts = request.rollouts.unwrap_or(if chance { 8 } else { 1 });
+        check_range("rollouts", rollouts, 1, MAX_GROUP_SIZE)?;
+        if run.is_none() {
+            check_no_run_fields(&request)?;
         }
-        let entries = entries(suite, wish.tasks.as_deref())?;
+        let entries = entries(suite, request.tasks.as_deref())?;
         let row = EvaluationRow {
             id: 0,
-            name: wish.name.unwrap_or_else(|| wish.policy.clone()),
+            name: request.name.unwrap_or_else(|| request.policy.clone()),
             suite: suite.name.clone(),
             suite_hash: hash.clone(),
-            tasks: wish.tasks.as_ref().map(to_json).transpose()?,
-            policy: wish.policy,
+            tasks: request.tasks.as_ref().map(to_json).transpose()?,
+            policy: request.policy,
             run: run.as_ref().map(RunId::to_string),
-            version: wish.version.map(i64::from),
-            training: wish.training,
-            training_seed: wish.training_seed.map(i64::from),
+            version: request.version.map(i64::from),
+            training: request.training,
+            training_seed: request.training_seed.map(i64::from),
             rollouts: i64::from(rollouts),
             chance,
-            seed: to_i64(u64::from(wish.seed.unwrap_or(0))),
+            seed: to_i64(u64::from(request.seed.unwrap_or(0))),
             state: if run.is_some() { EvaluationState::Open } else { EvaluationState::Flying },
             trouble: None,
             scenarios: entries.len() as i64,
@@ -124,32 +112,63 @@ impl BeginEvaluation {
     }
 }
 
-/// The places of a suite's scenarios of these tasks.
-fn entries(suite: &Suite, tasks: Option<&[String]>) -> Result<Vec<i64>, ServiceError> {
-    let known: Vec<&str> = suite.tasks().iter().map(|task| task.id()).collect();
-    let stranger = tasks.into_iter().flatten().find(|task| !known.contains(&task.as_str()));
-    if stranger.is_some() || tasks.is_some_and(<[String]>::is_empty) {
-        let why = format!("name one or more of {}, which {} is of", known.join(", "), suite.name);
-        return Err(ServiceError::invalid("tasks", why));
+/// Checks the lengths of names: 1 to 200 characters.
+fn check_names(request: &EvaluationRequest) -> Result<(), ServiceError> {
+    for (field, text) in [
+        ("policy", Some(&request.policy)),
+        ("training", request.training.as_ref()),
+        ("name", request.name.as_ref()),
+    ] {
+        if text.is_some_and(|text| text.is_empty() || text.chars().count() > MAX_NAME_CHARS) {
+            return Err(ServiceError::invalid(
+                field,
+                format!("it must have 1 to {MAX_NAME_CHARS} characters"),
+            ));
+        }
     }
-    let wanted =
-        |entry: &SuiteEntry| tasks.is_none_or(|tasks| tasks.iter().any(|task| task == entry.scenario.task().id()));
-    Ok((0..).zip(suite.entries()).filter(|(_, entry)| wanted(entry)).map(|(place, _)| place).collect())
+    Ok(())
 }
 
-/// Whether a built-in policy has chance in it.
-fn by_chance(suite: &Suite, policy: &str) -> Result<bool, ServiceError> {
+/// Checks that fields that need `run` are left out.
+fn check_no_run_fields(request: &EvaluationRequest) -> Result<(), ServiceError> {
+    let run_only = [
+        ("version", request.version.is_some(), "only the policy of a run has versions; say which run"),
+        ("chance", request.chance.is_some(), "of a built-in policy it is known; leave it out"),
+        ("tasks", request.tasks.is_some(), "the server flies whole suites; leave it out"),
+    ];
+    if let Some((field, _, reason)) = run_only.into_iter().find(|(_, is_set, _)| *is_set) {
+        return Err(ServiceError::invalid(field, reason));
+    }
+    Ok(())
+}
+
+/// Returns the positions of a suite's scenarios of these tasks.
+fn entries(suite: &Suite, tasks: Option<&[String]>) -> Result<Vec<i64>, ServiceError> {
+    let known: Vec<&str> = suite.tasks().iter().map(|task| task.id()).collect();
+    let unknown = tasks.into_iter().flatten().find(|task| !known.contains(&task.as_str()));
+    if unknown.is_some() || tasks.is_some_and(<[String]>::is_empty) {
+        let reason = format!("name one or more of {}, which {} is of", known.join(", "), suite.name);
+        return Err(ServiceError::invalid("tasks", reason));
+    }
+    let wanted = |entry: &SuiteEntry| {
+        tasks.is_none_or(|tasks| tasks.iter().any(|task| task == entry.scenario.task().id()))
+    };
+    Ok((0..).zip(suite.entries()).filter(|(_, entry)| wanted(entry)).map(|(position, _)| position).collect())
+}
+
+/// Returns true if a built-in policy is stochastic in some task of the suite.
+fn is_stochastic(suite: &Suite, policy: &str) -> Result<bool, ServiceError> {
     let mut chance = false;
     for task in suite.tasks() {
         let Some(spec) = task.policies().iter().find(|spec| spec.name == policy) else {
             let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
             let policy: String = policy.chars().take(60).collect();
-            let why = format!(
+            let reason = format!(
                 "there is no policy {policy:?} for {}; choose one of {}, or say the run whose trainer flies it",
                 task.id(),
                 known.join(", ")
             );
-            return Err(ServiceError::invalid("policy", why));
+            return Err(ServiceError::invalid("policy", reason));
         };
         chance |= spec.chance;
     }
@@ -163,9 +182,9 @@ impl Change for BeginEvaluation {
         let Self { mut row, run, entries } = self;
         row.created_at = tx.now;
         let conn = &mut tx.conn;
-        if evaluations::count_unfinished(conn).await? >= MOST_UNFINISHED {
-            let why = format!("{MOST_UNFINISHED} evaluations are under way; let some of them end first");
-            return Err(ServiceError::invalid("suite", why));
+        if evaluations::count_unfinished(conn).await? >= MAX_UNFINISHED {
+            let reason = format!("{MAX_UNFINISHED} evaluations are under way; let some of them end first");
+            return Err(ServiceError::invalid("suite", reason));
         }
         if let Some(run) = run {
             let known = runs::get(conn, run.as_str()).await?;

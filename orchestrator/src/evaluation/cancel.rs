@@ -1,17 +1,17 @@
-//! Ending an evaluation that nobody will fly.
+//! Cancels evaluations that are not complete.
 
-use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
+use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
 
-/// What is told of one that was cancelled.
-const TROUBLE: &str = "it was cancelled";
+/// Reason that is stored with a cancelled evaluation.
+const CANCELLED: &str = "it was cancelled";
 
-/// Ends an evaluation that is not complete; once more changes nothing.
+/// Cancels an evaluation. Repeating it has no effect.
 #[derive(Debug)]
 pub struct CancelEvaluation {
-    /// Its number.
+    /// Number of the evaluation.
     pub id: i64,
 }
 
@@ -26,7 +26,7 @@ impl Change for CancelEvaluation {
             row if row.state == EvaluationState::Complete => Err(ServiceError::EvaluationOver(id)),
             row if row.state == EvaluationState::Failed => Ok(row),
             _ => {
-                evaluations::fail(conn, id, TROUBLE).await?;
+                evaluations::fail(conn, id, CANCELLED).await?;
                 evaluations::get(conn, id).await?.ok_or_else(unknown)
             }
         }

@@ -1,52 +1,42 @@
-//! Leases of a suite's scenarios, for a trainer that flies an evaluation.
+//! Leases of a suite's scenarios, for a trainer that rolls out an evaluation.
 
-use crate::metrics::LeaseEvent;
 use std::sync::Arc;
+
 use env_core::admission;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use crate::evaluation::suite::SuiteEntry;
-use crate::evaluation::suite::file;
-use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
-use crate::store::groups::{GroupRole, GroupRow, GroupState};
-use crate::store::leases::{self, LeaseRow};
-use crate::leases::create::{CreateLease, GrantedLease};
-use crate::leases::prepare::{store_all, PreparedScenario};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
-use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
 use crate::engine::writer::Writer;
+use crate::evaluation::suite::SuiteEntry;
+use crate::evaluation::suite::file;
+use crate::leases::create::{CreateLease, GrantedLease};
+use crate::leases::prepare::PreparedScenario;
+use crate::leases::prepare::store_prepared::store_scenarios;
+use crate::metrics::LeaseEvent;
+use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
+use crate::store::groups::{self, GroupRole, GroupRow, GroupState};
+use crate::store::leases::{self, LeaseRow};
+use crate::store::to_u32;
 
-/// Takes a lease of scenarios of an evaluation that nobody flies: as many as are wanted, or as there are.
+/// Leases waiting scenarios of an evaluation: as many groups as requested, or as many as there are.
 ///
 /// # Errors
-/// A lease that may not be granted, an evaluation that there is not, or one of which nothing is left.
+/// Returns an error if the lease may not be granted, the evaluation does not exist or is over, or no scenario waits.
 pub async fn create_suite_lease(
     writer: &Writer,
     threads: &Arc<ThreadPool>,
-    wish: CreateLease,
+    request: CreateLease,
     evaluation: i64,
 ) -> Result<GrantedLease, ServiceError> {
-    let (row, entries) = writer.change(ReserveSuiteLease { wish, evaluation }).await?;
+    let ReservedSuiteLease { row, entries } =
+        writer.change(ReserveSuiteLease { request, evaluation }).await?;
     let threads = Arc::clone(threads);
-    // The suite has no witnesses, and a scenario that is flown can be shown beside one.
-    let prepare = move || {
-        let one = |(_, entry): &(i64, &'static SuiteEntry)| {
-            let admission = admission::admit(&entry.scenario);
-            admission.fair?;
-            let contested = admission.contested;
-            let bracket = admission.bracket.unwrap_or_else(|| entry.bracket.clone());
-            Ok(PreparedScenario { scenario: entry.scenario.clone(), bracket, contested, planted: false })
-        };
-        threads.install(|| {
-            entries
-                .par_iter()
-                .map(|entry| Ok((*entry, one(entry)?)))
-                .collect::<Result<Vec<_>, env_core::ScenarioError>>()
-        })
+    let prepare = move || -> Result<Vec<PreparedScenario>, env_core::ScenarioError> {
+        threads.install(|| entries.into_par_iter().map(prepare_entry).collect())
     };
     let prepared = tokio::task::spawn_blocking(prepare).await;
     let prepared = prepared.map_err(|error| ServiceError::invalid("evaluation", error.to_string()))?;
@@ -54,74 +44,101 @@ pub async fn create_suite_lease(
     writer.change(FillSuiteLease { row, evaluation, prepared }).await
 }
 
+/// Prepares a scenario of a suite. The suite stores no reference plan, which a replay is shown beside, so the bracket is computed
+/// again.
+fn prepare_entry(entry: &SuiteEntry) -> Result<PreparedScenario, env_core::ScenarioError> {
+    let admission = admission::admit(&entry.scenario);
+    admission.fair?;
+    Ok(PreparedScenario {
+        scenario: entry.scenario.clone(),
+        bracket: admission.bracket.unwrap_or_else(|| entry.bracket.clone()),
+        is_contested: admission.contested,
+        is_planted: false,
+    })
+}
+
 fn unknown(evaluation: i64) -> ServiceError {
     ServiceError::invalid("evaluation", format!("there is no evaluation eval-{evaluation}"))
 }
 
-/// Looks what is to be flown; nothing is written yet.
+/// Writes the lease without groups. A lease that is never filled expires like any other.
 struct ReserveSuiteLease {
-    wish: CreateLease,
+    request: CreateLease,
     evaluation: i64,
 }
 
-impl Change for ReserveSuiteLease {
-    type Output = (LeaseRow, Vec<(i64, &'static SuiteEntry)>);
+struct ReservedSuiteLease {
+    row: LeaseRow,
+    /// One scenario of the suite for each group.
+    entries: Vec<&'static SuiteEntry>,
+}
 
-    async fn apply(self, tx: &mut WriteTx) -> Result<Self::Output, ServiceError> {
-        let Self { mut wish, evaluation } = self;
-        let now = tx.now;
-        let RunTx { state: mind, conn, .. } = tx.run(wish.run.as_str()).await?;
-        let row = evaluations::get(conn, evaluation).await?.ok_or_else(|| unknown(evaluation))?;
-        let EvaluationRow { rollouts, version, run, suite, state, trouble, .. } = row;
-        if run.as_deref() != Some(wish.run.as_str()) {
-            let why = run.map_or_else(
-                || "the server flies it by itself".to_owned(),
-                |run| format!("it is one of the run {run}"),
-            );
-            return Err(ServiceError::invalid("evaluation", why));
+impl Change for ReserveSuiteLease {
+    type Output = ReservedSuiteLease;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<ReservedSuiteLease, ServiceError> {
+        let Self { mut request, evaluation } = self;
+        let id = request.run.clone();
+        let mut run = tx.run(id.as_str()).await?;
+        let row = evaluations::get(run.conn, evaluation).await?.ok_or_else(|| unknown(evaluation))?;
+        let group_size = apply_evaluation(&row, &mut request)?;
+        request.check(run.state)?;
+        let waiting = evaluations::waiting(run.conn, evaluation, i64::from(request.groups)).await?;
+        if waiting.is_empty() {
+            let reason = "all of its scenarios are flown, or leased to somebody";
+            return Err(ServiceError::invalid("evaluation", reason));
         }
-        if state == EvaluationState::Failed {
-            let why = format!("it is over: {}", trouble.unwrap_or_else(|| state.to_string()));
-            return Err(ServiceError::invalid("evaluation", why));
-        }
-        let size = crate::store::to_u32(rollouts);
-        if wish.group_size.is_some_and(|given| given != size) {
-            let why = format!("the evaluation flies each scenario {size} times; leave it out");
-            return Err(ServiceError::invalid("group_size", why));
-        }
-        wish.group_size = Some(size);
-        if let Some(version) = version.map(crate::store::to_u32) {
-            if wish.policy_version != 0 && wish.policy_version != version {
-                let why = format!("the evaluation is of version {version}; leave it out");
-                return Err(ServiceError::invalid("policy_version", why));
-            }
-            wish.policy_version = version;
-        }
-        wish.check(mind)?;
-        let entries = evaluations::waiting(conn, evaluation, i64::from(wish.groups)).await?;
-        if entries.is_empty() {
-            return Err(ServiceError::invalid(
-                "evaluation",
-                "all of its scenarios are flown, or leased to somebody",
-            ));
-        }
-        wish.groups = crate::store::to_u32(entries.len() as i64);
-        let lease = wish.new_row(conn, size, now).await?;
-        leases::insert(conn, &lease, &[]).await?;
-        evaluations::assign(conn, evaluation, lease.id, &entries).await?;
-        let suite = file::built_in(&suite).ok_or_else(|| unknown(evaluation))?;
+        request.groups = to_u32(waiting.len() as i64);
+        let lease = request.new_row(run.conn, group_size, run.now).await?;
+        leases::insert(run.conn, &lease, &[]).await?;
+        evaluations::assign(run.conn, evaluation, lease.id, &waiting).await?;
+        let suite = file::built_in(&row.suite).ok_or_else(|| unknown(evaluation))?;
         let all: Vec<&'static SuiteEntry> = suite.suite.entries().collect();
-        let picked = entries.into_iter().filter_map(|at| Some((at, *all.get(usize::try_from(at).ok()?)?)));
-        tx.emit(&lease.run, &RunEvent::lease(&lease, LeaseEvent::Taken))?;
-        Ok((lease, picked.collect()))
+        let entry = |position: i64| all.get(usize::try_from(position).ok()?).copied();
+        let entries = waiting.into_iter().filter_map(entry).collect();
+        run.emit(&RunEvent::lease(&lease, LeaseEvent::Taken))?;
+        Ok(ReservedSuiteLease { row: lease, entries })
     }
+}
+
+/// Sets the group size and the policy version that an evaluation prescribes. Returns the group size.
+///
+/// # Errors
+/// Returns an error if the evaluation is of another run or over, or if the request asks for another group size or version.
+fn apply_evaluation(row: &EvaluationRow, request: &mut CreateLease) -> Result<u32, ServiceError> {
+    if row.run.as_deref() != Some(request.run.as_str()) {
+        let reason = match &row.run {
+            Some(run) => format!("it is one of the run {run}"),
+            None => "the server flies it by itself".to_owned(),
+        };
+        return Err(ServiceError::invalid("evaluation", reason));
+    }
+    if row.state == EvaluationState::Failed {
+        let reason = row.trouble.clone().unwrap_or_else(|| row.state.to_string());
+        return Err(ServiceError::invalid("evaluation", format!("it is over: {reason}")));
+    }
+    let group_size = to_u32(row.rollouts);
+    if request.group_size.is_some_and(|requested| requested != group_size) {
+        let reason = format!("the evaluation flies each scenario {group_size} times; leave it out");
+        return Err(ServiceError::invalid("group_size", reason));
+    }
+    request.group_size = Some(group_size);
+    if let Some(version) = row.version.map(to_u32) {
+        if request.policy_version != 0 && request.policy_version != version {
+            let reason = format!("the evaluation is of version {version}; leave it out");
+            return Err(ServiceError::invalid("policy_version", reason));
+        }
+        request.policy_version = version;
+    }
+    Ok(group_size)
 }
 
 /// Writes the groups of a reserved lease.
 struct FillSuiteLease {
     row: LeaseRow,
     evaluation: i64,
-    prepared: Vec<((i64, &'static SuiteEntry), PreparedScenario)>,
+    /// One scenario for each group.
+    prepared: Vec<PreparedScenario>,
 }
 
 impl Change for FillSuiteLease {
@@ -133,25 +150,29 @@ impl Change for FillSuiteLease {
         if !row.is_active() {
             return Err(ServiceError::LeaseOver { lease: row.name(), status: row.status });
         }
-        store_all(&mut tx.conn, prepared.iter().map(|(_, prepared)| prepared)).await?;
-        let group = |(number, ((_, entry), prepared)): (i64, ((i64, &'static SuiteEntry), PreparedScenario))| GroupRow {
-            number,
-            proposal: None,
-            layout: None,
-            scenario: prepared.scenario.id().0.to_vec(),
-            task: entry.scenario.task().id().to_owned(),
-            level: None,
-            role: GroupRole::Suite,
-            is_contested: prepared.contested,
-            state: GroupState::Open,
-            finished: 0,
-            failed: 0,
-            successes: 0,
-            is_evidence: false,
-            is_for_training: false,
-        };
-        let groups: Vec<GroupRow> = (0i64..).zip(prepared).map(group).collect();
-        crate::store::groups::insert(&mut tx.conn, row.id, &groups).await?;
-        Ok(GrantedLease { row, groups, scenarios: None })
+        store_scenarios(&mut tx.conn, prepared.iter()).await?;
+        let rows: Vec<GroupRow> =
+            (0i64..).zip(&prepared).map(|(number, prepared)| group_row(number, prepared)).collect();
+        groups::insert(&mut tx.conn, row.id, &rows).await?;
+        Ok(GrantedLease { row, groups: rows, scenarios: None })
+    }
+}
+
+fn group_row(number: i64, prepared: &PreparedScenario) -> GroupRow {
+    GroupRow {
+        number,
+        proposal: None,
+        layout: None,
+        scenario: prepared.scenario.id().0.to_vec(),
+        task: prepared.scenario.task().id().to_owned(),
+        level: None,
+        role: GroupRole::Suite,
+        is_contested: prepared.is_contested,
+        state: GroupState::Open,
+        finished: 0,
+        failed: 0,
+        successes: 0,
+        is_evidence: false,
+        is_for_training: false,
     }
 }

@@ -1,53 +1,53 @@
-//! What evaluations found, and how they compare.
+//! Reads complete evaluations, reports on them, and compares them.
 
 use sqlx::SqliteConnection;
 
+use crate::engine::error::ServiceError;
 use crate::evaluation::report::ReportSettings;
 use crate::evaluation::seeds::{AcrossSeeds, estimate_across_seeds};
 use crate::evaluation::suite::file::{self, LoadedSuite};
-use crate::evaluation::{PolicyResults, EvaluationReport};
+use crate::evaluation::{EvaluationReport, PolicyResults};
 use crate::store::evaluations::{self, EntryEpisodes, EvaluationRow, EvaluationState};
 use crate::store::{StoreError, from_json, to_u32, to_u64};
-use crate::engine::error::ServiceError;
 
-/// Evaluations on one side of a comparison at most.
-pub const MOST: usize = 100;
+/// Maximum number of evaluations on one side of a comparison.
+pub const MAX_SIDE_EVALUATIONS: usize = 100;
 
-/// A complete evaluation.
+/// A complete evaluation with its results.
 #[derive(Debug)]
-pub struct Found {
-    /// What it is.
+pub struct LoadedEvaluation {
+    /// Row of the `evaluations` table.
     pub row: EvaluationRow,
-    /// What was flown.
-    pub flown: PolicyResults,
+    /// Episodes of each scenario.
+    pub results: PolicyResults,
 }
 
-/// Why there is nothing to say of an evaluation.
+/// Reason why an evaluation cannot be read or compared.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// There is none.
+    /// The evaluation does not exist.
     #[error("there is no evaluation eval-{0}")]
     Unknown(i64),
-    /// It is not complete.
+    /// The evaluation is not complete.
     #[error("eval-{id} is not complete: {flown} of its {scenarios} scenarios are flown")]
     Unfinished {
-        /// Which.
+        /// Number of the evaluation.
         id: i64,
-        /// Scenarios that are flown.
+        /// Scenarios that have results.
         flown: i64,
-        /// Scenarios.
+        /// Number of its scenarios.
         scenarios: i64,
     },
-    /// They are of different suites.
+    /// The evaluations are of different suites.
     #[error("eval-{0} and eval-{1} are of different suites: nothing of them compares")]
     OtherSuite(i64, i64),
-    /// They flew other tasks of it.
+    /// The evaluations have no task of their suite in common.
     #[error("eval-{0} and eval-{1} flew no task of their suite in common: nothing of them compares")]
     NothingInCommon(i64, i64),
-    /// One is named twice.
+    /// One evaluation is named twice.
     #[error("eval-{0} is named twice: it is one training")]
     Twice(i64),
-    /// Two are of the same training seed.
+    /// Two evaluations have the same training and seed.
     #[error(
         "eval-{0} and eval-{1} are of the same training and seed: as two trainings they would count twice"
     )]
@@ -57,7 +57,7 @@ pub enum ReadError {
         "eval-{0} and eval-{1} are on one side, and of several trainings: a side is one kind, told apart by training_seed"
     )]
     Mixed(i64, i64),
-    /// The database's.
+    /// The store cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -72,121 +72,141 @@ impl From<ReadError> for ServiceError {
     }
 }
 
-/// Reads a complete evaluation.
+/// Loads a complete evaluation.
 ///
 /// # Errors
-/// One that there is not, or that is not complete.
-pub async fn read(conn: &mut SqliteConnection, id: i64) -> Result<Found, ReadError> {
+/// Returns [`ReadError::Unknown`] if it does not exist, [`ReadError::Unfinished`] if it is not complete, and
+/// [`ReadError::Store`] if it cannot be read.
+pub async fn load_evaluation(conn: &mut SqliteConnection, id: i64) -> Result<LoadedEvaluation, ReadError> {
     let row = evaluations::get(conn, id).await?.ok_or(ReadError::Unknown(id))?;
     if row.state != EvaluationState::Complete {
         return Err(ReadError::Unfinished { id, flown: row.flown, scenarios: row.scenarios });
     }
-    // Of scenarios that were not to be flown there are no episodes.
+    // Scenarios of tasks that are not evaluated have no episodes.
     let mut episodes = vec![Vec::new(); suite_of(&row)?.suite.entries().count()];
     for EntryEpisodes { entry, episodes: text } in evaluations::all_scenarios(conn, id).await? {
-        let known = usize::try_from(entry).ok().and_then(|place| episodes.get_mut(place));
-        let known =
-            known.ok_or_else(|| StoreError::corrupt("an evaluation", "a scenario beyond its suite"))?;
+        let slot = usize::try_from(entry).ok().and_then(|position| episodes.get_mut(position));
+        let slot = slot.ok_or_else(|| StoreError::corrupt("an evaluation", "a scenario beyond its suite"))?;
         if let Some(text) = text {
-            *known = from_json("an evaluation", &text)?;
+            *slot = from_json("an evaluation", &text)?;
         }
     }
-    let flown = PolicyResults { policy: row.name.clone(), is_stochastic: row.chance, episodes };
-    Ok(Found { row, flown })
+    let results = PolicyResults { policy: row.name.clone(), is_stochastic: row.chance, episodes };
+    Ok(LoadedEvaluation { row, results })
 }
 
-/// The suite of an evaluation, as it is now.
+/// Returns the suite of an evaluation.
 ///
 /// # Errors
-/// Another suite by that name.
+/// Returns [`StoreError`] if the built-in suite of that name has changed, or does not exist.
 pub fn suite_of(row: &EvaluationRow) -> Result<&'static LoadedSuite, StoreError> {
     let known = file::built_in(&row.suite).filter(|known| known.hash == row.suite_hash);
     known.ok_or_else(|| StoreError::corrupt("an evaluation", "its suite is not the one it was flown on"))
 }
 
-/// The numbers of one.
+/// Returns the report of an evaluation, with the blind panel beside it.
 ///
 /// # Errors
-/// Another suite by that name.
-pub fn report(found: &Found) -> Result<EvaluationReport, StoreError> {
-    let LoadedSuite { suite, hash } = suite_of(&found.row)?;
-    let terms = ReportSettings { seed: to_u64(found.row.seed), rollouts: to_u32(found.row.rollouts), against: None };
-    let flown = [found.flown.clone(), PolicyResults::blind_panel(suite)];
-    Ok(EvaluationReport::new(suite, hash.clone(), &terms, &flown))
+/// Returns [`StoreError`] if the built-in suite of that name has changed.
+pub fn report_evaluation(evaluation: &LoadedEvaluation) -> Result<EvaluationReport, StoreError> {
+    let LoadedSuite { suite, hash } = suite_of(&evaluation.row)?;
+    let settings = ReportSettings {
+        seed: to_u64(evaluation.row.seed),
+        rollouts: to_u32(evaluation.row.rollouts),
+        against: None,
+    };
+    let results = [evaluation.results.clone(), PolicyResults::blind_panel(suite)];
+    Ok(EvaluationReport::new(suite, hash.clone(), &settings, &results))
 }
 
-/// Two sides compared.
+/// Comparison of two sides.
 #[derive(Debug)]
-pub struct Sides {
-    /// Each policy's part of the report: what both did, and the one against the other, trainings of a side taken together.
+pub struct SideComparison {
+    /// Report of both sides and of one against the other; the trainings of a side are pooled.
     pub report: EvaluationReport,
-    /// The first across its trainings.
-    pub one: AcrossSeeds,
-    /// The other.
-    pub other: AcrossSeeds,
+    /// The first side across its trainings.
+    pub first: AcrossSeeds,
+    /// The second side across its trainings.
+    pub second: AcrossSeeds,
 }
 
-/// Compares one side with the other, scenario by scenario.
+/// Compares two sides, scenario by scenario. Both have at least one evaluation.
 ///
 /// # Errors
-/// Evaluations of different suites.
-pub fn compare(one: &[Found], other: &[Found]) -> Result<Sides, ReadError> {
-    let first = &one[0].row;
-    if let Some(stranger) = one.iter().chain(other).find(|found| found.row.suite_hash != first.suite_hash) {
-        return Err(ReadError::OtherSuite(first.id, stranger.row.id));
+/// Returns [`ReadError`] if the suites differ, an evaluation or a seed occurs twice, or a side mixes several trainings.
+pub fn compare_sides(
+    first: &[LoadedEvaluation],
+    second: &[LoadedEvaluation],
+) -> Result<SideComparison, ReadError> {
+    let (head, other_head) = (&first[0].row, &second[0].row);
+    let all = || first.iter().chain(second);
+    if let Some(other) = all().find(|evaluation| evaluation.row.suite_hash != head.suite_hash) {
+        return Err(ReadError::OtherSuite(head.id, other.row.id));
     }
-    of_one_kind(one)?;
-    of_one_kind(other)?;
-    if let Some(both) = one.iter().find(|found| other.iter().any(|other| other.row.id == found.row.id)) {
-        return Err(ReadError::Twice(both.row.id));
+    check_one_kind(first)?;
+    check_one_kind(second)?;
+    let on_both = |id: i64| second.iter().any(|other| other.row.id == id);
+    if let Some(twice) = first.iter().find(|evaluation| on_both(evaluation.row.id)) {
+        return Err(ReadError::Twice(twice.row.id));
     }
-    let LoadedSuite { suite, hash } = suite_of(first)?;
-    let terms = ReportSettings { seed: 0, rollouts: to_u32(first.rollouts), against: Some("b".to_owned()) };
-    // Where one flew fewer tasks than another, what both flew is compared.
-    let flown_by_all = |place: usize| {
-        one.iter().chain(other).all(|found| found.flown.episodes.get(place).is_some_and(|e| !e.is_empty()))
+    let LoadedSuite { suite, hash } = suite_of(head)?;
+    let settings = ReportSettings { seed: 0, rollouts: to_u32(head.rollouts), against: Some("b".to_owned()) };
+    // Evaluations of different tasks are compared on the scenarios that all of them have.
+    let has_episodes = |evaluation: &LoadedEvaluation, position: usize| {
+        evaluation.results.episodes.get(position).is_some_and(|episodes| !episodes.is_empty())
     };
-    let common: Vec<bool> = (0..one[0].flown.episodes.len()).map(flown_by_all).collect();
+    let positions = 0..first[0].results.episodes.len();
+    let common: Vec<bool> =
+        positions.map(|position| all().all(|evaluation| has_episodes(evaluation, position))).collect();
     if !common.contains(&true) {
-        return Err(ReadError::NothingInCommon(first.id, other[0].row.id));
+        return Err(ReadError::NothingInCommon(head.id, other_head.id));
     }
-    let flown = [together("a", one, &common), together("b", other, &common)];
-    let of = |side: &[Found]| {
-        let flown: Vec<PolicyResults> = side.iter().map(|found| found.flown.select(&common)).collect();
-        estimate_across_seeds(&flown.iter().collect::<Vec<_>>(), 0)
+    let pooled = [pool("a", first, &common), pool("b", second, &common)];
+    let across_seeds = |side: &[LoadedEvaluation]| {
+        let results: Vec<PolicyResults> =
+            side.iter().map(|evaluation| evaluation.results.select(&common)).collect();
+        estimate_across_seeds(&results.iter().collect::<Vec<_>>(), 0)
     };
-    Ok(Sides { report: EvaluationReport::new(suite, hash.clone(), &terms, &flown), one: of(one), other: of(other) })
+    Ok(SideComparison {
+        report: EvaluationReport::new(suite, hash.clone(), &settings, &pooled),
+        first: across_seeds(first),
+        second: across_seeds(second),
+    })
 }
 
-/// Whether a side is trainings of one kind, each once.
-fn of_one_kind(side: &[Found]) -> Result<(), ReadError> {
-    let kind = |found: &Found| found.row.training.clone().unwrap_or_else(|| found.row.policy.clone());
-    for (at, found) in side.iter().enumerate() {
-        for before in &side[..at] {
-            let ids = (before.row.id, found.row.id);
-            if ids.0 == ids.1 {
-                return Err(ReadError::Twice(ids.0));
+/// Checks that a side has trainings of one kind, each once.
+fn check_one_kind(side: &[LoadedEvaluation]) -> Result<(), ReadError> {
+    let kind = |row: &EvaluationRow| row.training.clone().unwrap_or_else(|| row.policy.clone());
+    for (at, LoadedEvaluation { row, .. }) in side.iter().enumerate() {
+        for LoadedEvaluation { row: before, .. } in &side[..at] {
+            if before.id == row.id {
+                return Err(ReadError::Twice(row.id));
             }
-            if kind(before) != kind(found) {
-                return Err(ReadError::Mixed(ids.0, ids.1));
+            if kind(before) != kind(row) {
+                return Err(ReadError::Mixed(before.id, row.id));
             }
-            if before.row.training_seed.is_some() && before.row.training_seed == found.row.training_seed {
-                return Err(ReadError::SameSeed(ids.0, ids.1));
+            if before.training_seed.is_some() && before.training_seed == row.training_seed {
+                return Err(ReadError::SameSeed(before.id, row.id));
             }
         }
     }
     Ok(())
 }
 
-/// The episodes of several trainings on each of these scenarios, none on the others.
-fn together(name: &str, side: &[Found], common: &[bool]) -> PolicyResults {
-    let of = |(at, common): (usize, &bool)| match common {
-        true => side.iter().filter_map(|found| found.flown.episodes.get(at)).flatten().copied().collect(),
+/// Pools the episodes of a side's trainings on the common scenarios; the other scenarios get none.
+fn pool(name: &str, side: &[LoadedEvaluation], common: &[bool]) -> PolicyResults {
+    let episodes = |(position, is_common): (usize, &bool)| match is_common {
+        true => side
+            .iter()
+            .filter_map(|evaluation| evaluation.results.episodes.get(position))
+            .flatten()
+            .copied()
+            .collect(),
         false => Vec::new(),
     };
     PolicyResults {
         policy: name.to_owned(),
-        is_stochastic: side.len() > 1 || side.iter().any(|found| found.flown.is_stochastic),
-        episodes: common.iter().enumerate().map(of).collect(),
+        is_stochastic: side.len() > 1 || side.iter().any(|evaluation| evaluation.results.is_stochastic),
+        episodes: common.iter().enumerate().map(episodes).collect(),
     }
 }

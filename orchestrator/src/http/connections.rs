@@ -1,6 +1,6 @@
-//! Connections: accepted, bounded in number and in how long a request's head may take, and ended in good order.
+//! Accepts connections, limits their number and the duration of request heads, and closes them gracefully.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::pin::pin;
 use std::time::Duration;
 
@@ -13,90 +13,102 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tower_http::add_extension::AddExtension;
 
-use super::places::{Held, Place, Places};
+use super::counted_stream::CountedStream;
+use crate::limits::constants::{
+    MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS, MAX_READ_AHEAD_BYTES, REQUEST_HEAD_TIMEOUT,
+};
+use crate::limits::{Quota, QuotaPermit};
 
-/// Connections at once, WebSockets among them; more wait to be accepted.
-const MOST: usize = 16_384;
-/// Of these, those of one address; more are closed.
-const MOST_EACH: usize = MOST / 4 * 3;
-/// How long the head of a request may take, and how long a connection may be silent between two.
-const HEAD: Duration = Duration::from_secs(75);
-/// Bytes that are read ahead of a connection at most.
-const AHEAD: usize = 64 * 1024;
-/// How long nobody is accepted where the system gives no more sockets.
-const BREATH: Duration = Duration::from_millis(500);
+/// Pause after the system refused to accept a connection, for example because it has no file descriptors left.
+const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(500);
 
-/// Where a request came from.
+/// Address from which a request was sent.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Peer(pub(super) SocketAddr);
+pub(super) struct PeerAddress(pub(super) SocketAddr);
 
-/// Answers until told to stop, then until what was asked is answered.
+/// Connection that was accepted, with its permit.
+struct AcceptedConnection {
+    stream: TcpStream,
+    peer: SocketAddr,
+    permit: QuotaPermit<IpAddr>,
+}
+
+/// Serves connections until `stopped` is true, and then until all running requests are answered.
 pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Receiver<bool>) {
-    let places = Places::new(MOST, MOST_EACH);
-    // HTTP/1.1 alone, as proxies speak it to what is behind them: there is no way to end a connection of HTTP/2 that is silent, and
-    // none to end one that has not said yet which it is.
+    let quota = Quota::new(MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS);
+    // Only HTTP/1.1, as reverse proxies use it towards a backend. An HTTP/2 connection cannot be closed when it is silent,
+    // nor while it negotiates the version.
     let mut builder = Builder::new();
-    builder.timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(AHEAD);
-    // They go with this: whoever waits no longer for them drops it.
+    builder
+        .timer(TokioTimer::new())
+        .header_read_timeout(REQUEST_HEAD_TIMEOUT)
+        .max_buf_size(MAX_READ_AHEAD_BYTES);
+    // A caller that drops this future also aborts all connections.
     let mut open = JoinSet::new();
     loop {
-        let (stream, peer, place) = tokio::select! {
-            accepted = accept(&listener, &places) => accepted,
+        let accepted = tokio::select! {
+            accepted = accept(&listener, &quota) => accepted,
             Some(_) = open.join_next() => continue,
-            // The sender going away means the same.
+            // A dropped sender also means that the service stops.
             _ = stopped.wait_for(|stop| *stop) => break,
         };
-        // What is sent is sent whole: nothing is gained by waiting for more.
-        drop(stream.set_nodelay(true));
-        let service = TowerToHyperService::new(AddExtension::new(routes.clone(), Peer(peer)));
-        let (held, builder, mut stopped) = (Held::new(stream, place), builder.clone(), stopped.clone());
-        open.spawn(async move {
-            if !held.speaks(HEAD, stopped.clone()).await {
-                return;
-            }
-            let mut connection = pin!(builder.serve_connection(TokioIo::new(held), service).with_upgrades());
-            let ended = tokio::select! {
-                ended = connection.as_mut() => Some(ended),
-                _ = stopped.wait_for(|stop| *stop) => None,
-            };
-            let ended = match ended {
-                Some(ended) => ended,
-                None => {
-                    connection.as_mut().graceful_shutdown(); // what was asked is answered
-                    connection.await
-                }
-            };
-            if let Err(error) = ended {
-                tracing::debug!(error = %error, peer = %peer, "A connection ended in the middle of something.");
-            }
-        });
+        open.spawn(serve_connection(accepted, builder.clone(), routes.clone(), stopped.clone()));
     }
     drop(listener);
     while open.join_next().await.is_some() {}
 }
 
-/// The next connection, once there is a place for it.
-async fn accept(listener: &TcpListener, places: &Places) -> (TcpStream, SocketAddr, Place) {
+/// Serves one connection until it ends or the service stops.
+async fn serve_connection(
+    AcceptedConnection { stream, peer, permit }: AcceptedConnection,
+    builder: Builder,
+    routes: Router,
+    mut stopped: watch::Receiver<bool>,
+) {
+    // Responses are written whole, so Nagle's algorithm would only delay them.
+    drop(stream.set_nodelay(true));
+    let service = TowerToHyperService::new(AddExtension::new(routes, PeerAddress(peer)));
+    let stream = CountedStream::new(stream, permit);
+    if !stream.wait_for_first_byte(REQUEST_HEAD_TIMEOUT, stopped.clone()).await {
+        return;
+    }
+    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service).with_upgrades());
+    let result = tokio::select! {
+        result = connection.as_mut() => Some(result),
+        _ = stopped.wait_for(|stop| *stop) => None,
+    };
+    let result = match result {
+        Some(result) => result,
+        None => {
+            connection.as_mut().graceful_shutdown(); // the running request is answered
+            connection.await
+        }
+    };
+    if let Err(error) = result {
+        tracing::debug!(error = %error, peer = %peer, "A connection ended in the middle of a message.");
+    }
+}
+
+/// Waits for a permit and accepts the next connection. Connections beyond the limit of their address are closed.
+async fn accept(listener: &TcpListener, quota: &Quota<IpAddr>) -> AcceptedConnection {
     loop {
-        let Some(of_all) = places.free().await else { std::future::pending().await };
+        let total = quota.wait_for_total().await;
         match listener.accept().await {
-            Ok((stream, peer)) => match places.take(of_all, peer.ip()) {
-                Some(place) => return (stream, peer, place),
-                None => {
-                    tracing::debug!(peer = %peer, "It has as many connections as it may; one more is not taken.");
-                }
+            Ok((stream, peer)) => match quota.assign(total, &peer.ip()) {
+                Ok(permit) => return AcceptedConnection { stream, peer, permit },
+                Err(_) => tracing::debug!(peer = %peer, "A connection was closed: its address has too many."),
             },
-            Err(error) if is_of_one(&error) => {}
+            Err(error) if concerns_one_connection(&error) => {}
             Err(error) => {
-                tracing::error!(error = %error, "No connection can be accepted; trying again in a moment.");
-                tokio::time::sleep(BREATH).await;
+                tracing::error!(error = %error, "No connection can be accepted; the server retries in a moment.");
+                tokio::time::sleep(ACCEPT_RETRY_DELAY).await;
             }
         }
     }
 }
 
-/// Whether it was that connection alone.
-fn is_of_one(error: &std::io::Error) -> bool {
+/// Returns true if the error concerns only the connection that was accepted.
+fn concerns_one_connection(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     matches!(error.kind(), ConnectionRefused | ConnectionAborted | ConnectionReset)
 }

@@ -1,4 +1,4 @@
-//! The dashboard: files that npm built (`dashboard/`), part of the binary. A binary built without them says how they are built.
+//! The dashboard: files that npm builds in `dashboard/` and that the binary embeds. A binary without them explains the build.
 
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -8,18 +8,19 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 
 use crate::http::state::AppState;
 
-/// What npm built; nothing where it did not.
+/// Embedded files of the dashboard; empty if npm did not build it.
 #[derive(RustEmbed)]
 #[folder = "../dashboard/dist/"]
 #[allow_missing = true]
-struct Built;
+struct DashboardFiles;
 
-const PAGE: &str = "index.html";
-/// It loads what is its own, and draws pictures by itself.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
+/// Name of the page's file.
+const INDEX_FILE: &str = "index.html";
+/// Policy of the page, which loads only its own files and draws images itself.
+const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
     base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-/// Files that are named by what is in them never change.
-const FOR_EVER: &str = "public, max-age=31536000, immutable";
+/// Caching of files whose name has the hash of their content.
+const IMMUTABLE: &str = "public, max-age=31536000, immutable";
 
 pub(super) fn routes() -> axum::Router<AppState> {
     axum::Router::new()
@@ -32,59 +33,66 @@ async fn index(headers: HeaderMap) -> Response {
     page(&headers).unwrap_or_else(|| Html(include_str!("not_built.html")).into_response())
 }
 
-/// The page; none where it was not built.
+/// Returns the page, if the dashboard was built.
 pub(super) fn page(headers: &HeaderMap) -> Option<Response> {
-    sent(PAGE, headers)
+    file_response(INDEX_FILE, headers)
 }
 
 async fn file(Path(name): Path<String>, headers: HeaderMap) -> Response {
-    sent(&name, &headers).unwrap_or_else(|| super::no_such_file().into_response())
+    file_response(&name, &headers).unwrap_or_else(|| super::no_such_file().into_response())
 }
 
-/// Encodings in which files lie ready, the smallest first, and how their names end.
-const ENCODINGS: [(&str, &str); 2] = [("br", ".br"), ("gzip", ".gz")];
+/// Encoding in which files are stored compressed.
+struct StoredEncoding {
+    name: &'static str,
+    suffix: &'static str,
+}
 
-/// A file, as small as the client takes it, or that it has it already.
-fn sent(name: &str, headers: &HeaderMap) -> Option<Response> {
-    if ENCODINGS.iter().any(|(_, ending)| name.ends_with(ending)) {
-        return None; // they are not files of their own
+/// Encodings of compressed files, the smallest first.
+const STORED_ENCODINGS: [StoredEncoding; 2] =
+    [StoredEncoding { name: "br", suffix: ".br" }, StoredEncoding { name: "gzip", suffix: ".gz" }];
+
+/// Returns a file in the smallest encoding that the client accepts, or 304 if the client has it.
+fn file_response(name: &str, headers: &HeaderMap) -> Option<Response> {
+    if STORED_ENCODINGS.iter().any(|encoding| name.ends_with(encoding.suffix)) {
+        return None; // a compressed file is not served by its own name
     }
-    let plain = Built::get(name)?;
-    let kind = HeaderValue::from_str(plain.metadata.mimetype()).ok()?;
-    let ready = ENCODINGS.iter().filter(|(encoding, _)| takes(headers, encoding));
-    let ready =
-        ready.filter_map(|(encoding, ending)| Some((*encoding, Built::get(&format!("{name}{ending}"))?)));
-    let (encoding, file) =
-        ready.map(|(encoding, file)| (Some(encoding), file)).next().unwrap_or((None, plain));
-    let tag = tag(&file);
+    let plain = DashboardFiles::get(name)?;
+    let content_type = HeaderValue::from_str(plain.metadata.mimetype()).ok()?;
+    let accepted = STORED_ENCODINGS.iter().filter(|encoding| accepts_encoding(headers, encoding.name));
+    let mut compressed = accepted.filter_map(|encoding| {
+        Some((encoding.name, DashboardFiles::get(&format!("{name}{}", encoding.suffix))?))
+    });
+    let (encoding, file) = compressed.next().map_or((None, plain), |(encoding, file)| (Some(encoding), file));
+    let etag = etag(&file);
     let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     let known =
-        known.flat_map(|tags| tags.split(',')).any(|known| known.trim().trim_start_matches("W/") == tag);
+        known.flat_map(|tags| tags.split(',')).any(|known| known.trim().trim_start_matches("W/") == etag);
     let mut response =
         if known { StatusCode::NOT_MODIFIED.into_response() } else { file.data.into_owned().into_response() };
-    let said = response.headers_mut();
-    said.insert(header::CONTENT_TYPE, kind);
-    said.insert(header::ETAG, HeaderValue::from_str(&tag).ok()?);
-    said.insert(header::VARY, HeaderValue::from_static("Accept-Encoding"));
-    said.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-    let kept = if name.starts_with("assets/") { FOR_EVER } else { "no-cache" };
-    said.insert(header::CACHE_CONTROL, HeaderValue::from_static(kept));
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, content_type);
+    headers.insert(header::ETAG, HeaderValue::from_str(&etag).ok()?);
+    headers.insert(header::VARY, HeaderValue::from_static("Accept-Encoding"));
+    headers.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(CONTENT_SECURITY_POLICY));
+    let cache_control = if name.starts_with("assets/") { IMMUTABLE } else { "no-cache" };
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(cache_control));
     if let Some(encoding) = encoding {
-        said.insert(header::CONTENT_ENCODING, HeaderValue::from_static(encoding));
+        headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static(encoding));
     }
     Some(response)
 }
 
-/// A name for what is in a file.
-fn tag(file: &EmbeddedFile) -> String {
+/// Returns the entity tag of a file's content.
+fn etag(file: &EmbeddedFile) -> String {
     let hash = file.metadata.sha256_hash();
     format!("\"{}\"", blake3::Hash::from_bytes(hash).to_hex())
 }
 
-/// Whether a client takes an encoding: it names it, and not with q=0.
-fn takes(headers: &HeaderMap, encoding: &str) -> bool {
-    let said = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
-    said.flat_map(|said| said.split(',')).any(|part| {
+/// Returns true if a client names an encoding, and not with q=0.
+fn accepts_encoding(headers: &HeaderMap, encoding: &str) -> bool {
+    let values = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
+    values.flat_map(|value| value.split(',')).any(|part| {
         let mut words = part.split(';').map(str::trim);
         let named = words.next().is_some_and(|name| name.eq_ignore_ascii_case(encoding));
         let refused =
@@ -98,17 +106,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn encodings_are_taken_as_they_are_asked_for() {
-        let asked = |text: &'static str, encoding: &str| {
+    fn only_named_encodings_are_accepted() {
+        let accepts = |text: &'static str, encoding: &str| {
             let mut headers = HeaderMap::new();
             headers.insert(header::ACCEPT_ENCODING, HeaderValue::from_static(text));
-            takes(&headers, encoding)
+            accepts_encoding(&headers, encoding)
         };
-        assert!(asked("gzip, deflate, br", "br"));
-        assert!(asked("BR;q=0.5", "br"));
-        assert!(!asked("gzip, br;q=0", "br"));
-        assert!(!asked("gzip", "br"));
-        assert!(!asked("brotli", "br"));
-        assert!(!takes(&HeaderMap::new(), "gzip"));
+        assert!(accepts("gzip, deflate, br", "br"));
+        assert!(accepts("BR;q=0.5", "br"));
+        assert!(!accepts("gzip, br;q=0", "br"));
+        assert!(!accepts("gzip", "br"));
+        assert!(!accepts("brotli", "br"));
+        assert!(!accepts_encoding(&HeaderMap::new(), "gzip"));
     }
 }

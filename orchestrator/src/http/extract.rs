@@ -1,6 +1,4 @@
-//! Extractors whose refusals are problem details with the field at fault.
-
-use std::time::Duration;
+//! Extractors that reject invalid requests with problem details that name the field.
 
 use axum::extract::rejection::{BytesRejection, PathRejection};
 use axum::extract::{FromRequest, FromRequestParts, Request};
@@ -10,18 +8,19 @@ use serde::de::DeserializeOwned;
 
 use super::problem::Problem;
 use crate::input::{self, FieldError, InputError};
+use crate::limits::constants::BODY_TIMEOUT;
 
-/// How a body is written.
+/// Format of a request body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Form {
-    /// `application/json`, and whatever says that it is some.
+pub(super) enum BodyFormat {
+    /// `application/json`, or a type with the suffix `+json`.
     Json,
-    /// `application/msgpack`.
+    /// `application/msgpack` or one of its older names.
     MessagePack,
 }
 
-impl Form {
-    /// What people call it.
+impl BodyFormat {
+    /// Returns the name of the format.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Json => "JSON",
@@ -29,9 +28,11 @@ impl Form {
         }
     }
 
-    fn of(request: &Request) -> Result<Self, Problem> {
-        let kind = request.headers().get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or("");
-        let essence = kind.split(';').next().unwrap_or("").trim().to_ascii_lowercase();
+    /// Reads the format from the `Content-Type` header.
+    fn from_request(request: &Request) -> Result<Self, Problem> {
+        let content_type =
+            request.headers().get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or("");
+        let essence = content_type.split(';').next().unwrap_or("").trim().to_ascii_lowercase();
         match essence.as_str() {
             "application/json" => Ok(Self::Json),
             "application/msgpack" | "application/x-msgpack" | "application/vnd.msgpack" => {
@@ -47,84 +48,84 @@ impl Form {
     }
 }
 
-/// How long a body may take to come: as long as a large one does, it keeps others waiting.
-pub(super) const COMING: Duration = Duration::from_secs(20);
+/// Request body in its format.
+pub(super) struct EncodedBody {
+    pub(super) format: BodyFormat,
+    pub(super) bytes: axum::body::Bytes,
+}
 
-/// A body, and how it is written.
-pub(super) struct Bytes(pub(super) Form, pub(super) axum::body::Bytes);
-
-impl<S: Send + Sync> FromRequest<S> for Bytes {
+impl<S: Send + Sync> FromRequest<S> for EncodedBody {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
-        let form = Form::of(&request)?;
-        let body = tokio::time::timeout(COMING, axum::body::Bytes::from_request(request, state)).await;
+        let format = BodyFormat::from_request(&request)?;
+        let body = tokio::time::timeout(BODY_TIMEOUT, axum::body::Bytes::from_request(request, state)).await;
         let body = body.map_err(|_| {
-            let words = "The body did not come to its end in 20 s; send it at once, or less at a time.";
-            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", words)
+            let detail = "The body did not come to its end in 20 s; send it at once, or less at a time.";
+            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", detail)
         })?;
-        Ok(Self(form, body.map_err(unread)?))
+        Ok(Self { format, bytes: body.map_err(body_problem)? })
     }
 }
 
-/// A body of JSON or MessagePack.
+/// Extractor of a JSON or MessagePack body.
 pub(super) struct Json<T>(pub(super) T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
-        Self::of(Bytes::from_request(request, state).await?)
+        Self::parse(EncodedBody::from_request(request, state).await?)
     }
 }
 
 impl<T: DeserializeOwned> Json<T> {
-    /// From a body that was read.
-    pub(super) fn of(Bytes(form, body): Bytes) -> Result<Self, Problem> {
-        let value = match form {
-            Form::Json => input::parse_json(&body),
-            Form::MessagePack => input::parse_messagepack(&body),
+    /// Parses a body that was received.
+    pub(super) fn parse(EncodedBody { format, bytes }: EncodedBody) -> Result<Self, Problem> {
+        let value = match format {
+            BodyFormat::Json => input::parse_json(&bytes),
+            BodyFormat::MessagePack => input::parse_messagepack(&bytes),
         };
         let value = value.map_err(|error| match error {
-            InputError::DuplicateKey(fault) => invalid(fault),
-            InputError::Malformed(why) => Problem::malformed(form, &why),
+            InputError::DuplicateKey(error) => invalid(error),
+            InputError::Malformed(reason) => Problem::malformed(format, &reason),
         })?;
-        read(value).map(Self)
+        parse_value(value).map(Self)
     }
 }
 
-/// The field at fault where it is the whole body.
+/// Name of the field in a problem with the whole body.
 pub(super) const BODY: &str = "body";
 
 impl Problem {
-    /// A body that is not what it says it is.
-    pub(super) fn malformed(form: Form, why: &str) -> Self {
-        let code = match form {
-            Form::Json => "malformed_json",
-            Form::MessagePack => "malformed_msgpack",
+    /// Returns the problem of a body that is not in its format.
+    pub(super) fn malformed(format: BodyFormat, reason: &str) -> Self {
+        let code = match format {
+            BodyFormat::Json => "malformed_json",
+            BodyFormat::MessagePack => "malformed_msgpack",
         };
-        let why = match why {
-            // What rmp says of bytes that end too early, and of types that JSON has not.
-            _ if why.contains("failed to fill whole buffer") => "it ends too early".to_owned(),
-            _ if why.contains("newtype struct") => "it has an extension type".to_owned(),
-            _ => shorten(why),
+        let reason = match reason {
+            // Messages of rmp for truncated bytes and for types that JSON does not have.
+            _ if reason.contains("failed to fill whole buffer") => "it ends too early".to_owned(),
+            _ if reason.contains("newtype struct") => "it has an extension type".to_owned(),
+            _ => shorten(reason),
         };
-        let detail = format!("The body is not {}: {why}.", form.name());
+        let detail = format!("The body is not {}: {reason}.", format.name());
         Self::new(StatusCode::BAD_REQUEST, code, detail).at(BODY)
     }
 }
 
-/// A body that was read, as `T`.
-pub(super) fn read<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Problem> {
+/// Converts a parsed body to a request type.
+pub(super) fn parse_value<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Problem> {
     input::from_value(value).map_err(invalid)
 }
 
-fn invalid(fault: FieldError) -> Problem {
-    let field = if fault.field.is_empty() { BODY.to_owned() } else { fault.field };
-    Problem::invalid(field, fault.reason)
+fn invalid(error: FieldError) -> Problem {
+    let field = if error.field.is_empty() { BODY.to_owned() } else { error.field };
+    Problem::invalid(field, error.reason)
 }
 
-fn unread(rejection: BytesRejection) -> Problem {
+fn body_problem(rejection: BytesRejection) -> Problem {
     let status = axum::response::IntoResponse::into_response(rejection).status();
     if status == StatusCode::PAYLOAD_TOO_LARGE {
         Problem::too_large()
@@ -133,7 +134,7 @@ fn unread(rejection: BytesRejection) -> Problem {
     }
 }
 
-/// What strangers wrote may be long; a message is not.
+/// Shortens text of a client to 300 characters.
 fn shorten(text: &str) -> String {
     if text.chars().count() <= 300 {
         text.to_owned()
@@ -142,7 +143,7 @@ fn shorten(text: &str) -> String {
     }
 }
 
-/// Path segments.
+/// Extractor of path segments.
 pub(super) struct Path<T>(pub(super) T);
 
 impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T> {
@@ -160,7 +161,7 @@ fn bad_path(rejection: &PathRejection) -> Problem {
     Problem::new(StatusCode::BAD_REQUEST, "bad_path", shorten(&rejection.body_text())).at("path")
 }
 
-/// That there is no query, where none is taken: a parameter that does nothing was meant to do something.
+/// Extractor that rejects any query parameter, for routes without parameters. An ignored parameter would hide a mistake.
 pub(super) struct NoQuery;
 
 impl<S: Send + Sync> FromRequestParts<S> for NoQuery {
@@ -180,7 +181,7 @@ impl<S: Send + Sync> FromRequestParts<S> for NoQuery {
     }
 }
 
-/// Query parameters.
+/// Extractor of query parameters.
 pub(super) struct Query<T>(pub(super) T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
@@ -192,6 +193,6 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
         let axum::extract::Query(pairs) = pairs.map_err(|_| {
             bad("The query cannot be read: it is name=value&name=value, percent-encoded.").at("query")
         })?;
-        input::from_query_pairs(pairs).map(Self).map_err(|fault| bad(&fault.reason).at(fault.field))
+        input::from_query_pairs(pairs).map(Self).map_err(|error| bad(&error.reason).at(error.field))
     }
 }

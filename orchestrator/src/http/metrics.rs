@@ -1,4 +1,4 @@
-//! `/metrics`: what the server counts, for Prometheus. docs/operations.md says what each is for.
+//! `/metrics`: the server's metrics in the Prometheus text format. docs/operations.md describes each metric.
 
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -11,28 +11,28 @@ use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::health;
 use super::problem::Problem;
-use crate::metrics;
 use crate::http::state::AppState;
-use crate::store::{critiques, integrity};
+use crate::metrics;
 use crate::queries::mastery_gauges::{MasteryGauge, MasteryGaugesQuery};
+use crate::store::{critiques, integrity};
 
-/// Seconds that requests and commits take, from what a reader needs to what is cut off.
-const SECONDS: [f64; 14] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, 60.0];
-/// Changes that are committed together.
-const CHANGES: [f64; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+/// Buckets of durations in seconds, from a fast read to the request timeout.
+const DURATION_BUCKETS_S: [f64; 14] =
+    [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, 60.0];
+/// Buckets of the number of changes in one commit.
+const BATCH_SIZE_BUCKETS: [f64; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 
-/// What is counted in this process. Several services of one process (tests have them) count together.
-static COUNTED: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
+/// Recorder of this process; `None` if it could not be installed. Several services in one process, as in tests, share it.
+static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
 
-/// Counts from here on.
-pub fn begin() {
-    COUNTED.get_or_init(|| {
+/// Installs the metrics recorder of this process, if it is not installed yet.
+pub fn install_recorder() {
+    RECORDER.get_or_init(|| {
         let recorder = PrometheusBuilder::new()
-            .set_buckets_for_metric(Matcher::Suffix("_seconds".to_owned()), &SECONDS)
+            .set_buckets_for_metric(Matcher::Suffix("_seconds".to_owned()), &DURATION_BUCKETS_S)
             .and_then(|builder| {
-                builder.set_buckets_for_metric(Matcher::Suffix("_changes".to_owned()), &CHANGES)
+                builder.set_buckets_for_metric(Matcher::Suffix("_changes".to_owned()), &BATCH_SIZE_BUCKETS)
             })
             .map(PrometheusBuilder::build_recorder);
         let handle = recorder.ok().and_then(|recorder| {
@@ -40,7 +40,7 @@ pub fn begin() {
             ::metrics::set_global_recorder(recorder).ok().map(|()| handle)
         });
         if handle.is_none() {
-            tracing::warn!("Nothing is counted for /metrics: somebody else counts in this process.");
+            tracing::warn!("/metrics has no data: this process has another metrics recorder.");
         }
         metrics::register();
         handle
@@ -51,7 +51,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(show))
 }
 
-/// What the server counts, as Prometheus reads it.
+/// Get the metrics in the Prometheus text format.
 #[utoipa::path(
     get, path = "/metrics", tag = "health",
     responses(
@@ -60,16 +60,18 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
     )
 )]
 async fn show(State(app): State<AppState>) -> Result<Response, Problem> {
-    let Some(Some(handle)) = COUNTED.get() else {
+    let Some(Some(handle)) = RECORDER.get() else {
         return Err(Problem::new(
             axum::http::StatusCode::SERVICE_UNAVAILABLE,
             "not_counted",
             "Nothing is counted.",
         ));
     };
-    // A database that cannot be written is what somebody who watches wants to see: the rest is told all the same.
-    metrics::set_writable(health::writable(&app).await.is_ok());
-    for MasteryGauge { run, task, level, mastery } in app.writer.query(MasteryGaugesQuery).await.unwrap_or_default() {
+    // A failed check is a metric too, so the other metrics follow in any case.
+    metrics::set_writable(app.readiness.check_writable(&app.writer).await.is_ok());
+    for MasteryGauge { run, task, level, mastery } in
+        app.writer.query(MasteryGaugesQuery).await.unwrap_or_default()
+    {
         metrics::set_task(&run, &task, level, mastery);
     }
     let crate::engine::writer::QueueLengths { urgent, bulk } = app.writer.queue_lengths();
@@ -88,11 +90,11 @@ async fn show(State(app): State<AppState>) -> Result<Response, Problem> {
         .into_response())
 }
 
-/// Counts requests and how long each took.
-pub(super) async fn measured(request: Request, next: Next) -> Response {
+/// Middleware that records the count and duration of requests.
+pub(super) async fn record_requests(request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
-    let (method, begun) = (request.method().clone(), Instant::now());
+    let (method, started_at) = (request.method().clone(), Instant::now());
     let response = next.run(request).await;
-    metrics::record_request(&method, route, response.status(), begun.elapsed());
+    metrics::record_request(&method, route, response.status(), started_at.elapsed());
     response
 }

@@ -1,27 +1,31 @@
-//! HTTP: a handler parses, calls one use case, and maps the answer.
+//! The HTTP interface: routes, middleware, and the conversion between requests and use cases.
+//!
+//! [`router`] assembles the routes: `v1` is the API of trainers, `openenv` serves the clients of openenv-core, `dashboard`
+//! the web page. A handler parses the request, calls one use case, and maps the result; every error is a [`Problem`].
+//! `access` authorizes requests, `connections` accepts them, and [`state::AppState`] is what handlers share.
+//! Limits are in `crate::limits`, use cases in `runs`, `leases`, `results` and others. Start reading at [`router`].
 
 mod access;
-mod answers;
-mod column;
+mod blocking;
 mod connections;
+mod content_negotiation;
+mod counted_stream;
 mod dashboard;
-mod document;
 mod extract;
 mod health;
+mod large_body;
 mod metrics;
+mod number_column;
+mod openapi_annotations;
+mod openapi_fixups;
 mod openenv;
-mod places;
-mod polish;
-mod polls;
 mod problem;
-mod room;
+mod readiness;
 mod socket;
 pub mod state;
-mod turns;
 mod v1;
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
@@ -35,26 +39,17 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_swagger_ui::SwaggerUi;
 
-pub use self::access::{Each, Gate};
+pub use self::access::{AccessConfig, AccessControl};
 pub use self::connections::serve;
-pub use self::health::Looked;
-pub use self::metrics::begin as begin_counting;
-pub use self::openenv::Boards;
-pub use self::polls::Polls;
+pub use self::metrics::install_recorder as install_metrics_recorder;
+pub use self::openenv::EpisodeBoards;
 pub use self::problem::Problem;
-pub use self::room::Room;
-pub use self::turns::AllTurns;
+pub use self::readiness::ReadinessProbe;
 use self::state::AppState;
+use crate::limits::constants::{LONG_POLL_EXTRA_TIMEOUT, MAX_BODY_BYTES, REQUEST_TIMEOUT};
 use crate::tokens::redact;
 
-/// Largest request body, bytes.
-const MAX_BODY: usize = 16 * 1024 * 1024;
-/// Longest time one request may take.
-const TIMEOUT: Duration = Duration::from_secs(60);
-/// How much longer one may take that waits by itself, for up to a minute.
-const WAITING: Duration = Duration::from_secs(30);
-
-/// What the API is, for its document.
+/// OpenAPI document without its operations.
 #[derive(OpenApi)]
 #[openapi(
     info(
@@ -78,108 +73,113 @@ const WAITING: Duration = Duration::from_secs(30);
         (name = "health", description = "Whether the server lives and is ready."),
     )
 )]
-struct Document;
+struct ApiDocument;
 
-/// What a server shows.
+/// Set of routes that a server serves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Surface {
-    /// Everything.
+pub enum ApiSurface {
+    /// All routes of the server.
     Whole,
-    /// OpenEnv's routes and whether it lives: nothing that is of a run.
+    /// OpenEnv's routes and the health probes; nothing that concerns a run.
     OpenEnv,
 }
 
-fn parts(surface: Surface) -> (Router<AppState>, utoipa::openapi::OpenApi) {
-    let always = OpenApiRouter::with_openapi(Document::openapi()).merge(health::routes());
+/// Returns the documented routes and their OpenAPI document.
+fn documented_routes(surface: ApiSurface) -> (Router<AppState>, utoipa::openapi::OpenApi) {
+    let common = OpenApiRouter::with_openapi(ApiDocument::openapi()).merge(health::routes());
     let routes = match surface {
-        Surface::Whole => always.merge(metrics::routes()).nest("/v1", v1::routes()),
-        Surface::OpenEnv => always,
+        ApiSurface::Whole => common.merge(metrics::routes()).nest("/v1", v1::routes()),
+        ApiSurface::OpenEnv => common,
     };
     let (routes, mut document) = routes.merge(openenv::routes()).split_for_parts();
-    document::name_forms(&mut document);
-    document::name_roles(&mut document);
-    document::name_problems(&mut document);
-    (routes, polish::polished(document))
+    openapi_annotations::add_messagepack(&mut document);
+    openapi_annotations::add_roles(&mut document);
+    openapi_annotations::set_problem_media_type(&mut document);
+    (routes, openapi_fixups::apply_fixups(document))
 }
 
-/// The API as an OpenAPI 3.1 document.
+/// Returns the OpenAPI 3.1 document of all routes.
 #[must_use]
 pub fn openapi() -> utoipa::openapi::OpenApi {
-    parts(Surface::Whole).1
+    documented_routes(ApiSurface::Whole).1
 }
 
-/// Its routes.
-pub fn router(app: AppState, gate: Arc<Gate>, surface: Surface) -> Router {
-    let (routes, mut document) = parts(surface);
-    if surface == Surface::OpenEnv {
-        let shown = ["openenv", "health"];
-        document.tags.iter_mut().for_each(|tags| tags.retain(|tag| shown.contains(&tag.name.as_str())));
+/// Returns the routes of a server with all middleware.
+pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSurface) -> Router {
+    let (routes, mut document) = documented_routes(surface);
+    if surface == ApiSurface::OpenEnv {
+        let visible_tags = ["openenv", "health"];
+        document
+            .tags
+            .iter_mut()
+            .for_each(|tags| tags.retain(|tag| visible_tags.contains(&tag.name.as_str())));
     }
-    let routes = if surface == Surface::Whole { routes.merge(dashboard::routes()) } else { routes };
+    let routes = if surface == ApiSurface::Whole { routes.merge(dashboard::routes()) } else { routes };
     routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
         .layer(CatchPanicLayer::custom(panicked))
-        .layer(axum::middleware::from_fn_with_state(gate, access::gate))
-        .layer(axum::extract::DefaultBodyLimit::max(MAX_BODY))
-        .layer(axum::middleware::from_fn(bounded))
-        .layer(axum::middleware::from_fn(answers::as_asked))
-        .layer(axum::middleware::from_fn(shielded))
-        .layer(axum::middleware::from_fn(metrics::measured))
+        .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
+        .layer(axum::extract::DefaultBodyLimit::max(MAX_BODY_BYTES))
+        .layer(axum::middleware::from_fn(limit_request))
+        .layer(axum::middleware::from_fn(content_negotiation::convert_response))
+        .layer(axum::middleware::from_fn(add_security_headers))
+        .layer(axum::middleware::from_fn(metrics::record_requests))
         .layer(PropagateRequestIdLayer::x_request_id())
-        .layer(TraceLayer::new_for_http().make_span_with(span).on_failure(()))
+        .layer(TraceLayer::new_for_http().make_span_with(request_span).on_failure(()))
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
         .with_state(app)
 }
 
-/// Refuses bodies that say they are too large before reading them, and cuts off what takes too long.
-async fn bounded(request: Request, next: Next) -> Response {
+/// Rejects bodies by their declared length before reading them, and applies the request timeout.
+async fn limit_request(request: Request, next: Next) -> Response {
     let length = request.headers().get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok());
     let too_large =
-        length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY);
+        length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY_BYTES);
     let persistent = request.version() <= Version::HTTP_11;
-    let waits = request.method() == Method::GET && request.uri().path().ends_with("/trajectories");
-    let timeout = if waits { TIMEOUT + WAITING } else { TIMEOUT };
+    let is_long_poll = request.method() == Method::GET && request.uri().path().ends_with("/trajectories");
+    let timeout = if is_long_poll { REQUEST_TIMEOUT + LONG_POLL_EXTRA_TIMEOUT } else { REQUEST_TIMEOUT };
     let response = if too_large {
         Problem::too_large().into_response()
     } else {
-        let answered = tokio::time::timeout(timeout, next.run(request)).await;
-        answered.unwrap_or_else(|_| Problem::timed_out().into_response())
+        let response = tokio::time::timeout(timeout, next.run(request)).await;
+        response.unwrap_or_else(|_| Problem::timed_out().into_response())
     };
-    // Of a body that is too large or too slow the rest is not read: the connection ends with it, and says so.
+    // The rest of a body that is too large or too slow is not read, so the connection cannot be reused.
     let unread = matches!(response.status(), StatusCode::PAYLOAD_TOO_LARGE | StatusCode::REQUEST_TIMEOUT);
-    if unread && persistent { cut_off(response) } else { response }
+    if unread && persistent { close_connection(response) } else { response }
 }
 
-/// Says that the connection ends with this.
-fn cut_off(mut response: Response) -> Response {
+/// Announces that the server closes the connection after the response.
+fn close_connection(mut response: Response) -> Response {
     response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     response
 }
 
-/// Says to browsers what nothing here is for: to be guessed at, framed, kept, or to load what is elsewhere.
-async fn shielded(request: Request, next: Next) -> Response {
+/// Adds the security headers: no content sniffing, framing, referrers, foreign resources, or caching of `/v1`.
+async fn add_security_headers(request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let policy = if path.starts_with("/docs") {
         "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'"
     } else {
         "default-src 'none'; frame-ancestors 'none'"
     };
-    let private = path.starts_with("/v1/");
+    let is_private = path.starts_with("/v1/");
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
-    // A page of its own says what it needs.
+    // The dashboard sets a policy of its own.
     headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(HeaderValue::from_static(policy));
-    if private {
+    if is_private {
         headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     }
     response
 }
 
-fn span(request: &Request) -> tracing::Span {
+/// Creates the tracing span of a request, without secrets.
+fn request_span(request: &Request) -> tracing::Span {
     let id = request.headers().get("x-request-id").and_then(|v| v.to_str().ok()).unwrap_or("");
     let path = request.uri().path();
     let run = path.strip_prefix("/v1/runs/").and_then(|rest| rest.split('/').next());
@@ -195,7 +195,7 @@ async fn no_such_route() -> Problem {
     )
 }
 
-/// A file that is not there.
+/// Returns the problem of an unknown file of the dashboard.
 fn no_such_file() -> Problem {
     Problem::new(StatusCode::NOT_FOUND, "no_such_file", "There is no such file; /dashboard/ has the page.")
 }

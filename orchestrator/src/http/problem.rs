@@ -6,29 +6,38 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::engine::error::ServiceError;
+use crate::limits::{ConcurrencyError, LimitClosed, RateLimited, TooManyLongPolls};
 
-/// What went wrong, for programs and for people.
+/// Problem details of a failed request (RFC 9457).
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub struct Problem {
-    /// A URN that names the kind of problem.
+    /// URN of the kind of problem.
     #[serde(rename = "type")]
     #[schema(example = "urn:sparring:problem:invalid")]
     kind: String,
-    /// The HTTP status in words.
+    /// Reason phrase of the HTTP status.
     title: String,
-    /// The HTTP status.
+    /// HTTP status of the response.
     status: u16,
-    /// One sentence about this occurrence.
+    /// Sentence that describes this occurrence.
     detail: String,
-    /// The field at fault, as a dotted path.
+    /// Field that caused the problem, as a dotted path.
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<String>,
     #[serde(skip)]
     retry_after_s: Option<u32>,
 }
 
+/// Parts of a [`Problem`].
+pub(super) struct ProblemParts {
+    /// Code of the kind of problem, for programs.
+    pub(super) code: String,
+    pub(super) detail: String,
+    pub(super) field: Option<String>,
+}
+
 impl Problem {
-    /// A problem of a kind.
+    /// Creates a problem with a status and a code.
     pub(super) fn new(status: StatusCode, code: &str, detail: impl Into<String>) -> Self {
         Self {
             kind: format!("urn:sparring:problem:{code}"),
@@ -40,80 +49,62 @@ impl Problem {
         }
     }
 
-    /// The same, naming the field at fault.
+    /// Sets the field that caused the problem.
     pub(super) fn at(mut self, field: impl Into<String>) -> Self {
         self.field = Some(field.into());
         self
     }
 
-    /// The HTTP status.
+    /// Returns the HTTP status.
     pub(super) fn status(&self) -> StatusCode {
         StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
-    /// One sentence, with the field at fault.
-    pub(super) fn words(&self) -> String {
+    /// Returns the detail, with the field if there is one.
+    pub(super) fn message(&self) -> String {
         self.field.as_ref().map_or_else(|| self.detail.clone(), |field| format!("{field}: {}", self.detail))
     }
 
-    /// The word for programs, the sentence, and the field at fault.
-    pub(super) fn parts(self) -> (String, String, Option<String>) {
+    /// Returns the parts of the problem, for protocols with their own error format.
+    pub(super) fn into_parts(self) -> ProblemParts {
         let code = self.kind.rsplit(':').next().unwrap_or_default().to_owned();
-        (code, self.detail, self.field)
+        ProblemParts { code, detail: self.detail, field: self.field }
     }
 
-    /// When to come again, seconds.
+    /// Returns the time after which the client may retry, in seconds.
     pub(super) const fn retry_after_s(&self) -> Option<u32> {
         self.retry_after_s
     }
 
-    /// The same, asking to come again.
-    pub(super) const fn again_in(mut self, seconds: u32) -> Self {
+    /// Sets the `Retry-After` header, in seconds.
+    pub(super) const fn with_retry_after(mut self, seconds: u32) -> Self {
         self.retry_after_s = Some(seconds);
         self
     }
 
-    /// Something that cannot be: 422 with the field at fault.
+    /// Returns the problem of an invalid field: status 422.
     pub(super) fn invalid(field: impl Into<String>, detail: impl Into<String>) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid", detail).at(field)
     }
 
-    /// A body beyond what is taken.
+    /// Returns the problem of a body that is too large.
     pub(super) fn too_large() -> Self {
         let detail = "The body is larger than 16 MiB; send less at a time.";
         Self::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", detail)
     }
 
-    /// A request that took too long. Whether it was done is not known: sending it again is safe.
+    /// Returns the problem of a request that took too long. The change may have been made; a retry is safe.
     pub(super) fn timed_out() -> Self {
         let detail = "The request took longer than a minute and was cut off; sending it again is safe.";
-        Self::new(StatusCode::SERVICE_UNAVAILABLE, "timed_out", detail).again_in(5)
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "timed_out", detail).with_retry_after(5)
     }
 
-    /// Too much of something is under way: "scenarios are being planned on".
-    pub(super) fn busy(what: &str) -> Self {
-        let detail = format!("Too many {what}; try again in a moment.");
-        Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail).again_in(5)
-    }
-
-    /// More wait for groups than may.
-    pub(super) fn too_many_polls(most: usize) -> Self {
-        let detail = format!("{most} requests wait for groups already; come again when some are answered");
-        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_many_polls", detail).again_in(5)
-    }
-
-    /// Who asks asks too often; in so many seconds it is fine.
-    pub(super) fn too_often(seconds: u32) -> Self {
-        let detail = format!("You ask more often than you may; ask again in {seconds} s.");
-        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_often", detail).again_in(seconds)
-    }
-
-    /// Whether it keeps somebody out.
+    /// Returns true if the client was denied access.
     pub(super) fn is_denial(&self) -> bool {
         matches!(self.status(), StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN)
     }
 
-    /// Something unexpected. The details are in the log, not in the answer.
+    /// Returns the problem of an unexpected failure. The details are only in the log.
     pub(super) fn internal() -> Self {
         Self::new(
             StatusCode::INTERNAL_SERVER_ERROR,
@@ -124,11 +115,12 @@ impl Problem {
 }
 
 impl Problem {
-    /// The store failed. What is for a while is told, and to be tried again; else the log alone has the words.
-    fn of_store(error: &ServiceError) -> Self {
+    /// Returns the problem of a database failure. Temporary failures ask for a retry; the text of others is only in the log.
+    fn from_store_failure(error: &ServiceError) -> Self {
         tracing::error!(error = %error, "A request failed.");
-        let unavailable =
-            |code, detail: String| Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail).again_in(5);
+        let unavailable = |code, detail: String| {
+            Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail).with_retry_after(5)
+        };
         match (error.outage(), error) {
             (Some(outage), _) => unavailable("unavailable", format!("Nothing was changed: {outage}.")),
             (None, ServiceError::NotCommitted { .. }) => {
@@ -171,23 +163,53 @@ impl From<ServiceError> for Problem {
             E::EvaluationOver(_) => problem(StatusCode::CONFLICT, "evaluation_over"),
             E::UnknownAsk(_) => problem(StatusCode::NOT_FOUND, "unknown_ask"),
             E::Refused(_) => problem(StatusCode::CONFLICT, "refused"),
-            E::TooManyAsks(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_asks").again_in(5),
+            E::TooManyAsks(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_asks").with_retry_after(5),
             E::RunExists(_) => problem(StatusCode::CONFLICT, "run_exists").at("id"),
             E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
             E::ClaimedOtherwise(_) => problem(StatusCode::CONFLICT, "claimed_otherwise"),
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
             E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
             E::TooManyLeases(_) | E::TooManyLeasesOfToken(_) => {
-                problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").again_in(5)
+                problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").with_retry_after(5)
             }
-            // Time alone does not mend it.
+            // Waiting does not help, so the status is not 429.
             E::TooManyRuns(_) => problem(StatusCode::FORBIDDEN, "too_many_runs"),
-            E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").again_in(1),
-            E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").again_in(1),
-            E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").again_in(5),
+            E::Busy => problem(StatusCode::TOO_MANY_REQUESTS, "busy").with_retry_after(1),
+            E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").with_retry_after(1),
+            E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").with_retry_after(5),
             E::Invalid { field, reason } => Self::invalid(field, reason),
-            E::NotCommitted { .. } | E::Restore(_) | E::Store(_) => Self::of_store(&error),
+            E::NotCommitted { .. } | E::Restore(_) | E::Store(_) => Self::from_store_failure(&error),
         }
+    }
+}
+
+impl From<ConcurrencyError> for Problem {
+    fn from(error: ConcurrencyError) -> Self {
+        match error {
+            ConcurrencyError::Overloaded(_) => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", error.to_string()).with_retry_after(5)
+            }
+            ConcurrencyError::Panicked => Self::internal(),
+        }
+    }
+}
+
+impl From<TooManyLongPolls> for Problem {
+    fn from(error: TooManyLongPolls) -> Self {
+        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_many_polls", error.to_string()).with_retry_after(5)
+    }
+}
+
+impl From<RateLimited> for Problem {
+    fn from(RateLimited { retry_after_s }: RateLimited) -> Self {
+        let detail = format!("You ask more often than you may; ask again in {retry_after_s} s.");
+        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_often", detail).with_retry_after(retry_after_s)
+    }
+}
+
+impl From<LimitClosed> for Problem {
+    fn from(_: LimitClosed) -> Self {
+        ServiceError::Stopping.into()
     }
 }
 

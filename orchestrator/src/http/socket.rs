@@ -1,4 +1,4 @@
-//! What every socket does here: bounded frames, pings answered while work is done, a client that does not read, a goodbye.
+//! WebSockets: limits on frames, pings during long work, timeouts of slow clients, and the closing handshake.
 
 use std::time::Duration;
 
@@ -7,43 +7,44 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgr
 
 use crate::sessions::CloseReason;
 
-/// Largest frame of text that is read, bytes.
-pub(super) const MAX_FRAME: usize = 4 * 1024 * 1024;
-/// Bytes that are read at once: a step has a few hundred, and every idle session holds a buffer.
-const READ_AT_ONCE: usize = 4 * 1024;
+/// Largest text frame that is accepted, in bytes.
+const MAX_TEXT_FRAME_BYTES: usize = 4 * 1024 * 1024;
+/// Size of the read buffer in bytes. A step has a few hundred bytes, and every idle session holds a buffer.
+const READ_BUFFER_BYTES: usize = 4 * 1024;
 
-/// How sockets of text are read here.
-pub(super) fn bounded(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
-    bounded_by(upgrade, MAX_FRAME)
+/// Limits frames to the size of text messages.
+pub(super) fn limit_frames(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+    limit_frames_to(upgrade, MAX_TEXT_FRAME_BYTES)
 }
 
-/// How sockets are read whose frames are larger.
-pub(super) fn bounded_by(upgrade: WebSocketUpgrade, most: usize) -> WebSocketUpgrade {
-    upgrade.max_message_size(most).max_frame_size(most).read_buffer_size(READ_AT_ONCE)
+/// Limits frames to `max_bytes`.
+pub(super) fn limit_frames_to(upgrade: WebSocketUpgrade, max_bytes: usize) -> WebSocketUpgrade {
+    upgrade.max_message_size(max_bytes).max_frame_size(max_bytes).read_buffer_size(READ_BUFFER_BYTES)
 }
 
-/// What came.
+/// Input of a WebSocket.
 pub(super) enum Received {
-    /// A text frame.
+    /// Text frame of the client.
     Text(Utf8Bytes),
-    /// A binary frame.
+    /// Binary frame of the client.
     Binary(Bytes),
-    /// A frame that is larger than is read.
+    /// Frame beyond the size limit.
     TooLarge,
-    /// Nothing for too long.
+    /// No frame within the idle timeout.
     Idle,
-    /// The service stops, or the client may not stay.
+    /// Request to close: the service stops, or the client's access ended.
     Stop(CloseReason),
-    /// The client said goodbye.
+    /// Normal closing handshake by the client.
     Left,
-    /// The client is gone.
+    /// Loss of the connection without a closing handshake.
     Gone,
 }
 
-/// Waits for what takes a while (a judge, a scenario that is prepared) and answers pings meanwhile; none where the client
-/// goes away. The one frame that it may send before it is answered is `early`. The work is boxed, so that a session that is
-/// silent holds no room for it.
-pub(super) async fn meanwhile<T>(
+/// Runs long work (a judge, the preparation of a scenario) and answers pings meanwhile. Returns `None` if the client leaves.
+///
+/// A client may send one frame before the response, which is stored in `early`. The work is boxed, so that an idle session
+/// needs no memory for it.
+pub(super) async fn run_while_connected<T>(
     socket: &mut WebSocket,
     early: &mut Option<Received>,
     work: impl Future<Output = T> + Send,
@@ -51,9 +52,9 @@ pub(super) async fn meanwhile<T>(
     let mut work = Box::pin(work);
     loop {
         tokio::select! {
-            biased; // most work is done at once, and the socket is not looked at
-            done = &mut work => return Some(done),
-            received = next(socket, None), if early.is_none() => match received {
+            biased; // most work is ready at once, so that the socket is not polled
+            result = &mut work => return Some(result),
+            received = receive(socket, None), if early.is_none() => match received {
                 Received::Gone | Received::Left => return None,
                 received => *early = Some(received),
             },
@@ -61,8 +62,8 @@ pub(super) async fn meanwhile<T>(
     }
 }
 
-/// The same for work that is done to its end even where the client goes away, which is what comes `early` then.
-pub(super) async fn to_its_end<T>(
+/// Runs long work to completion, even if the client leaves; `early` is then the reason.
+pub(super) async fn run_to_completion<T>(
     socket: &mut WebSocket,
     early: &mut Option<Received>,
     work: impl Future<Output = T> + Send,
@@ -71,20 +72,20 @@ pub(super) async fn to_its_end<T>(
     loop {
         tokio::select! {
             biased;
-            done = &mut work => return done,
-            received = next(socket, None), if early.is_none() => *early = Some(received),
+            result = &mut work => return result,
+            received = receive(socket, None), if early.is_none() => *early = Some(received),
         }
     }
 }
 
-/// The next frame that is not about the connection.
-pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Received {
+/// Receives the next frame, without control frames, for at most `idle`.
+pub(super) async fn receive(socket: &mut WebSocket, idle: Option<Duration>) -> Received {
     let frame = async {
         loop {
             match socket.recv().await {
                 Some(Ok(Message::Text(text))) => return Received::Text(text),
                 Some(Ok(Message::Binary(bytes))) => return Received::Binary(bytes),
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // answered by the library
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // the library answers pings
                 Some(Err(error)) if is_too_large(&error) => return Received::TooLarge,
                 Some(Ok(Message::Close(frame)))
                     if frame.as_ref().is_none_or(|frame| frame.code == close_code::NORMAL) =>
@@ -101,29 +102,30 @@ pub(super) async fn next(socket: &mut WebSocket, idle: Option<Duration>) -> Rece
     }
 }
 
-/// How long a client may take to read what it asked for, and as long again for every so many bytes of it.
-const SLOW: Duration = Duration::from_secs(10);
-const BYTES_PER_SLOW: usize = 10 << 20;
+/// Time in which a client must read a message of up to [`SEND_TIMEOUT_BYTES`] bytes.
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// Number of bytes of a message for which the timeout is extended by [`SEND_TIMEOUT`].
+const SEND_TIMEOUT_BYTES: usize = 10 << 20;
 
-/// The client is gone, or does not read.
-pub(super) struct Gone;
+/// Error of a client that disconnected or does not read.
+pub(super) struct ClientGone;
 
-/// Sends a frame of text.
-pub(super) async fn send(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), Gone> {
-    // Everything written here is JSON.
+/// Sends JSON as a text frame.
+pub(super) async fn send_text(socket: &mut WebSocket, frame: Vec<u8>) -> Result<(), ClientGone> {
+    // JSON is always UTF-8.
     let text = String::from_utf8(frame).unwrap_or_default();
-    deliver(socket, Message::Text(text.into())).await
+    send_message(socket, Message::Text(text.into())).await
 }
 
-/// Sends a message.
-pub(super) async fn deliver(socket: &mut WebSocket, message: Message) -> Result<(), Gone> {
+/// Sends a message, with a timeout by its size.
+pub(super) async fn send_message(socket: &mut WebSocket, message: Message) -> Result<(), ClientGone> {
     let bytes = match &message {
         Message::Binary(bytes) => bytes.len(),
         _ => 0,
     };
-    let patience = SLOW + SLOW * u32::try_from(bytes / BYTES_PER_SLOW).unwrap_or(0);
-    let sent = tokio::time::timeout(patience, socket.send(message)).await;
-    sent.ok().and_then(Result::ok).ok_or(Gone)
+    let timeout = SEND_TIMEOUT + SEND_TIMEOUT * u32::try_from(bytes / SEND_TIMEOUT_BYTES).unwrap_or(0);
+    let sent = tokio::time::timeout(timeout, socket.send(message)).await;
+    sent.ok().and_then(Result::ok).ok_or(ClientGone)
 }
 
 fn is_too_large(error: &axum::Error) -> bool {
@@ -132,21 +134,21 @@ fn is_too_large(error: &axum::Error) -> bool {
     matches!(source, Some(Error::Capacity(_)))
 }
 
-/// Says goodbye as openenv-core does: code 1000, no reason.
+/// Closes the connection as openenv-core does: code 1000, no reason.
 pub(super) async fn close(socket: WebSocket) {
     close_with(socket, close_code::NORMAL, "").await;
 }
 
-/// Says goodbye to who sent a frame that is too large: what comes after its beginning cannot be told apart.
+/// Closes the connection after a frame that is too large: the rest of the stream cannot be parsed.
 pub(super) async fn close_for_size(socket: WebSocket) {
     close_with(socket, close_code::SIZE, "a frame has at most 4 MiB").await;
 }
 
-/// Says goodbye.
+/// Sends a close frame and waits for the client's, for at most a second.
 pub(super) async fn close_with(mut socket: WebSocket, code: u16, reason: &'static str) {
     let frame = CloseFrame { code, reason: reason.into() };
-    let _ = tokio::time::timeout(SLOW, socket.send(Message::Close(Some(frame)))).await;
-    // Until the client has answered, so that what was sent before is read.
-    let farewell = async { while let Some(Ok(_)) = socket.recv().await {} };
-    let _ = tokio::time::timeout(Duration::from_secs(1), farewell).await;
+    let _ = tokio::time::timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await;
+    // The client's close frame shows that it has read all messages.
+    let handshake = async { while let Some(Ok(_)) = socket.recv().await {} };
+    let _ = tokio::time::timeout(Duration::from_secs(1), handshake).await;
 }

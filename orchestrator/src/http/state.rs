@@ -6,19 +6,16 @@ use std::sync::atomic::AtomicBool;
 use sqlx::SqlitePool;
 use tokio::sync::watch;
 
-use super::access::Each;
-use super::health::Looked;
-use super::openenv::Boards;
-use super::polls::Polls;
-use super::room::Room;
-use super::turns::AllTurns;
+use super::openenv::EpisodeBoards;
+use super::readiness::ReadinessProbe;
 use crate::clock::Clock;
 use crate::designs::Designers;
 use crate::engine::writer::Writer;
 use crate::judging::Judges;
 use crate::leases::lease_service::LeaseService;
+use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::rollouts::Endpoint;
-use crate::sessions::{Quota, SessionManager};
+use crate::sessions::SessionManager;
 
 /// State of the server that every request handler receives. Clones share it.
 #[derive(Debug, Clone)]
@@ -30,33 +27,33 @@ pub struct AppState {
     /// Source of the current time.
     pub clock: Clock,
     /// Limits for each client.
-    pub each: Each,
+    pub client_limits: ClientLimits,
     /// Service that grants leases and accepts results.
-    pub desk: LeaseService,
+    pub lease_service: LeaseService,
     /// Manager of the environments that run on the server.
     pub sessions: Arc<SessionManager>,
     /// True if OpenEnv's routes need no token.
     pub openenv_public: bool,
     /// Last states of web sessions, for their viewers.
-    pub boards: Arc<Boards>,
+    pub episode_boards: Arc<EpisodeBoards>,
     /// Limit on large request bodies: batches of results and columns.
-    pub room: Room,
+    pub body_limit: BodyLimit,
     /// Signal of committed run events.
     pub events: Arc<watch::Sender<u64>>,
     /// Quota of event listeners.
     pub listeners: Arc<Quota>,
     /// Concurrency limits of expensive requests.
-    pub turns: AllTurns,
+    pub concurrency: ConcurrencyLimits,
     /// Designers of new layouts.
     pub designers: Arc<dyn Designers>,
     /// Judges of the steps in sessions.
     pub judges: Arc<Judges>,
     /// Language model for chat policies, if one is configured.
     pub endpoint: Option<Endpoint>,
-    /// Requests that wait for finished groups.
-    pub polls: Polls,
-    /// Result of the last check whether the database accepts writes.
-    pub looked: Looked,
+    /// Limit on requests that wait for finished groups.
+    pub long_polls: LongPollLimit,
+    /// Check whether the database accepts writes.
+    pub readiness: ReadinessProbe,
     /// True once the server is stopping.
     pub stopping: Arc<AtomicBool>,
 }

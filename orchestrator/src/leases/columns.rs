@@ -6,18 +6,20 @@ use std::sync::Arc;
 
 use env_core::{Recipe, Scenario, Seed, SeedSpace};
 
-use crate::store::columns::{self, SeedRangeRow};
-use crate::store::leases::{self, LeaseForm, LeaseRow, Purpose};
-use crate::store::{StoreError, proposals, scenarios, to_i64, to_u64};
-use crate::leases::create::{CreateLease, GrantedLease, TTL_S};
-use crate::leases::prepare::{recipe_of, seed_of};
-use crate::runs::settings::{within, MAX_GROUP_SIZE};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
+use crate::leases::create::{CreateLease, GrantedLease, TTL_S};
+use crate::leases::prepare::recipe_of;
+use crate::leases::seeds::seed_of;
+use crate::runs::settings::MAX_GROUP_SIZE;
+use crate::runs::validate::check_range;
+use crate::store::columns::{self, SeedRangeRow};
+use crate::store::leases::{self, LeaseForm, LeaseRow, Purpose};
+use crate::store::{StoreError, proposals, scenarios, to_i64, to_u64};
 use curriculum::{Proposal, SequencedProposal};
 
 /// Most groups, and most episodes, of a lease of columns.
@@ -55,10 +57,10 @@ impl CreateColumnLease {
             return Err(ServiceError::invalid("form", why));
         }
         let group_size = request.group_size.unwrap_or(state.settings.group_size);
-        within("groups", request.groups, 1, MAX_COLUMN_GROUPS)?;
-        within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
-        within("ttl_s", request.ttl_s, *TTL_S.start(), *TTL_S.end())?;
-        within("groups × group_size", request.groups.saturating_mul(group_size), 1, MAX_COLUMN_GROUPS)?;
+        check_range("groups", request.groups, 1, MAX_COLUMN_GROUPS)?;
+        check_range("group_size", group_size, 1, MAX_GROUP_SIZE)?;
+        check_range("ttl_s", request.ttl_s, *TTL_S.start(), *TTL_S.end())?;
+        check_range("groups × group_size", request.groups.saturating_mul(group_size), 1, MAX_COLUMN_GROUPS)?;
         Ok(group_size)
     }
 }
@@ -105,7 +107,12 @@ struct SeedRange {
 }
 
 /// Builds the row of a range that serves a proposal.
-fn seed_range(state: &RunState, seq: u64, proposal: &Proposal, range: SeedRange) -> Result<SeedRangeRow, ServiceError> {
+fn seed_range(
+    state: &RunState,
+    seq: u64,
+    proposal: &Proposal,
+    range: SeedRange,
+) -> Result<SeedRangeRow, ServiceError> {
     let recipe = recipe_of(proposal).map_err(StoreError::from)?;
     // The first seed is chosen so that all seeds of the range lie in the space of training seeds.
     let SeedRange { number, first, groups } = range;

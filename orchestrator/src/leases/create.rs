@@ -4,7 +4,6 @@ use std::ops::RangeInclusive;
 
 use sqlx::SqliteConnection;
 
-use crate::metrics::LeaseEvent;
 use crate::designs::serve;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -16,7 +15,9 @@ use crate::ids::{RunId, random_token};
 use crate::leases::group_row::proposed_group;
 use crate::leases::proposal_queue::{self, QUEUE_TARGET};
 use crate::leases::scenario_cache::ScenarioCache;
-use crate::runs::settings::{EvidenceFrom, MAX_GROUP_SIZE, within};
+use crate::metrics::LeaseEvent;
+use crate::runs::settings::{EvidenceFrom, MAX_GROUP_SIZE};
+use crate::runs::validate::check_range;
 use crate::store::design_counters::{self, TrainingGroups};
 use crate::store::groups::GroupRow;
 use crate::store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
@@ -86,10 +87,10 @@ impl CreateLease {
             return Err(ServiceError::Paused(state.run.clone()));
         }
         let group_size = self.group_size.unwrap_or(state.settings.group_size);
-        within("groups", self.groups, 1, MAX_GROUPS)?;
-        within("group_size", group_size, 1, MAX_GROUP_SIZE)?;
-        within("ttl_s", self.ttl_s, *TTL_S.start(), *TTL_S.end())?;
-        within("groups × group_size", self.groups * group_size, 1, MAX_EPISODES)?;
+        check_range("groups", self.groups, 1, MAX_GROUPS)?;
+        check_range("group_size", group_size, 1, MAX_GROUP_SIZE)?;
+        check_range("ttl_s", self.ttl_s, *TTL_S.start(), *TTL_S.end())?;
+        check_range("groups × group_size", self.groups * group_size, 1, MAX_EPISODES)?;
         if self.evaluation.is_some() && self.purpose != Purpose::Eval {
             let why = "its scenarios are flown with purpose: eval";
             return Err(ServiceError::invalid("evaluation", why));
@@ -147,7 +148,7 @@ impl Change for CreateLease {
         let group_size = self.check(run.state)?;
         let row = self.new_row(run.conn, group_size, run.now).await?;
         let designed = match self.purpose {
-            Purpose::Train => serve::choose(run.conn, run.state, row.id, self.groups).await?,
+            Purpose::Train => serve::choose_layouts(run.conn, run.state, row.id, self.groups).await?,
             Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
         };
         let proposed = designed.iter().filter(|layout| layout.is_none()).count();
@@ -210,7 +211,7 @@ impl CreateLease {
             groups.push(match layout {
                 Some(layout) => {
                     servable_layouts::add_group(run.conn, layout.id, run.now).await?;
-                    serve::group(run.state, number, layout)
+                    serve::designed_group(run.state, number, layout)
                 }
                 None => {
                     let Some(queued) = head.next() else { continue }; // the head has one proposal for each such group

@@ -1,12 +1,12 @@
 //! Ends leases before all of their groups are closed: on request, or because their time is over.
 
-use crate::metrics::LeaseEvent;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::ids::{LeaseId, RunId};
 use crate::leases::find::find_lease;
+use crate::metrics::LeaseEvent;
 use crate::results::close::close_groups;
 use crate::results::columns::settle;
 use crate::results::report_summary::ReportSummary;
@@ -67,7 +67,11 @@ pub(crate) enum LeaseEnd {
 }
 
 /// Ends a lease and closes its open groups. Their unreported episodes are offered again.
-pub(crate) async fn end_lease(tx: &mut WriteTx, lease: &LeaseRow, end: LeaseEnd) -> Result<ReportSummary, ServiceError> {
+pub(crate) async fn end_lease(
+    tx: &mut WriteTx,
+    lease: &LeaseRow,
+    end: LeaseEnd,
+) -> Result<ReportSummary, ServiceError> {
     let (status, event) = match end {
         LeaseEnd::Released => (LeaseStatus::Released, LeaseEvent::Released),
         LeaseEnd::Expired => (LeaseStatus::Expired, LeaseEvent::Expired),

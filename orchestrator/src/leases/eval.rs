@@ -9,14 +9,16 @@ use env_core::SeedSpace;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use crate::leases::create::{CreateLease, GrantedLease};
-use crate::leases::prepare::{prepare, store_all, UnsolvableParams, Place, PreparedScenario};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
 use crate::engine::writer::Writer;
+use crate::leases::create::{CreateLease, GrantedLease};
+use crate::leases::prepare::store_prepared::store_scenarios;
+use crate::leases::prepare::unsolvable::UnsolvableParams;
+use crate::leases::prepare::{DrawContext, PreparedScenario, SeedSource, prepare};
 use crate::store::groups::{self, GroupRow, GroupState};
 use crate::store::leases::{self, LeaseRow};
 use crate::store::to_u64;
@@ -41,8 +43,9 @@ pub async fn create_eval_lease(
         let numbered: Vec<(u64, Proposal)> = (first..).zip(proposals).collect();
         let unsolvable = UnsolvableParams::default(); // unused: no contested scenario is requested
         let one = |(number, proposal): (u64, Proposal)| {
-            let place = Place { space: SeedSpace::Evaluation, run_seed, seq: number };
-            prepare(place, &proposal, None, (&unsolvable, &|| true)).map(|prepared| (proposal, prepared))
+            let seeds = SeedSource { space: SeedSpace::Evaluation, run_seed, seq: number };
+            let context = DrawContext { unsolvable: &unsolvable, is_wanted: &|| true };
+            prepare(seeds, &proposal, None, context).map(|prepared| (proposal, prepared))
         };
         threads.install(|| numbered.into_par_iter().map(one).collect::<Result<Vec<_>, _>>())
     });
@@ -100,7 +103,7 @@ impl Change for FillEvalLease {
         if !row.is_active() {
             return Err(ServiceError::LeaseOver { lease: row.name(), status: row.status });
         }
-        store_all(&mut tx.conn, self.prepared.iter().map(|(_, prepared)| prepared)).await?;
+        store_scenarios(&mut tx.conn, self.prepared.iter().map(|(_, prepared)| prepared)).await?;
         let mut groups = Vec::new();
         for (number, (proposal, prepared)) in (0i64..).zip(self.prepared) {
             let scenario = prepared.scenario.id().0.to_vec();
@@ -112,7 +115,7 @@ impl Change for FillEvalLease {
                 task: proposal.task,
                 level: proposal.level.map(i64::from),
                 role: group_role(proposal.role),
-                is_contested: prepared.contested,
+                is_contested: prepared.is_contested,
                 state: GroupState::Open,
                 finished: 0,
                 failed: 0,

@@ -7,20 +7,19 @@ use std::time::Duration;
 use sqlx::SqlitePool;
 use tokio::sync::watch;
 
-use crate::results::audit::audit;
-use crate::results::audit_outcome::AuditedReport;
-use crate::results::reported::ReportedEpisode;
-use crate::leases::eval::create_eval_lease;
-use crate::evaluation::lease::create_suite_lease;
-use crate::store::leases::Purpose;
-use crate::leases::create::{CreateLease, GrantedLease};
-use crate::results::report::{ReportReceipts, StoreResults};
-use crate::rollouts::rollout_lease::LeaseRolloutGroup;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::evaluation::lease::create_suite_lease;
+use crate::ids::RunId;
+use crate::leases::create::{CreateLease, GrantedLease};
+use crate::leases::eval::create_eval_lease;
+use crate::results::audit::audit;
+use crate::results::audit_outcome::AuditedReport;
+use crate::results::report::{ReportReceipts, StoreResults};
+use crate::results::reported::ReportedEpisode;
+use crate::rollouts::rollout_lease::{LeaseRolloutGroup, RolloutLease};
 use crate::runs::settings::RunSettings;
-use crate::ids::{LeaseId, RunId};
-use crate::store::run_policies::RunPolicyRow;
+use crate::store::leases::Purpose;
 use crate::store::{from_json, runs};
 
 /// How long a lease request waits for scenarios to be prepared before it is refused with `NotReady`.
@@ -76,7 +75,7 @@ impl LeaseService {
     ///
     /// # Errors
     /// Returns the errors of [`Self::lease`], and [`ServiceError::Paused`] if the run has no policy any more.
-    pub async fn lease_for_rollout(&self, run: &RunId) -> Result<(LeaseId, RunPolicyRow), ServiceError> {
+    pub async fn lease_for_rollout(&self, run: &RunId) -> Result<RolloutLease, ServiceError> {
         self.when_ready(run, || self.writer.change(LeaseRolloutGroup { run: run.clone() })).await
     }
 
@@ -117,7 +116,8 @@ impl LeaseService {
         loop {
             let part: Vec<_> = episodes.by_ref().take(RESULTS_PER_CHANGE).collect();
             let report = AuditedReport { episodes: part, brackets: std::mem::take(&mut brackets) };
-            let stored = self.writer.change(StoreResults { run: run.clone(), policy_version, report }).await?;
+            let stored =
+                self.writer.change(StoreResults { run: run.clone(), policy_version, report }).await?;
             answer.receipts.extend(stored.receipts);
             answer.summary.add(stored.summary);
             if episodes.len() == 0 {

@@ -15,3 +15,4 @@ pub mod proposal_queue;
 pub mod refill;
 pub mod renew;
 pub mod scenario_cache;
+pub mod seeds;

@@ -1,12 +1,12 @@
 //! Replaces groups with zero variance: a trainer learns nothing from a group whose episodes all have the same score.
 
-use crate::results::report_summary::RefilledGroups;
+use crate::engine::error::ServiceError;
+use crate::engine::run_tx::RunTx;
 use crate::leases::group_row::proposed_group;
 use crate::leases::proposal_queue;
 use crate::leases::proposal_queue::QUEUE_TARGET;
+use crate::results::report_summary::RefilledGroups;
 use crate::runs::settings::EvidenceFrom;
-use crate::engine::error::ServiceError;
-use crate::engine::run_tx::RunTx;
 use crate::store::leases::{self, LeaseRow};
 use crate::store::refills::{self, OwedRefill};
 use crate::store::{groups, proposals};
@@ -36,7 +36,10 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<RefilledGro
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         groups::insert(run.conn, id, &rows).await?;
         refills::add_given(run.conn, OwedRefill { lease: id, groups: rows.len() as i64 }).await?;
-        granted.push(RefilledGroups { lease: lease.name(), groups: rows.iter().map(|row| row.number).collect() });
+        granted.push(RefilledGroups {
+            lease: lease.name(),
+            groups: rows.iter().map(|row| row.number).collect(),
+        });
         proposal_queue::fill(run, QUEUE_TARGET).await?;
     }
     Ok(granted)

@@ -1,12 +1,12 @@
 //! Renews a lease.
 
-use crate::metrics::LeaseEvent;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::ids::{LeaseId, RunId};
 use crate::leases::find::find_lease;
+use crate::metrics::LeaseEvent;
 use crate::results::columns::status::is_claimed;
 use crate::store::leases::{self, LeaseRow, LeaseStatus};
 

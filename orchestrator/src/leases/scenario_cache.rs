@@ -6,7 +6,7 @@ use env_core::{Bracket, Scenario};
 use sqlx::SqliteConnection;
 
 use crate::store::groups::GroupRow;
-use crate::store::scenarios::{ScenarioLoader, LoadedScenarios};
+use crate::store::scenarios::{LoadedScenarios, ScenarioLoader};
 use crate::store::{StoreError, brackets};
 
 /// LoadedScenarios and brackets of the groups that one request needs.

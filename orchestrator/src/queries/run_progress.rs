@@ -9,8 +9,8 @@ use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::ids::RunId;
 use crate::runs::settings::RunSettings;
-use crate::store::group_counters::{self, GroupCounters};
 use crate::store::columns::{self, ClaimCounters};
+use crate::store::group_counters::{self, GroupCounters};
 use crate::store::task_counters::{self, TaskCounters};
 use curriculum::{Explanation, Mastery, TaskStatus};
 

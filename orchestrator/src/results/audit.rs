@@ -13,7 +13,9 @@ use sqlx::SqliteConnection;
 
 use crate::engine::error::ServiceError;
 use crate::ids::RunId;
-use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode, AuditedReport, DeferredBracket, ReplayedEpisode};
+use crate::results::audit_outcome::{
+    AuditOutcome, AuditedEpisode, AuditedReport, DeferredBracket, ReplayedEpisode,
+};
 use crate::results::episode_lookup::{EpisodeFinder, EpisodeLookup, ReplayTarget};
 use crate::results::refusal::RefusalCode;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};

@@ -4,8 +4,8 @@ use env_core::Scenario;
 use env_core::bracket::{Bracket, EpisodeOutcome};
 
 use crate::results::refusal::{Refusal, RefusalCode};
-use crate::store::episodes::StoredLog;
 use crate::store::compacted_leases::CompactedLease;
+use crate::store::episodes::StoredLog;
 use crate::store::keys::{EpisodeKey, GroupKey};
 
 /// A reported episode after lookup and replay.

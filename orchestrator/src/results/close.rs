@@ -46,7 +46,7 @@ pub(crate) async fn update_and_close(
     open: Vec<GroupRow>,
     mut closing: Vec<GroupRow>,
 ) -> Result<ReportSummary, ServiceError> {
-    let min_finished = i64::from(run.state.settings.enough(to_u32(lease.group_size)));
+    let min_finished = i64::from(run.state.settings.min_group_for(to_u32(lease.group_size)));
     for group in &mut closing {
         group.state = match (group.finished >= min_finished, group.finished == lease.group_size) {
             (_, true) => GroupState::Complete,
@@ -115,7 +115,12 @@ async fn close_group(
     if expired > 0 && group.counts() {
         let lost = TaskCounters { expired, ..TaskCounters::default() };
         run.task_counts(&group.task).add(&lost, group.level);
-        task_counters::add(run.conn, &lease.run, &BTreeMap::from([(task_counters::TaskCountersKey::of(group), lost)])).await?;
+        task_counters::add(
+            run.conn,
+            &lease.run,
+            &BTreeMap::from([(task_counters::TaskCountersKey::of(group), lost)]),
+        )
+        .await?;
     }
     let panel = panel_success_rate(run, group, is_enough).await?;
     if is_enough && group.counts() {
@@ -123,9 +128,9 @@ async fn close_group(
     }
     let Some(seq) = group.proposal else {
         return match group.layout {
-            Some(_) => designs::outcome::take(run, lease, group, is_enough, expired).await,
+            Some(_) => designs::outcome::observe_designed_group(run, lease, group, is_enough, expired).await,
             None => {
-                evaluation::fill::take(run, lease, group).await?;
+                evaluation::store_results::store_reported_group(run, lease, group).await?;
                 Ok(Vec::new())
             }
         };

@@ -11,9 +11,9 @@ use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::audit_outcome::AuditOutcome;
 use crate::results::refusal::{Refusal, RefusalCode};
 use crate::store::compacted_leases::{self, CompactedLease};
+use crate::store::groups;
 use crate::store::keys::{EpisodeKey, GroupKey};
 use crate::store::leases::{self, LeaseRow};
-use crate::store::groups;
 
 /// Scenario of a group, to replay its episodes with.
 pub(crate) struct ReplayTarget {
@@ -114,8 +114,7 @@ impl<'a> EpisodeFinder<'a> {
         let scenarios = ScenarioCache::of(conn, &ids).await?;
         for PendingGroup { key, is_columns, scenario } in &pending {
             let (scenario, bracket) = scenarios.get(scenario, *is_columns)?;
-            self.targets
-                .insert(*key, ReplayTarget { scenario: scenario.clone(), bracket: bracket.cloned() });
+            self.targets.insert(*key, ReplayTarget { scenario: scenario.clone(), bracket: bracket.cloned() });
         }
         Ok(())
     }
@@ -161,7 +160,9 @@ impl<'a> EpisodeFinder<'a> {
             return Ok(known.clone());
         }
         let row = match leases::get(conn, id.number).await? {
-            None => compacted_leases::get(conn, self.run.as_str(), id.number).await?.map(|compacted| compacted.row),
+            None => compacted_leases::get(conn, self.run.as_str(), id.number)
+                .await?
+                .map(|compacted| compacted.row),
             row => row,
         };
         let found = match row.filter(|row| row.token == id.token) {

@@ -6,7 +6,7 @@ use crate::results::receipt::Receipt;
 use crate::results::receipt_status::ReceiptStatus;
 use crate::results::refusal::{Refusal, RefusalCode};
 use crate::store::brackets::StoredOutcome;
-use crate::store::episodes::{ReportedResult, EpisodeRow, EpisodeState};
+use crate::store::episodes::{EpisodeRow, EpisodeState, ReportedResult};
 use crate::store::keys::EpisodeKey;
 use crate::store::{self, to_json};
 

@@ -7,7 +7,10 @@ use crate::leases::proposal_queue;
 use curriculum::{GroupOutcome, LevelMove};
 
 /// Passes an outcome to the curriculum, emits its moves and new warnings, and discards the proposals that a move made stale.
-pub(crate) async fn observe(run: &mut RunTx<'_>, outcome: GroupOutcome) -> Result<Vec<LevelMove>, ServiceError> {
+pub(crate) async fn observe(
+    run: &mut RunTx<'_>,
+    outcome: GroupOutcome,
+) -> Result<Vec<LevelMove>, ServiceError> {
     let before = run.state.curriculum.status();
     let moves = run.state.observe(run.conn, outcome, run.now).await?;
     for job in run.state.curriculum.take_background_jobs() {

@@ -52,9 +52,15 @@ impl Receipt {
     pub(crate) fn unstored(episode: String, outcome: AuditOutcome) -> Self {
         match outcome {
             AuditOutcome::Refused(refusal) => Self::refused(episode, refusal),
-            AuditOutcome::Known { score, skill, success } => {
-                Self { episode, status: ReceiptStatus::Duplicate, code: None, detail: None, score, skill, success }
-            }
+            AuditOutcome::Known { score, skill, success } => Self {
+                episode,
+                status: ReceiptStatus::Duplicate,
+                code: None,
+                detail: None,
+                score,
+                skill,
+                success,
+            },
             AuditOutcome::Replayed(_) | AuditOutcome::Failed(_) => {
                 Self::refused(episode, Refusal::new(RefusalCode::UnknownEpisode, "it has no place"))
             }

@@ -1,10 +1,10 @@
 //! Stores audited results: each episode once, by its replay. Groups that become whole are closed in the same change.
 
-use crate::metrics;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::ids::RunId;
+use crate::metrics;
 use crate::results::audit_outcome::AuditedReport;
 use crate::results::receipt::Receipt;
 use crate::results::report_batch::ReportBatch;

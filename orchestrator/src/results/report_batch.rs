@@ -2,15 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::metrics::LeaseEvent;
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::evaluation::fill;
+use crate::evaluation::store_results;
 use crate::ids::RunId;
+use crate::metrics::LeaseEvent;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
 use crate::results::close::update_and_close;
 use crate::results::columns::check::{AuditCheck, check_episode};
@@ -20,13 +20,13 @@ use crate::results::receipt::Receipt;
 use crate::results::receipt_status::ReceiptStatus;
 use crate::results::refusal::{Refusal, RefusalCode};
 use crate::results::report_summary::ReportSummary;
-use crate::store::episodes::{self, ReportedResult, EpisodeRow, EpisodeState, StoredLog};
+use crate::store::critiques::{self, NewCritiqueJob};
+use crate::store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
 use crate::store::groups::{self, GroupRow};
 use crate::store::keys::{EpisodeKey, GroupKey};
 use crate::store::leases::{self, LeaseRow};
-use crate::store::task_counters::{self, TaskCounters};
-use crate::store::critiques::{self, NewCritiqueJob};
 use crate::store::policy_versions::{self, VersionCounters, VersionKey};
+use crate::store::task_counters::{self, TaskCounters};
 use crate::store::{self, compacted_leases, runs};
 
 /// Rows that the episodes of one report touch.
@@ -105,15 +105,25 @@ impl ReportBatch {
         let Some(lease) = lease.filter(|lease| self.accepts(lease, key.number)) else {
             // The lease was compacted after the lookup.
             let compacted = compacted_leases::get(&mut tx.conn, &self.run, key.lease).await?;
-            return Ok(Receipt::unstored(episode, AuditOutcome::of_compacted(compacted.as_ref(), key.number)));
+            return Ok(Receipt::unstored(
+                episode,
+                AuditOutcome::of_compacted(compacted.as_ref(), key.number),
+            ));
         };
         let is_late = !lease.is_active() || lease.expires_at <= tx.now;
         let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);
-        if version != lease.policy_version && fill::is_of_one(tx, &lease, key.number).await? {
-            let detail = format!("its evaluation is of version {}, and this of {version}", lease.policy_version);
+        if version != lease.policy_version
+            && store_results::is_evaluation_episode(tx, &lease, key.number).await?
+        {
+            let detail =
+                format!("its evaluation is of version {}, and this of {version}", lease.policy_version);
             return Ok(Receipt::refused(episode, Refusal::new(RefusalCode::OtherVersion, detail)));
         }
-        let row = EpisodeRow { policy_version: version, metrics, ..episode_row(key, &outcome, is_late, digest, tx.now)? };
+        let row = EpisodeRow {
+            policy_version: version,
+            metrics,
+            ..episode_row(key, &outcome, is_late, digest, tx.now)?
+        };
         let status = match (is_late, lease.is_columns()) {
             (true, _) => Ok(ReceiptStatus::Late),
             (false, false) => Ok(self.count(tx, &lease, &row).await?),
@@ -285,7 +295,11 @@ impl ReportBatch {
         }
         policy_versions::add(&mut tx.conn, run, &self.versions, tx.now).await?;
         let jobs = self.to_criticise.iter().flat_map(|((lease, task), numbers)| {
-            numbers.chunks(MAX_JOB_EPISODES).map(move |numbers| NewCritiqueJob { task, lease: *lease, numbers })
+            numbers.chunks(MAX_JOB_EPISODES).map(move |numbers| NewCritiqueJob {
+                task,
+                lease: *lease,
+                numbers,
+            })
         });
         let jobs: Vec<_> = jobs.collect();
         if !jobs.is_empty() {

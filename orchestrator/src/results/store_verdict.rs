@@ -1,8 +1,8 @@
 //! Keeping what a judge said.
 
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
 use crate::store::step_verdicts::{self, StepVerdictRow};
 
 /// Keeps a model's verdict on a step.

@@ -1,4 +1,8 @@
-//! Retention: old leases are compacted and unreferenced rows are deleted.
+//! Retention: old leases are compacted, and rows that nothing refers to are deleted.
+//!
+//! Each module has one change of the database; `workers::retention` decides when they run. Start reading at [`compact_leases`].
 
-pub mod forget_minutes;
+pub mod collect_garbage;
 pub mod compact_leases;
+pub mod delete_old_minutes;
+mod move_evidence;

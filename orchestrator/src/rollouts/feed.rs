@@ -1,77 +1,86 @@
-//! Pulling groups from a run's feed, and acknowledging them: each is delivered until it is acknowledged.
+//! Delivers groups of a run's feed, and acknowledges them. A group is delivered again until it is acknowledged.
 
-use crate::ids::RunId;
-use crate::store::trajectories::{self, AckedLimit, FeedGroup};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
+use crate::ids::RunId;
+use crate::store::trajectories::{self, AckedLimit, FeedGroup};
 
-/// Bytes of groups as JSON in one answer; one group there always is.
-pub const MOST_ANSWERED: i64 = 32 << 20;
-/// Bytes that the groups of a run may take unacknowledged, as stored.
-pub const MOST_WAITING: i64 = 256 << 20;
+/// Maximum size of the groups in one answer, in bytes of JSON. A single group may be larger.
+pub const MAX_ANSWER_BYTES: i64 = 32 << 20;
+/// Size of a run's unacknowledged groups as stored, in bytes, from which no more are rolled out.
+pub const MAX_UNACKED_BYTES: i64 = 256 << 20;
 /// Acknowledged groups of a run that are kept, and their bytes as stored.
-const KEPT: AckedLimit = AckedLimit { groups: 256, bytes: 256 << 20 };
+const ACKED_LIMIT: AckedLimit = AckedLimit { groups: 256, bytes: 256 << 20 };
 
-/// As many of these groups as one answer may have.
+/// Returns the first groups that fit in one answer, at least one.
 #[must_use]
-pub fn fitting(heads: Vec<FeedGroup>) -> Vec<FeedGroup> {
+pub fn limit_bytes(groups: Vec<FeedGroup>) -> Vec<FeedGroup> {
     let mut total = 0;
-    let fits = |(at, head): &(usize, FeedGroup)| {
-        total += head.bytes;
-        *at == 0 || total <= MOST_ANSWERED
+    let fits = |(at, group): &(usize, FeedGroup)| {
+        total += group.bytes;
+        *at == 0 || total <= MAX_ANSWER_BYTES
     };
-    heads.into_iter().enumerate().take_while(fits).map(|(_, head)| head).collect()
+    groups.into_iter().enumerate().take_while(fits).map(|(_, group)| group).collect()
 }
 
-/// Claims groups for a time.
+/// Claims groups for delivery, for a limited time.
 #[derive(Debug)]
 pub struct DeliverGroups {
-    /// Of which run.
+    /// Id of the run.
     pub run: RunId,
-    /// How many at most.
+    /// Maximum number of groups.
     pub limit: i64,
-    /// For how long they are not delivered to others, milliseconds.
+    /// How long the groups are not delivered again, in milliseconds.
     pub ttl_ms: i64,
 }
 
 impl Change for DeliverGroups {
-    /// What was claimed, in order.
+    /// Claimed groups, in order of the feed.
     type Output = Vec<FeedGroup>;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Vec<FeedGroup>, ServiceError> {
         let (now, conn) = (tx.now, &mut tx.conn);
-        let mut heads = fitting(trajectories::deliverable(conn, self.run.as_str(), now, self.limit).await?);
-        for head in &mut heads {
-            trajectories::set_delivered(conn, head.id, now + self.ttl_ms).await?;
-            head.deliveries += 1;
+        let mut groups =
+            limit_bytes(trajectories::deliverable(conn, self.run.as_str(), now, self.limit).await?);
+        for group in &mut groups {
+            trajectories::set_delivered(conn, group.id, now + self.ttl_ms).await?;
+            group.deliveries += 1;
         }
-        Ok(heads)
+        Ok(groups)
     }
 }
 
-/// Acknowledges groups: they are not delivered again. Doing so twice is the same as once.
+/// Acknowledges groups: they are not delivered again. Repeating it has no effect.
 #[derive(Debug)]
 pub struct AcknowledgeGroups {
-    /// Of which run.
+    /// Id of the run.
     pub run: RunId,
-    /// Which.
+    /// Ids of the groups.
     pub ids: Vec<i64>,
 }
 
-impl Change for AcknowledgeGroups {
-    /// Those that are acknowledged, and those that the run does not have (any more).
-    type Output = (Vec<i64>, Vec<i64>);
+/// Result of an acknowledgement.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct AcknowledgedGroups {
+    /// Ids of groups that are acknowledged now, or were before.
+    pub acked: Vec<i64>,
+    /// Ids of groups that the run does not have, or no longer has.
+    pub unknown: Vec<i64>,
+}
 
-    async fn apply(self, tx: &mut WriteTx) -> Result<Self::Output, ServiceError> {
-        let (mut acked, mut unknown) = (Vec::new(), Vec::new());
+impl Change for AcknowledgeGroups {
+    type Output = AcknowledgedGroups;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<AcknowledgedGroups, ServiceError> {
+        let AcknowledgedGroups { mut acked, mut unknown } = AcknowledgedGroups::default();
         for id in self.ids {
-            let known = trajectories::ack(&mut tx.conn, self.run.as_str(), id).await?;
-            if known { &mut acked } else { &mut unknown }.push(id);
+            let is_known = trajectories::ack(&mut tx.conn, self.run.as_str(), id).await?;
+            if is_known { &mut acked } else { &mut unknown }.push(id);
         }
-        trajectories::trim_acked(&mut tx.conn, self.run.as_str(), KEPT).await?;
+        trajectories::trim_acked(&mut tx.conn, self.run.as_str(), ACKED_LIMIT).await?;
         tx.outbox.signal(Signal::Rollout);
-        Ok((acked, unknown))
+        Ok(AcknowledgedGroups { acked, unknown })
     }
 }

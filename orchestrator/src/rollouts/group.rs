@@ -1,84 +1,86 @@
-//! A leased group: what it takes to fly it, and what is told of it once it was flown.
+//! A leased group with everything that its rollout needs, and its form for the audit and the feed.
 
 use env_core::{Bracket, Scenario};
 
-use crate::rollouts::trajectory_group::{TrajectoryEpisode, TrajectoryGroup};
-use crate::rollouts::run_episode::{RolloutOutcome, RecordingBudget};
-use crate::rollouts::settings::{Observations, PolicySettings};
+use crate::engine::error::ServiceError;
 use crate::frames::wire_step;
 use crate::ids::{EpisodeId, LayoutId, LeaseId, RunId};
+use crate::leases::bracket_view::scenario_bracket;
+use crate::leases::lease_service::LeaseService;
+use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
+use crate::results::reported::{ReportedEpisode, ReportedOutcome};
+use crate::rollouts::packed_group::PackError;
+use crate::rollouts::recorder::RecordingBudget;
+use crate::rollouts::rollout_lease::RolloutLease;
+use crate::rollouts::run_episode::RolloutOutcome;
+use crate::rollouts::settings::{Observations, PolicySettings};
+use crate::rollouts::trajectory_group::{TrajectoryEpisode, TrajectoryGroup};
+use crate::runs::settings::RunSettings;
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::LeaseRow;
 use crate::store::run_policies::RunPolicyRow;
 use crate::store::scenarios::ScenarioLoader;
-use crate::store::{StoreError, brackets, from_json, runs, to_u32, to_json, to_u64};
-use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
-use crate::results::reported::{ReportedEpisode, ReportedOutcome};
-use crate::engine::error::ServiceError;
-use crate::leases::bracket_view::BracketView;
-use crate::leases::lease_service::LeaseService;
-use crate::runs::settings::RunSettings;
+use crate::store::{StoreError, brackets, from_json, runs, to_json, to_u32, to_u64};
 
-/// A group that cannot be flown or told of.
+/// Error of rolling out a group.
 #[derive(Debug, thiserror::Error)]
 pub enum RolloutError {
-    /// It was not taken, or not counted.
+    /// The group could not be leased, loaded or counted.
     #[error(transparent)]
-    Training(#[from] ServiceError),
-    /// It cannot be kept.
+    Service(#[from] ServiceError),
+    /// The group cannot be packed.
     #[error(transparent)]
-    Body(#[from] crate::rollouts::trajectory_group::BodyError),
-    /// A thread that flew it ended.
-    #[error("what flew it ended: {0}")]
-    Thread(String),
+    Pack(#[from] PackError),
+    /// The rollout itself failed.
+    #[error("the rollout failed: {0}")]
+    Failed(String),
 }
 
-/// A leased group with all that is needed to fly it.
+/// A leased group with everything that its rollout needs.
 #[derive(Debug)]
 pub struct RolloutGroup {
-    /// Its run.
+    /// Id of the run.
     pub run: RunId,
-    /// Its lease.
+    /// Id of the lease.
     pub lease: LeaseId,
-    /// The policy that flies it.
+    /// The policy to roll out.
     pub policy: RunPolicyRow,
-    /// How that is set.
+    /// Settings of the policy.
     pub settings: PolicySettings,
-    /// What is flown.
+    /// Scenario of every episode.
     pub scenario: Scenario,
     row: LeaseRow,
     group: GroupRow,
     bracket: Bracket,
     run_seed: u64,
     /// Finished episodes from which the group counts.
-    enough: usize,
+    min_group: usize,
 }
 
 impl RolloutGroup {
-    /// Reads what was leased.
+    /// Loads the group of a rollout lease.
     ///
     /// # Errors
-    /// The store's.
+    /// Returns [`ServiceError::UnknownRun`] if the run is gone, and [`ServiceError::Store`] if something cannot be read.
     pub async fn load(
-        desk: &LeaseService,
+        lease_service: &LeaseService,
         run: RunId,
-        lease: LeaseId,
-        policy: RunPolicyRow,
+        RolloutLease { lease, policy }: RolloutLease,
     ) -> Result<Self, ServiceError> {
-        let mut conn = desk.readers.acquire().await?;
+        let mut conn = lease_service.readers.acquire().await?;
         let row = crate::leases::find::find_lease(&mut conn, &run, &lease).await?;
-        let gone = || StoreError::corrupt("a lease", "it has no group");
-        let group = groups::get(&mut conn, row.id, 0).await?.ok_or_else(gone)?;
+        let no_group = || StoreError::corrupt("a lease", "it has no group");
+        let group = groups::get(&mut conn, row.id, 0).await?.ok_or_else(no_group)?;
         let scenario = ScenarioLoader::default().get(&mut conn, &group.scenario).await?;
         let bracket = brackets::newest(&mut conn, &group.scenario).await?;
-        let bracket = bracket
-            .ok_or_else(|| StoreError::corrupt("a bracket", "there is none for a leased scenario"))?;
+        let bracket =
+            bracket.ok_or_else(|| StoreError::corrupt("a bracket", "there is none for a leased scenario"))?;
         let stored = runs::get(&mut conn, run.as_str()).await?;
         let stored = stored.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
-        let told: RunSettings = from_json("a run's settings", &stored.settings)?;
+        let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
         Ok(Self {
-            settings: PolicySettings::of(&policy)?,
-            enough: told.enough(to_u32(row.group_size)) as usize,
+            settings: PolicySettings::from_row(&policy)?,
+            min_group: settings.min_group_for(to_u32(row.group_size)) as usize,
             run_seed: to_u64(stored.seed),
             run,
             lease,
@@ -90,21 +92,21 @@ impl RolloutGroup {
         })
     }
 
-    /// Episodes to fly.
+    /// Returns the number of episodes to roll out.
     #[must_use]
     pub fn size(&self) -> u32 {
         to_u32(self.row.group_size)
     }
 
-    /// Room for what is kept of them.
+    /// Returns the memory budget of the recorded episodes.
     #[must_use]
-    pub fn room(&self) -> RecordingBudget {
+    pub fn recording_budget(&self) -> RecordingBudget {
         RecordingBudget::new(self.settings.observations == Observations::Telemetry)
     }
 
-    /// What a policy with chance in it draws from: another for each episode, the same whenever it is asked.
+    /// Returns the seed of a stochastic policy: different for each episode, and the same at every call.
     #[must_use]
-    pub fn seed(&self, index: u32) -> u64 {
+    pub fn policy_seed(&self, index: u32) -> u64 {
         let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 rollout seeds");
         hasher.update(&self.run_seed.to_le_bytes());
         hasher.update(&self.row.id.to_le_bytes());
@@ -114,88 +116,80 @@ impl RolloutGroup {
         u64::from_le_bytes(bits) >> 13 // below 2^51
     }
 
-    fn episode(&self, index: usize) -> String {
+    /// Returns the id of an episode.
+    fn episode_id(&self, index: usize) -> String {
         let index = i64::try_from(index).unwrap_or(i64::MAX);
         EpisodeId { lease: self.lease.clone(), index }.to_string()
     }
 
-    /// What is claimed of the episodes, as a trainer would.
+    /// Returns the episodes as a trainer would report them.
     ///
     /// # Errors
-    /// Metrics that cannot be written.
-    pub fn claims(&self, outcomes: &[RolloutOutcome]) -> Result<Vec<ReportedEpisode>, ServiceError> {
-        let claim = |(index, outcome): (usize, &RolloutOutcome)| {
-            let reported = match &outcome.flight {
-                Ok(flight) => ReportedOutcome::Finished {
-                    steps: flight.log.steps().map(|step| wire_step(&flight.log, step)).collect(),
-                    precision: flight.log.precision(),
-                    stopped: flight.log.stopped,
+    /// Returns [`ServiceError::Store`] if metrics cannot be written as JSON.
+    pub fn to_reports(&self, outcomes: &[RolloutOutcome]) -> Result<Vec<ReportedEpisode>, ServiceError> {
+        let report = |(index, outcome): (usize, &RolloutOutcome)| {
+            let reported = match &outcome.episode {
+                Ok(recorded) => ReportedOutcome::Finished {
+                    steps: recorded.log.steps().map(|step| wire_step(&recorded.log, step)).collect(),
+                    precision: recorded.log.precision(),
+                    stopped: recorded.log.stopped,
                 },
                 Err(reason) => ReportedOutcome::Failed { reason: reason.clone() },
             };
             let metrics = outcome.metrics.map(|metrics| to_json(&metrics)).transpose()?;
-            Ok(ReportedEpisode { episode: self.episode(index), outcome: reported, policy_version: None, metrics })
+            Ok(ReportedEpisode {
+                episode: self.episode_id(index),
+                outcome: reported,
+                policy_version: None,
+                metrics,
+            })
         };
-        outcomes.iter().enumerate().map(claim).collect()
+        outcomes.iter().enumerate().map(report).collect()
     }
 
-    /// What is told of the group; none where too few of its episodes were flown to count, where it is not to be learnt from, and where
-    /// there is nothing to learn from it and the run wants only others.
+    /// Returns the group for the feed. `None` if too few episodes finished to count, if the group is not for training, or if all
+    /// scores are equal and the run wants no such groups.
     ///
     /// # Errors
-    /// An episode that does not replay.
-    pub fn told(
+    /// Returns an error if an episode does not replay.
+    pub fn to_trajectory(
         &self,
         outcomes: Vec<RolloutOutcome>,
         audited: &[AuditedEpisode],
-        room: &RecordingBudget,
+        budget: &RecordingBudget,
     ) -> Result<Option<TrajectoryGroup>, ServiceError> {
-        let failed = outcomes.iter().filter(|outcome| outcome.flight.is_err()).count();
-        let flown = outcomes.len() - failed;
-        if flown == 0 || flown < self.enough || !self.group.is_for_training {
+        let failed = outcomes.iter().filter(|outcome| outcome.episode.is_err()).count();
+        let finished = outcomes.len() - failed;
+        if finished == 0 || finished < self.min_group || !self.group.is_for_training {
             return Ok(None);
         }
-        let chat = outcomes.iter().any(|outcome| outcome.metrics.is_some());
-        let mut episodes = Vec::with_capacity(flown);
+        let is_chat = outcomes.iter().any(|outcome| outcome.metrics.is_some());
+        let mut episodes = Vec::with_capacity(finished);
         for (outcome, audited) in outcomes.into_iter().zip(audited) {
-            let Ok(flight) = outcome.flight else { continue };
-            let (score, skill, success) = match &audited.outcome {
-                AuditOutcome::Replayed(replayed) => (replayed.outcome.score, replayed.skill, replayed.is_success),
-                AuditOutcome::Failed(reason) => {
-                    return Err(ServiceError::invalid("rollout", format!("{}: {reason}", audited.episode)));
-                }
-                AuditOutcome::Refused(refusal) => {
-                    let reason = format!("{}: {}", audited.episode, refusal.detail);
-                    return Err(ServiceError::invalid("rollout", reason));
-                }
-                AuditOutcome::Known { .. } => return Err(ServiceError::Expired(audited.episode.clone())),
-            };
-            episodes.push(TrajectoryEpisode {
-                id: audited.episode.clone(),
-                score,
-                skill,
-                success,
-                stopped: flight.log.stopped.map(env_core::StopReason::name),
-                metrics: outcome.metrics,
-                steps: flight.steps,
-                last_observation: flight.last,
-            });
+            episodes.extend(trajectory_episode(outcome, audited)?);
         }
-        let flat = episodes.windows(2).all(|two| two[0].score.total_cmp(&two[1].score).is_eq());
-        if self.settings.refill && flat && episodes.len() > 1 {
+        let scores_are_equal =
+            episodes.windows(2).all(|pair| pair[0].score.total_cmp(&pair[1].score).is_eq());
+        if self.settings.refill && scores_are_equal && episodes.len() > 1 {
             return Ok(None);
         }
-        let mut told = self.head(failed, episodes, chat);
-        if room.lacks_observations() {
-            told.drop_observations();
+        let mut group = self.trajectory_group(failed, episodes, is_chat);
+        if budget.lacks_observations() {
+            group.drop_observations();
         }
-        if room.lacks_messages() {
-            told.drop_messages();
+        if budget.lacks_messages() {
+            group.drop_messages();
         }
-        Ok(Some(told))
+        Ok(Some(group))
     }
 
-    fn head(&self, failed: usize, episodes: Vec<TrajectoryEpisode>, chat: bool) -> TrajectoryGroup {
+    /// Returns the group with its episodes.
+    fn trajectory_group(
+        &self,
+        failed: usize,
+        episodes: Vec<TrajectoryEpisode>,
+        is_chat: bool,
+    ) -> TrajectoryGroup {
         TrajectoryGroup {
             run: self.run.to_string(),
             lease: self.lease.to_string(),
@@ -208,16 +202,48 @@ impl RolloutGroup {
             seed: self.scenario.seed().get(),
             scenario: self.scenario.id().to_string(),
             contested: self.group.is_contested,
-            bracket: BracketView::of(&self.scenario, &self.bracket),
+            bracket: scenario_bracket(&self.scenario, &self.bracket),
             policy: self.policy.policy.to_string(),
             policy_version: self.row.policy_version,
             observations: match self.settings.observations {
                 Observations::Telemetry => "telemetry",
                 Observations::None => "none",
             },
-            messages: if chat { "kept" } else { "none" },
+            messages: if is_chat { "kept" } else { "none" },
             failed,
             episodes,
         }
     }
+}
+
+/// Returns an episode for the feed; `None` if the infrastructure lost it.
+///
+/// # Errors
+/// Returns an error if the episode does not replay, and [`ServiceError::Expired`] if it was reported before.
+fn trajectory_episode(
+    outcome: RolloutOutcome,
+    audited: &AuditedEpisode,
+) -> Result<Option<TrajectoryEpisode>, ServiceError> {
+    let Ok(recorded) = outcome.episode else { return Ok(None) };
+    let replayed = match &audited.outcome {
+        AuditOutcome::Replayed(replayed) => replayed,
+        AuditOutcome::Failed(reason) => {
+            return Err(ServiceError::invalid("rollout", format!("{}: {reason}", audited.episode)));
+        }
+        AuditOutcome::Refused(refusal) => {
+            let reason = format!("{}: {}", audited.episode, refusal.detail);
+            return Err(ServiceError::invalid("rollout", reason));
+        }
+        AuditOutcome::Known { .. } => return Err(ServiceError::Expired(audited.episode.clone())),
+    };
+    Ok(Some(TrajectoryEpisode {
+        id: audited.episode.clone(),
+        score: replayed.outcome.score,
+        skill: replayed.skill,
+        success: replayed.is_success,
+        stopped: recorded.log.stopped.map(env_core::StopReason::name),
+        metrics: outcome.metrics,
+        steps: recorded.steps,
+        last_observation: recorded.last_observation,
+    }))
 }

@@ -1,15 +1,19 @@
-//! Policies that the server flies itself: which, for which run ([`settings`]), how a group is flown ([`fly`]), what is told
-//! of it ([`body`]), how it is counted and pushed to the feed in one transaction ([`push`]), and how the feed is pulled and
-//! acknowledged ([`feed`]).
+//! Policies that the server rolls out itself.
+//!
+//! [`settings`] has the policy of a run. A worker leases a group ([`rollout_lease`]), loads it ([`RolloutGroup`]), rolls out its
+//! episodes ([`run_episode`]) and writes them as a [`trajectory_group`]. [`push`] counts the group and pushes it to the run's
+//! feed in one transaction; trainers pull and acknowledge it by [`feed`]. The worker itself is `workers::rollout`.
 
-pub mod trajectory_group;
 pub mod feed;
-pub mod run_episode;
 mod group;
+pub mod packed_group;
 pub mod push;
-pub mod settings;
-pub mod rollout_lease;
 mod recorder;
+pub mod rollout_lease;
+pub mod run_episode;
+pub mod settings;
+pub mod trajectory_group;
 
 pub use self::group::{RolloutError, RolloutGroup};
-pub use self::settings::{Endpoint, PolicySettings, PolicyRequest};
+pub use self::recorder::{RecordedEpisode, RecordingBudget};
+pub use self::settings::{Endpoint, PolicyRequest, PolicySettings};

@@ -1,150 +1,116 @@
-//! One episode while it is flown, and what is kept of it.
+//! Records an episode while it is rolled out, within the memory budget of its group.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use env_core::log::Precision;
-use env_core::task::{Episode, StepReport};
+use env_core::task::{AgentReport, Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError, StopReason};
-use serde::Serialize;
-use serde_json::Value;
 use serde_json::value::RawValue;
-use utoipa::ToSchema;
 
-use crate::rollouts::trajectory_group::MOST_BYTES;
 use crate::frames::wire_step;
 use crate::policy::{Completion, TimeStep};
+use crate::rollouts::trajectory_group::{AgentEnd, MAX_GROUP_BYTES, TrajectoryStep};
 
-/// One step of an episode.
-#[derive(Debug, Clone, Serialize, ToSchema)]
-pub struct TrajectoryStep {
-    /// What the agents were told before it, in the wire form.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
-    pub observation: Option<Box<RawValue>>,
-    /// What they did, as results have it: a list of `[agent, value, …]`. None where the agent gave none: the episode was
-    /// stopped there.
-    #[schema(value_type = Option<Vec<Vec<f64>>>)]
-    pub action: Option<Value>,
-    /// The team's reward. Of the step at which the episode was stopped: all that doing nothing earned from there on.
-    pub reward: f64,
-    /// Every agent that was alive before it.
-    pub agents: Vec<AgentEnd>,
-    /// The episode is over.
-    pub done: bool,
-    /// Why the agent gave no action.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub error: Option<String>,
-    /// How a language model came to it: one call, or two where its first answer was repaired.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Vec<Object>>)]
-    pub completions: Option<Vec<Completion>>,
-}
-
-/// How a step ended for an agent.
-#[derive(Debug, Clone, Copy, Serialize, ToSchema)]
-pub struct AgentEnd {
-    /// Who.
-    agent: u32,
-    /// Its own reward.
-    reward: f64,
-    /// It has left the episode by the rules of the task.
-    terminated: bool,
-    /// The episode was cut off by its horizon.
-    truncated: bool,
-}
-
-/// How much is kept of all episodes of a group together: a group that is too large is told without.
+/// Memory budget of the episodes of a group together: 16 MiB of observations and 16 MiB of conversations. A group that exceeds one
+/// of them is delivered without it.
 #[derive(Debug)]
 pub struct RecordingBudget {
-    /// Whether observations are wanted.
-    wanted: bool,
-    observations: Bytes,
-    messages: Bytes,
-}
-
-#[derive(Debug)]
-struct Bytes {
-    left: AtomicUsize,
-    out: AtomicBool,
-}
-
-impl Bytes {
-    const fn new(most: usize) -> Self {
-        Self { left: AtomicUsize::new(most), out: AtomicBool::new(false) }
-    }
-
-    fn take(&self, bytes: usize) -> bool {
-        let less = |left: usize| left.checked_sub(bytes);
-        let fits =
-            !self.is_out() && self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, less).is_ok();
-        if !fits {
-            self.out.store(true, Ordering::Relaxed);
-        }
-        fits
-    }
-
-    fn is_out(&self) -> bool {
-        self.out.load(Ordering::Relaxed)
-    }
+    /// True if observations are recorded.
+    records_observations: bool,
+    observations: ByteBudget,
+    messages: ByteBudget,
 }
 
 impl RecordingBudget {
-    /// Room for a group; for its observations where they are wanted.
+    /// Creates the budget of a group.
     #[must_use]
-    pub const fn new(observations: bool) -> Self {
-        Self { wanted: observations, observations: Bytes::new(MOST_BYTES), messages: Bytes::new(MOST_BYTES) }
+    pub const fn new(records_observations: bool) -> Self {
+        Self {
+            records_observations,
+            observations: ByteBudget::new(MAX_GROUP_BYTES),
+            messages: ByteBudget::new(MAX_GROUP_BYTES),
+        }
     }
 
-    /// Observations were more than there is room for.
+    /// Returns true if observations exceeded the budget.
     #[must_use]
     pub fn lacks_observations(&self) -> bool {
-        self.observations.is_out()
+        self.observations.is_exceeded()
     }
 
-    /// Conversations were more than there is room for.
+    /// Returns true if conversations exceeded the budget.
     #[must_use]
     pub fn lacks_messages(&self) -> bool {
-        self.messages.is_out()
+        self.messages.is_exceeded()
     }
 
-    /// Conversations are kept as long as there is room.
-    fn keep(&self, completions: &mut [Completion]) {
+    /// Clears the conversations that do not fit.
+    fn limit_messages(&self, completions: &mut [Completion]) {
         for completion in completions {
             let bytes = completion.messages.iter().map(|message| message.content.len()).sum();
-            if !self.messages.take(bytes) {
+            if !self.messages.reserve(bytes) {
                 completion.messages.clear();
             }
         }
     }
 }
 
-/// An episode that was flown.
+/// Number of bytes that may still be recorded. Once a reservation fails, all later ones do.
+#[derive(Debug)]
+struct ByteBudget {
+    left: AtomicUsize,
+    exceeded: AtomicBool,
+}
+
+impl ByteBudget {
+    const fn new(bytes: usize) -> Self {
+        Self { left: AtomicUsize::new(bytes), exceeded: AtomicBool::new(false) }
+    }
+
+    /// Reserves bytes; false if they do not fit.
+    fn reserve(&self, bytes: usize) -> bool {
+        let subtract = |left: usize| left.checked_sub(bytes);
+        let fits = !self.is_exceeded()
+            && self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, subtract).is_ok();
+        if !fits {
+            self.exceeded.store(true, Ordering::Relaxed);
+        }
+        fits
+    }
+
+    fn is_exceeded(&self) -> bool {
+        self.exceeded.load(Ordering::Relaxed)
+    }
+}
+
+/// An episode that was rolled out.
 #[derive(Debug)]
 pub struct RecordedEpisode {
-    /// Step by step.
+    /// Steps of the episode, in order.
     pub steps: Vec<TrajectoryStep>,
-    /// What the agents were told at its end.
-    pub last: Option<Box<RawValue>>,
-    /// What they did.
+    /// Observation of the agents after the last step, in the wire form.
+    pub last_observation: Option<Box<RawValue>>,
+    /// Actions of the agents.
     pub log: ActionLog,
 }
 
-/// An episode that is being flown.
+/// An episode that is being rolled out.
 pub(crate) struct EpisodeRecorder<'a> {
-    room: &'a RecordingBudget,
+    budget: &'a RecordingBudget,
     agents: u32,
     episode: Box<dyn Episode>,
-    /// Policies append to it.
+    /// Action log; policies append to it.
     pub(crate) log: ActionLog,
     report: StepReport,
     steps: Vec<TrajectoryStep>,
 }
 
 impl<'a> EpisodeRecorder<'a> {
-    pub(crate) fn begin(scenario: &Scenario, room: &'a RecordingBudget) -> Result<Self, ScenarioError> {
+    /// Starts an episode of a scenario.
+    pub(crate) fn start(scenario: &Scenario, budget: &'a RecordingBudget) -> Result<Self, ScenarioError> {
         let task = scenario.task();
         Ok(Self {
-            room,
+            budget,
             agents: task.agents(scenario.recipe()),
             episode: task.start(scenario)?,
             log: ActionLog::new(task.action_space().columns.len(), Precision::F64),
@@ -153,49 +119,51 @@ impl<'a> EpisodeRecorder<'a> {
         })
     }
 
-    pub(crate) fn done(&self) -> bool {
+    /// Returns true if the episode is over.
+    pub(crate) fn is_done(&self) -> bool {
         self.episode.done()
     }
 
-    /// What a model is told.
-    pub(crate) fn seen(&self) -> TimeStep {
+    /// Returns the observation and reward that a model acts on.
+    pub(crate) fn time_step(&self) -> TimeStep {
         let (reward, done) = (self.episode.last_reward(), self.episode.done());
         TimeStep { observation: self.episode.telemetry(), reward, done }
     }
 
-    /// A built-in policy decides: its actions close a step of the log.
-    pub(crate) fn ask(&mut self, policy: &mut dyn env_core::policy::Policy) {
+    /// Lets a built-in policy act: its actions close a step of the log.
+    pub(crate) fn act(&mut self, policy: &mut dyn env_core::policy::Policy) {
         policy.act(self.episode.observation(), &mut self.log);
     }
 
-    fn observed(&self) -> Option<Box<RawValue>> {
-        if !self.room.wanted || self.room.observations.is_out() {
+    /// Returns the current observation, if it is recorded and fits.
+    fn observation(&self) -> Option<Box<RawValue>> {
+        if !self.budget.records_observations || self.budget.observations.is_exceeded() {
             return None;
         }
         let mut bytes = Vec::new();
         self.episode.write_observation(&mut bytes);
-        if !self.room.observations.take(bytes.len()) {
+        if !self.budget.observations.reserve(bytes.len()) {
             return None;
         }
-        // What the world writes is JSON.
+        // A world writes valid JSON.
         String::from_utf8(bytes).ok().and_then(|text| RawValue::from_string(text).ok())
     }
 
-    /// Flies the newest step of the log.
+    /// Steps the episode by the newest step of the log. A step that the episode refuses is removed from the log.
     pub(crate) fn step(&mut self, mut completions: Option<Vec<Completion>>) -> Result<(), StepError> {
         self.log.keep_agents(self.agents);
         let at = self.steps.len();
-        let observation = self.observed();
+        let observation = self.observation();
         if let Err(error) = self.episode.step(self.log.step(at), &mut self.report) {
             self.log.truncate(at);
             return Err(error);
         }
         if let Some(completions) = &mut completions {
-            self.room.keep(completions);
+            self.budget.limit_messages(completions);
         }
         let action = Some(wire_step(&self.log, self.log.step(at)));
         let (reward, done) = (self.report.reward, self.report.done);
-        let agents = self.ends();
+        let agents = self.agent_ends();
         self.steps.push(TrajectoryStep {
             observation,
             action,
@@ -208,22 +176,22 @@ impl<'a> EpisodeRecorder<'a> {
         Ok(())
     }
 
-    /// The agent goes no further: the rest is flown as hold.
+    /// Stops the agent: the rest of the episode is stepped by the hold action.
     pub(crate) fn stop(
         &mut self,
-        why: StopReason,
+        reason: StopReason,
         error: Option<String>,
         mut completions: Vec<Completion>,
     ) -> Result<(), StepError> {
-        self.log.stopped = Some(why);
-        let observation = self.observed();
+        self.log.stopped = Some(reason);
+        let observation = self.observation();
         let mut reward = 0.0;
         while !self.episode.done() {
             self.episode.step(JointAction::HOLD, &mut self.report)?;
             reward += self.report.reward;
         }
-        self.room.keep(&mut completions);
-        let (agents, completions) = (self.ends(), Some(completions));
+        self.budget.limit_messages(&mut completions);
+        let (agents, completions) = (self.agent_ends(), Some(completions));
         self.steps.push(TrajectoryStep {
             observation,
             action: None,
@@ -236,8 +204,8 @@ impl<'a> EpisodeRecorder<'a> {
         Ok(())
     }
 
-    fn ends(&self) -> Vec<AgentEnd> {
-        let end = |agent: &env_core::task::AgentReport| AgentEnd {
+    fn agent_ends(&self) -> Vec<AgentEnd> {
+        let end = |agent: &AgentReport| AgentEnd {
             agent: agent.agent,
             reward: agent.reward,
             terminated: agent.terminated,
@@ -246,8 +214,9 @@ impl<'a> EpisodeRecorder<'a> {
         self.report.agents.iter().map(end).collect()
     }
 
-    pub(crate) fn end(self) -> RecordedEpisode {
-        let last = self.observed();
-        RecordedEpisode { steps: self.steps, last, log: self.log }
+    /// Returns the recorded episode, with its last observation.
+    pub(crate) fn finish(self) -> RecordedEpisode {
+        let last_observation = self.observation();
+        RecordedEpisode { steps: self.steps, last_observation, log: self.log }
     }
 }

@@ -1,54 +1,61 @@
-//! Leases of one group that workers of this server take, and give back where it went away in the middle.
+//! Leases of one group that the server's own rollout workers take, and return after an interruption.
 
-use crate::leases::end::LeaseEnd;
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::write_tx::WriteTx;
 use crate::ids::{LeaseId, RunId};
+use crate::leases::create::{CreateLease, GrantedLease};
+use crate::leases::end::{LeaseEnd, end_lease};
 use crate::store::leases::{self, Purpose};
 use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
 use crate::store::to_u32;
-use crate::leases::create::{CreateLease, GrantedLease};
-use crate::leases::end::end_lease;
-use crate::engine::error::ServiceError;
-use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
 
+/// Lifetime of a rollout lease, in seconds. It is renewed while its group is rolled out.
+pub const ROLLOUT_TTL_S: u32 = 600;
 
-/// How long such a lease holds, seconds. It is renewed while it is flown.
-pub const TTL_S: u32 = 600;
-
-/// Takes a lease of one group for the policy that the run has at that moment.
+/// Leases one group for the policy that the run has at that moment.
 #[derive(Debug, Clone)]
 pub struct LeaseRolloutGroup {
-    /// Of which run.
+    /// Id of the run.
     pub run: RunId,
 }
 
-impl Change for LeaseRolloutGroup {
-    /// The lease, and the policy that is to fly it; none while scenarios are still being prepared.
-    type Output = Option<(LeaseId, RunPolicyRow)>;
+/// A lease of one group, and the policy that it was taken for.
+#[derive(Debug, Clone)]
+pub struct RolloutLease {
+    /// Id of the lease.
+    pub lease: LeaseId,
+    /// The run's policy when the lease was taken.
+    pub policy: RunPolicyRow,
+}
 
-    async fn apply(self, tx: &mut WriteTx) -> Result<Self::Output, ServiceError> {
+impl Change for LeaseRolloutGroup {
+    /// `None` while scenarios are still being prepared.
+    type Output = Option<RolloutLease>;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<Option<RolloutLease>, ServiceError> {
         let policy = run_policies::get(&mut tx.conn, self.run.as_str()).await?;
         let Some(policy) = policy.filter(|row| row.policy != RunPolicy::Off) else {
             return Err(ServiceError::Paused(self.run.to_string()));
         };
-        let wish = CreateLease {
+        let request = CreateLease {
             run: self.run,
             groups: 1,
             group_size: None,
             policy_version: to_u32(policy.version),
-            ttl_s: TTL_S,
+            ttl_s: ROLLOUT_TTL_S,
             purpose: Purpose::Train,
             owner: None,
             refill: false,
             evaluation: None,
         };
-        let Some(GrantedLease { row, .. }) = wish.apply(tx).await? else { return Ok(None) };
+        let Some(GrantedLease { row, .. }) = request.apply(tx).await? else { return Ok(None) };
         run_policies::hold_lease(&mut tx.conn, row.id).await?;
-        Ok(Some((row.lease_id(), policy)))
+        Ok(Some(RolloutLease { lease: row.lease_id(), policy }))
     }
 }
 
-/// Gives back a lease that a worker took.
+/// Returns a lease of a rollout worker: what was not reported is offered again.
 #[derive(Debug)]
 pub struct ReturnRolloutLease(pub LeaseId);
 
@@ -56,29 +63,29 @@ impl Change for ReturnRolloutLease {
     type Output = ();
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
-        give_back(tx, self.0.number).await.map(|_| ())
+        return_lease(tx, self.0.number).await.map(|_| ())
     }
 }
 
-/// Gives back what was being flown when the server went away.
+/// Returns the leases that rollout workers held when the server stopped.
 #[derive(Debug)]
 pub struct ReturnAbandonedLeases;
 
 impl Change for ReturnAbandonedLeases {
-    /// How many leases.
+    /// Number of leases that were still active.
     type Output = usize;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<usize, ServiceError> {
-        let mut given = 0;
+        let mut returned = 0;
         for lease in run_policies::held_leases(&mut tx.conn).await? {
-            given += usize::from(give_back(tx, lease).await?);
+            returned += usize::from(return_lease(tx, lease).await?);
         }
-        Ok(given)
+        Ok(returned)
     }
 }
 
-/// Whether it was still held.
-async fn give_back(tx: &mut WriteTx, lease: i64) -> Result<bool, ServiceError> {
+/// Returns a lease; true if it was still active.
+async fn return_lease(tx: &mut WriteTx, lease: i64) -> Result<bool, ServiceError> {
     run_policies::release_lease(&mut tx.conn, lease).await?;
     let row = leases::get(&mut tx.conn, lease).await?.filter(|row| row.is_active());
     if let Some(row) = &row {

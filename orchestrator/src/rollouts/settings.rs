@@ -1,45 +1,44 @@
-//! The policy of a run, as it is asked for, checked and stored.
+//! The policy of a run: its request, its stored settings, and the changes that set it.
 
 use llm::LlmClient;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::ids::RunId;
-use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
-use crate::store::{from_json, to_json};
-use crate::runs::settings::within;
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::signals::Signal;
-use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
+use crate::ids::RunId;
+use crate::runs::validate::check_range;
+use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
+use crate::store::{from_json, to_json};
 
-/// Groups that a feed may hold unacknowledged, where nothing is said.
-const AHEAD: u32 = 32;
-/// Exchanges that a model is told again, where nothing is said: what `sparring play` does.
-const HISTORY: u32 = 2;
+/// Default number of unacknowledged groups in a feed.
+const DEFAULT_AHEAD: u32 = 32;
+/// Default number of earlier exchanges in a prompt, the same as in `sparring play`.
+const DEFAULT_HISTORY: u32 = 2;
 
-/// The model that chat policies ask: the one that the server was started with, and no other.
+/// The language model of chat policies: the one that the server was started with.
 #[derive(Debug, Clone)]
 pub struct Endpoint {
-    /// How it is asked.
+    /// Client of the model.
     pub llm: LlmClient,
-    /// How freely it chooses its words, where a run does not say.
+    /// Sampling temperature of runs that set none.
     pub temperature: Option<f64>,
 }
 
-/// What is kept of observations.
+/// Kind of observations in trajectories.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Observations {
-    /// What the agents were told in each step, in the wire form.
+    /// The observation of each step, in the wire form.
     #[default]
     Telemetry,
-    /// Nothing.
+    /// Trajectories have no observations.
     None,
 }
 
-/// The policy of a run, as it is asked for. What is left out is at its default, not as it was; but for `version`.
+/// Request to set the policy of a run. A field that is left out gets its default, not its previous value; only `version` stays.
 #[derive(Debug, Clone, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyRequest {
@@ -47,37 +46,37 @@ pub struct PolicyRequest {
     /// has (`GET /v1/tasks` lists them).
     #[schema(example = "heuristic")]
     pub policy: String,
-    /// Its version: raised once new weights are behind the endpoint. Groups begun later carry it. It never goes down; left
-    /// out it stays as it is.
+    /// Version of the policy: raise it once the endpoint serves new weights. Groups that start later carry it. It never
+    /// decreases; if left out, it stays.
     pub version: Option<u32>,
-    /// Sampling temperature of `chat`, 0 to 5 (what the server was started with, else the endpoint's own).
+    /// Sampling temperature of `chat`, 0 to 5 (the setting that the server was started with, else the endpoint's own).
     pub temperature: Option<f64>,
-    /// Exchanges that a `chat` model is told again, 0 to 64 (2).
+    /// Earlier exchanges in the prompt of a `chat` model, 0 to 64 (2).
     pub history: Option<u32>,
-    /// Tokens of one answer of `chat`, 16 to 131 072 (what the server was started with).
+    /// Maximum tokens of one answer of `chat`, 16 to 131 072 (the setting that the server was started with).
     pub max_tokens: Option<u32>,
-    /// Whether trajectories have what the agents saw: `telemetry` (default) or `none`.
+    /// Observations in trajectories: `telemetry` (default) or `none`.
     pub observations: Option<Observations>,
-    /// Groups that may wait in the feed unacknowledged, 1 to 4 096 (32). Nothing is flown beyond.
+    /// Maximum number of unacknowledged groups in the feed, 1 to 4 096 (32). No more are rolled out.
     pub ahead: Option<u32>,
-    /// Whether groups whose episodes all have the same score are kept out of the feed, and others flown in their place (false).
+    /// True to keep groups whose episodes all have the same score out of the feed, and roll out others in their place (false).
     pub refill: Option<bool>,
 }
 
-/// The same, complete, as stored.
+/// Settings of a run's policy, complete, as stored.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PolicySettings {
-    /// Sampling temperature of `chat`; none: the endpoint's own.
+    /// Sampling temperature of `chat`; `None` uses the endpoint's own.
     pub temperature: Option<f64>,
-    /// Exchanges that a `chat` model is told again.
+    /// Earlier exchanges in the prompt of a `chat` model.
     pub history: u32,
-    /// Tokens of one answer of `chat`; none: as the server was started.
+    /// Maximum tokens of one answer of `chat`; `None` uses the server's setting.
     pub max_tokens: Option<u32>,
-    /// Whether trajectories have what the agents saw.
+    /// Observations that trajectories have.
     pub observations: Observations,
-    /// Groups that may wait in the feed unacknowledged.
+    /// Maximum number of unacknowledged groups in the feed.
     pub ahead: u32,
-    /// Whether groups whose episodes all have the same score are kept out of the feed.
+    /// True if groups whose episodes all have the same score are kept out of the feed.
     #[serde(default)]
     pub refill: bool,
 }
@@ -86,88 +85,89 @@ impl Default for PolicySettings {
     fn default() -> Self {
         Self {
             temperature: None,
-            history: HISTORY,
+            history: DEFAULT_HISTORY,
             max_tokens: None,
             observations: Observations::default(),
-            ahead: AHEAD,
+            ahead: DEFAULT_AHEAD,
             refill: false,
         }
     }
 }
 
 impl PolicySettings {
-    /// What is stored of a run.
+    /// Reads the settings of a stored policy.
     ///
     /// # Errors
-    /// Something stored that cannot be read.
-    pub fn of(row: &RunPolicyRow) -> Result<Self, ServiceError> {
+    /// Returns [`ServiceError::Store`] if the stored JSON cannot be read.
+    pub fn from_row(row: &RunPolicyRow) -> Result<Self, ServiceError> {
         Ok(from_json("a run's policy", &row.settings)?)
     }
 
-    fn read(wish: &PolicyRequest, endpoint: Option<&Endpoint>) -> Result<Self, ServiceError> {
-        let usual = Self::default();
-        let temperature = wish.temperature.or_else(|| endpoint.and_then(|endpoint| endpoint.temperature));
+    /// Checks a request and returns complete settings.
+    fn from_request(request: &PolicyRequest, endpoint: Option<&Endpoint>) -> Result<Self, ServiceError> {
+        let defaults = Self::default();
+        let temperature = request.temperature.or_else(|| endpoint.and_then(|endpoint| endpoint.temperature));
         if let Some(temperature) = temperature.filter(|temperature| !(0.0..=5.0).contains(temperature)) {
-            return Err(ServiceError::invalid(
-                "temperature",
-                format!("it is {temperature}, outside 0 to 5"),
-            ));
+            return Err(ServiceError::invalid("temperature", format!("it is {temperature}, outside 0 to 5")));
         }
         let settings = Self {
             temperature,
-            history: wish.history.unwrap_or(usual.history),
-            max_tokens: wish.max_tokens,
-            observations: wish.observations.unwrap_or_default(),
-            ahead: wish.ahead.unwrap_or(usual.ahead),
-            refill: wish.refill.unwrap_or(usual.refill),
+            history: request.history.unwrap_or(defaults.history),
+            max_tokens: request.max_tokens,
+            observations: request.observations.unwrap_or_default(),
+            ahead: request.ahead.unwrap_or(defaults.ahead),
+            refill: request.refill.unwrap_or(defaults.refill),
         };
-        within("history", settings.history, 0, 64)?;
-        within("ahead", settings.ahead, 1, 4096)?;
+        check_range("history", settings.history, 0, 64)?;
+        check_range("ahead", settings.ahead, 1, 4096)?;
         if let Some(tokens) = settings.max_tokens {
-            within("max_tokens", tokens, 16, 131_072)?;
+            check_range("max_tokens", tokens, 16, 131_072)?;
         }
         Ok(settings)
     }
 }
 
-/// Sets the policy of a run.
+/// Sets the policy of a run, after checking that its tasks have it.
 #[derive(Debug)]
-pub struct PutPolicy {
+pub struct SetPolicy {
     run: RunId,
     policy: RunPolicy,
     version: Option<u32>,
     settings: PolicySettings,
 }
 
-impl PutPolicy {
-    /// Reads a wish.
+impl SetPolicy {
+    /// Checks a request.
     ///
     /// # Errors
-    /// The field at fault.
-    pub fn read(run: RunId, wish: &PolicyRequest, endpoint: Option<&Endpoint>) -> Result<Self, ServiceError> {
-        let policy = RunPolicy::from(wish.policy.clone());
+    /// Returns an error that names the first invalid field.
+    pub fn from_request(
+        run: RunId,
+        request: &PolicyRequest,
+        endpoint: Option<&Endpoint>,
+    ) -> Result<Self, ServiceError> {
+        let policy = RunPolicy::from(request.policy.clone());
         if policy == RunPolicy::Chat && endpoint.is_none() {
             let reason =
                 "this server has no language model that flies; serve with --policy-url and --policy-model";
             return Err(ServiceError::invalid("policy", reason));
         }
-        let settings = PolicySettings::read(wish, endpoint)?;
-        Ok(Self { run, policy, version: wish.version, settings })
+        let settings = PolicySettings::from_request(request, endpoint)?;
+        Ok(Self { run, policy, version: request.version, settings })
     }
 }
 
-impl Change for PutPolicy {
+impl Change for SetPolicy {
     type Output = ();
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
-        let now = tx.now;
-        let RunTx { state: mind, conn, .. } = tx.run(self.run.as_str()).await?;
+        let run = tx.run(self.run.as_str()).await?;
         if let RunPolicy::BuiltIn(name) = &self.policy {
-            for plan in &mind.settings.curriculum.tasks {
-                has(&plan.task, name)?;
+            for plan in &run.state.settings.curriculum.tasks {
+                check_policy(&plan.task, name)?;
             }
         }
-        let before = run_policies::get(conn, self.run.as_str()).await?.map_or(0, |row| row.version);
+        let before = run_policies::get(run.conn, self.run.as_str()).await?.map_or(0, |row| row.version);
         let version = self.version.map_or(before, i64::from);
         if version < before {
             let reason =
@@ -175,14 +175,14 @@ impl Change for PutPolicy {
             return Err(ServiceError::invalid("version", reason));
         }
         let settings = to_json(&self.settings)?;
-        run_policies::put(conn, self.run.as_str(), &self.policy, version, &settings, now).await?;
-        tx.outbox.signal(Signal::Rollout);
+        run_policies::put(run.conn, self.run.as_str(), &self.policy, version, &settings, run.now).await?;
+        run.outbox.signal(Signal::Rollout);
         Ok(())
     }
 }
 
-/// Whether a task has a built-in policy.
-fn has(task: &str, policy: &str) -> Result<(), ServiceError> {
+/// Checks that a task has a built-in policy.
+fn check_policy(task: &str, policy: &str) -> Result<(), ServiceError> {
     let specs = env_core::task(task).map(|task| task.policies()).unwrap_or_default();
     if specs.iter().any(|spec| spec.name == policy) {
         return Ok(());
@@ -198,19 +198,19 @@ fn has(task: &str, policy: &str) -> Result<(), ServiceError> {
     Err(ServiceError::invalid("policy", reason))
 }
 
-/// Remembers what went wrong with a run's policy, for people.
+/// Stores why a run's policy failed, for display.
 #[derive(Debug)]
-pub struct ReportTrouble {
-    /// Of which run.
+pub struct SetPolicyTrouble {
+    /// Id of the run.
     pub run: String,
-    /// What, in a sentence.
-    pub words: String,
+    /// Why it failed, as a sentence.
+    pub trouble: String,
 }
 
-impl Change for ReportTrouble {
+impl Change for SetPolicyTrouble {
     type Output = ();
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
-        Ok(run_policies::set_trouble(&mut tx.conn, &self.run, &self.words, tx.now).await?)
+        Ok(run_policies::set_trouble(&mut tx.conn, &self.run, &self.trouble, tx.now).await?)
     }
 }

@@ -1,69 +1,59 @@
-//! Creating runs.
+//! Creates runs from requests.
 
 use env_core::{SEED_REQUIREMENT, Seed};
 
-use crate::leases::create::OwnerQuota;
-use crate::leases::proposal_queue;
-use crate::runs::settings::{RunSettings, RunRequest};
+use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::engine::change::Change;
 use crate::ids::{RunId, random_seed, random_token};
+use crate::leases::create::OwnerQuota;
+use crate::leases::proposal_queue;
+use crate::runs::run_request::RunRequest;
+use crate::runs::settings::RunSettings;
+use crate::runs::validate::check_run_name;
 use crate::store::runs::{self, RunRow, RunStatus};
 use crate::store::{to_i64, to_json, tokens};
 
-/// Longest name of a run, in characters.
-const MAX_NAME: usize = 200;
+/// Characters of a generated run id after `run-`.
+const GENERATED_ID_CHARS: usize = 8;
 
-/// Creates a run.
+/// Creates a run and fills its proposal queue.
 #[derive(Debug)]
 pub struct CreateRun {
     id: RunId,
     name: String,
     seed: u64,
     settings: RunSettings,
-    /// Whose it will be, where a token is needed.
+    /// Owner of the run; set when token authentication is on.
     owner: Option<OwnerQuota>,
 }
 
 impl CreateRun {
-    /// Reads a wish.
+    /// Checks a request, and generates the id and the seed that it leaves out.
     ///
     /// # Errors
-    /// The field at fault.
-    pub fn read(wish: &RunRequest) -> Result<Self, ServiceError> {
-        let id: RunId = match &wish.id {
-            Some(id) => {
-                id.parse().map_err(|e: crate::ids::InvalidId| ServiceError::invalid("id", e.to_string()))?
-            }
-            None => format!("run-{}", random_token(8))
-                .parse()
-                .map_err(|e: crate::ids::InvalidId| ServiceError::invalid("id", e.to_string()))?,
-        };
-        let name = wish.name.clone().unwrap_or_else(|| id.to_string());
-        named(&name)?;
-        let seed = wish.seed.unwrap_or_else(random_seed);
-        // One bound for every seed that people choose.
+    /// Returns an error that names the first invalid field.
+    pub fn from_request(request: &RunRequest) -> Result<Self, ServiceError> {
+        let id = request.id.clone().unwrap_or_else(|| format!("run-{}", random_token(GENERATED_ID_CHARS)));
+        let id: RunId = id
+            .parse()
+            .map_err(|error: crate::ids::InvalidId| ServiceError::invalid("id", error.to_string()))?;
+        let name = request.name.clone().unwrap_or_else(|| id.to_string());
+        check_run_name(&name)?;
+        let seed = request.seed.unwrap_or_else(random_seed);
+        // Every seed that a client chooses has the same bound.
         Seed::user(seed).map_err(|_| {
             ServiceError::invalid("seed", format!("it is {seed}, but must be {SEED_REQUIREMENT}"))
         })?;
-        Ok(Self { id, name, seed, settings: RunSettings::read(wish)?, owner: None })
+        Ok(Self { id, name, seed, settings: request.settings()?, owner: None })
     }
 
-    /// The same, for who it will be.
+    /// Returns the change with an owner for the run.
     #[must_use]
-    pub fn of(self, owner: Option<OwnerQuota>) -> Self {
+    pub fn owned_by(self, owner: Option<OwnerQuota>) -> Self {
         Self { owner, ..self }
     }
-}
-
-/// A name, if it is one.
-pub(crate) fn named(name: &str) -> Result<&str, ServiceError> {
-    if name.is_empty() || name.chars().count() > MAX_NAME {
-        return Err(ServiceError::invalid("name", format!("it must have 1 to {MAX_NAME} characters")));
-    }
-    Ok(name)
 }
 
 impl Change for CreateRun {
@@ -88,8 +78,9 @@ impl Change for CreateRun {
         if !runs::insert(&mut tx.conn, &row, self.owner.map(|owner| owner.token)).await? {
             return Err(ServiceError::RunExists(row.id));
         }
-        proposal_queue::fill(&mut tx.run(&row.id).await?, proposal_queue::QUEUE_TARGET).await?;
-        tx.emit(&row.id, &RunEvent::Run { state: "created" })?;
+        let mut run = tx.run(&row.id).await?;
+        proposal_queue::fill(&mut run, proposal_queue::QUEUE_TARGET).await?;
+        run.emit(&RunEvent::Run { state: "created" })?;
         Ok(row)
     }
 }

@@ -1,65 +1,58 @@
-//! Telling of versions of a run's policy.
+//! Stores what a client says about a version of a run's policy.
 
-use serde::Deserialize;
-use utoipa::ToSchema;
+use api_types::PolicyVersionDescription;
 
-use crate::engine::error::ServiceError;
-use crate::engine::run_tx::RunTx;
-use crate::engine::write_tx::WriteTx;
 use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::write_tx::WriteTx;
 use crate::ids::RunId;
-use crate::store::runs;
 use crate::store::policy_versions::{self, PolicyVersionRow};
+use crate::store::runs;
 
-/// Longest words about a version, in characters.
-const MOST: usize = 2000;
+/// Maximum length of a checkpoint or of notes, in characters.
+const MAX_DESCRIPTION_CHARS: usize = 2000;
 
-/// What a version of a policy is.
-#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct VersionRequest {
-    /// Where its weights are, in your own words: a path, an address, a commit.
-    #[schema(example = "checkpoints/step-1200")]
-    pub checkpoint: Option<String>,
-    /// Whatever else should be known of it.
-    pub notes: Option<String>,
-}
-
-/// Tells of a version; the newest that is told of is the newest there is.
+/// Describes a policy version. A version above the run's newest becomes the newest.
 #[derive(Debug)]
-pub struct DescribeVersion {
+pub struct DescribePolicyVersion {
     run: RunId,
     version: u32,
-    wish: VersionRequest,
+    request: PolicyVersionDescription,
 }
 
-impl DescribeVersion {
-    /// Reads a wish.
+impl DescribePolicyVersion {
+    /// Checks a request.
     ///
     /// # Errors
-    /// The field at fault.
-    pub fn read(run: RunId, version: u32, wish: VersionRequest) -> Result<Self, ServiceError> {
-        for (field, words) in [("checkpoint", &wish.checkpoint), ("notes", &wish.notes)] {
-            if words.as_ref().is_some_and(|words| words.chars().count() > MOST) {
-                return Err(ServiceError::invalid(field, format!("at most {MOST} characters are taken")));
+    /// Returns an error that names the field that is too long.
+    pub fn from_request(
+        run: RunId,
+        version: u32,
+        request: PolicyVersionDescription,
+    ) -> Result<Self, ServiceError> {
+        for (field, text) in [("checkpoint", &request.checkpoint), ("notes", &request.notes)] {
+            if text.as_ref().is_some_and(|text| text.chars().count() > MAX_DESCRIPTION_CHARS) {
+                let reason = format!("at most {MAX_DESCRIPTION_CHARS} characters are taken");
+                return Err(ServiceError::invalid(field, reason));
             }
         }
-        Ok(Self { run, version, wish })
+        Ok(Self { run, version, request })
     }
 }
 
-impl Change for DescribeVersion {
+impl Change for DescribePolicyVersion {
     type Output = ();
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
-        let (run, at) = (self.run.as_str(), tx.now);
-        let RunTx { state: mind, conn, .. } = tx.run(run).await?;
+        let id = self.run.as_str();
+        let run = tx.run(id).await?;
         let version = i64::from(self.version);
-        let VersionRequest { checkpoint, notes } = self.wish;
-        policy_versions::put(conn, run, &PolicyVersionRow { version, checkpoint, notes, at }).await?;
-        if version > mind.policy_version {
-            mind.policy_version = version;
-            runs::set_policy_version(conn, run, version).await?;
+        let PolicyVersionDescription { checkpoint, notes } = self.request;
+        policy_versions::put(run.conn, id, &PolicyVersionRow { version, checkpoint, notes, at: run.now })
+            .await?;
+        if version > run.state.policy_version {
+            run.state.policy_version = version;
+            runs::set_policy_version(run.conn, id, version).await?;
         }
         Ok(())
     }

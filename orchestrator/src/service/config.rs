@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use crate::clock::Clock;
 use crate::designs::{BuiltInDesigners, Designers};
-use crate::http;
 use crate::judging::Judges;
+use crate::limits::ClientLimits;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
 use crate::store::{OpenError, StoreError};
@@ -32,7 +32,7 @@ pub struct Config {
     /// True if OpenEnv's routes need no token. A server without tokens then serves only these routes.
     pub openenv_public: bool,
     /// Limits for each client.
-    pub each: http::Each,
+    pub client_limits: ClientLimits,
 }
 
 impl Config {
@@ -48,7 +48,7 @@ impl Config {
             judges: Arc::default(),
             endpoint: None,
             openenv_public: false,
-            each: http::Each::default(),
+            client_limits: ClientLimits::default(),
         }
     }
 }

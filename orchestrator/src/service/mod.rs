@@ -21,19 +21,15 @@ use self::startup::{BoundListener, OpenDatabase};
 use crate::engine::signals::WorkerSignals;
 use crate::engine::writer::Writer;
 use crate::http::state::AppState;
-use crate::http::{self, Surface};
+use crate::http::{self, ApiSurface};
 use crate::leases::lease_service::LeaseService;
-use crate::sessions::{Quota, SessionLimits, SessionManager};
+use crate::limits::constants::{MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT};
+use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
+use crate::sessions::{SessionLimits, SessionManager};
 use crate::store::{DatabaseLock, open_maintenance, open_readers};
 use crate::threads::{self, ThreadPriority};
 use crate::workers;
 
-/// Maximum number of large request bodies that are parsed and replayed at the same time. Each may need a few hundred MiB.
-const MAX_LARGE_BODIES: usize = 3;
-/// Maximum number of event listeners.
-const MAX_LISTENERS: usize = 256;
-/// Maximum number of event listeners of one client.
-const MAX_LISTENERS_PER_CLIENT: usize = MAX_LISTENERS / 4;
 /// Time that running requests and the writer have to finish when the service stops.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -59,7 +55,7 @@ impl Service {
     /// Returns [`StartError`] if the database cannot be opened, the address cannot be used or needs tokens, or the system has
     /// no threads left.
     pub async fn start(config: Config) -> Result<Self, StartError> {
-        http::begin_counting();
+        http::install_metrics_recorder();
         let BoundListener { listener, address } = startup::listen(&config).await?;
         let OpenDatabase { lock, surface, connection } = startup::open_database(&config).await?;
         let readers = open_readers(&config.db).await?;
@@ -69,26 +65,29 @@ impl Service {
             Writer::start(connection, Some(Arc::clone(&lock)), config.clock.clone(), signals.clone());
         let (ready_sender, ready) = watch::channel(0);
         let (stop, stopped) = watch::channel(false);
-        let desk = LeaseService {
+        let lease_service = LeaseService {
             writer: writer.clone(),
             readers: readers.clone(),
             ready,
             gates: Arc::default(),
             replay_pool: thread_pool("replay", 0, ThreadPriority::Bulk)?,
         };
-        let sessions = create_sessions(&config, surface, &desk)?;
-        let workers = background::spawn_workers(&config, &desk, signals.clone(), ready_sender, &sessions)?;
-        let gate = http::Gate::new(
-            (readers.clone(), writer, config.clock.clone()),
-            address,
-            config.openenv_public,
-            config.each,
-        );
+        let sessions = create_sessions(&config, surface, &lease_service)?;
+        let workers =
+            background::spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?;
+        let access_control = http::AccessControl::new(http::AccessConfig {
+            readers: readers.clone(),
+            writer,
+            clock: config.clock.clone(),
+            bind: address,
+            openenv_public: config.openenv_public,
+            limits: config.client_limits,
+        });
         let stopping: Arc<AtomicBool> = Arc::default();
         let checkpointer =
             tokio::spawn(workers::checkpoint::run(open_maintenance(&config.db).await?, stopped.clone()));
-        let state = create_state(config, desk, &sessions, &signals, stopped.clone(), &stopping);
-        let routes = http::router(state, Arc::new(gate), surface);
+        let state = create_state(config, lease_service, &sessions, &signals, stopped.clone(), &stopping);
+        let routes = http::router(state, Arc::new(access_control), surface);
         let server = tokio::spawn(http::serve(listener, routes, stopped));
         Ok(Self {
             address,
@@ -156,42 +155,42 @@ impl Service {
 /// Creates the manager of sessions. A server that shows only OpenEnv's routes has no sessions for runs.
 fn create_sessions(
     config: &Config,
-    surface: Surface,
-    desk: &LeaseService,
+    surface: ApiSurface,
+    lease_service: &LeaseService,
 ) -> Result<Arc<SessionManager>, StartError> {
-    let allow_runs = config.sessions.allow_runs && surface == Surface::Whole;
+    let allow_runs = config.sessions.allow_runs && surface == ApiSurface::Whole;
     let limits = SessionLimits { allow_runs, ..config.sessions };
-    let threads = thread_pool("fly", 0, ThreadPriority::Normal)?;
-    Ok(Arc::new(SessionManager::new(limits, desk.clone(), Arc::clone(&config.judges), threads)))
+    let threads = thread_pool("sessions", 0, ThreadPriority::Normal)?;
+    Ok(Arc::new(SessionManager::new(limits, lease_service.clone(), Arc::clone(&config.judges), threads)))
 }
 
 /// Creates the state of the request handlers.
 fn create_state(
     config: Config,
-    desk: LeaseService,
+    lease_service: LeaseService,
     sessions: &Arc<SessionManager>,
     signals: &WorkerSignals,
     stopped: watch::Receiver<bool>,
     stopping: &Arc<AtomicBool>,
 ) -> AppState {
     AppState {
-        writer: desk.writer.clone(),
-        readers: desk.readers.clone(),
+        writer: lease_service.writer.clone(),
+        readers: lease_service.readers.clone(),
         clock: config.clock,
-        each: config.each,
-        desk,
+        client_limits: config.client_limits,
+        lease_service,
         sessions: Arc::clone(sessions),
         openenv_public: config.openenv_public,
-        boards: Arc::default(),
-        room: http::Room::new(MAX_LARGE_BODIES),
+        episode_boards: Arc::default(),
+        body_limit: BodyLimit::new(MAX_LARGE_BODIES),
         events: Arc::clone(&signals.events),
         listeners: Arc::new(Quota::new(MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT)),
-        turns: http::AllTurns::default(),
+        concurrency: ConcurrencyLimits::default(),
         designers: config.designers,
         judges: config.judges,
         endpoint: config.endpoint,
-        polls: http::Polls::new(signals.feed.subscribe(), stopped),
-        looked: http::Looked::default(),
+        long_polls: LongPollLimit::new(signals.feed.subscribe(), stopped),
+        readiness: http::ReadinessProbe::default(),
         stopping: Arc::clone(stopping),
     }
 }

@@ -8,7 +8,7 @@ use sqlx::SqliteConnection;
 use tokio::net::TcpListener;
 
 use super::config::{Config, StartError};
-use crate::http::Surface;
+use crate::http::ApiSurface;
 use crate::judging::ModelJudge;
 use crate::store::tokens::{self, TokenPresence};
 use crate::store::{DatabaseLock, StoreError, design_requests, llm_spend, open_writer, to_u64};
@@ -18,7 +18,7 @@ pub(super) struct OpenDatabase {
     /// Lock that keeps other servers from the file.
     pub(super) lock: Arc<DatabaseLock>,
     /// Routes that the server may serve.
-    pub(super) surface: Surface,
+    pub(super) surface: ApiSurface,
     /// Connection for the writer.
     pub(super) connection: SqliteConnection,
 }
@@ -63,12 +63,15 @@ fn check_new_database(config: &Config) -> Result<(), StartError> {
 }
 
 /// Selects the routes: all of them if clients have tokens or are on this machine.
-async fn select_surface(config: &Config, connection: &mut SqliteConnection) -> Result<Surface, StartError> {
+async fn select_surface(
+    config: &Config,
+    connection: &mut SqliteConnection,
+) -> Result<ApiSurface, StartError> {
     let TokenPresence { any, valid } = tokens::presence(connection, config.clock.now()).await?;
     match config.openenv_public {
-        true if any => Ok(Surface::Whole),
-        true => Ok(Surface::OpenEnv),
-        false if valid || config.bind.ip().is_loopback() => Ok(Surface::Whole),
+        true if any => Ok(ApiSurface::Whole),
+        true => Ok(ApiSurface::OpenEnv),
+        false if valid || config.bind.ip().is_loopback() => Ok(ApiSurface::Whole),
         false if any => Err(StartError::NoValidTokens(config.bind)),
         false => Err(StartError::NoTokens(config.bind)),
     }

@@ -10,13 +10,13 @@ use tokio::time::Instant;
 
 use super::client::ClientIdentity;
 use super::connection_registry::{CloseSignal, ConnectionRegistry};
-use super::quota::{Quota, QuotaExceeded, QuotaPermit};
 use super::resumable::ResumableSessions;
 use super::session::Session;
 use super::session_leases::SessionLeases;
 use super::vector::MemoryExceeded;
 use crate::judging::Judges;
 use crate::leases::lease_service::LeaseService;
+use crate::limits::{Quota, QuotaExceeded, QuotaPermit};
 
 /// Maximum duration of the wait for open sessions at shutdown.
 const SESSIONS_SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);

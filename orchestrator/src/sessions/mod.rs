@@ -12,7 +12,6 @@ mod connection_registry;
 mod judged_score;
 mod manager;
 mod open_vector;
-mod quota;
 mod resumable;
 mod session;
 mod session_leases;
@@ -23,7 +22,6 @@ pub use self::client::ClientIdentity;
 pub use self::connection_registry::{CloseReason, CloseSignal, ConnectionRegistry, Credential};
 pub use self::judged_score::JudgedScore;
 pub use self::manager::{SessionKey, SessionLimits, SessionManager, SharedSession};
-pub use self::quota::{Quota, QuotaExceeded, QuotaPermit};
 pub use self::resumable::{
     LEASE_CHECK_INTERVAL, LastReply, ResumableSession, ResumableSessions, ResumeError, SessionAttachment,
     SingleSession,

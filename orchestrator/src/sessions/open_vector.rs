@@ -9,7 +9,6 @@ use uuid::Uuid;
 
 use super::client::ClientIdentity;
 use super::manager::SessionManager;
-use super::quota::QuotaPermit;
 use super::session_leases::pool::EpisodePool;
 use super::session_leases::{SharedPool, runs_not_allowed};
 use super::session_request::{EpisodeSource, SessionRequestError};
@@ -19,6 +18,7 @@ use super::vector::{
     VectorSession, VectorSource, run_on,
 };
 use crate::ids::{LeaseId, RunId};
+use crate::limits::QuotaPermit;
 
 /// Maximum number of recipes of a lease that are measured.
 const MAX_MEASURED_RECIPES: usize = 64;

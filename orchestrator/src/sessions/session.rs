@@ -11,11 +11,11 @@ use uuid::Uuid;
 
 use super::client::ClientIdentity;
 use super::judged_score::{JudgedScore, observation_without_reward, verdict_row};
-use super::quota::QuotaPermit;
 use super::session_leases::{EpisodeReservation, SessionLeases, runs_not_allowed};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
 use crate::judging::{Judge, JudgedStep, Judges};
+use crate::limits::QuotaPermit;
 use crate::policy::TimeStep;
 use crate::results::receipt::Receipt;
 

@@ -55,10 +55,13 @@ pub mod runs;
 pub mod scenarios;
 pub mod servable_layouts;
 pub mod step_verdicts;
+#[cfg(test)]
+mod stored_words;
 pub mod task_counters;
 pub(crate) mod text_enum;
 pub mod tokens;
 pub mod trajectories;
+pub mod transactions;
 pub mod write_probe;
 
 pub use backup::copy;

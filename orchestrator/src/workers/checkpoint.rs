@@ -1,4 +1,4 @@
-//! Folds the write-ahead log into the database, so that the writer, and whoever waits for it, need not.
+//! Checkpoints the write-ahead log, so that neither the writer nor its callers wait for it.
 
 use std::time::Duration;
 
@@ -7,22 +7,22 @@ use tokio::sync::watch;
 
 use crate::store;
 
-/// How often.
-const EVERY: Duration = Duration::from_millis(500);
+/// Interval between two checkpoints.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Works until the server stops; then closes its connection, so that whoever closes the last one folds the rest.
+/// Runs until the server stops, then closes its connection: the last connection to close checkpoints the rest.
 pub async fn run(mut connection: SqliteConnection, mut stopped: watch::Receiver<bool>) {
-    let mut failing = false;
-    while tokio::time::timeout(EVERY, stopped.wait_for(|stop| *stop)).await.is_err() {
+    let mut is_failing = false;
+    while tokio::time::timeout(CHECKPOINT_INTERVAL, stopped.wait_for(|stop| *stop)).await.is_err() {
         match store::checkpoint(&mut connection).await {
-            Err(error) if !failing => {
-                failing = true; // told of once: it is tried twice a second
-                tracing::warn!(error = %error, "The write-ahead log could not be folded in; trying again until it can.");
+            Err(error) if !is_failing => {
+                is_failing = true; // logged once, although every checkpoint may fail
+                tracing::warn!(error = %error, "The write-ahead log could not be checkpointed; trying again until it can.");
             }
             Err(_) => {}
-            Ok(()) if failing => {
-                failing = false;
-                tracing::info!("The write-ahead log is folded in again.");
+            Ok(()) if is_failing => {
+                is_failing = false;
+                tracing::info!("The write-ahead log is checkpointed again.");
             }
             Ok(()) => {}
         }

@@ -1,30 +1,30 @@
-//! Watches the clock of the day: where it jumps nobody's lease ends by that.
+//! Watches the wall clock: when it jumps, deadlines are shifted, so that no lease ends by the jump.
 
 use std::time::Duration;
 
 use crate::clock::Clock;
-use crate::engine::shift_deadlines::ShiftDeadlines;
 use crate::engine::error::ServiceError;
+use crate::engine::shift_deadlines::ShiftDeadlines;
 use crate::engine::writer::Writer;
 
-/// How often it looks.
-const EVERY: Duration = Duration::from_millis(500);
+/// Interval between two checks.
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Works until the writer is gone.
+/// Runs until the writer stops.
 pub async fn run(clock: Clock, writer: Writer) {
     loop {
         if clock.jumped().is_some() {
             match writer.change(ShiftDeadlines(clock.clone())).await {
                 Ok(None) => {}
                 Ok(Some(by_ms)) => {
-                    tracing::warn!(by_ms, "The clock jumped; leases hold as long as they would have.");
+                    tracing::warn!(by_ms, "The clock jumped; the deadlines of leases were shifted.");
                 }
                 Err(ServiceError::Stopping) => return,
                 Err(error) => {
-                    tracing::error!(error = %error, "The clock jumped, and leases could not be moved; trying again.");
+                    tracing::error!(error = %error, "The clock jumped, and deadlines could not be shifted; trying again.");
                 }
             }
         }
-        tokio::time::sleep(EVERY).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 }

@@ -1,4 +1,4 @@
-//! Criticises episodes that were reported, behind the acknowledgement and behind everything else that wants the machine.
+//! Criticises reported episodes, after their acknowledgement and at a lower priority than all other work.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -8,45 +8,46 @@ use rayon::prelude::*;
 use sqlx::SqlitePool;
 use tokio::sync::Notify;
 
-use crate::metrics;
-use crate::store::critiques;
 use crate::critiques::criticise;
-use crate::critiques::criticise::{CritiqueResult, StoreCritiques};
 use crate::critiques::critique_input::{self, CritiqueInput};
+use crate::critiques::critique_result::CritiqueResult;
 use crate::critiques::sampling;
+use crate::critiques::store_critiques::StoreCritiques;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::metrics;
+use crate::store::critiques;
 
-/// Jobs looked at at a time.
-const JOBS: i64 = 64;
-/// How long it waits after a failure, and at most for a wake-up that was missed.
+/// Maximum number of jobs in a batch.
+const BATCH_JOBS: i64 = 64;
+/// Pause after an error, and maximum wait for a signal, in case one was missed.
 const PAUSE: Duration = Duration::from_secs(2);
 
-/// What the worker needs.
+/// Worker that criticises reported episodes.
 #[derive(Debug, Clone)]
 pub struct CritiqueWorker {
-    /// Where episodes are read.
+    /// Pool of connections that read.
     pub readers: SqlitePool,
-    /// Where profiles are written.
+    /// Handle to the one writer.
     pub writer: Writer,
-    /// Rung when episodes were reported.
+    /// Signal that episodes were reported.
     pub wake: Arc<Notify>,
-    /// Threads of its own, in the background.
+    /// Threads of this worker, at background priority.
     pub pool: Arc<rayon::ThreadPool>,
 }
 
 impl CritiqueWorker {
-    /// Works until the writer is gone.
+    /// Runs until the writer stops.
     pub async fn run(self) {
         let mut sampled = BTreeSet::new();
         loop {
-            match self.batch(&mut sampled).await {
+            match self.criticise_batch(&mut sampled).await {
                 Ok(0) => {
                     let _ = tokio::time::timeout(PAUSE, self.wake.notified()).await;
                 }
                 Ok(_) => {}
                 Err(ServiceError::Stopping) => return,
-                // Whoever fills the queue of changes comes first.
+                // The clients that fill the queue of changes come first.
                 Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
                 Err(error) => {
                     tracing::error!(error = %error, "Episodes could not be criticised; trying again soon.");
@@ -56,23 +57,23 @@ impl CritiqueWorker {
         }
     }
 
-    /// Does the jobs that have waited longest; how many.
-    async fn batch(&self, sampled: &mut BTreeSet<String>) -> Result<usize, ServiceError> {
+    /// Criticises the jobs that have waited longest. Returns their number.
+    async fn criticise_batch(&self, sampled: &mut BTreeSet<String>) -> Result<usize, ServiceError> {
         let _busy = metrics::BusyGuard::new("critique");
-        let material = self.load(sampled).await?;
-        let count = material.len();
+        let inputs = self.load_inputs(sampled).await?;
+        let count = inputs.len();
         if count == 0 {
             return Ok(0);
         }
         let pool = Arc::clone(&self.pool);
-        let done: Vec<CritiqueResult> = tokio::task::spawn_blocking(move || {
-            pool.install(|| material.into_par_iter().map(criticise::criticise).collect())
+        let results: Vec<CritiqueResult> = tokio::task::spawn_blocking(move || {
+            pool.install(|| inputs.into_par_iter().map(criticise::criticise).collect())
         })
         .await
         .map_err(|error| ServiceError::invalid("critique", error.to_string()))?;
-        let failures: Vec<_> = done.iter().filter_map(told).collect();
-        self.writer.change(StoreCritiques(done)).await?;
-        for (run, lease, failed, reason) in failures {
+        let failures: Vec<_> = results.iter().filter_map(JobFailure::of).collect();
+        self.writer.change(StoreCritiques(results)).await?;
+        for JobFailure { run, lease, failed, reason } in failures {
             tracing::warn!(
                 run,
                 lease,
@@ -84,42 +85,54 @@ impl CritiqueWorker {
         Ok(count)
     }
 
-    async fn load(&self, sampled: &mut BTreeSet<String>) -> Result<Vec<CritiqueInput>, ServiceError> {
+    /// Loads the oldest jobs. In runs with a long backlog only a sample is criticised.
+    async fn load_inputs(&self, sampled: &mut BTreeSet<String>) -> Result<Vec<CritiqueInput>, ServiceError> {
         let mut conn = self.readers.acquire().await?;
-        let jobs = critiques::oldest(&mut conn, JOBS).await?;
+        let jobs = critiques::oldest(&mut conn, BATCH_JOBS).await?;
         if jobs.is_empty() && sampled.is_empty() {
             return Ok(Vec::new());
         }
         let waiting = critiques::waiting_by_run(&mut conn).await?;
         let halvings: BTreeMap<String, u32> =
             waiting.iter().map(|(run, waiting)| (run.clone(), sampling::halvings(*waiting))).collect();
-        tell(sampled, &waiting);
+        log_sampling(sampled, &waiting);
         Ok(critique_input::load(&mut conn, jobs, &halvings).await?)
     }
 }
 
-fn told(done: &CritiqueResult) -> Option<(String, i64, i64, String)> {
-    let reason = done.reason.clone()?;
-    Some((done.job.run.clone(), done.job.lease, done.failed, reason))
+/// Episodes of a job that could not be criticised.
+struct JobFailure {
+    run: String,
+    lease: i64,
+    /// Number of the episodes.
+    failed: i64,
+    reason: String,
 }
 
-/// Says when sampling of a run begins, and when it ends.
-fn tell(sampled: &mut BTreeSet<String>, waiting: &BTreeMap<String, i64>) {
-    let of = |run: &str| waiting.get(run).copied().unwrap_or(0);
+impl JobFailure {
+    fn of(result: &CritiqueResult) -> Option<Self> {
+        let reason = result.reason.clone()?;
+        Some(Self { run: result.job.run.clone(), lease: result.job.lease, failed: result.failed, reason })
+    }
+}
+
+/// Logs when sampling of a run starts, and when it ends.
+fn log_sampling(sampled: &mut BTreeSet<String>, waiting: &BTreeMap<String, i64>) {
+    let waiting_of = |run: &str| waiting.get(run).copied().unwrap_or(0);
     for (run, waiting) in waiting {
         if sampling::halvings(*waiting) > 0 && sampled.insert(run.clone()) {
             tracing::info!(
                 run,
                 waiting,
-                "More episodes wait for their critique than it keeps up with; only some are criticised."
+                "Too many episodes wait for their critique; only a sample is criticised."
             );
         }
     }
     sampled.retain(|run| {
-        let on = of(run) > sampling::PATIENCE / 2;
-        if !on {
+        let is_sampled = waiting_of(run) > sampling::MAX_WAITING / 2;
+        if !is_sampled {
             tracing::info!(run, "The critique has caught up; every episode is criticised again.");
         }
-        on
+        is_sampled
     });
 }

@@ -1,39 +1,40 @@
-//! Flies built-in policies on suites, one evaluation after the other.
+//! Rolls out built-in policies on suites, one evaluation after the other.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::SqlitePool;
 
-use crate::metrics;
-use crate::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
-use crate::store::evaluations::{self, EvaluationRow};
-use crate::store::{to_u32, to_u64};
-use crate::evaluation::fill::Fly;
-use crate::evaluation::read::suite_of;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::evaluation::PolicyResults;
+use crate::evaluation::read::suite_of;
+use crate::evaluation::store_results::StoreSuiteResults;
+use crate::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
+use crate::metrics;
+use crate::store::evaluations::{self, EvaluationRow};
+use crate::store::{to_u32, to_u64};
 
-/// How often it looks.
-const EVERY: Duration = Duration::from_millis(500);
+/// Interval between two checks for an evaluation.
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Works until the writer is gone. What was under way when the server went away is flown again.
+/// Runs until the writer stops. An evaluation that was interrupted by the end of the server starts over.
 pub async fn run(readers: SqlitePool, writer: Writer, pool: Arc<rayon::ThreadPool>) {
     loop {
-        match next(&readers, &writer, &pool).await {
+        match evaluate_oldest(&readers, &writer, &pool).await {
             Ok(true) => continue,
             Ok(false) | Err(ServiceError::Busy) => {}
             Err(ServiceError::Stopping) => return,
             Err(error) => {
-                tracing::error!(error = %error, "An evaluation could not be flown; trying again soon.");
+                tracing::error!(error = %error, "An evaluation could not be rolled out; trying again soon.");
             }
         }
-        tokio::time::sleep(EVERY).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 }
 
-/// Flies the oldest; whether there was one.
-async fn next(
+/// Rolls out the oldest waiting evaluation; false if there is none.
+async fn evaluate_oldest(
     readers: &SqlitePool,
     writer: &Writer,
     pool: &Arc<rayon::ThreadPool>,
@@ -45,13 +46,13 @@ async fn next(
     };
     let Some(row) = row else { return Ok(false) };
     let (id, pool) = (row.id, Arc::clone(pool));
-    let flown = tokio::task::spawn_blocking(move || pool.install(|| flown(&row))).await;
-    let flown = flown.unwrap_or_else(|error| Err(format!("what flew it ended: {error}")));
-    writer.change(Fly { id, flown }).await?;
+    let results = tokio::task::spawn_blocking(move || pool.install(|| roll_out_suite(&row))).await;
+    let results = results.unwrap_or_else(|error| Err(format!("the rollout panicked: {error}")));
+    writer.change(StoreSuiteResults { id, results }).await?;
     Ok(true)
 }
 
-fn flown(row: &EvaluationRow) -> Result<crate::evaluation::PolicyResults, String> {
+fn roll_out_suite(row: &EvaluationRow) -> Result<PolicyResults, String> {
     let _busy = metrics::BusyGuard::new("evaluate");
     let suite = suite_of(row).map_err(|error| error.to_string())?;
     let settings = SuiteRolloutSettings { seed: to_u64(row.seed), rollouts: to_u32(row.rollouts) };

@@ -1,26 +1,26 @@
-//! Ends leases whose time is over.
+//! Expires leases whose deadline has passed.
 
 use std::time::Duration;
 
-use crate::leases::end::ExpireLeases;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::leases::end::ExpireLeases;
 
-/// How often it looks.
-const EVERY: Duration = Duration::from_millis(500);
+/// Interval between two checks.
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Works until the writer is gone.
+/// Runs until the writer stops.
 pub async fn run(writer: Writer) {
     loop {
         match writer.change(ExpireLeases).await {
             Ok(0) => {}
-            Ok(ended) => {
-                tracing::info!(ended, "Leases expired; what was not reported is offered again.");
-                continue; // there may be more
+            Ok(expired) => {
+                tracing::info!(expired, "Leases expired; their unreported episodes are offered again.");
+                continue; // one change expires a limited number of leases
             }
             Err(ServiceError::Stopping) => return,
             Err(error) => tracing::error!(error = %error, "Leases could not be expired; trying again soon."),
         }
-        tokio::time::sleep(EVERY).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 }

@@ -1,4 +1,4 @@
-//! Turns waiting proposals into scenarios with brackets, in order and in parallel.
+//! Prepares the scenarios of waiting proposals, in order and in parallel.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::AssertUnwindSafe;
@@ -10,83 +10,97 @@ use sqlx::{SqliteConnection, SqlitePool};
 use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinSet;
 
-use crate::metrics;
-use crate::store::proposals::{self, UnpreparedProposal, unprepared};
-use crate::store::{from_json, runs, to_i64, to_u64};
-use crate::leases::prepare::{prepare, UnsolvableParams, Origin, Place, PrepareError, PreparedScenario, StorePrepared, Waits};
-use crate::leases::scenario_cache::ScenarioCache;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::leases::prepare::store_prepared::{ScenarioOfProposal, StorePrepared};
+use crate::leases::prepare::unsolvable::UnsolvableParams;
+use crate::leases::prepare::{
+    DrawContext, ParentScenario, PrepareError, PreparedScenario, SeedSource, prepare,
+};
+use crate::leases::scenario_cache::ScenarioCache;
+use crate::metrics;
 use crate::runs::settings::RunSettings;
+use crate::store::proposals::{self, ProposalKey, UnpreparedProposal};
+use crate::store::{from_json, runs, to_i64, to_u64};
 use curriculum::Proposal;
 
-/// Proposals that are prepared at once, of all runs together. More than there are cores: a scenario that takes seconds must
-/// not keep those that take milliseconds waiting, and the system shares the cores out among them.
-pub const AT_ONCE: usize = 16;
-/// Proposals that are looked through for some that may be begun.
-const LOOK: i64 = 128;
-/// How long it waits after a failure, and at most for a wake-up that was missed.
+/// Maximum number of proposals that are prepared concurrently, of all runs together. It exceeds the number of cores: a scenario that
+/// takes seconds must not delay those that take milliseconds, and the operating system shares the cores among them.
+pub const MAX_JOBS: usize = 16;
+/// Number of waiting proposals that are considered for a start.
+const PROPOSALS_PER_QUERY: i64 = 128;
+/// Pause after an error, and maximum wait for a signal, in case one was missed.
 const PAUSE: Duration = Duration::from_secs(2);
 
-/// What the worker needs.
+/// Worker that prepares the scenarios of proposals.
 #[derive(Debug, Clone)]
 pub struct PrepareWorker {
-    /// Where proposals are read.
+    /// Pool of connections that read.
     pub readers: SqlitePool,
-    /// Where scenarios are written.
+    /// Handle to the one writer.
     pub writer: Writer,
-    /// Rung when there is work.
+    /// Signal that proposals wait.
     pub wake: Arc<Notify>,
-    /// Told whenever some were stored, for leases that wait.
+    /// Incremented when scenarios were stored, for lease requests that wait.
     pub ready: watch::Sender<u64>,
-    /// Threads of its own, [`AT_ONCE`]: scenarios that are hard to find must not hold up the replay of results.
+    /// The [`MAX_JOBS`] threads of this worker: scenarios that are hard to find must not delay the replay of results.
     pub pool: Arc<rayon::ThreadPool>,
-    /// Params that are not worth looking under.
-    pub hopeless: Arc<UnsolvableParams>,
+    /// Params under which no scenario is solvable.
+    pub unsolvable: Arc<UnsolvableParams>,
 }
 
-/// What became of a proposal: run, number, and the scenario; none where there is none.
-type Done = (String, i64, Option<PreparedScenario>);
+/// Result of preparing a proposal.
+struct JobResult {
+    proposal: ProposalKey,
+    /// The scenario; `None` if the proposal has none.
+    scenario: Option<PreparedScenario>,
+}
 
-/// What is being prepared.
+/// Proposals that are being prepared.
 #[derive(Default)]
-struct Begun {
-    jobs: JoinSet<Option<Done>>,
-    /// Which, run by run, until they are stored.
-    of: BTreeMap<String, BTreeSet<i64>>,
+struct ActiveJobs {
+    /// A job without a result was lost: its thread panicked, or the pool is gone.
+    jobs: JoinSet<Option<JobResult>>,
+    /// Sequence numbers of the proposals by run, until their results are stored.
+    by_run: BTreeMap<String, BTreeSet<i64>>,
 }
 
-impl Begun {
-    /// Whether this one may be begun now, where a run may have so many under way.
-    fn takes(&self, waiting: &UnpreparedProposal, most: usize) -> bool {
-        let of = self.of.get(&waiting.run);
-        self.jobs.len() < AT_ONCE
-            && of.is_none_or(|begun| begun.len() < most && !begun.contains(&waiting.seq))
+impl ActiveJobs {
+    /// Returns true if a proposal may start now, where a run may have `max_of_run` active ones.
+    fn may_start(&self, waiting: &UnpreparedProposal, max_of_run: usize) -> bool {
+        let active = self.by_run.get(&waiting.run);
+        self.jobs.len() < MAX_JOBS
+            && active.is_none_or(|active| active.len() < max_of_run && !active.contains(&waiting.seq))
     }
 
-    /// How many a run may have under way: its share, and room is left for one run more, so that whoever comes next finds
-    /// some however long the others take.
-    fn share(&self, waiting: &[UnpreparedProposal]) -> usize {
-        let runs: BTreeSet<&String> = self.of.keys().chain(waiting.iter().map(|w| &w.run)).collect();
-        (AT_ONCE / (runs.len() + 1)).max(1)
+    /// Returns the maximum number of active proposals of a run: an equal share, computed for one run more than there are. A new run
+    /// then finds free jobs, however long the others take.
+    fn max_of_run(&self, waiting: &[UnpreparedProposal]) -> usize {
+        let runs: BTreeSet<&String> =
+            self.by_run.keys().chain(waiting.iter().map(|waiting| &waiting.run)).collect();
+        (MAX_JOBS / (runs.len() + 1)).max(1)
     }
 
-    fn forget(&mut self, run: &str, seq: i64) {
-        if let Some(begun) = self.of.get_mut(run) {
-            begun.remove(&seq);
-            if begun.is_empty() {
-                self.of.remove(run);
+    fn insert(&mut self, waiting: &UnpreparedProposal) {
+        self.by_run.entry(waiting.run.clone()).or_default().insert(waiting.seq);
+    }
+
+    fn remove(&mut self, proposal: &ProposalKey) {
+        if let Some(active) = self.by_run.get_mut(&proposal.run) {
+            active.remove(&proposal.seq);
+            if active.is_empty() {
+                self.by_run.remove(&proposal.run);
             }
         }
     }
 }
 
 impl PrepareWorker {
-    /// Works until the writer is gone.
+    /// Runs until the writer stops.
     pub async fn run(self) {
-        let mut begun = Begun::default();
+        let mut active = ActiveJobs::default();
         loop {
-            match self.turn(&mut begun).await {
+            match self.run_once(&mut active).await {
                 Ok(()) => {}
                 Err(ServiceError::Stopping) => return,
                 Err(error) => {
@@ -97,131 +111,141 @@ impl PrepareWorker {
         }
     }
 
-    /// Begins what may be begun, waits until something is done or comes in, and stores what is done while more is begun.
-    async fn turn(&self, begun: &mut Begun) -> Result<(), ServiceError> {
-        self.begin(begun).await?;
+    /// Starts the jobs that may start, waits for a result or a signal, and stores the results while more jobs run.
+    async fn run_once(&self, active: &mut ActiveJobs) -> Result<(), ServiceError> {
+        self.start_jobs(active).await?;
         let first = tokio::select! {
-            done = begun.jobs.join_next(), if !begun.jobs.is_empty() => done,
+            ended = active.jobs.join_next(), if !active.jobs.is_empty() => ended,
             () = self.wake.notified() => None,
             () = tokio::time::sleep(PAUSE) => None,
         };
-        let mut change = StorePrepared { prepared: Vec::new(), hopeless: Vec::new() };
-        let others = std::iter::from_fn(|| begun.jobs.try_join_next());
-        let done: Vec<_> = first.into_iter().chain(others).collect();
-        for done in done {
-            match done {
-                Ok(Some((run, seq, Some(prepared)))) => change.prepared.push((run, seq, prepared)),
-                Ok(Some((run, seq, None))) => change.hopeless.push((run, seq)),
-                // The job is gone, and with it which it was: all may be begun again. What is prepared twice is stored once.
-                Ok(None) | Err(_) => begun.of.clear(),
+        let others = std::iter::from_fn(|| active.jobs.try_join_next());
+        let ended: Vec<_> = first.into_iter().chain(others).collect();
+        let mut change = StorePrepared::default();
+        let mut done = Vec::new();
+        for result in ended {
+            match result {
+                Ok(Some(JobResult { proposal, scenario })) => {
+                    done.push(proposal.clone());
+                    match scenario {
+                        Some(scenario) => change.prepared.push(ScenarioOfProposal { proposal, scenario }),
+                        None => change.failed.push(proposal),
+                    }
+                }
+                // The proposal of a lost job is unknown, so all may start again. A scenario that is prepared twice is stored once.
+                Ok(None) | Err(_) => active.by_run.clear(),
             }
         }
-        let prepared = change.prepared.iter().map(|(run, seq, _)| (run.clone(), *seq));
-        let done: Vec<_> = prepared.chain(change.hopeless.iter().cloned()).collect();
         if done.is_empty() {
             return Ok(());
         }
-        // Whatever becomes of the others, what is done is stored.
-        let more = self.begin(begun).await;
+        // The results are stored even if no more jobs can start.
+        let started = self.start_jobs(active).await;
         let stored = self.writer.change(change).await;
-        // What could not be stored is begun again.
-        done.iter().for_each(|(run, seq)| begun.forget(run, *seq));
+        // A result that could not be stored is prepared again.
+        done.iter().for_each(|proposal| active.remove(proposal));
         stored?;
-        self.ready.send_modify(|n| *n += 1);
-        more
+        self.ready.send_modify(|count| *count += 1);
+        started
     }
 
-    async fn begin(&self, begun: &mut Begun) -> Result<(), ServiceError> {
-        if begun.jobs.len() >= AT_ONCE {
+    /// Starts the jobs that may start.
+    async fn start_jobs(&self, active: &mut ActiveJobs) -> Result<(), ServiceError> {
+        if active.jobs.len() >= MAX_JOBS {
             return Ok(());
         }
         let mut conn = self.readers.acquire().await?;
-        let waiting = unprepared(&mut conn, LOOK).await?;
-        let most = begun.share(&waiting);
+        let waiting = proposals::unprepared(&mut conn, PROPOSALS_PER_QUERY).await?;
+        let max_of_run = active.max_of_run(&waiting);
         for waiting in waiting {
-            if begun.takes(&waiting, most) {
-                begun.of.entry(waiting.run.clone()).or_default().insert(waiting.seq);
-                let read = read(&mut conn, &waiting).await.inspect_err(|error| {
-                    let (run, seq) = (&waiting.run, waiting.seq);
-                    tracing::warn!(run, seq, error = %error, "A proposal cannot be read and is dropped.");
-                });
-                let Ok((proposal, origin)) = read else {
-                    begun.jobs.spawn(async move { Some((waiting.run, waiting.seq, None)) });
-                    continue;
-                };
-                let (told, done) = oneshot::channel();
-                let hopeless = Arc::clone(&self.hopeless);
-                self.pool.spawn(move || {
-                    // Where the service stops nobody listens any more, and nothing more is looked for.
-                    let waits = || !told.is_closed();
-                    let done = one(&waiting, &proposal, origin.as_ref(), (&hopeless, &waits));
-                    let _ = told.send(done);
-                });
-                begun.jobs.spawn(async { done.await.ok() });
+            if !active.may_start(&waiting, max_of_run) {
+                continue;
             }
+            active.insert(&waiting);
+            let job = PrepareJob::load(&mut conn, &waiting).await.inspect_err(|error| {
+                let (run, seq) = (&waiting.run, waiting.seq);
+                tracing::warn!(run, seq, error = %error, "A proposal cannot be read and is dropped.");
+            });
+            let Ok(job) = job else {
+                let proposal = ProposalKey { run: waiting.run, seq: waiting.seq };
+                active.jobs.spawn(async move { Some(JobResult { proposal, scenario: None }) });
+                continue;
+            };
+            let (sender, receiver) = oneshot::channel();
+            let unsolvable = Arc::clone(&self.unsolvable);
+            self.pool.spawn(move || {
+                // The receiver is gone if the service stops; then the search ends.
+                let is_wanted = || !sender.is_closed();
+                let result = job.run(DrawContext { unsolvable: &unsolvable, is_wanted: &is_wanted });
+                let _ = sender.send(result);
+            });
+            active.jobs.spawn(async { receiver.await.ok() });
         }
         Ok(())
     }
 }
 
-/// A proposal that waits, and what it goes on from.
-async fn read(
-    conn: &mut SqliteConnection,
-    waiting: &UnpreparedProposal,
-) -> Result<(Proposal, Option<Origin>), ServiceError> {
-    let proposal: Proposal = from_json("a proposal", &waiting.body)?;
-    let origin = match proposal.source.parent_proposal() {
-        Some(of) => origin(conn, &waiting.run, of, &proposal).await?,
-        None => None,
-    };
-    Ok((proposal, origin))
+/// A proposal with everything that its preparation needs.
+struct PrepareJob {
+    key: ProposalKey,
+    run_seed: u64,
+    proposal: Proposal,
+    /// The scenario that it derives from, if it derives from one that is still stored.
+    parent: Option<ParentScenario>,
 }
 
-/// What an earlier proposal of the run left; none where it is not kept any more.
-async fn origin(
+impl PrepareJob {
+    async fn load(conn: &mut SqliteConnection, waiting: &UnpreparedProposal) -> Result<Self, ServiceError> {
+        let proposal: Proposal = from_json("a proposal", &waiting.body)?;
+        let parent = match proposal.source.parent_proposal() {
+            Some(seq) => load_parent(conn, &waiting.run, seq, &proposal).await?,
+            None => None,
+        };
+        let key = ProposalKey { run: waiting.run.clone(), seq: waiting.seq };
+        Ok(Self { key, run_seed: to_u64(waiting.run_seed), proposal, parent })
+    }
+
+    /// Prepares the proposal. A panic fails this proposal, and no other.
+    fn run(self, context: DrawContext<'_>) -> JobResult {
+        let _busy = metrics::BusyGuard::new("prepare");
+        let Self { key: ProposalKey { run, seq }, run_seed, proposal, parent } = self;
+        let seeds = SeedSource { space: SeedSpace::Training, run_seed, seq: to_u64(seq) };
+        let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
+            prepare(seeds, &proposal, parent.as_ref(), context)
+        }));
+        let scenario = match prepared {
+            Ok(Ok(scenario)) => Some(scenario),
+            Ok(Err(PrepareError::Abandoned)) => None,
+            Ok(Err(error)) => {
+                tracing::warn!(run, seq, error = %error, "A proposal cannot be prepared and is dropped.");
+                None
+            }
+            Err(_) => {
+                tracing::error!(run, seq, "Preparing a proposal panicked; it is dropped.");
+                None
+            }
+        };
+        JobResult { proposal: ProposalKey { run, seq }, scenario }
+    }
+}
+
+/// Loads the scenario of an earlier proposal of the run; `None` if it is not stored any more.
+async fn load_parent(
     conn: &mut SqliteConnection,
     run: &str,
-    of: u64,
+    seq: u64,
     proposal: &Proposal,
-) -> Result<Option<Origin>, ServiceError> {
-    let Some(stored) = proposals::scenario_of(conn, run, to_i64(of)).await? else { return Ok(None) };
+) -> Result<Option<ParentScenario>, ServiceError> {
+    let Some(stored) = proposals::scenario_of(conn, run, to_i64(seq)).await? else { return Ok(None) };
     let row = runs::get(conn, run).await?.ok_or_else(|| ServiceError::UnknownRun(run.to_owned()))?;
     let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-    let sets = ScenarioCache::of(conn, &[&stored.id]).await?;
-    let (scenario, bracket) = sets.get(&stored.id, false)?;
+    let scenarios = ScenarioCache::of(conn, &[&stored.id]).await?;
+    let (scenario, bracket) = scenarios.get(&stored.id, false)?;
     let levels = settings.curriculum.task(&proposal.task).map(|plan| plan.levels.clone());
-    Ok(bracket.zip(levels).map(|(bracket, levels)| Origin {
+    Ok(bracket.zip(levels).map(|(bracket, levels)| ParentScenario {
         scenario: scenario.clone(),
         bracket: bracket.clone(),
-        contested: stored.is_contested,
+        is_contested: stored.is_contested,
         levels,
     }))
-}
-
-/// Prepares one proposal; none where that cannot be done. One that is broken must not hold up the others.
-fn one(
-    waiting: &UnpreparedProposal,
-    proposal: &Proposal,
-    origin: Option<&Origin>,
-    (hopeless, waits): (&UnsolvableParams, Waits<'_>),
-) -> Done {
-    let _busy = metrics::BusyGuard::new("prepare");
-    let (run, seq) = (&waiting.run, waiting.seq);
-    let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
-        let (run_seed, seq) = (to_u64(waiting.run_seed), to_u64(seq));
-        prepare(Place { space: SeedSpace::Training, run_seed, seq }, proposal, origin, (hopeless, waits))
-    }));
-    let prepared = match prepared {
-        Ok(Ok(prepared)) => Some(prepared),
-        Ok(Err(PrepareError::NotWanted)) => None,
-        Ok(Err(error)) => {
-            tracing::warn!(run, seq, error = %error, "A proposal cannot be prepared and is dropped.");
-            None
-        }
-        Err(_) => {
-            tracing::error!(run, seq, "Preparing a proposal panicked; it is dropped.");
-            None
-        }
-    };
-    (run.clone(), seq, prepared)
 }

@@ -1,4 +1,4 @@
-//! Folds what runs keep whole no longer.
+//! Compacts the leases that runs no longer keep whole, and deletes what nothing refers to.
 
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
@@ -6,137 +6,148 @@ use std::time::{Duration, Instant};
 use futures_util::future::try_join_all;
 use sqlx::SqlitePool;
 
-use crate::store::retention::{self, RetainedEpisodes};
-use crate::store::{from_json, gc};
-use crate::retention::forget_minutes::ForgetMinutes;
-use crate::retention::compact_leases::{CompactionGoal, CompactLeases, CollectGarbage};
-use crate::runs::settings::Retention;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::retention::collect_garbage::CollectGarbage;
+use crate::retention::compact_leases::{CompactLeases, CompactionGoal};
+use crate::retention::delete_old_minutes::DeleteOldMinutes;
 use crate::runs::settings::RunSettings;
+use crate::store::retention::{self, RetainedEpisodes};
+use crate::store::{from_json, gc};
 
-/// How often it looks.
-const EVERY: Duration = Duration::from_secs(2);
-/// Changes that wait for the writer at once where a run keeps twice what it should, and fewer where it is less: what comes in
-/// waits behind them, so that it does not come in faster than it is folded.
-const AT_ONCE: i64 = 8;
-/// Changes in a row before proposals and events are swept and what is kept is looked at again.
-const ROUND: i64 = 64;
-/// How often old minutes are forgotten.
-const FORGET_EVERY: Duration = Duration::from_secs(3600);
+/// Interval between two checks.
+const POLL_INTERVAL: Duration = Duration::from_secs(2);
+/// Maximum number of concurrent compactions, reached when a run keeps twice its limit. Other changes wait behind them, so that
+/// results do not arrive faster than they are compacted.
+const MAX_CONCURRENT_CHANGES: i64 = 8;
+/// Maximum number of compactions in a row, before garbage is collected and the limits are checked again.
+const MAX_CHANGES_PER_ROUND: i64 = 64;
+/// Interval between two deletions of old minutes.
+const DELETE_MINUTES_INTERVAL: Duration = Duration::from_secs(3600);
 
-/// Works until the writer is gone.
+/// Runs until the writer stops.
 pub async fn run(readers: SqlitePool, writer: Writer) {
-    let mut keeper =
-        Keeper { readers, writer, looked_at: HashMap::new(), unseen: HashSet::new(), forgot: None };
+    let mut worker = RetentionWorker {
+        readers,
+        writer,
+        examined: HashMap::new(),
+        to_examine: HashSet::new(),
+        minutes_deleted_at: None,
+    };
     loop {
-        match keeper.round().await {
-            Ok(true) => continue, // there is more
+        match worker.run_round().await {
+            Ok(true) => continue, // more is left
             Ok(false) => {}
             Err(ServiceError::Stopping) => return,
-            // A queue that is full says that others have more to do.
+            // The queue of changes is full: other changes come first.
             Err(ServiceError::Busy) => {}
             Err(error) => {
-                tracing::error!(error = %error, "Old leases could not be folded; trying again soon.");
+                tracing::error!(error = %error, "Old leases could not be compacted; trying again soon.");
             }
         }
-        tokio::time::sleep(EVERY).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 }
 
-struct Keeper {
+struct RetentionWorker {
     readers: SqlitePool,
     writer: Writer,
-    /// By run, up to which lease it was looked at whether something of it must still stay.
-    looked_at: HashMap<String, i64>,
-    /// Runs that were folded since all of what stayed of them was looked at.
-    unseen: HashSet<String>,
-    /// When old minutes were forgotten.
-    forgot: Option<Instant>,
+    /// By run, the last partly compacted lease whose rest was examined.
+    examined: HashMap<String, i64>,
+    /// Runs with compactions since all of their partly compacted leases were examined.
+    to_examine: HashSet<String>,
+    /// When old minutes were last deleted.
+    minutes_deleted_at: Option<Instant>,
 }
 
-impl Keeper {
-    /// Folds some leases of each run that keeps more than it should; whether there may be more. A run that cannot be folded keeps no
-    /// other from it.
-    async fn round(&mut self) -> Result<bool, ServiceError> {
+impl RetentionWorker {
+    /// Compacts some leases of each run that exceeds its limits. Returns true if more may be left. A run that fails does not delay
+    /// the others.
+    async fn run_round(&mut self) -> Result<bool, ServiceError> {
         let runs = retention::retained(&mut *self.readers.acquire().await?).await?;
-        if self.forgot.is_none_or(|last| last.elapsed() >= FORGET_EVERY) {
-            for whole in &runs {
-                while self.writer.change(ForgetMinutes { run: whole.run.clone() }).await? {}
+        if self.minutes_deleted_at.is_none_or(|last| last.elapsed() >= DELETE_MINUTES_INTERVAL) {
+            for retained in &runs {
+                while self.writer.change(DeleteOldMinutes { run: retained.run.clone() }).await? {}
             }
-            self.forgot = Some(Instant::now());
+            self.minutes_deleted_at = Some(Instant::now());
         }
-        let mut more = false;
-        for whole in runs {
-            match self.of_run(&whole).await {
-                Ok(folded) => more |= folded,
+        let mut has_more = false;
+        for retained in runs {
+            match self.compact_run(&retained).await {
+                Ok(more) => has_more |= more,
                 Err(error @ (ServiceError::Stopping | ServiceError::Busy)) => return Err(error),
                 Err(error) => {
-                    // What of it fails is left behind for now.
-                    let after = self.looked_at.get(&whole.run).copied().unwrap_or(0);
-                    self.looked_at.insert(whole.run.clone(), after + 1);
-                    let run = whole.run;
-                    tracing::error!(run, error = %error, "Old leases could not be folded; trying again soon.");
+                    // The partly compacted lease that may have failed is skipped for now.
+                    let after = self.examined.get(&retained.run).copied().unwrap_or(0);
+                    self.examined.insert(retained.run.clone(), after + 1);
+                    let run = retained.run;
+                    tracing::error!(run, error = %error, "Old leases could not be compacted; trying again soon.");
                 }
             }
         }
-        Ok(more)
+        Ok(has_more)
     }
 
-    /// The same of one run.
-    async fn of_run(&mut self, whole: &RetainedEpisodes) -> Result<bool, ServiceError> {
-        let RetainedEpisodes { run, settings, episodes, claimed } = whole;
+    /// Compacts some leases of a run, collects garbage, and examines partly compacted leases. Returns true if more may be left.
+    async fn compact_run(&mut self, retained: &RetainedEpisodes) -> Result<bool, ServiceError> {
+        let RetainedEpisodes { run, settings, episodes, claimed } = retained;
         let settings: RunSettings = from_json("a run's settings", settings)?;
-        let Retention { episodes: most, claimed: most_claimed } = settings.retention;
-        let kept = [(CompactionGoal::Groups, episodes, most.limit()), (CompactionGoal::Columns, claimed, most_claimed.limit())];
-        let mut changes = 0;
-        for (which, kept, most) in kept {
-            changes += self.fold(run, which, kept.saturating_sub(most), most).await?;
-        }
+        let limits = settings.retention;
+        let mut changes =
+            self.compact(run, CompactionGoal::Groups, *episodes, limits.episodes.limit()).await?;
+        changes += self.compact(run, CompactionGoal::Columns, *claimed, limits.claimed.limit()).await?;
         if changes > 0 {
-            self.sweep(run).await?;
-            self.unseen.insert(run.clone());
+            self.collect_garbage(run).await?;
+            self.to_examine.insert(run.clone());
         }
-        if self.unseen.contains(run) {
-            self.look_again(run, changes.max(1)).await?;
+        if self.to_examine.contains(run) {
+            self.examine_partly_compacted(run, changes.max(1)).await?;
         }
-        Ok(changes > 0 || self.unseen.contains(run))
+        Ok(changes > 0 || self.to_examine.contains(run))
     }
 
-    /// Folds so many episodes at least, or what can be, of a run that may keep `most`; by how many changes.
-    async fn fold(&self, run: &str, which: CompactionGoal, over: i64, most: i64) -> Result<i64, ServiceError> {
-        let (mut left, mut changes) = (over, 0);
-        while left > 0 && changes < ROUND {
-            let at_once = (1 + AT_ONCE * left / most.max(1)).min(AT_ONCE);
-            let fold = || self.writer.change(CompactLeases { run: run.to_owned(), which });
-            let folded = try_join_all((0..at_once).map(|_| fold())).await?;
-            left -= folded.iter().map(|folded| folded.episodes).sum::<i64>();
-            let made = folded.iter().filter(|folded| folded.episodes > 0).count() as i64;
-            changes += made;
-            if made < at_once {
-                break; // there is nothing more that can be
+    /// Compacts leases of a run that keeps `kept` episodes until `limit` are left, or nothing more can be compacted. Returns the
+    /// number of changes.
+    async fn compact(
+        &self,
+        run: &str,
+        goal: CompactionGoal,
+        kept: i64,
+        limit: i64,
+    ) -> Result<i64, ServiceError> {
+        let (mut excess, mut changes) = (kept.saturating_sub(limit), 0);
+        while excess > 0 && changes < MAX_CHANGES_PER_ROUND {
+            let concurrent = (1 + MAX_CONCURRENT_CHANGES * excess / limit.max(1)).min(MAX_CONCURRENT_CHANGES);
+            let compact = || self.writer.change(CompactLeases { run: run.to_owned(), goal });
+            let results = try_join_all((0..concurrent).map(|_| compact())).await?;
+            excess -= results.iter().map(|result| result.episodes).sum::<i64>();
+            let effective = results.iter().filter(|result| result.episodes > 0).count() as i64;
+            changes += effective;
+            if effective < concurrent {
+                break; // nothing more can be compacted
             }
         }
         Ok(changes)
     }
 
-    async fn sweep(&self, run: &str) -> Result<(), ServiceError> {
+    async fn collect_garbage(&self, run: &str) -> Result<(), ServiceError> {
         let before = gc::oldest_needed_proposal(&mut *self.readers.acquire().await?, run).await?;
         let Some(before) = before else { return Ok(()) };
         while self.writer.change(CollectGarbage { run: run.to_owned(), before }).await? {}
         Ok(())
     }
 
-    /// Looks again whether what stayed of folded leases must stay: by as many changes as there were folded, so that what is no
-    /// example any more does not stay for long.
-    async fn look_again(&mut self, run: &str, changes: i64) -> Result<(), ServiceError> {
+    /// Examines whether the rest of partly compacted leases is still needed, by at most `changes` changes: as many as compacted
+    /// leases, so that episodes that are no examples any more are deleted soon.
+    async fn examine_partly_compacted(&mut self, run: &str, changes: i64) -> Result<(), ServiceError> {
         for _ in 0..changes {
-            let after = self.looked_at.get(run).copied().unwrap_or(0);
-            let which = CompactionGoal::Kept { after };
-            let folded = self.writer.change(CompactLeases { run: run.to_owned(), which }).await?;
-            self.looked_at.insert(run.to_owned(), folded.last.unwrap_or(0)); // from the beginning, at the end
-            if folded.last.is_none() {
-                self.unseen.remove(run);
+            let after = self.examined.get(run).copied().unwrap_or(0);
+            let goal = CompactionGoal::Kept { after };
+            let result = self.writer.change(CompactLeases { run: run.to_owned(), goal }).await?;
+            // After the last lease the next round starts over.
+            self.examined.insert(run.to_owned(), result.last_lease.unwrap_or(0));
+            if result.last_lease.is_none() {
+                self.to_examine.remove(run);
                 break;
             }
         }

@@ -1,5 +1,5 @@
-//! Looks whether the tokens by which connections came in are still worth something: a request shows its token each time, a
-//! connection that lasts only once.
+//! Closes connections whose token expired or was revoked. A request shows its token each time; a long-lived connection shows it
+//! only once.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,29 +8,34 @@ use sqlx::SqlitePool;
 
 use crate::clock::Clock;
 use crate::sessions::{Credential, SessionManager};
-use crate::store::tokens::{self, TokenState};
 use crate::store::StoreError;
+use crate::store::tokens::{self, TokenState};
 
-/// How often it looks.
-const EVERY: Duration = Duration::from_secs(1);
+/// Interval between two checks.
+const POLL_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Works until it is cut off.
+/// Runs until the task is aborted.
 pub async fn run(readers: SqlitePool, clock: Clock, sessions: Arc<SessionManager>) {
     loop {
-        if let Err(error) = look(&readers, &clock, &sessions).await {
-            tracing::warn!(error = %error, "Tokens of open connections could not be looked at; trying again soon.");
+        if let Err(error) = close_revoked(&readers, &clock, &sessions).await {
+            tracing::warn!(error = %error, "Tokens of open connections could not be checked; trying again soon.");
         }
-        tokio::time::sleep(EVERY).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 }
 
-async fn look(readers: &SqlitePool, clock: &Clock, sessions: &SessionManager) -> Result<(), StoreError> {
+/// Closes the connections of each credential that is no longer valid.
+async fn close_revoked(
+    readers: &SqlitePool,
+    clock: &Clock,
+    sessions: &SessionManager,
+) -> Result<(), StoreError> {
     let connections = sessions.connections();
     for credential in connections.active_credentials() {
         let mut conn = readers.acquire().await?;
         let Credential::Token(token) = credential else {
             if tokens::presence(&mut conn, clock.now()).await?.any {
-                tracing::info!("There are tokens now: connections that came in without one are closed.");
+                tracing::info!("Tokens exist now: connections without one are closed.");
                 connections.close_connections(credential);
             }
             continue;
@@ -38,7 +43,7 @@ async fn look(readers: &SqlitePool, clock: &Clock, sessions: &SessionManager) ->
         let state = tokens::get(&mut conn, token).await?.map(|row| row.state(clock.now()));
         if state != Some(TokenState::Valid) {
             let state = state.map_or("gone", TokenState::as_str);
-            tracing::info!(token, state, "The connections that this token opened are closed.");
+            tracing::info!(token, state, "The connections of a token that is no longer valid are closed.");
             connections.close_connections(credential);
         }
     }

@@ -1,114 +1,118 @@
-//! Flies the policies of runs, a group at a time each, as long as their feeds have room. Whatever goes wrong with a policy,
-//! its run goes on, and says what it was.
+//! Rolls out the policies of runs, group by group, as long as their feeds have room. If a policy fails, its run continues, and the
+//! failure is stored for display.
 
-mod flight;
+mod backoff;
+mod group_rollout;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use sqlx::SqlitePool;
 use tokio::sync::Notify;
 use tokio::task::{Id, JoinError, JoinSet};
 
-use self::flight::Ended;
-use crate::clock::Clock;
+use self::backoff::RunBackoff;
+use self::group_rollout::GroupResult;
+use crate::clock::{Clock, Millis};
+use crate::engine::error::ServiceError;
 use crate::ids::RunId;
+use crate::leases::lease_service::LeaseService;
+use crate::rollouts::feed::MAX_UNACKED_BYTES;
+use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
+use crate::rollouts::settings::SetPolicyTrouble;
+use crate::rollouts::{Endpoint, PolicySettings};
+use crate::runs::settings::RunSettings;
 use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
 use crate::store::{from_json, runs, trajectories};
-use crate::rollouts::feed::MOST_WAITING;
-use crate::rollouts::settings::ReportTrouble;
-use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
-use crate::rollouts::{Endpoint, PolicySettings};
-use crate::engine::error::ServiceError;
-use crate::leases::lease_service::LeaseService;
-use crate::runs::settings::RunSettings;
 
-/// How often it looks whether anything may be flown, if nobody rings.
-const EVERY: Duration = Duration::from_secs(1);
-/// How long it waits after a failure of its own.
-const PAUSE: Duration = Duration::from_secs(2);
-/// Groups of built-in policies that are flown at once: one is replayed and stored while another is flown.
-const BUILT_IN_AT_ONCE: usize = 2;
-/// The first pause after a group that nothing came of; it doubles to the longest.
-const FIRST_REST: Duration = Duration::from_secs(1);
-const LONGEST_REST: Duration = Duration::from_secs(60);
+/// Interval between two checks whether a group may start, if no signal arrives.
+const POLL_INTERVAL: Duration = Duration::from_secs(1);
+/// Pause after an error of the worker itself.
+const ERROR_PAUSE: Duration = Duration::from_secs(2);
+/// Maximum number of concurrent groups of built-in policies: one is replayed and stored while another is rolled out.
+const MAX_BUILT_IN_GROUPS: usize = 2;
 
-/// What the worker needs.
+/// Worker that rolls out the policies of runs.
 #[derive(Debug, Clone)]
-pub struct RolloutWorkers {
-    /// Where leases come from and results go.
-    pub desk: LeaseService,
-    /// Where policies and feeds are looked at.
+pub struct RolloutWorker {
+    /// Service that grants leases and takes results.
+    pub lease_service: LeaseService,
+    /// Pool of connections that read.
     pub readers: SqlitePool,
-    /// Where the time is read.
+    /// Source of the current time.
     pub clock: Clock,
-    /// Rung when there may be something to fly.
+    /// Signal that a group may be due.
     pub wake: Arc<Notify>,
-    /// The model that flies, where there is one.
+    /// Language model of chat policies, if one is configured.
     pub endpoint: Option<Endpoint>,
-    /// Threads of its own, in the background.
+    /// Threads of this worker, at background priority.
     pub pool: Arc<rayon::ThreadPool>,
 }
 
-/// A group that is being flown.
-struct Flying {
+/// Load that a group puts on the machine or on the language model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum RolloutLoad {
+    /// A built-in policy, on the worker's threads.
+    BuiltIn,
+    /// A language model, by this many concurrent episodes.
+    Chat { episodes: u32 },
+}
+
+/// A group that is being rolled out.
+struct ActiveGroup {
     run: String,
-    /// When its policy was set.
-    set: i64,
-    /// Episodes that ask the model at once; none of a built-in policy.
-    asking: Option<u32>,
+    /// When the run's policy was set.
+    policy_set_at: Millis,
+    load: RolloutLoad,
 }
 
-/// A run that is left alone for a while.
-struct Rest {
-    until: Instant,
-    pause: Duration,
-    /// When the policy was set that failed: another is tried at once.
-    set: i64,
-}
-
+/// Groups that are being rolled out.
 #[derive(Default)]
-struct Underway {
-    jobs: JoinSet<Ended>,
-    of: HashMap<Id, Flying>,
-    rests: BTreeMap<String, Rest>,
+struct ActiveGroups {
+    jobs: JoinSet<GroupResult>,
+    by_job: HashMap<Id, ActiveGroup>,
+    backoff: RunBackoff,
     /// The run that was served last: the next one comes first.
-    last: String,
+    last_run: String,
 }
 
-impl RolloutWorkers {
-    /// Works until the writer is gone.
+impl RolloutWorker {
+    /// Runs until the writer stops.
     pub async fn run(self) {
-        let mut underway = Underway::default();
-        let mut picked_up = false;
+        let mut active = ActiveGroups::default();
+        let mut has_recovered = false;
         loop {
-            match self.turn(&mut underway, &mut picked_up).await {
+            match self.start_due(&mut active, &mut has_recovered).await {
                 Ok(()) => {}
                 Err(ServiceError::Stopping) => return,
-                Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
+                Err(ServiceError::Busy) => tokio::time::sleep(ERROR_PAUSE).await,
                 Err(error) => {
-                    tracing::error!(error = %error, "Policies could not be flown; trying again soon.");
-                    tokio::time::sleep(PAUSE).await;
+                    tracing::error!(error = %error, "Policies could not be rolled out; trying again soon.");
+                    tokio::time::sleep(ERROR_PAUSE).await;
                 }
             }
             tokio::select! {
-                Some(done) = underway.jobs.join_next_with_id() => underway.ended(done),
+                Some(ended) = active.jobs.join_next_with_id() => active.remove(ended),
                 () = self.wake.notified() => {}
-                () = tokio::time::sleep(EVERY) => {}
+                () = tokio::time::sleep(POLL_INTERVAL) => {}
             }
         }
     }
 
-    /// Begins what may be begun, run by run in turn.
-    async fn turn(&self, underway: &mut Underway, picked_up: &mut bool) -> Result<(), ServiceError> {
-        if !*picked_up {
-            let given = self.desk.writer.change(ReturnAbandonedLeases).await?;
-            *picked_up = true;
-            if given > 0 {
+    /// Starts the groups that are due, run by run in turn. The first call returns the leases that the last server left.
+    async fn start_due(
+        &self,
+        active: &mut ActiveGroups,
+        has_recovered: &mut bool,
+    ) -> Result<(), ServiceError> {
+        if !*has_recovered {
+            let returned = self.lease_service.writer.change(ReturnAbandonedLeases).await?;
+            *has_recovered = true;
+            if returned > 0 {
                 tracing::info!(
-                    given,
-                    "Groups that were being flown when the server went away are offered again."
+                    returned,
+                    "Groups that were interrupted by the end of the last server are offered again."
                 );
             }
         }
@@ -117,179 +121,129 @@ impl RolloutWorkers {
                 let mut conn = self.readers.acquire().await?;
                 run_policies::active(&mut conn).await?
             };
-            let first = rows.partition_point(|row| row.run <= underway.last);
+            let first = rows.partition_point(|row| row.run <= active.last_run);
             rows.rotate_left(first);
-            let mut begun = false;
+            let mut started = false;
             for row in rows {
-                if let Some(asking) = self.may(underway, &row).await? {
-                    underway.last.clone_from(&row.run);
-                    self.begin(underway, &row, asking)?;
-                    begun = true;
+                if let Some(load) = self.due_load(active, &row).await? {
+                    active.last_run.clone_from(&row.run);
+                    self.start(active, &row, load)?;
+                    started = true;
                 }
             }
-            if !begun {
+            if !started {
                 return Ok(());
             }
         }
     }
 
-    /// Whether a group may be begun for this policy, and how many of its episodes ask a model at once.
-    async fn may(
+    /// Returns the load of the next group of a policy; `None` if none may start now.
+    async fn due_load(
         &self,
-        underway: &mut Underway,
+        active: &mut ActiveGroups,
         row: &RunPolicyRow,
-    ) -> Result<Option<Option<u32>>, ServiceError> {
-        let chat = row.policy == RunPolicy::Chat;
-        if underway.rests(row) || (!chat && underway.built_in() >= BUILT_IN_AT_ONCE) {
+    ) -> Result<Option<RolloutLoad>, ServiceError> {
+        let is_chat = row.policy == RunPolicy::Chat;
+        if active.backoff.is_paused(&row.run, row.changed_at)
+            || (!is_chat && active.built_in_groups() >= MAX_BUILT_IN_GROUPS)
+        {
             return Ok(None);
         }
-        let settings = PolicySettings::of(row)?;
+        let settings = PolicySettings::from_row(row)?;
         let mut conn = self.readers.acquire().await?;
         let feed = trajectories::counts(&mut conn, &row.run, self.clock.now()).await?;
-        let held = feed.waiting + feed.delivered + underway.of_run(&row.run);
-        if held >= i64::from(settings.ahead) || feed.bytes >= MOST_WAITING {
+        let unacked = feed.waiting + feed.delivered + active.groups_of(&row.run);
+        if unacked >= i64::from(settings.ahead) || feed.bytes >= MAX_UNACKED_BYTES {
             return Ok(None);
         }
-        if !chat {
-            return Ok(Some(None));
+        if !is_chat {
+            return Ok(Some(RolloutLoad::BuiltIn));
         }
         let Some(endpoint) = &self.endpoint else {
             drop(conn);
-            let words = "this server was started without a language model that flies (--policy-url)";
-            return self.rest(underway, row, words.to_owned()).await;
+            let trouble = "this server was started without a language model that flies (--policy-url)";
+            return self.pause(active, row, trouble.to_owned()).await;
         };
         let health = endpoint.llm.health();
         if health.retry_in_s.is_some_and(|left| left > 0.0) {
             drop(conn);
-            let words = format!("the model is left alone for a while: {}", health.why.unwrap_or_default());
-            return self.rest(underway, row, words).await;
+            let trouble = format!("the model is left alone for a while: {}", health.why.unwrap_or_default());
+            return self.pause(active, row, trouble).await;
         }
-        // A few more than may be asked at once, so that none of them waits for the slowest of a group.
-        if underway.asking() >= endpoint.llm.config().concurrency {
+        // A few more episodes than concurrent calls, so that no call waits for the slowest episode of a group.
+        if active.chat_episodes() >= endpoint.llm.config().concurrency {
             return Ok(None);
         }
         let run = runs::get(&mut conn, &row.run).await?;
         let run = run.ok_or_else(|| ServiceError::UnknownRun(row.run.clone()))?;
-        let size = from_json::<RunSettings>("a run's settings", &run.settings)?.group_size;
-        Ok(Some(Some(size)))
+        let episodes = from_json::<RunSettings>("a run's settings", &run.settings)?.group_size;
+        Ok(Some(RolloutLoad::Chat { episodes }))
     }
 
-    /// Leaves a run alone for a while, and says why.
-    async fn rest(
+    /// Pauses the rollouts of a run, and stores why.
+    async fn pause(
         &self,
-        underway: &mut Underway,
+        active: &mut ActiveGroups,
         row: &RunPolicyRow,
-        words: String,
-    ) -> Result<Option<Option<u32>>, ServiceError> {
-        underway.rest(&row.run, row.changed_at);
-        if row.trouble.as_ref() != Some(&words) {
-            self.desk.writer.change(ReportTrouble { run: row.run.clone(), words }).await?;
+        trouble: String,
+    ) -> Result<Option<RolloutLoad>, ServiceError> {
+        active.backoff.pause(&row.run, row.changed_at);
+        if row.trouble.as_ref() != Some(&trouble) {
+            self.lease_service.writer.change(SetPolicyTrouble { run: row.run.clone(), trouble }).await?;
         }
         Ok(None)
     }
 
-    fn begin(
+    /// Starts a group of a run.
+    fn start(
         &self,
-        underway: &mut Underway,
+        active: &mut ActiveGroups,
         row: &RunPolicyRow,
-        asking: Option<u32>,
+        load: RolloutLoad,
     ) -> Result<(), ServiceError> {
         let run: RunId = row
             .run
             .parse()
             .map_err(|error: crate::ids::InvalidId| ServiceError::invalid("run", error.to_string()))?;
-        let pilots = self.clone();
-        let job = underway.jobs.spawn(async move { pilots.fly(run).await });
-        underway.of.insert(job.id(), Flying { run: row.run.clone(), set: row.changed_at, asking });
+        let worker = self.clone();
+        let job = active.jobs.spawn(async move { worker.roll_out_group(run).await });
+        let group = ActiveGroup { run: row.run.clone(), policy_set_at: row.changed_at, load };
+        active.by_job.insert(job.id(), group);
         Ok(())
     }
 }
 
-impl Underway {
-    fn built_in(&self) -> usize {
-        self.of.values().filter(|flying| flying.asking.is_none()).count()
+impl ActiveGroups {
+    fn built_in_groups(&self) -> usize {
+        self.by_job.values().filter(|group| group.load == RolloutLoad::BuiltIn).count()
     }
 
-    fn asking(&self) -> usize {
-        self.of.values().filter_map(|flying| flying.asking).map(|size| size as usize).sum()
+    /// Returns the number of episodes that call the language model.
+    fn chat_episodes(&self) -> usize {
+        let episodes = |group: &ActiveGroup| match group.load {
+            RolloutLoad::BuiltIn => 0,
+            RolloutLoad::Chat { episodes } => episodes as usize,
+        };
+        self.by_job.values().map(episodes).sum()
     }
 
-    fn of_run(&self, run: &str) -> i64 {
-        self.of.values().filter(|flying| flying.run == run).count() as i64
+    fn groups_of(&self, run: &str) -> i64 {
+        self.by_job.values().filter(|group| group.run == run).count() as i64
     }
 
-    /// Whether a run is left alone now.
-    fn rests(&mut self, row: &RunPolicyRow) -> bool {
-        match self.rests.get(&row.run) {
-            Some(rest) if rest.set != row.changed_at => {
-                self.rests.remove(&row.run);
-                false
-            }
-            Some(rest) => rest.until > Instant::now(),
-            None => false,
-        }
-    }
-
-    fn rest(&mut self, run: &str, set: i64) {
-        let known = self.rests.get(run).filter(|rest| rest.set == set);
-        if known.is_some_and(|rest| rest.until > Instant::now()) {
-            return; // several groups failed of one cause
-        }
-        let pause = known.map_or(FIRST_REST, |rest| (rest.pause * 2).min(LONGEST_REST));
-        self.rests.insert(run.to_owned(), Rest { until: Instant::now() + pause, pause, set });
-    }
-
-    fn ended(&mut self, done: Result<(Id, Ended), JoinError>) {
-        let (id, ended) = match done {
-            Ok(done) => done,
+    /// Removes a group that ended, and updates the backoff of its run.
+    fn remove(&mut self, ended: Result<(Id, GroupResult), JoinError>) {
+        let (id, result) = match ended {
+            Ok(ended) => ended,
             Err(error) => {
-                tracing::error!(error = %error, "What flew a group ended; its lease ends by itself.");
-                (error.id(), Ended::Badly)
+                tracing::error!(error = %error, "The rollout of a group panicked; its lease will expire.");
+                (error.id(), GroupResult::Failed)
             }
         };
-        let Some(flying) = self.of.remove(&id) else { return };
-        match ended {
-            Ended::Well => {
-                self.rests.remove(&flying.run);
-            }
-            Ended::Badly => self.rest(&flying.run, flying.set),
+        let Some(group) = self.by_job.remove(&id) else { return };
+        match result {
+            GroupResult::Succeeded => self.backoff.clear(&group.run),
+            GroupResult::Failed => self.backoff.pause(&group.run, group.policy_set_at),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_run_that_fails_is_left_alone_for_longer_and_longer_until_its_policy_is_another() {
-        let row = |changed_at| RunPolicyRow {
-            run: "r".to_owned(),
-            policy: RunPolicy::Chat,
-            version: 0,
-            settings: String::new(),
-            groups: 0,
-            episodes: 0,
-            failed: 0,
-            trouble: None,
-            trouble_at: None,
-            changed_at,
-        };
-        let mut underway = Underway::default();
-        let mut pauses = Vec::new();
-        for _ in 0..9 {
-            underway.rest("r", 1);
-            underway.rest("r", 1); // at the same time: one cause
-            assert!(underway.rests(&row(1)));
-            let rest = underway.rests.get_mut("r").unwrap();
-            pauses.push(rest.pause.as_secs());
-            rest.until = Instant::now();
-        }
-        assert_eq!(pauses, [1, 2, 4, 8, 16, 32, 60, 60, 60]);
-        assert!(!underway.rests(&row(1)), "its time is over");
-        underway.rest("r", 1);
-        assert!(!underway.rests(&row(2)), "another policy is tried at once");
-        underway.rest("r", 2);
-        assert_eq!(underway.rests["r"].pause, FIRST_REST);
     }
 }

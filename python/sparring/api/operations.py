@@ -42,17 +42,17 @@ class Designs:
         aim: str | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.Designs:
-        """List the layouts of all runs that the gate let through, the newest first.
+    ) -> types.DesignPage:
+        """List the layouts of all runs that the gate admitted, newest first.
 
         Args:
-            task: Of this task.
-            state: In this state: `active` or `retired`.
-            aim: That go for this failure mode.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            state: State: `active` or `retired`.
+            aim: Failure mode that the layout aims at.
+            limit: Largest number of layouts on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Designs = self._send(
+        response: types.DesignPage = self._send(
             "GET",
             "/v1/layouts",
             {"task": task, "state": state, "aim": aim, "limit": limit, "cursor": cursor},
@@ -61,8 +61,8 @@ class Designs:
         )
         return response
 
-    def show_layout(self, layout: str) -> types.Layout:
-        """Show a layout with its whole scenario, bodies included, and what it is worth."""
+    def get_layout(self, layout: str) -> types.Layout:
+        """Get a layout with its complete scenario, bodies included, and its bracket."""
         response: types.Layout = self._send("GET", f"/v1/layouts/{_segment(layout)}", {}, None, is_repeatable=True)
         return response
 
@@ -76,19 +76,19 @@ class Designs:
         ask: str | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.Designs:
-        """List what designers thought of for a run, the newest first: layouts that serve or served, and what the gate refused
-        (at most 64 of an ask are kept; all are counted in its answer and in the summary).
+    ) -> types.DesignPage:
+        """List the designs of a run, newest first: active and retired layouts, and designs that the gate refused. At most 64
+        refused designs of a request are kept; the request and the statistics count all of them.
 
         Args:
-            task: Of this task.
-            state: In this state: `active`, `retired` or `refused`.
-            mode: That go for this failure mode.
-            ask: Of this ask.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            state: State: `active`, `retired` or `refused`.
+            mode: Failure mode that the design aims at.
+            ask: Id of the design request.
+            limit: Largest number of designs on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Designs = self._send(
+        response: types.DesignPage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/designs",
             {"task": task, "state": state, "mode": mode, "ask": ask, "limit": limit, "cursor": cursor},
@@ -97,25 +97,27 @@ class Designs:
         )
         return response
 
-    def ask(self, run: str, **body: Unpack[types.DesignAsk]) -> types.AskView:
-        """Ask a designer for layouts that go for what the agent fails at. It is answered at once, and done behind everything
-        else: the ask's `state` says how far it is.
+    def create_design_request(self, run: str, **body: Unpack[types.CreateDesignRequest]) -> types.DesignRequestSummary:
+        """Request layouts from a designer that aim at the agent's failures. The server responds at once and designs in the
+        background; the `state` of the request shows its progress.
         """
-        response: types.AskView = self._send("POST", f"/v1/runs/{_segment(run)}/designs", {}, body, is_repeatable=False)
+        response: types.DesignRequestSummary = self._send(
+            "POST", f"/v1/runs/{_segment(run)}/designs", {}, body, is_repeatable=False
+        )
         return response
 
-    def list_asks(
+    def list_design_requests(
         self, run: str, *, task: str | None = None, state: str | None = None, limit: int | None = None, cursor: str | None = None
-    ) -> types.Asks:
-        """List what designers were asked for a run, the newest first.
+    ) -> types.DesignRequestPage:
+        """List the requests to designers of a run, newest first.
 
         Args:
-            task: For this task.
-            state: In this state: `waiting`, `running`, `done` or `failed`.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            state: State: `waiting`, `running`, `done` or `failed`.
+            limit: Largest number of requests on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Asks = self._send(
+        response: types.DesignRequestPage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/designs/asks",
             {"task": task, "state": state, "limit": limit, "cursor": cursor},
@@ -124,35 +126,39 @@ class Designs:
         )
         return response
 
-    def show_ask(self, run: str, ask: str) -> types.Ask:
-        """Show an ask, with the failure profile it rested on."""
-        response: types.Ask = self._send(
+    def get_design_request(self, run: str, ask: str) -> types.DesignRequest:
+        """Get a request to a designer with the failure profile that it is based on."""
+        response: types.DesignRequest = self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/asks/{_segment(ask)}", {}, None, is_repeatable=True
         )
         return response
 
-    def summarise(self, run: str) -> types.Summary:
-        """Show what was designed for a run in numbers: by state, by what the gate said, and how much of training it is."""
-        response: types.Summary = self._send("GET", f"/v1/runs/{_segment(run)}/designs/summary", {}, None, is_repeatable=True)
+    def get_design_statistics(self, run: str) -> types.DesignStatistics:
+        """Get the numbers of a run's designs: by state, by check of the gate, and their share of training."""
+        response: types.DesignStatistics = self._send(
+            "GET", f"/v1/runs/{_segment(run)}/designs/summary", {}, None, is_repeatable=True
+        )
         return response
 
-    def show(self, run: str, design: str) -> types.Design:
-        """Show a design: its encounters, what the gate said, what it is worth, and how the agent fared."""
+    def get(self, run: str, design: str) -> types.Design:
+        """Get a design with its encounters, scenario, bracket, results and changes of state."""
         response: types.Design = self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}", {}, None, is_repeatable=True
         )
         return response
 
-    def retire(self, run: str, design: str) -> types.DesignHead:
-        """Retire a layout by hand: it is never served again. Groups of it that are leased already end as they would have."""
-        response: types.DesignHead = self._send(
+    def retire(self, run: str, design: str) -> types.DesignSummary:
+        """Retire a layout, so that it is not served again. Leased groups of it are not affected."""
+        response: types.DesignSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/retire", {}, None, is_repeatable=True
         )
         return response
 
-    def revive(self, run: str, design: str) -> types.DesignHead:
-        """Put a retired layout back, whyever it was retired: it serves again, and what it was retired for is forgotten."""
-        response: types.DesignHead = self._send(
+    def revive(self, run: str, design: str) -> types.DesignSummary:
+        """Restore a retired layout, whatever the reason of its retirement. It is served again, and the outcomes behind its
+        retirement are reset.
+        """
+        response: types.DesignSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/revive", {}, None, is_repeatable=True
         )
         return response
@@ -164,14 +170,14 @@ class Episodes:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Episodes:
-        """List reported episodes.
+    def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.EpisodePage:
+        """List the reported episodes of a run, by lease and index.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Episodes = self._send(
+        response: types.EpisodePage = self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
@@ -194,24 +200,24 @@ class Episodes:
         order: Literal["newest", "oldest", "worst_score", "best_score", "worst_skill", "best_skill"] | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.FoundEpisodes:
-        """Look for reported episodes, of those that are kept whole: `GET …/episodes` lists all, the oldest first. Orders by
-        score and skill leave out those that have none.
+    ) -> types.EpisodePage:
+        """Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by
+        score or skill leaves out episodes without one.
 
         Args:
-            task: Of this task.
-            level: Of this level.
-            state: How it came back.
-            success: Successes (true), or what are none (false).
-            mode: In which this failure mode was found: of those that are kept as examples of it.
-            role: Of groups of this role.
-            layout: On this layout.
-            version: Flown by this version of the policy.
-            order: In which order (newest).
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before, asked for with the same words.
+            task: Id of the task.
+            level: Level of the scenario.
+            state: State of the episode.
+            success: True for successful episodes, false for the others.
+            mode: Failure mode of the episode, among the episodes that are kept as its examples.
+            role: Role of the group.
+            layout: Id of the layout.
+            version: Policy version that ran the episode.
+            order: Order of the episodes (default `newest`).
+            limit: Largest number of episodes on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page of the same search.
         """
-        response: types.FoundEpisodes = self._send(
+        response: types.EpisodePage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/episodes/search",
             {
@@ -232,24 +238,23 @@ class Episodes:
         )
         return response
 
-    def show(self, run: str, episode: str) -> types.Episode:
-        """Show an episode: its scenario, and how it went."""
+    def get(self, run: str, episode: str) -> types.Episode:
+        """Get an episode with its scenario, outcome and actions."""
         response: types.Episode = self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}", {}, None, is_repeatable=True
         )
         return response
 
-    def replayed(
+    def replay(
         self, run: str, episode: str, *, telemetry: bool | None = None, plan: Literal["agent", "hold", "reference"] | None = None
-    ) -> types.Replay:
-        """Replay an episode on the server: the whole state, step by step.
+    ) -> types.EpisodeReplay:
+        """Replay an episode on the server and return the whole state after each step.
 
         Args:
-            telemetry: Whether frames also hold what the agents saw (false).
-            plan: Who flies it: the agent, as it did; nobody; or the plan that the scenario's reference score is of
-                (agent).
+            telemetry: True if frames include the observations of the agents (default false).
+            plan: Actions to replay: of the agent, none, or of the reference plan (default `agent`).
         """
-        response: types.Replay = self._send(
+        response: types.EpisodeReplay = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}/replay",
             {"telemetry": telemetry, "plan": plan},
@@ -265,63 +270,60 @@ class Evaluations:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list(self, *, limit: int | None = None, cursor: str | None = None) -> types.Evaluations:
-        """List evaluations, the newest first.
+    def list(self, *, limit: int | None = None, cursor: str | None = None) -> types.EvaluationPage:
+        """List evaluations, newest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Evaluations = self._send(
+        response: types.EvaluationPage = self._send(
             "GET", "/v1/evaluations", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    def begin(self, **body: Unpack[types.EvaluationWish]) -> types.Evaluation:
-        """Begin an evaluation on a frozen suite. Without `run` the server flies a built-in policy. With `run` its trainer
-        flies: it leases scenarios (`purpose: eval`, `evaluation`: this id) and reports results as ever, until none is left.
-        What its seeds make is never trained on.
+    def create(self, **body: Unpack[types.EvaluationRequest]) -> types.EvaluationSummary:
+        """Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer
+        leases the scenarios (`purpose: eval`, `evaluation`: this id) and reports results until none is left. Evaluation
+        seeds are never used for training.
         """
-        response: types.Evaluation = self._send("POST", "/v1/evaluations", {}, body, is_repeatable=False)
+        response: types.EvaluationSummary = self._send("POST", "/v1/evaluations", {}, body, is_repeatable=False)
         return response
 
     def compare(self, *, a: str, b: str) -> types.Comparison:
-        """Compare evaluations of the same suite: paired on scenarios, and across trainings where there are several.
+        """Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
 
         Args:
-            a: Evaluations by their ids, separated by commas: trainings of one kind that differ by their seed.
-            b: The same of what they are compared with.
+            a: Ids of evaluations, separated by commas: trainings that differ by their seed.
+            b: Ids of the evaluations to compare them with.
         """
         response: types.Comparison = self._send("GET", "/v1/evaluations/compare", {"a": a, "b": b}, None, is_repeatable=True)
         return response
 
-    def show(self, evaluation: str) -> types.EvaluationFound:
-        """Show an evaluation, with what it found once it is complete."""
-        response: types.EvaluationFound = self._send(
-            "GET", f"/v1/evaluations/{_segment(evaluation)}", {}, None, is_repeatable=True
-        )
+    def get(self, evaluation: str) -> types.Evaluation:
+        """Get an evaluation, with its results if it is complete."""
+        response: types.Evaluation = self._send("GET", f"/v1/evaluations/{_segment(evaluation)}", {}, None, is_repeatable=True)
         return response
 
-    def cancel(self, evaluation: str) -> types.Evaluation:
-        """Cancel an evaluation: it is `failed`, leases of it are refused, and it is none of those under way any more. What was
-        flown of it can still be looked at. Of one that is complete there is nothing to cancel (409); of one that failed
-        nothing changes.
+    def cancel(self, evaluation: str) -> types.EvaluationSummary:
+        """Cancel an evaluation. It becomes `failed` and grants no more leases; its results so far remain. A complete
+        evaluation cannot be cancelled (409). Cancelling a failed one changes nothing.
         """
-        response: types.Evaluation = self._send(
+        response: types.EvaluationSummary = self._send(
             "POST", f"/v1/evaluations/{_segment(evaluation)}/cancel", {}, None, is_repeatable=True
         )
         return response
 
     def list_evaluation_scenarios(
         self, evaluation: str, *, limit: int | None = None, cursor: str | None = None
-    ) -> types.EvaluationScenarios:
-        """Show an evaluation scenario by scenario, as far as it is flown.
+    ) -> types.EvaluationScenarioPage:
+        """List the scenarios of an evaluation with their results so far, in the order of the suite.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.EvaluationScenarios = self._send(
+        response: types.EvaluationScenarioPage = self._send(
             "GET",
             f"/v1/evaluations/{_segment(evaluation)}/scenarios",
             {"limit": limit, "cursor": cursor},
@@ -330,9 +332,9 @@ class Evaluations:
         )
         return response
 
-    def list_suites(self) -> types.Suites:
-        """List the suites that evaluations are flown on."""
-        response: types.Suites = self._send("GET", "/v1/suites", {}, None, is_repeatable=True)
+    def list_suites(self) -> types.SuiteList:
+        """List the frozen suites of evaluations."""
+        response: types.SuiteList = self._send("GET", "/v1/suites", {}, None, is_repeatable=True)
         return response
 
 
@@ -342,26 +344,26 @@ class Failures:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def show_critique(self, run: str, episode: str) -> types.EpisodeCritique:
-        """Criticise an episode: why it lost score, and what its actions were worth. Computed from the stored actions when
-        asked; it moves nothing.
+    def get_episode_critique(self, run: str, episode: str) -> types.EpisodeCritique:
+        """Get the critique of an episode: why it lost score and what its actions were worth. The server computes it from the
+        stored actions on each request; it does not affect the curriculum.
         """
         response: types.EpisodeCritique = self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}/critique", {}, None, is_repeatable=True
         )
         return response
 
-    def show(self, run: str, *, task: str | None = None, examples: int | None = None) -> types.Profiles:
-        """Show why a run's episodes lose score: failure modes by where it came from and how fast, what actions were worth, and
-        how that changes. Counted over the finished episodes of training and probes, behind the acknowledgement of results;
-        late results and evaluations do not count.
+    def get_failure_profiles(self, run: str, *, task: str | None = None, examples: int | None = None) -> types.FailureProfiles:
+        """Get the failure profiles of a run's tasks: failure modes by bearing and relative speed, values of actions, and their
+        trends. They count the finished episodes of training and probes, some time after the acknowledgement of results.
+        Late results and evaluations do not count.
 
         Args:
-            task: One task only.
-            examples: How many different episodes behind each cell are named, the newest: 0 to 64 (3). Of each cell its
-                newest 64 failures are kept; where those are of fewer episodes, fewer are named.
+            task: Id of the only task to return.
+            examples: Largest number of example episodes for each cell, newest first, from 0 to 64 (default 3). The
+                newest 64 failures of a cell are kept; several of them may be of one episode.
         """
-        response: types.Profiles = self._send(
+        response: types.FailureProfiles = self._send(
             "GET", f"/v1/runs/{_segment(run)}/failures", {"task": task, "examples": examples}, None, is_repeatable=True
         )
         return response
@@ -376,19 +378,18 @@ class Failures:
         band: int | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.Failures:
-        """List the failures behind a profile, the newest first: the episodes that a cell, a sector, a mode or a whole task is
-        made of.
+    ) -> types.FailurePage:
+        """List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
 
         Args:
-            task: Of this task.
-            mode: Of this failure mode.
-            sector: Of this bearing sector, 0 to 11.
-            band: Of this speed band.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            mode: Name of the failure mode.
+            sector: Bearing sector, from 0 to 11.
+            band: Speed band, from 0.
+            limit: Largest number of failures on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Failures = self._send(
+        response: types.FailurePage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/failures/list",
             {"task": task, "mode": mode, "sector": sector, "band": band, "limit": limit, "cursor": cursor},
@@ -404,16 +405,19 @@ class Health:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def audit(self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.AuditLog:
-        """Show what was changed by hand; or, with `denied=true`, who was kept out (401, 403; a line a second of an address at
-        most, and ten of all). The newest 100 000 lines are kept, of who was kept out 20 000.
+    def list_audit_log(
+        self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.AuditLogPage:
+        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
+        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
+        20 000 denied requests.
 
         Args:
-            denied: Those about who was kept out, instead of what was changed (false).
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            denied: True for denied requests, false for changes (default false).
+            limit: Largest number of entries on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.AuditLog = self._send(
+        response: types.AuditLogPage = self._send(
             "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
@@ -425,42 +429,44 @@ class Leases:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Leases:
+    def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LeasePage:
         """List the leases of a run, oldest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Leases = self._send(
+        response: types.LeasePage = self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    def take(self, run: str, **body: Unpack[types.LeaseWish]) -> types.Lease:
-        """Lease groups of scenarios. Where scenarios are still being prepared it waits a while, then answers 503."""
+    def create(self, run: str, **body: Unpack[types.LeaseRequest]) -> types.Lease:
+        """Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then
+        returns 503.
+        """
         response: types.Lease = self._send("POST", f"/v1/runs/{_segment(run)}/leases", {}, body, is_repeatable=False)
         return response
 
-    def show(self, run: str, lease: str) -> types.Lease:
-        """Show a lease with its groups: what was answered when it was taken. Past what the run keeps whole only those groups
-        are left that a level move, a layout or an example of a failure rests on.
+    def get(self, run: str, lease: str) -> types.Lease:
+        """Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move,
+        a layout or an example of a failure depends on.
         """
         response: types.Lease = self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}", {}, None, is_repeatable=True
         )
         return response
 
-    def release(self, run: str, lease: str) -> types.LeaseHead:
-        """Release a lease: what was not reported is offered again. Releasing what is over changes nothing."""
-        response: types.LeaseHead = self._send(
+    def release(self, run: str, lease: str) -> types.LeaseSummary:
+        """Release a lease. Its unreported scenarios are offered again. A release of an ended lease changes nothing."""
+        response: types.LeaseSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/release", {}, None, is_repeatable=True
         )
         return response
 
-    def renew(self, run: str, lease: str) -> types.LeaseHead:
-        """Renew a lease: it holds for its time again, from now."""
-        response: types.LeaseHead = self._send(
+    def renew(self, run: str, lease: str) -> types.LeaseSummary:
+        """Renew a lease for its full duration from now."""
+        response: types.LeaseSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/renew", {}, None, is_repeatable=True
         )
         return response
@@ -472,40 +478,40 @@ class Mastery:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def show(self, run: str) -> types.Masteries:
-        """Show what the agent has mastered now."""
-        response: types.Masteries = self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
+    def get(self, run: str) -> types.RunMastery:
+        """Get the current mastery of all tasks."""
+        response: types.RunMastery = self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
-    def history(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.History:
-        """Show every level move with its evidence, oldest first.
+    def list_level_moves(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LevelMovePage:
+        """List the level moves of a run with their evidence, oldest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.History = self._send(
+        response: types.LevelMovePage = self._send(
             "GET", f"/v1/runs/{_segment(run)}/mastery/history", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    def params(self, run: str) -> types.Params:
-        """Show the params in force per task."""
-        response: types.Params = self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
+    def get_params(self, run: str) -> types.RunParams:
+        """Get the params in force, by task."""
+        response: types.RunParams = self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
         return response
 
-    def show_series(
+    def get_series(
         self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
-    ) -> types.Series:
-        """Show how a run went over time: success, skill, mastery, levels and params, task by task. Points are buckets of time
-        in which something came back. Of the last week they are as short as a minute, of before an hour.
+    ) -> types.RunSeries:
+        """Get the time series of a run: success, skill, mastery, levels and params of each task. A point is a bucket of time
+        with results: at least a minute wide in the last week, an hour before.
 
         Args:
-            from_: Its beginning, RFC 3339 (that of the run).
-            to: Its end, RFC 3339 (now).
-            points: Points of each curve, at most: 1 to 2 000 (300).
+            from_: Start of the window, RFC 3339 (default: start of the run).
+            to: End of the window, RFC 3339 (default: now).
+            points: Largest number of points of each series, from 1 to 2 000 (default 300).
         """
-        response: types.Series = self._send(
+        response: types.RunSeries = self._send(
             "GET", f"/v1/runs/{_segment(run)}/series", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
         )
         return response
@@ -517,35 +523,35 @@ class Results:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def show_columns(self, run: str, lease: str) -> types.Claim:
-        """Show what was claimed of a lease, and what became of it."""
-        response: types.Claim = self._send(
+    def get_column_claim(self, run: str, lease: str) -> types.ColumnClaim:
+        """Get the claim of a lease and its state."""
+        response: types.ColumnClaim = self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns", {}, None, is_repeatable=True
         )
         return response
 
-    def claim(self, run: str, lease: str, **body: Unpack[types.ColumnsWish]) -> types.Claim:
-        """Claim how all episodes of a lease of columns went. The answer comes after the columns are on disk, and says which
-        groups are audited: their logs are due, as results, within the lease's time. When all have replayed to what was
-        claimed the claim is accepted; one that does not refuses it whole. The same columns again are answered as before.
+    def claim_columns(self, run: str, lease: str, **body: Unpack[types.ColumnsRequest]) -> types.ColumnClaim:
+        """Claim the results of all episodes of a lease of columns. The response is sent after the commit and lists the audited
+        groups. Their logs are due as results before the lease expires. The claim is accepted if every replay agrees with
+        it, and refused as a whole otherwise. A repeated claim returns the same response.
         """
-        response: types.Claim = self._send(
+        response: types.ColumnClaim = self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns", {}, body, is_repeatable=True
         )
         return response
 
-    def entries(self, run: str, lease: str) -> types.Entries:
-        """Read the columns of a lease back, whatever became of them."""
-        response: types.Entries = self._send(
+    def get_claimed_columns(self, run: str, lease: str) -> types.ClaimedColumns:
+        """Get the columns of a lease as they were claimed, whether accepted or not."""
+        response: types.ClaimedColumns = self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns/entries", {}, None, is_repeatable=True
         )
         return response
 
-    def report(self, run: str, **body: Unpack[types.Results]) -> types.Receipts:
-        """Report results. Idempotent: what was reported before is answered as before and counts once. Each result gets its own
-        answer; one that is refused does not touch the others. The answer comes after everything is on disk.
+    def report(self, run: str, **body: Unpack[types.ResultsRequest]) -> types.ResultsResponse:
+        """Report results of episodes. A repeated result returns the same receipt and counts once. Each result has its own
+        receipt; a refused one does not affect the others. The response is sent after the commit.
         """
-        response: types.Receipts = self._send("POST", f"/v1/runs/{_segment(run)}/results", {}, body, is_repeatable=True)
+        response: types.ResultsResponse = self._send("POST", f"/v1/runs/{_segment(run)}/results", {}, body, is_repeatable=True)
         return response
 
 
@@ -555,103 +561,103 @@ class Runs:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list(self, *, archived: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.Runs:
+    def list(self, *, archived: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.RunPage:
         """List runs, oldest first.
 
         Args:
-            archived: Those that are archived, instead of the others (false).
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            archived: True for archived runs, false for the others (default false).
+            limit: Largest number of runs on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Runs = self._send(
+        response: types.RunPage = self._send(
             "GET", "/v1/runs", {"archived": archived, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    def create(self, **body: Unpack[types.RunWish]) -> types.Run:
-        """Create a run. Everything may be left out: `{}` is a ladder over the tasks of the first world."""
-        response: types.Run = self._send("POST", "/v1/runs", {}, body, is_repeatable=False)
+    def create(self, **body: Unpack[types.RunRequest]) -> types.RunSummary:
+        """Create a run. All fields are optional: `{}` creates a ladder over the tasks of the first world."""
+        response: types.RunSummary = self._send("POST", "/v1/runs", {}, body, is_repeatable=False)
         return response
 
-    def show(self, run: str) -> types.RunNow:
-        """Show a run."""
-        response: types.RunNow = self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
+    def get(self, run: str) -> types.Run:
+        """Get a run."""
+        response: types.Run = self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
         return response
 
-    def change(self, run: str, **body: Unpack[types.RunChange]) -> types.Run:
-        """Change what a run is told; what is left out stays as it is. Tasks keep their level and mastery unless their table or
-        physics change; under another strategy they keep their mastery, and the strategy starts afresh. What was proposed
-        before and is leased may be reported all the same.
+    def update(self, run: str, **body: Unpack[types.RunChange]) -> types.RunSummary:
+        """Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless
+        its level table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew.
+        Results of existing leases are still accepted.
         """
-        response: types.Run = self._send("PATCH", f"/v1/runs/{_segment(run)}", {}, body, is_repeatable=True)
+        response: types.RunSummary = self._send("PATCH", f"/v1/runs/{_segment(run)}", {}, body, is_repeatable=True)
         return response
 
-    def archive(self, run: str) -> types.Run:
-        """Archive a run: it is paused, and left out of lists unless those that are archived are asked for. Resuming brings it
-        back.
+    def archive(self, run: str) -> types.RunSummary:
+        """Archive a run. It is paused, and lists leave it out unless `archived=true`. A resume restores it."""
+        response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
+        return response
+
+    def get_overview(self, run: str) -> types.RunOverview:
+        """Get the overview of a run: results, throughput and levels."""
+        response: types.RunOverview = self._send("GET", f"/v1/runs/{_segment(run)}/overview", {}, None, is_repeatable=True)
+        return response
+
+    def pause(self, run: str) -> types.RunSummary:
+        """Pause a run. It grants no more leases; results of existing leases are still accepted."""
+        response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/pause", {}, None, is_repeatable=True)
+        return response
+
+    def set_policy_version(self, run: str, **body: Unpack[types.PolicyVersionRequest]) -> types.RunSummary:
+        """Set the newest policy version. Leases and results raise it automatically. A version that was reported by mistake
+        makes all later results stale (`max_staleness`) until it is set back here.
         """
-        response: types.Run = self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
+        response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True)
         return response
 
-    def show_overview(self, run: str) -> types.Overview:
-        """Show a run in a glance: how much came back, how fast, where it stands."""
-        response: types.Overview = self._send("GET", f"/v1/runs/{_segment(run)}/overview", {}, None, is_repeatable=True)
+    def resume(self, run: str) -> types.RunSummary:
+        """Resume a paused or archived run."""
+        response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/resume", {}, None, is_repeatable=True)
         return response
 
-    def pause(self, run: str) -> types.Run:
-        """Pause a run: it grants no more leases; results of those it has granted are still taken."""
-        response: types.Run = self._send("POST", f"/v1/runs/{_segment(run)}/pause", {}, None, is_repeatable=True)
-        return response
-
-    def set_newest(self, run: str, **body: Unpack[types.Newest]) -> types.Run:
-        """Set the newest policy version. Leases and results raise it by themselves; one that was named by mistake makes all
-        that come after it stale (`max_staleness`) until it is set back here.
+    def set_retention(self, run: str, **body: Unpack[types.RetentionRequest]) -> types.RunSummary:
+        """Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes
+        effect within seconds, and deleted data cannot be restored.
         """
-        response: types.Run = self._send("PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True)
+        response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/retention", {}, body, is_repeatable=True)
         return response
 
-    def resume(self, run: str) -> types.Run:
-        """Resume a run that is paused or archived."""
-        response: types.Run = self._send("POST", f"/v1/runs/{_segment(run)}/resume", {}, None, is_repeatable=True)
-        return response
-
-    def put_retention(self, run: str, **body: Unpack[types.RetentionWish]) -> types.Run:
-        """Set what a run keeps whole; what is left out stays as it is. A smaller number takes effect within seconds, and what
-        it lets go does not come back.
-        """
-        response: types.Run = self._send("PUT", f"/v1/runs/{_segment(run)}/retention", {}, body, is_repeatable=True)
-        return response
-
-    def list_settings(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Told:
-        """Show the settings of a run and those it had before, the newest first.
+    def list_run_settings(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.RunSettingsPage:
+        """List the settings of a run and their earlier versions, newest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Told = self._send(
+        response: types.RunSettingsPage = self._send(
             "GET", f"/v1/runs/{_segment(run)}/settings", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    def list_versions(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Versions:
-        """List the versions of a run's policy, the newest first: those that were told of, and those that results came from. Of
-        very many that were never told of the newest are kept.
+    def list_policy_versions(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.PolicyVersionPage:
+        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
+        a description only the newest are kept.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Versions = self._send(
+        response: types.PolicyVersionPage = self._send(
             "GET", f"/v1/runs/{_segment(run)}/versions", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    def put_version(self, run: str, version: str, **body: Unpack[types.VersionWish]) -> types.Version:
-        """Tell of a version of the run's policy: where its weights are, and what else should be known. Telling again replaces
-        what was told. A version above the newest is the newest from then on.
+    def describe_policy_version(
+        self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
+    ) -> types.PolicyVersion:
+        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
+        one. A version above the newest becomes the newest.
         """
-        response: types.Version = self._send(
+        response: types.PolicyVersion = self._send(
             "PUT", f"/v1/runs/{_segment(run)}/versions/{_segment(version)}", {}, body, is_repeatable=True
         )
         return response
@@ -663,21 +669,21 @@ class Scenarios:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def fly(self, **body: Unpack[types.FlightWish]) -> types.Flight:
-        """Fly a scenario by hand: as far as its steps go, or `until` says, or until it is over. Nothing is planned on or
-        stored; `POST /v1/scenarios` judges what came of it.
+    def roll_out(self, **body: Unpack[types.RolloutRequest]) -> types.Rollout:
+        """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored
+        and no bracket is computed; `POST /v1/scenarios` evaluates the result.
         """
-        response: types.Flight = self._send("POST", "/v1/flights", {}, body, is_repeatable=True)
+        response: types.Rollout = self._send("POST", "/v1/flights", {}, body, is_repeatable=True)
         return response
 
-    def check(self, **body: Unpack[types.Wish]) -> types.Checked:
-        """Validate, bracket, replay and criticise a scenario by hand. Nothing is stored."""
-        response: types.Checked = self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
+    def check(self, **body: Unpack[types.ScenarioRequest]) -> types.ScenarioCheck:
+        """Check a scenario: validate it, compute its bracket, and replay and criticise actions on it. Nothing is stored."""
+        response: types.ScenarioCheck = self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
         return response
 
-    def list_tasks(self) -> types.Tasks:
+    def list_tasks(self) -> types.TaskList:
         """List the tasks with their parameter spaces, levels, actions, policies and failure modes."""
-        response: types.Tasks = self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
+        response: types.TaskList = self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
         return response
 
 
@@ -687,9 +693,9 @@ class Tasks:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list_strategies(self) -> types.Strategies:
-        """List the strategies with the settings of each."""
-        response: types.Strategies = self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
+    def list_strategies(self) -> types.StrategyList:
+        """List the strategies with their settings."""
+        response: types.StrategyList = self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
         return response
 
 
@@ -699,33 +705,34 @@ class Trajectories:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def show_policy(self, run: str) -> types.PolicyView:
-        """Show the policy of a run: which, how it is set, and how it goes."""
-        response: types.PolicyView = self._send("GET", f"/v1/runs/{_segment(run)}/policy", {}, None, is_repeatable=True)
+    def get_policy(self, run: str) -> types.RunPolicyState:
+        """Get the policy of a run with its settings and progress."""
+        response: types.RunPolicyState = self._send("GET", f"/v1/runs/{_segment(run)}/policy", {}, None, is_repeatable=True)
         return response
 
-    def put_policy(self, run: str, **body: Unpack[types.PolicyWish]) -> types.PolicyView:
-        """Set the policy of a run: which the server's workers fly for it, into its feed. `chat` asks the language model that
-        the server was started with; no request can name another.
+    def set_policy(self, run: str, **body: Unpack[types.PolicyRequest]) -> types.RunPolicyState:
+        """Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language
+        model of the server's configuration; no request can name another.
         """
-        response: types.PolicyView = self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
+        response: types.RunPolicyState = self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
         return response
 
     def pull(
         self, run: str, *, limit: int | None = None, wait_s: int | None = None, ttl_s: int | None = None, after: int | None = None
-    ) -> types.Pulled:
-        """Pull finished groups, in order. They are claimed for `ttl_s`: acknowledged in that time they are done with, else
-        they are delivered again, so that each is delivered at least once; `id` tells repeats. With `after` groups are read
-        again, which claims nothing. With `wait_s` an answer comes as soon as there is a group.
+    ) -> types.TrajectoryPage:
+        """Pull finished groups, in order. They are claimed for `ttl_s` and delivered again if they are not acknowledged in
+        that time, so that each group is delivered at least once; `id` identifies repeats. With `after` groups are read
+        again without a claim. With `wait_s` the response is sent as soon as there is a group.
 
         Args:
-            limit: How many groups at most: 1 to 256 (8). An answer is at most 32 MiB of JSON, but for a single group.
-            wait_s: How long to wait where there is none, seconds: 0 to 60 (0).
-            ttl_s: For how long they are nobody else's, seconds: 1 to 86 400 (600). What is not acknowledged by then is
-                delivered again.
-            after: Reads again what came after this id, without claiming it, whether or not it was acknowledged.
+            limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
+                single group.
+            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
+            ttl_s: Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by
+                then is delivered again.
+            after: Id after which groups are read again without a claim, acknowledged or not.
         """
-        response: types.Pulled = self._send(
+        response: types.TrajectoryPage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/trajectories",
             {"limit": limit, "wait_s": wait_s, "ttl_s": ttl_s, "after": after},
@@ -734,9 +741,13 @@ class Trajectories:
         )
         return response
 
-    def ack(self, run: str, **body: Unpack[types.AckWish]) -> types.Acked:
-        """Acknowledge groups: they are not delivered again, and leave room for others. Doing so twice is the same as once."""
-        response: types.Acked = self._send("POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True)
+    def acknowledge(self, run: str, **body: Unpack[types.AcknowledgeRequest]) -> types.AcknowledgeResponse:
+        """Acknowledge delivered groups. They are not delivered again and make room in the feed. A repeated request has no
+        further effect.
+        """
+        response: types.AcknowledgeResponse = self._send(
+            "POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True
+        )
         return response
 
 
@@ -772,17 +783,17 @@ class AsyncDesigns:
         aim: str | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.Designs:
-        """List the layouts of all runs that the gate let through, the newest first.
+    ) -> types.DesignPage:
+        """List the layouts of all runs that the gate admitted, newest first.
 
         Args:
-            task: Of this task.
-            state: In this state: `active` or `retired`.
-            aim: That go for this failure mode.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            state: State: `active` or `retired`.
+            aim: Failure mode that the layout aims at.
+            limit: Largest number of layouts on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Designs = await self._send(
+        response: types.DesignPage = await self._send(
             "GET",
             "/v1/layouts",
             {"task": task, "state": state, "aim": aim, "limit": limit, "cursor": cursor},
@@ -791,8 +802,8 @@ class AsyncDesigns:
         )
         return response
 
-    async def show_layout(self, layout: str) -> types.Layout:
-        """Show a layout with its whole scenario, bodies included, and what it is worth."""
+    async def get_layout(self, layout: str) -> types.Layout:
+        """Get a layout with its complete scenario, bodies included, and its bracket."""
         response: types.Layout = await self._send("GET", f"/v1/layouts/{_segment(layout)}", {}, None, is_repeatable=True)
         return response
 
@@ -806,19 +817,19 @@ class AsyncDesigns:
         ask: str | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.Designs:
-        """List what designers thought of for a run, the newest first: layouts that serve or served, and what the gate refused
-        (at most 64 of an ask are kept; all are counted in its answer and in the summary).
+    ) -> types.DesignPage:
+        """List the designs of a run, newest first: active and retired layouts, and designs that the gate refused. At most 64
+        refused designs of a request are kept; the request and the statistics count all of them.
 
         Args:
-            task: Of this task.
-            state: In this state: `active`, `retired` or `refused`.
-            mode: That go for this failure mode.
-            ask: Of this ask.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            state: State: `active`, `retired` or `refused`.
+            mode: Failure mode that the design aims at.
+            ask: Id of the design request.
+            limit: Largest number of designs on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Designs = await self._send(
+        response: types.DesignPage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/designs",
             {"task": task, "state": state, "mode": mode, "ask": ask, "limit": limit, "cursor": cursor},
@@ -827,25 +838,27 @@ class AsyncDesigns:
         )
         return response
 
-    async def ask(self, run: str, **body: Unpack[types.DesignAsk]) -> types.AskView:
-        """Ask a designer for layouts that go for what the agent fails at. It is answered at once, and done behind everything
-        else: the ask's `state` says how far it is.
+    async def create_design_request(self, run: str, **body: Unpack[types.CreateDesignRequest]) -> types.DesignRequestSummary:
+        """Request layouts from a designer that aim at the agent's failures. The server responds at once and designs in the
+        background; the `state` of the request shows its progress.
         """
-        response: types.AskView = await self._send("POST", f"/v1/runs/{_segment(run)}/designs", {}, body, is_repeatable=False)
+        response: types.DesignRequestSummary = await self._send(
+            "POST", f"/v1/runs/{_segment(run)}/designs", {}, body, is_repeatable=False
+        )
         return response
 
-    async def list_asks(
+    async def list_design_requests(
         self, run: str, *, task: str | None = None, state: str | None = None, limit: int | None = None, cursor: str | None = None
-    ) -> types.Asks:
-        """List what designers were asked for a run, the newest first.
+    ) -> types.DesignRequestPage:
+        """List the requests to designers of a run, newest first.
 
         Args:
-            task: For this task.
-            state: In this state: `waiting`, `running`, `done` or `failed`.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            state: State: `waiting`, `running`, `done` or `failed`.
+            limit: Largest number of requests on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Asks = await self._send(
+        response: types.DesignRequestPage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/designs/asks",
             {"task": task, "state": state, "limit": limit, "cursor": cursor},
@@ -854,37 +867,39 @@ class AsyncDesigns:
         )
         return response
 
-    async def show_ask(self, run: str, ask: str) -> types.Ask:
-        """Show an ask, with the failure profile it rested on."""
-        response: types.Ask = await self._send(
+    async def get_design_request(self, run: str, ask: str) -> types.DesignRequest:
+        """Get a request to a designer with the failure profile that it is based on."""
+        response: types.DesignRequest = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/asks/{_segment(ask)}", {}, None, is_repeatable=True
         )
         return response
 
-    async def summarise(self, run: str) -> types.Summary:
-        """Show what was designed for a run in numbers: by state, by what the gate said, and how much of training it is."""
-        response: types.Summary = await self._send(
+    async def get_design_statistics(self, run: str) -> types.DesignStatistics:
+        """Get the numbers of a run's designs: by state, by check of the gate, and their share of training."""
+        response: types.DesignStatistics = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/summary", {}, None, is_repeatable=True
         )
         return response
 
-    async def show(self, run: str, design: str) -> types.Design:
-        """Show a design: its encounters, what the gate said, what it is worth, and how the agent fared."""
+    async def get(self, run: str, design: str) -> types.Design:
+        """Get a design with its encounters, scenario, bracket, results and changes of state."""
         response: types.Design = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}", {}, None, is_repeatable=True
         )
         return response
 
-    async def retire(self, run: str, design: str) -> types.DesignHead:
-        """Retire a layout by hand: it is never served again. Groups of it that are leased already end as they would have."""
-        response: types.DesignHead = await self._send(
+    async def retire(self, run: str, design: str) -> types.DesignSummary:
+        """Retire a layout, so that it is not served again. Leased groups of it are not affected."""
+        response: types.DesignSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/retire", {}, None, is_repeatable=True
         )
         return response
 
-    async def revive(self, run: str, design: str) -> types.DesignHead:
-        """Put a retired layout back, whyever it was retired: it serves again, and what it was retired for is forgotten."""
-        response: types.DesignHead = await self._send(
+    async def revive(self, run: str, design: str) -> types.DesignSummary:
+        """Restore a retired layout, whatever the reason of its retirement. It is served again, and the outcomes behind its
+        retirement are reset.
+        """
+        response: types.DesignSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/revive", {}, None, is_repeatable=True
         )
         return response
@@ -896,14 +911,14 @@ class AsyncEpisodes:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Episodes:
-        """List reported episodes.
+    async def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.EpisodePage:
+        """List the reported episodes of a run, by lease and index.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Episodes = await self._send(
+        response: types.EpisodePage = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
@@ -926,24 +941,24 @@ class AsyncEpisodes:
         order: Literal["newest", "oldest", "worst_score", "best_score", "worst_skill", "best_skill"] | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.FoundEpisodes:
-        """Look for reported episodes, of those that are kept whole: `GET …/episodes` lists all, the oldest first. Orders by
-        score and skill leave out those that have none.
+    ) -> types.EpisodePage:
+        """Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by
+        score or skill leaves out episodes without one.
 
         Args:
-            task: Of this task.
-            level: Of this level.
-            state: How it came back.
-            success: Successes (true), or what are none (false).
-            mode: In which this failure mode was found: of those that are kept as examples of it.
-            role: Of groups of this role.
-            layout: On this layout.
-            version: Flown by this version of the policy.
-            order: In which order (newest).
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before, asked for with the same words.
+            task: Id of the task.
+            level: Level of the scenario.
+            state: State of the episode.
+            success: True for successful episodes, false for the others.
+            mode: Failure mode of the episode, among the episodes that are kept as its examples.
+            role: Role of the group.
+            layout: Id of the layout.
+            version: Policy version that ran the episode.
+            order: Order of the episodes (default `newest`).
+            limit: Largest number of episodes on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page of the same search.
         """
-        response: types.FoundEpisodes = await self._send(
+        response: types.EpisodePage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/episodes/search",
             {
@@ -964,24 +979,23 @@ class AsyncEpisodes:
         )
         return response
 
-    async def show(self, run: str, episode: str) -> types.Episode:
-        """Show an episode: its scenario, and how it went."""
+    async def get(self, run: str, episode: str) -> types.Episode:
+        """Get an episode with its scenario, outcome and actions."""
         response: types.Episode = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}", {}, None, is_repeatable=True
         )
         return response
 
-    async def replayed(
+    async def replay(
         self, run: str, episode: str, *, telemetry: bool | None = None, plan: Literal["agent", "hold", "reference"] | None = None
-    ) -> types.Replay:
-        """Replay an episode on the server: the whole state, step by step.
+    ) -> types.EpisodeReplay:
+        """Replay an episode on the server and return the whole state after each step.
 
         Args:
-            telemetry: Whether frames also hold what the agents saw (false).
-            plan: Who flies it: the agent, as it did; nobody; or the plan that the scenario's reference score is of
-                (agent).
+            telemetry: True if frames include the observations of the agents (default false).
+            plan: Actions to replay: of the agent, none, or of the reference plan (default `agent`).
         """
-        response: types.Replay = await self._send(
+        response: types.EpisodeReplay = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}/replay",
             {"telemetry": telemetry, "plan": plan},
@@ -997,65 +1011,64 @@ class AsyncEvaluations:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list(self, *, limit: int | None = None, cursor: str | None = None) -> types.Evaluations:
-        """List evaluations, the newest first.
+    async def list(self, *, limit: int | None = None, cursor: str | None = None) -> types.EvaluationPage:
+        """List evaluations, newest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Evaluations = await self._send(
+        response: types.EvaluationPage = await self._send(
             "GET", "/v1/evaluations", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    async def begin(self, **body: Unpack[types.EvaluationWish]) -> types.Evaluation:
-        """Begin an evaluation on a frozen suite. Without `run` the server flies a built-in policy. With `run` its trainer
-        flies: it leases scenarios (`purpose: eval`, `evaluation`: this id) and reports results as ever, until none is left.
-        What its seeds make is never trained on.
+    async def create(self, **body: Unpack[types.EvaluationRequest]) -> types.EvaluationSummary:
+        """Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer
+        leases the scenarios (`purpose: eval`, `evaluation`: this id) and reports results until none is left. Evaluation
+        seeds are never used for training.
         """
-        response: types.Evaluation = await self._send("POST", "/v1/evaluations", {}, body, is_repeatable=False)
+        response: types.EvaluationSummary = await self._send("POST", "/v1/evaluations", {}, body, is_repeatable=False)
         return response
 
     async def compare(self, *, a: str, b: str) -> types.Comparison:
-        """Compare evaluations of the same suite: paired on scenarios, and across trainings where there are several.
+        """Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
 
         Args:
-            a: Evaluations by their ids, separated by commas: trainings of one kind that differ by their seed.
-            b: The same of what they are compared with.
+            a: Ids of evaluations, separated by commas: trainings that differ by their seed.
+            b: Ids of the evaluations to compare them with.
         """
         response: types.Comparison = await self._send(
             "GET", "/v1/evaluations/compare", {"a": a, "b": b}, None, is_repeatable=True
         )
         return response
 
-    async def show(self, evaluation: str) -> types.EvaluationFound:
-        """Show an evaluation, with what it found once it is complete."""
-        response: types.EvaluationFound = await self._send(
+    async def get(self, evaluation: str) -> types.Evaluation:
+        """Get an evaluation, with its results if it is complete."""
+        response: types.Evaluation = await self._send(
             "GET", f"/v1/evaluations/{_segment(evaluation)}", {}, None, is_repeatable=True
         )
         return response
 
-    async def cancel(self, evaluation: str) -> types.Evaluation:
-        """Cancel an evaluation: it is `failed`, leases of it are refused, and it is none of those under way any more. What was
-        flown of it can still be looked at. Of one that is complete there is nothing to cancel (409); of one that failed
-        nothing changes.
+    async def cancel(self, evaluation: str) -> types.EvaluationSummary:
+        """Cancel an evaluation. It becomes `failed` and grants no more leases; its results so far remain. A complete
+        evaluation cannot be cancelled (409). Cancelling a failed one changes nothing.
         """
-        response: types.Evaluation = await self._send(
+        response: types.EvaluationSummary = await self._send(
             "POST", f"/v1/evaluations/{_segment(evaluation)}/cancel", {}, None, is_repeatable=True
         )
         return response
 
     async def list_evaluation_scenarios(
         self, evaluation: str, *, limit: int | None = None, cursor: str | None = None
-    ) -> types.EvaluationScenarios:
-        """Show an evaluation scenario by scenario, as far as it is flown.
+    ) -> types.EvaluationScenarioPage:
+        """List the scenarios of an evaluation with their results so far, in the order of the suite.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.EvaluationScenarios = await self._send(
+        response: types.EvaluationScenarioPage = await self._send(
             "GET",
             f"/v1/evaluations/{_segment(evaluation)}/scenarios",
             {"limit": limit, "cursor": cursor},
@@ -1064,9 +1077,9 @@ class AsyncEvaluations:
         )
         return response
 
-    async def list_suites(self) -> types.Suites:
-        """List the suites that evaluations are flown on."""
-        response: types.Suites = await self._send("GET", "/v1/suites", {}, None, is_repeatable=True)
+    async def list_suites(self) -> types.SuiteList:
+        """List the frozen suites of evaluations."""
+        response: types.SuiteList = await self._send("GET", "/v1/suites", {}, None, is_repeatable=True)
         return response
 
 
@@ -1076,26 +1089,28 @@ class AsyncFailures:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def show_critique(self, run: str, episode: str) -> types.EpisodeCritique:
-        """Criticise an episode: why it lost score, and what its actions were worth. Computed from the stored actions when
-        asked; it moves nothing.
+    async def get_episode_critique(self, run: str, episode: str) -> types.EpisodeCritique:
+        """Get the critique of an episode: why it lost score and what its actions were worth. The server computes it from the
+        stored actions on each request; it does not affect the curriculum.
         """
         response: types.EpisodeCritique = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}/critique", {}, None, is_repeatable=True
         )
         return response
 
-    async def show(self, run: str, *, task: str | None = None, examples: int | None = None) -> types.Profiles:
-        """Show why a run's episodes lose score: failure modes by where it came from and how fast, what actions were worth, and
-        how that changes. Counted over the finished episodes of training and probes, behind the acknowledgement of results;
-        late results and evaluations do not count.
+    async def get_failure_profiles(
+        self, run: str, *, task: str | None = None, examples: int | None = None
+    ) -> types.FailureProfiles:
+        """Get the failure profiles of a run's tasks: failure modes by bearing and relative speed, values of actions, and their
+        trends. They count the finished episodes of training and probes, some time after the acknowledgement of results.
+        Late results and evaluations do not count.
 
         Args:
-            task: One task only.
-            examples: How many different episodes behind each cell are named, the newest: 0 to 64 (3). Of each cell its
-                newest 64 failures are kept; where those are of fewer episodes, fewer are named.
+            task: Id of the only task to return.
+            examples: Largest number of example episodes for each cell, newest first, from 0 to 64 (default 3). The
+                newest 64 failures of a cell are kept; several of them may be of one episode.
         """
-        response: types.Profiles = await self._send(
+        response: types.FailureProfiles = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/failures", {"task": task, "examples": examples}, None, is_repeatable=True
         )
         return response
@@ -1110,19 +1125,18 @@ class AsyncFailures:
         band: int | None = None,
         limit: int | None = None,
         cursor: str | None = None,
-    ) -> types.Failures:
-        """List the failures behind a profile, the newest first: the episodes that a cell, a sector, a mode or a whole task is
-        made of.
+    ) -> types.FailurePage:
+        """List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
 
         Args:
-            task: Of this task.
-            mode: Of this failure mode.
-            sector: Of this bearing sector, 0 to 11.
-            band: Of this speed band.
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            task: Id of the task.
+            mode: Name of the failure mode.
+            sector: Bearing sector, from 0 to 11.
+            band: Speed band, from 0.
+            limit: Largest number of failures on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Failures = await self._send(
+        response: types.FailurePage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/failures/list",
             {"task": task, "mode": mode, "sector": sector, "band": band, "limit": limit, "cursor": cursor},
@@ -1138,16 +1152,19 @@ class AsyncHealth:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def audit(self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.AuditLog:
-        """Show what was changed by hand; or, with `denied=true`, who was kept out (401, 403; a line a second of an address at
-        most, and ten of all). The newest 100 000 lines are kept, of who was kept out 20 000.
+    async def list_audit_log(
+        self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.AuditLogPage:
+        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
+        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
+        20 000 denied requests.
 
         Args:
-            denied: Those about who was kept out, instead of what was changed (false).
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            denied: True for denied requests, false for changes (default false).
+            limit: Largest number of entries on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.AuditLog = await self._send(
+        response: types.AuditLogPage = await self._send(
             "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
@@ -1159,42 +1176,44 @@ class AsyncLeases:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Leases:
+    async def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LeasePage:
         """List the leases of a run, oldest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Leases = await self._send(
+        response: types.LeasePage = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    async def take(self, run: str, **body: Unpack[types.LeaseWish]) -> types.Lease:
-        """Lease groups of scenarios. Where scenarios are still being prepared it waits a while, then answers 503."""
+    async def create(self, run: str, **body: Unpack[types.LeaseRequest]) -> types.Lease:
+        """Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then
+        returns 503.
+        """
         response: types.Lease = await self._send("POST", f"/v1/runs/{_segment(run)}/leases", {}, body, is_repeatable=False)
         return response
 
-    async def show(self, run: str, lease: str) -> types.Lease:
-        """Show a lease with its groups: what was answered when it was taken. Past what the run keeps whole only those groups
-        are left that a level move, a layout or an example of a failure rests on.
+    async def get(self, run: str, lease: str) -> types.Lease:
+        """Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move,
+        a layout or an example of a failure depends on.
         """
         response: types.Lease = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}", {}, None, is_repeatable=True
         )
         return response
 
-    async def release(self, run: str, lease: str) -> types.LeaseHead:
-        """Release a lease: what was not reported is offered again. Releasing what is over changes nothing."""
-        response: types.LeaseHead = await self._send(
+    async def release(self, run: str, lease: str) -> types.LeaseSummary:
+        """Release a lease. Its unreported scenarios are offered again. A release of an ended lease changes nothing."""
+        response: types.LeaseSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/release", {}, None, is_repeatable=True
         )
         return response
 
-    async def renew(self, run: str, lease: str) -> types.LeaseHead:
-        """Renew a lease: it holds for its time again, from now."""
-        response: types.LeaseHead = await self._send(
+    async def renew(self, run: str, lease: str) -> types.LeaseSummary:
+        """Renew a lease for its full duration from now."""
+        response: types.LeaseSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/renew", {}, None, is_repeatable=True
         )
         return response
@@ -1206,40 +1225,40 @@ class AsyncMastery:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def show(self, run: str) -> types.Masteries:
-        """Show what the agent has mastered now."""
-        response: types.Masteries = await self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
+    async def get(self, run: str) -> types.RunMastery:
+        """Get the current mastery of all tasks."""
+        response: types.RunMastery = await self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
-    async def history(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.History:
-        """Show every level move with its evidence, oldest first.
+    async def list_level_moves(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LevelMovePage:
+        """List the level moves of a run with their evidence, oldest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.History = await self._send(
+        response: types.LevelMovePage = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/mastery/history", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    async def params(self, run: str) -> types.Params:
-        """Show the params in force per task."""
-        response: types.Params = await self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
+    async def get_params(self, run: str) -> types.RunParams:
+        """Get the params in force, by task."""
+        response: types.RunParams = await self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
         return response
 
-    async def show_series(
+    async def get_series(
         self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
-    ) -> types.Series:
-        """Show how a run went over time: success, skill, mastery, levels and params, task by task. Points are buckets of time
-        in which something came back. Of the last week they are as short as a minute, of before an hour.
+    ) -> types.RunSeries:
+        """Get the time series of a run: success, skill, mastery, levels and params of each task. A point is a bucket of time
+        with results: at least a minute wide in the last week, an hour before.
 
         Args:
-            from_: Its beginning, RFC 3339 (that of the run).
-            to: Its end, RFC 3339 (now).
-            points: Points of each curve, at most: 1 to 2 000 (300).
+            from_: Start of the window, RFC 3339 (default: start of the run).
+            to: End of the window, RFC 3339 (default: now).
+            points: Largest number of points of each series, from 1 to 2 000 (default 300).
         """
-        response: types.Series = await self._send(
+        response: types.RunSeries = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/series", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
         )
         return response
@@ -1251,35 +1270,37 @@ class AsyncResults:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def show_columns(self, run: str, lease: str) -> types.Claim:
-        """Show what was claimed of a lease, and what became of it."""
-        response: types.Claim = await self._send(
+    async def get_column_claim(self, run: str, lease: str) -> types.ColumnClaim:
+        """Get the claim of a lease and its state."""
+        response: types.ColumnClaim = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns", {}, None, is_repeatable=True
         )
         return response
 
-    async def claim(self, run: str, lease: str, **body: Unpack[types.ColumnsWish]) -> types.Claim:
-        """Claim how all episodes of a lease of columns went. The answer comes after the columns are on disk, and says which
-        groups are audited: their logs are due, as results, within the lease's time. When all have replayed to what was
-        claimed the claim is accepted; one that does not refuses it whole. The same columns again are answered as before.
+    async def claim_columns(self, run: str, lease: str, **body: Unpack[types.ColumnsRequest]) -> types.ColumnClaim:
+        """Claim the results of all episodes of a lease of columns. The response is sent after the commit and lists the audited
+        groups. Their logs are due as results before the lease expires. The claim is accepted if every replay agrees with
+        it, and refused as a whole otherwise. A repeated claim returns the same response.
         """
-        response: types.Claim = await self._send(
+        response: types.ColumnClaim = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns", {}, body, is_repeatable=True
         )
         return response
 
-    async def entries(self, run: str, lease: str) -> types.Entries:
-        """Read the columns of a lease back, whatever became of them."""
-        response: types.Entries = await self._send(
+    async def get_claimed_columns(self, run: str, lease: str) -> types.ClaimedColumns:
+        """Get the columns of a lease as they were claimed, whether accepted or not."""
+        response: types.ClaimedColumns = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns/entries", {}, None, is_repeatable=True
         )
         return response
 
-    async def report(self, run: str, **body: Unpack[types.Results]) -> types.Receipts:
-        """Report results. Idempotent: what was reported before is answered as before and counts once. Each result gets its own
-        answer; one that is refused does not touch the others. The answer comes after everything is on disk.
+    async def report(self, run: str, **body: Unpack[types.ResultsRequest]) -> types.ResultsResponse:
+        """Report results of episodes. A repeated result returns the same receipt and counts once. Each result has its own
+        receipt; a refused one does not affect the others. The response is sent after the commit.
         """
-        response: types.Receipts = await self._send("POST", f"/v1/runs/{_segment(run)}/results", {}, body, is_repeatable=True)
+        response: types.ResultsResponse = await self._send(
+            "POST", f"/v1/runs/{_segment(run)}/results", {}, body, is_repeatable=True
+        )
         return response
 
 
@@ -1289,103 +1310,107 @@ class AsyncRuns:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list(self, *, archived: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.Runs:
+    async def list(self, *, archived: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.RunPage:
         """List runs, oldest first.
 
         Args:
-            archived: Those that are archived, instead of the others (false).
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            archived: True for archived runs, false for the others (default false).
+            limit: Largest number of runs on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Runs = await self._send(
+        response: types.RunPage = await self._send(
             "GET", "/v1/runs", {"archived": archived, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    async def create(self, **body: Unpack[types.RunWish]) -> types.Run:
-        """Create a run. Everything may be left out: `{}` is a ladder over the tasks of the first world."""
-        response: types.Run = await self._send("POST", "/v1/runs", {}, body, is_repeatable=False)
+    async def create(self, **body: Unpack[types.RunRequest]) -> types.RunSummary:
+        """Create a run. All fields are optional: `{}` creates a ladder over the tasks of the first world."""
+        response: types.RunSummary = await self._send("POST", "/v1/runs", {}, body, is_repeatable=False)
         return response
 
-    async def show(self, run: str) -> types.RunNow:
-        """Show a run."""
-        response: types.RunNow = await self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
+    async def get(self, run: str) -> types.Run:
+        """Get a run."""
+        response: types.Run = await self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
         return response
 
-    async def change(self, run: str, **body: Unpack[types.RunChange]) -> types.Run:
-        """Change what a run is told; what is left out stays as it is. Tasks keep their level and mastery unless their table or
-        physics change; under another strategy they keep their mastery, and the strategy starts afresh. What was proposed
-        before and is leased may be reported all the same.
+    async def update(self, run: str, **body: Unpack[types.RunChange]) -> types.RunSummary:
+        """Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless
+        its level table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew.
+        Results of existing leases are still accepted.
         """
-        response: types.Run = await self._send("PATCH", f"/v1/runs/{_segment(run)}", {}, body, is_repeatable=True)
+        response: types.RunSummary = await self._send("PATCH", f"/v1/runs/{_segment(run)}", {}, body, is_repeatable=True)
         return response
 
-    async def archive(self, run: str) -> types.Run:
-        """Archive a run: it is paused, and left out of lists unless those that are archived are asked for. Resuming brings it
-        back.
+    async def archive(self, run: str) -> types.RunSummary:
+        """Archive a run. It is paused, and lists leave it out unless `archived=true`. A resume restores it."""
+        response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
+        return response
+
+    async def get_overview(self, run: str) -> types.RunOverview:
+        """Get the overview of a run: results, throughput and levels."""
+        response: types.RunOverview = await self._send("GET", f"/v1/runs/{_segment(run)}/overview", {}, None, is_repeatable=True)
+        return response
+
+    async def pause(self, run: str) -> types.RunSummary:
+        """Pause a run. It grants no more leases; results of existing leases are still accepted."""
+        response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/pause", {}, None, is_repeatable=True)
+        return response
+
+    async def set_policy_version(self, run: str, **body: Unpack[types.PolicyVersionRequest]) -> types.RunSummary:
+        """Set the newest policy version. Leases and results raise it automatically. A version that was reported by mistake
+        makes all later results stale (`max_staleness`) until it is set back here.
         """
-        response: types.Run = await self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
+        response: types.RunSummary = await self._send(
+            "PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True
+        )
         return response
 
-    async def show_overview(self, run: str) -> types.Overview:
-        """Show a run in a glance: how much came back, how fast, where it stands."""
-        response: types.Overview = await self._send("GET", f"/v1/runs/{_segment(run)}/overview", {}, None, is_repeatable=True)
+    async def resume(self, run: str) -> types.RunSummary:
+        """Resume a paused or archived run."""
+        response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/resume", {}, None, is_repeatable=True)
         return response
 
-    async def pause(self, run: str) -> types.Run:
-        """Pause a run: it grants no more leases; results of those it has granted are still taken."""
-        response: types.Run = await self._send("POST", f"/v1/runs/{_segment(run)}/pause", {}, None, is_repeatable=True)
-        return response
-
-    async def set_newest(self, run: str, **body: Unpack[types.Newest]) -> types.Run:
-        """Set the newest policy version. Leases and results raise it by themselves; one that was named by mistake makes all
-        that come after it stale (`max_staleness`) until it is set back here.
+    async def set_retention(self, run: str, **body: Unpack[types.RetentionRequest]) -> types.RunSummary:
+        """Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes
+        effect within seconds, and deleted data cannot be restored.
         """
-        response: types.Run = await self._send("PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True)
+        response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/retention", {}, body, is_repeatable=True)
         return response
 
-    async def resume(self, run: str) -> types.Run:
-        """Resume a run that is paused or archived."""
-        response: types.Run = await self._send("POST", f"/v1/runs/{_segment(run)}/resume", {}, None, is_repeatable=True)
-        return response
-
-    async def put_retention(self, run: str, **body: Unpack[types.RetentionWish]) -> types.Run:
-        """Set what a run keeps whole; what is left out stays as it is. A smaller number takes effect within seconds, and what
-        it lets go does not come back.
-        """
-        response: types.Run = await self._send("PUT", f"/v1/runs/{_segment(run)}/retention", {}, body, is_repeatable=True)
-        return response
-
-    async def list_settings(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Told:
-        """Show the settings of a run and those it had before, the newest first.
+    async def list_run_settings(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.RunSettingsPage:
+        """List the settings of a run and their earlier versions, newest first.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Told = await self._send(
+        response: types.RunSettingsPage = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/settings", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    async def list_versions(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.Versions:
-        """List the versions of a run's policy, the newest first: those that were told of, and those that results came from. Of
-        very many that were never told of the newest are kept.
+    async def list_policy_versions(
+        self, run: str, *, limit: int | None = None, cursor: str | None = None
+    ) -> types.PolicyVersionPage:
+        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
+        a description only the newest are kept.
 
         Args:
-            limit: How many at most: 1 to 500 (50).
-            cursor: `next` of the page before.
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
         """
-        response: types.Versions = await self._send(
+        response: types.PolicyVersionPage = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/versions", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
-    async def put_version(self, run: str, version: str, **body: Unpack[types.VersionWish]) -> types.Version:
-        """Tell of a version of the run's policy: where its weights are, and what else should be known. Telling again replaces
-        what was told. A version above the newest is the newest from then on.
+    async def describe_policy_version(
+        self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
+    ) -> types.PolicyVersion:
+        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
+        one. A version above the newest becomes the newest.
         """
-        response: types.Version = await self._send(
+        response: types.PolicyVersion = await self._send(
             "PUT", f"/v1/runs/{_segment(run)}/versions/{_segment(version)}", {}, body, is_repeatable=True
         )
         return response
@@ -1397,21 +1422,21 @@ class AsyncScenarios:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def fly(self, **body: Unpack[types.FlightWish]) -> types.Flight:
-        """Fly a scenario by hand: as far as its steps go, or `until` says, or until it is over. Nothing is planned on or
-        stored; `POST /v1/scenarios` judges what came of it.
+    async def roll_out(self, **body: Unpack[types.RolloutRequest]) -> types.Rollout:
+        """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored
+        and no bracket is computed; `POST /v1/scenarios` evaluates the result.
         """
-        response: types.Flight = await self._send("POST", "/v1/flights", {}, body, is_repeatable=True)
+        response: types.Rollout = await self._send("POST", "/v1/flights", {}, body, is_repeatable=True)
         return response
 
-    async def check(self, **body: Unpack[types.Wish]) -> types.Checked:
-        """Validate, bracket, replay and criticise a scenario by hand. Nothing is stored."""
-        response: types.Checked = await self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
+    async def check(self, **body: Unpack[types.ScenarioRequest]) -> types.ScenarioCheck:
+        """Check a scenario: validate it, compute its bracket, and replay and criticise actions on it. Nothing is stored."""
+        response: types.ScenarioCheck = await self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
         return response
 
-    async def list_tasks(self) -> types.Tasks:
+    async def list_tasks(self) -> types.TaskList:
         """List the tasks with their parameter spaces, levels, actions, policies and failure modes."""
-        response: types.Tasks = await self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
+        response: types.TaskList = await self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
         return response
 
 
@@ -1421,9 +1446,9 @@ class AsyncTasks:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list_strategies(self) -> types.Strategies:
-        """List the strategies with the settings of each."""
-        response: types.Strategies = await self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
+    async def list_strategies(self) -> types.StrategyList:
+        """List the strategies with their settings."""
+        response: types.StrategyList = await self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
         return response
 
 
@@ -1433,33 +1458,34 @@ class AsyncTrajectories:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def show_policy(self, run: str) -> types.PolicyView:
-        """Show the policy of a run: which, how it is set, and how it goes."""
-        response: types.PolicyView = await self._send("GET", f"/v1/runs/{_segment(run)}/policy", {}, None, is_repeatable=True)
+    async def get_policy(self, run: str) -> types.RunPolicyState:
+        """Get the policy of a run with its settings and progress."""
+        response: types.RunPolicyState = await self._send("GET", f"/v1/runs/{_segment(run)}/policy", {}, None, is_repeatable=True)
         return response
 
-    async def put_policy(self, run: str, **body: Unpack[types.PolicyWish]) -> types.PolicyView:
-        """Set the policy of a run: which the server's workers fly for it, into its feed. `chat` asks the language model that
-        the server was started with; no request can name another.
+    async def set_policy(self, run: str, **body: Unpack[types.PolicyRequest]) -> types.RunPolicyState:
+        """Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language
+        model of the server's configuration; no request can name another.
         """
-        response: types.PolicyView = await self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
+        response: types.RunPolicyState = await self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
         return response
 
     async def pull(
         self, run: str, *, limit: int | None = None, wait_s: int | None = None, ttl_s: int | None = None, after: int | None = None
-    ) -> types.Pulled:
-        """Pull finished groups, in order. They are claimed for `ttl_s`: acknowledged in that time they are done with, else
-        they are delivered again, so that each is delivered at least once; `id` tells repeats. With `after` groups are read
-        again, which claims nothing. With `wait_s` an answer comes as soon as there is a group.
+    ) -> types.TrajectoryPage:
+        """Pull finished groups, in order. They are claimed for `ttl_s` and delivered again if they are not acknowledged in
+        that time, so that each group is delivered at least once; `id` identifies repeats. With `after` groups are read
+        again without a claim. With `wait_s` the response is sent as soon as there is a group.
 
         Args:
-            limit: How many groups at most: 1 to 256 (8). An answer is at most 32 MiB of JSON, but for a single group.
-            wait_s: How long to wait where there is none, seconds: 0 to 60 (0).
-            ttl_s: For how long they are nobody else's, seconds: 1 to 86 400 (600). What is not acknowledged by then is
-                delivered again.
-            after: Reads again what came after this id, without claiming it, whether or not it was acknowledged.
+            limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
+                single group.
+            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
+            ttl_s: Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by
+                then is delivered again.
+            after: Id after which groups are read again without a claim, acknowledged or not.
         """
-        response: types.Pulled = await self._send(
+        response: types.TrajectoryPage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/trajectories",
             {"limit": limit, "wait_s": wait_s, "ttl_s": ttl_s, "after": after},
@@ -1468,9 +1494,11 @@ class AsyncTrajectories:
         )
         return response
 
-    async def ack(self, run: str, **body: Unpack[types.AckWish]) -> types.Acked:
-        """Acknowledge groups: they are not delivered again, and leave room for others. Doing so twice is the same as once."""
-        response: types.Acked = await self._send(
+    async def acknowledge(self, run: str, **body: Unpack[types.AcknowledgeRequest]) -> types.AcknowledgeResponse:
+        """Acknowledge delivered groups. They are not delivered again and make room in the feed. A repeated request has no
+        further effect.
+        """
+        response: types.AcknowledgeResponse = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True
         )
         return response

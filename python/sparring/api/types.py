@@ -7,640 +7,750 @@ from typing import Any, Literal, TypeAlias, TypedDict
 from typing_extensions import NotRequired
 
 
-class AckWish(TypedDict):
-    """What a trainer has taken."""
+class AcknowledgeRequest(TypedDict):
+    """Acknowledgement of delivered groups."""
 
     ids: list[int]
     """Ids of groups, at most 10 000."""
 
 
-class Acked(TypedDict):
-    """What became of it."""
+class AcknowledgeResponse(TypedDict):
+    """Response to an acknowledgement."""
 
     acked: list[int]
-    """Groups that are acknowledged, now or before."""
+    """Ids of groups that are acknowledged, now or before."""
     unknown: list[int]
-    """Ids of no group of this run: never, or no longer kept."""
+    """Ids without a group in this run: they never existed or are no longer kept."""
 
 
-class ActionView(TypedDict):
-    """What an action was worth."""
+ActionPrecision: TypeAlias = Literal["f32", "f64"]
+"""Floating-point precision of actions."""
+
+
+ActionStopReason: TypeAlias = Literal["unparsable", "too_long", "too_late"]
+"""Reason why an action log ends before the episode."""
+
+
+class ActionValue(TypedDict):
+    """Value of an action."""
 
     agent: int
-    """Whose."""
+    """Index of the agent that acted."""
     cost: float
-    """What it cost, in the world's unit of fuel."""
+    """Cost, in the world's unit of fuel."""
     gain: float
-    """The score with it minus the score without it."""
+    """Score with the action minus the score without it."""
     step: int
-    """When, counted from 1."""
+    """Step of the action, from 1."""
     verdict: str
     """`needed`, `harmless`, `wasteful` or `harmful`."""
 
 
 class AgentEnd(TypedDict):
-    """How a step ended for an agent."""
+    """Result of a step for one agent."""
 
     agent: int
-    """Who."""
+    """Number of the agent."""
     reward: float
-    """Its own reward."""
+    """The agent's own reward."""
     terminated: bool
-    """It has left the episode by the rules of the task."""
+    """True if the agent left the episode by the rules of the task."""
     truncated: bool
-    """The episode was cut off by its horizon."""
-
-
-class AimView(TypedDict):
-    """What a design goes for."""
-
-    bearing_deg: NotRequired[int | None]
-    """From where, degrees in the frame; none where the mode has no direction."""
-    frame: NotRequired[str | None]
-    """What bearings are measured in."""
-    mode: str
-    """The failure mode."""
+    """True if the episode was cut off by its horizon."""
 
 
 All: TypeAlias = Literal["all"]
-"""The word for that."""
+"""The word `all` in JSON."""
 
 
-class AskView(TypedDict):
-    """One round of asking a designer."""
-
-    admitted: int
-    """How many the gate let through."""
-    asked_by: str
-    """`worker` (the stock ran low, or the failures changed) or `hand`."""
-    cost: float
-    """What they cost, in the currency that prices are configured in."""
-    created_at: str
-    """When it was asked, RFC 3339."""
-    criticised: NotRequired[int | None]
-    """Criticised episodes that the profile rests on."""
-    designer: str
-    """Who was asked: `llm` or `procedural`. What a language model does not do the procedural designer does."""
-    ended_at: NotRequired[str | None]
-    """When it ended, RFC 3339."""
-    error: NotRequired[str | None]
-    """Why it failed."""
-    id: str
-    """Its id."""
-    latency_ms: int
-    """How long it took, milliseconds."""
-    level: NotRequired[int | None]
-    """The level it was for; none before it has begun, and where there are no levels."""
-    model: NotRequired[str | None]
-    """The model, where one was asked."""
-    prompt: NotRequired[str | None]
-    """The version of its prompt."""
-    refused: int
-    """How many it refused."""
-    rounds: int
-    """Rounds, of all designers together."""
-    state: str
-    """`waiting`, `running`, `done` or `failed`."""
-    task: str
-    """The task."""
-    tokens_in: int
-    """Tokens in."""
-    tokens_out: int
-    """Tokens out."""
-    troubles: list[str]
-    """What went wrong without ending it, in a sentence each."""
-    wanted: int
-    """How many layouts were wanted."""
-
-
-class Asks(TypedDict):
-    """A page of asks."""
-
-    asks: list[AskView]
-    """The newest first."""
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-
-
-class Audit(TypedDict):
-    """A group whose logs are due."""
-
-    entries: list[int]
-    """Where its episodes that finished stand in the columns."""
-    episodes: list[str]
-    """What to report them as, one for each of these."""
-    group: int
-    """Its number in the lease."""
-
-
-class AuditLine(TypedDict):
-    """A line of the audit log."""
+class AuditLogEntry(TypedDict):
+    """Entry of the audit log."""
 
     address: NotRequired[str | None]
-    """The address it came from."""
+    """Address of the client."""
     at: str
-    """When, RFC 3339."""
+    """Time of the request, RFC 3339."""
     name: NotRequired[str | None]
-    """Its name."""
+    """Name of the token."""
     operation: str
-    """The operation, as this document names it."""
+    """Operation, by its method and path in this document."""
     path: str
-    """The path that was asked for."""
+    """Path of the request."""
     request_id: str
-    """The request's id, which stands in the logs, too."""
+    """Id of the request, which the server's logs have too."""
     status: int
-    """The HTTP status it was answered with."""
+    """HTTP status of the response."""
     token: NotRequired[int | None]
-    """The number of the token; none where nobody showed one that is known."""
+    """Number of the token; null if the request had no known token."""
 
 
-class AuditLog(TypedDict):
-    """A page of the audit log."""
+class AuditLogPage(TypedDict):
+    """Page of the audit log."""
 
-    lines: list[AuditLine]
-    """The newest first."""
+    lines: list[AuditLogEntry]
+    """Entries, newest first."""
     next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
+    """Cursor of the next page; null on the last page."""
 
 
-class Backlog(TypedDict):
-    """How far the critique of a run is behind its results."""
+class AuditedGroup(TypedDict):
+    """Group of a claim whose logs are due."""
 
-    sampling: bool
-    """
-    Whether so many wait that only some are criticised. The choice looks at the episode's name alone, so shares stay
-    unbiased; nothing is scaled up for those that are skipped.
-    """
-    share: float
-    """The share that is criticised now."""
-    waiting: int
-    """Episodes that were reported and wait for their critique."""
-
-
-BandView = TypedDict(
-    "BandView",
-    {
-        "band": int,
-        "from": float,
-        "to": NotRequired[float | None],
-        "unit": str,
-    },
-)
-
-
-class BracketView(TypedDict):
-    """What a scenario is worth."""
-
-    floor: float
-    """The score of acting blindly."""
-    hold: float
-    """The score of doing nothing."""
-    panel: int
-    """How many blind plans there are."""
-    panel_success: int
-    """How many of the blind plans succeed."""
-    planner: int
-    """Version of the planner that made it."""
-    reference: float
-    """What the planner earned, with hindsight."""
-
-
-class CellView(TypedDict):
-    """Failures of one mode from one sector at one band of speed."""
-
-    avoidable_share: NotRequired[float | None]
-    """
-    The share that acting when the body was first visible, within the fuel left, would have avoided; none where nothing
-    was met.
-    """
-    band: NotRequired[int | None]
-    """The speed band; none where nothing was met."""
-    count: int
-    """How many."""
+    entries: list[int]
+    """Indices of its finished episodes in the columns."""
     episodes: list[str]
-    """The newest episodes behind it, the newest first."""
-    last_at: str
-    """When the last one was entered, RFC 3339."""
-    mean_steps_left: NotRequired[float | None]
-    """Mean steps that were left to act; none where nothing was met."""
-    sector: NotRequired[int | None]
-    """The bearing sector; none where nothing was met."""
-    unseen_share: NotRequired[float | None]
-    """The share in which the body was never visible; none where nothing was met."""
-    weight: float
-    """What they weigh now."""
+    """Ids under which to report these episodes, in the same order."""
+    group: int
+    """Number of the group in the lease, from 0."""
 
 
-class CheckCount(TypedDict):
-    """Designs that failed one check."""
+class AvoidingAction(TypedDict):
+    """Action that would have avoided a failure."""
 
-    about: str
-    """What it checks."""
-    check: str
-    """The check."""
-    count: int
-    """How many."""
-
-
-class Claim(TypedDict):
-    """A claim, and what of it is audited."""
-
-    audit: list[Audit]
-    """The groups whose logs are replayed."""
-    due: str
-    """Until when the logs of what is audited are due, RFC 3339: report them as results."""
-    episodes: int
-    """Episodes claimed."""
-    failed: int
-    """Of these, failed."""
-    lease: str
-    """The lease."""
-    policy_version: int
-    """The policy that flew them."""
-    state: str
-    """`claimed` (logs are due), `accepted`, `refused` or `unproven` (logs never came)."""
-    why: NotRequired[str | None]
-    """Why it was refused."""
-
-
-class ClaimedView(TypedDict):
-    """What was claimed in columns."""
-
-    episodes: int
-    """Episodes of accepted claims that finished."""
-    expired: int
-    """Episodes that were leased and never claimed."""
-    failed: int
-    """Episodes of accepted claims that failed."""
-    refused: int
-    """Episodes of claims that were refused."""
-    score: NotRequired[float | None]
-    """Their mean score, as claimed."""
-    unproven: int
-    """Episodes of claims whose audited logs never came."""
-
-
-class ColumnsWish(TypedDict):
-    """One entry for each episode of the lease, in order. In MessagePack a column may also be `bin`: little-endian, without gaps."""
-
-    failed: NotRequired[list[int] | None]
-    """1 where the infrastructure lost it, else 0; left out where none was lost. `bin`: u8."""
-    policy_version: NotRequired[int | None]
-    """The policy that flew them (the lease's)."""
-    score: list[float]
-    """The score of each; of those that failed it is not looked at, but must be a number. `bin`: f32."""
-    steps: NotRequired[list[int] | None]
-    """Steps flown, if you like. `bin`: u32."""
-
-
-DesignerChoice: TypeAlias = Literal["auto", "llm", "procedural", "off"]
-"""Who designs for a run."""
-
-
-class DesignerSummary(TypedDict):
-    """What a designer was asked, and what it took."""
-
-    asks: int
-    """Asks."""
     cost: float
-    """What they cost."""
-    designer: str
-    """`llm` or `procedural`."""
-    failed: int
-    """Those that failed."""
-    tokens_in: int
-    """Tokens in."""
-    tokens_out: int
-    """Tokens out."""
+    """Cost, in the world's unit of fuel."""
+    step: int
+    """Step of the action, from 1."""
+    values: list[float]
+    """Values of the action, in the order of the task's action space."""
 
 
-class Entries(TypedDict):
-    """What was claimed, as it came."""
+class BearingSector(TypedDict):
+    """Sector of bearings, as data."""
+
+    bearing_deg: float
+    """Centre of the sector, degrees; it extends 15° to either side."""
+    sector: int
+    """Number of the sector, from 0."""
+
+
+class ClaimedColumns(TypedDict):
+    """Columns of a claim, as they were submitted."""
 
     failed: list[int]
-    """1 where it failed; empty where none did."""
+    """1 for each failed episode, else 0; empty if no episode failed."""
     score: list[float]
-    """The score of each episode of the lease."""
+    """Score of each episode of the lease."""
     state: str
     """`claimed`, `accepted`, `refused` or `unproven`."""
     steps: list[int]
-    """Steps flown; empty where nothing was said of them."""
+    """Number of steps of each episode; empty if it was not submitted."""
 
 
-class Evaluation(TypedDict):
-    """An evaluation without its numbers."""
-
-    chance: bool
-    """Whether these differ by chance."""
-    completed_at: NotRequired[str | None]
-    """When the last scenario was flown, RFC 3339."""
-    created_at: str
-    """When it was begun, RFC 3339."""
-    flown: int
-    """Of these, flown."""
-    id: str
-    """Its id."""
-    name: str
-    """Its name for people."""
-    policy: str
-    """The policy."""
-    reflown: int
-    """
-    How often scenarios were offered again because a group that flew them lost episodes or its lease ended first. What such groups
-    did is in no number here: where there are many of them, see that it is not the bad ones that get lost.
-    """
-    rollouts: int
-    """Episodes of each scenario."""
-    run: NotRequired[str | None]
-    """The run whose trainer flies it; none: the server does."""
-    scenarios: int
-    """Scenarios that are to be flown."""
-    state: str
-    """`open` (its trainer leases scenarios), `flying` (the server does), `complete` or `failed`."""
-    suite: str
-    """The suite."""
-    suite_hash: str
-    """Its hash: evaluations of the same compare."""
-    tasks: NotRequired[list[str] | None]
-    """The tasks of it that are flown; none: all."""
-    training: NotRequired[str | None]
-    """What trainings of one kind are called together."""
-    training_seed: NotRequired[int | None]
-    """By what this one differs from them."""
-    trouble: NotRequired[str | None]
-    """Why it failed."""
-    version: NotRequired[int | None]
-    """The version of the run's policy."""
-
-
-class EvaluationFound(Evaluation):
-    """An evaluation."""
-
-    rows: list[dict[str, Any]]
-    """
-    What was found, once it is complete, beside the plans that look at nothing (`blind_panel`): for each task and part `{task, part,
-    policy, scenarios, score, success, skill, lost, fuel_used, cvar10}`, the last six as `{mean, low, high, scenarios}`, 95 % bootstrap
-    intervals over scenarios.
-    """
-
-
-class EvaluationScenario(TypedDict):
-    """How a policy fared on one scenario."""
+class ClaimedEpisodeCounts(TypedDict):
+    """Episodes of claims of columns."""
 
     episodes: int
-    """Episodes that were flown; 0 until they are."""
-    floor: float
-    """What is reached where nobody acts."""
-    fuel_used: NotRequired[float | None]
-    """The fuel that they used on average, all agents together."""
-    level: int
-    """The level it was drawn at."""
-    lost: NotRequired[float | None]
-    """The share of agents that were lost."""
-    part: str
-    """`contested` or `as_they_come`."""
-    place: int
-    """Its place in the suite: of evaluations of one suite the same is the same scenario."""
-    reference: float
-    """What the reference reaches."""
-    scenario_id: str
-    """Its id."""
+    """Number of finished episodes of accepted claims."""
+    expired: int
+    """Number of leased episodes that were never claimed."""
+    failed: int
+    """Number of failed episodes of accepted claims."""
+    refused: int
+    """Number of episodes of refused claims."""
     score: NotRequired[float | None]
-    """Their mean score."""
-    skill: NotRequired[float | None]
-    """Their mean skill, where it is defined."""
-    success: NotRequired[float | None]
-    """Their share of successes."""
+    """Their mean claimed score."""
+    unproven: int
+    """Number of episodes of claims whose audited logs were never reported."""
+
+
+class ColumnClaim(TypedDict):
+    """Claim of a lease of columns, with the groups that are audited."""
+
+    audit: list[AuditedGroup]
+    """Groups whose logs the server replays."""
+    due: str
+    """Time until which the logs of audited groups are due as results, RFC 3339."""
+    episodes: int
+    """Number of claimed episodes."""
+    failed: int
+    """Number of claimed episodes that failed."""
+    lease: str
+    """Id of the lease."""
+    policy_version: int
+    """Policy version that ran the episodes."""
+    state: str
+    """`claimed` (logs are due), `accepted`, `refused` or `unproven` (logs were never reported)."""
+    why: NotRequired[str | None]
+    """Reason of a refusal."""
+
+
+class ColumnsRequest(TypedDict):
+    """Columns with one entry for each episode of the lease, in order. In MessagePack a column may also be `bin`: packed little-endian."""
+
+    failed: NotRequired[list[int] | None]
+    """1 for each episode that the infrastructure lost, else 0; optional if none was lost. `bin`: u8."""
+    policy_version: NotRequired[int | None]
+    """Policy version that ran the episodes (default: the lease's)."""
+    score: list[float]
+    """Score of each episode; a number is required for failed episodes too and ignored. `bin`: f32."""
+    steps: NotRequired[list[int] | None]
+    """Number of steps of each episode; optional. `bin`: u32."""
+
+
+class ComparisonSide(TypedDict):
+    """Side of a comparison."""
+
+    across: dict[str, Any]
+    """
+    Interquartile means over its trainings of the mean score, success and skill on the suite: `{trainings, score, success, skill}`
+    with 95 % bootstrap intervals over trainings. Intervals over fewer than three trainings are not informative.
+    """
+    evaluations: list[str]
+    """Ids of its evaluations."""
+
+
+class CritiqueBacklog(TypedDict):
+    """Backlog of a run's critique."""
+
+    sampling: bool
+    """
+    True if the backlog is so long that only a sample is criticised. The sample depends on the episode id alone, so shares stay
+    unbiased; counts are not scaled up for skipped episodes.
+    """
+    share: float
+    """Share of the episodes that is criticised now."""
+    waiting: int
+    """Number of reported episodes that wait for their critique."""
+
+
+class CritiqueEncounter(TypedDict):
+    """Geometry of an encounter."""
+
+    avoidable: NotRequired[bool | None]
+    """True if acting from that step on, with the fuel left, would have avoided the contact; null if the body was never visible."""
+    band: int
+    """Speed band in a failure profile, from 0."""
+    bearing_deg: float
+    """Bearing of the body some steps before, seen from the agent: degrees in [0, 360) from radial out towards in-track."""
+    bearing_inertial_deg: NotRequired[float | None]
+    """The same bearing from +X towards +Y of the inertial frame; null in a world without such a frame."""
+    body: int
+    """Id of the body that was met, among the bodies of its kind."""
+    cheapest: NotRequired[AvoidingAction | None]
+    first_visible_step: NotRequired[int | None]
+    """First step after which the body was visible, 0 at the start; null if it never was."""
+    relative_speed: float
+    """Relative speed at contact, in the world's unit of speed."""
+    sector: int
+    """Bearing sector in a failure profile, from 0 to 11."""
+    steps_left: int
+    """Number of steps from then to the contact in which an agent could still act."""
+
+
+class DesignAim(TypedDict):
+    """Failure that a design aims at."""
+
+    bearing_deg: NotRequired[int | None]
+    """Bearing of the threat, degrees in `frame`; null if the mode has no direction."""
+    frame: NotRequired[str | None]
+    """Frame of the bearing."""
+    mode: str
+    """Name of the failure mode."""
+
+
+class DesignRequestSummary(TypedDict):
+    """Request to a designer, as lists show it."""
+
+    admitted: int
+    """Number of layouts that the gate admitted."""
+    asked_by: str
+    """Origin: `worker` (the stock ran low or the failures changed) or `hand` (an API request)."""
+    cost: float
+    """Cost of the tokens, in the currency of the configured prices."""
+    created_at: str
+    """Time of creation, RFC 3339."""
+    criticised: NotRequired[int | None]
+    """Number of criticised episodes behind the failure profile."""
+    designer: str
+    """Designer: `llm` or `procedural`. The procedural designer fills in for what a language model does not deliver."""
+    ended_at: NotRequired[str | None]
+    """Time of its end, RFC 3339."""
+    error: NotRequired[str | None]
+    """Reason of a failure."""
+    id: str
+    """Id of the request."""
+    latency_ms: int
+    """Duration, milliseconds."""
+    level: NotRequired[int | None]
+    """Level to design for; null before the request starts, and under a strategy without levels."""
+    model: NotRequired[str | None]
+    """Language model; null for the procedural designer."""
+    prompt: NotRequired[str | None]
+    """Version of the model's prompt."""
+    refused: int
+    """Number of designs that the gate refused."""
+    rounds: int
+    """Number of rounds of all designers together."""
+    state: str
+    """`waiting`, `running`, `done` or `failed`."""
     task: str
-    """The task."""
+    """Id of the task."""
+    tokens_in: int
+    """Number of prompt tokens."""
+    tokens_out: int
+    """Number of completion tokens."""
+    troubles: list[str]
+    """Problems that did not end the request, one sentence each."""
+    wanted: int
+    """Number of layouts wanted."""
 
 
-class EvaluationScenarios(TypedDict):
-    """A page of an evaluation's scenarios."""
+class DesignResults(TypedDict):
+    """Results of the agent on a layout."""
 
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-    scenarios: list[EvaluationScenario]
-    """In the suite's order."""
+    as_aimed: NotRequired[float | None]
+    """Share of the criticised episodes with a failure that show the aimed failure mode."""
+    episodes: int
+    """Number of finished episodes in the closed groups."""
+    groups: int
+    """Number of leased groups."""
+    outcomes: int
+    """Number of closed groups."""
+    recent: list[float]
+    """Success rates of the latest groups since the layout was admitted or restored, oldest first, at most 16."""
+    regret: NotRequired[float | None]
+    """Mean regret: (reference − score) / (reference − floor), clamped to 0 to 1."""
+    score: NotRequired[float | None]
+    """Mean score of the episodes."""
+    success: NotRequired[float | None]
+    """Success rate: successes / episodes."""
+    successes: int
+    """Number of successful episodes."""
 
 
-class EvaluationWish(TypedDict):
-    """An evaluation as it is asked for."""
+class DesignSummary(TypedDict):
+    """Design, as lists show it."""
+
+    aim: NotRequired[DesignAim | None]
+    ask: str
+    """Id of the design request."""
+    claim: NotRequired[str | None]
+    """Claim of the design: `threat` or `decoy`; null if it was refused."""
+    created_at: str
+    """Time of creation, RFC 3339."""
+    designer: str
+    """Designer: `llm` or `procedural`."""
+    flown: DesignResults
+    """Results of the agent on the layout."""
+    id: str
+    """Id of the design and of its layout."""
+    level: NotRequired[int | None]
+    """Level that the design is for; null under a strategy without levels."""
+    name: str
+    """Name that the designer gave it."""
+    novelty: NotRequired[float | None]
+    """Distance to the nearest earlier design, from 0 to 1; null for the first."""
+    reason: NotRequired[str | None]
+    """Reason of the refusal in one sentence."""
+    retired_at: NotRequired[str | None]
+    """Time of retirement, RFC 3339."""
+    round: int
+    """Round of the request: 1, plus 1 for each repair."""
+    run: str
+    """Id of the run."""
+    served_at: NotRequired[str | None]
+    """Time of the latest lease, RFC 3339."""
+    state: str
+    """`active`, `retired` or `refused`."""
+    task: str
+    """Id of the task."""
+    why: NotRequired[str | None]
+    """Reason of retirement (`mastered`, `hopeless` or `hand`), or the check of the gate that refused the design."""
+
+
+class DesignTransition(TypedDict):
+    """Change of a design's state."""
+
+    at: str
+    """Time of the change, RFC 3339."""
+    reason: str
+    """Reason of the change."""
+    state: str
+    """State after the change."""
+
+
+DesignerChoice: TypeAlias = Literal["auto", "llm", "procedural", "off"]
+"""Choice of the designer of a run."""
+
+
+class DesignerUsage(TypedDict):
+    """Requests to a designer and their cost."""
+
+    asks: int
+    """Number of requests to the designer."""
+    cost: float
+    """Cost of the tokens, in the currency of the configured prices."""
+    designer: str
+    """Designer: `llm` or `procedural`."""
+    failed: int
+    """Number of failed requests."""
+    tokens_in: int
+    """Number of prompt tokens."""
+    tokens_out: int
+    """Number of completion tokens."""
+
+
+class EpisodeActions(TypedDict):
+    """Action log of an episode."""
+
+    precision: NotRequired[ActionPrecision]
+    """Precision of the actions: `f32` or `f64` (default)."""
+    steps: list[list[list[Any]]]
+    """
+    One entry for each step, first step first: a list of `[agent, value, …]` with the values of the task's action space, for
+    example `[satellite, dvx, dvy]` in kessler. An agent without an entry does not act.
+    """
+    stopped: NotRequired[ActionStopReason | None]
+
+
+class EpisodeCounts(TypedDict):
+    """Results of episodes."""
+
+    episodes: int
+    """Number of finished episodes."""
+    expired: int
+    """Number of expired episodes."""
+    failed: int
+    """Number of failed episodes."""
+    score: NotRequired[float | None]
+    """Mean score of the episodes."""
+    skill: NotRequired[float | None]
+    """Mean skill, over scenarios that define one."""
+    success: NotRequired[float | None]
+    """Success rate: successes / episodes."""
+    successes: int
+    """Number of successes among them."""
+
+
+class EpisodeFailure(TypedDict):
+    """Failure of an episode."""
+
+    agent: int
+    """Index of the agent that failed."""
+    avoidable: NotRequired[bool | None]
+    """True if acting then would have avoided the failure; null if no body was met or it was never visible."""
+    band: NotRequired[int | None]
+    """Speed band; null if no body was met."""
+    bearing_deg: NotRequired[float | None]
+    """Bearing of the body, degrees from radial out towards in-track."""
+    episode: str
+    """Id of the episode."""
+    mode: str
+    """Name of the failure mode."""
+    relative_speed: NotRequired[float | None]
+    """Relative speed, in the world's unit of speed."""
+    sector: NotRequired[int | None]
+    """Bearing sector; null if no body was met."""
+    step: int
+    """Step of the failure, from 1."""
+    steps_left: NotRequired[int | None]
+    """Number of steps left to act."""
+
+
+class EpisodeMetrics(TypedDict):
+    """Metrics that a trainer may store with an episode."""
+
+    invalid_actions: NotRequired[int | None]
+    """Number of completions without a valid action."""
+    max_mc: NotRequired[float | None]
+    """MaxMC regret, for the same strategies with `score: max_mc`."""
+    positive_value_loss: NotRequired[float | None]
+    """Mean positive value loss over the steps, for `plr` and related strategies with `score: positive_value_loss`."""
+    temperature: NotRequired[float | None]
+    """Sampling temperature."""
+    tokens_in: NotRequired[int | None]
+    """Number of prompt tokens."""
+    tokens_out: NotRequired[int | None]
+    """Number of completion tokens."""
+    truncated: NotRequired[bool | None]
+    """True if a completion was truncated."""
+
+
+class EpisodeOutcome(TypedDict):
+    """Outcome of an episode or a plan."""
+
+    fuel_used: float
+    """Fuel spent by all agents."""
+    goal: NotRequired[float | None]
+    """Quality of holding the goal towards the end, from 0 to 1; null for tasks without a goal."""
+    lost: int
+    """Number of agents lost."""
+    score: float
+    """Score that the world computed."""
+    steps: int
+    """Number of steps."""
+    total: float
+    """Sum of the rewards."""
+
+
+class EpisodeReplay(TypedDict):
+    """Replay of an episode, step by step."""
+
+    episode: str
+    """Id of the episode."""
+    frames: list[dict[str, Any]]
+    """
+    Frame of the start, then one frame for each step: actions, rewards and the whole state, hidden bodies included. With
+    `telemetry=true` each frame also has `observation`, what the agents observed.
+    """
+    scenario: dict[str, Any]
+    """Complete scenario, with all defaults filled in."""
+
+
+EpisodeResultStatus: TypeAlias = Literal["finished", "failed"]
+"""State of a reported episode."""
+
+
+class EvaluationRequest(TypedDict):
+    """Request to start an evaluation."""
 
     chance: NotRequired[bool | None]
-    """Whether these differ by chance: a trainer's do unless told (a built-in policy is known)."""
+    """True if the policy is stochastic (true for a trainer's policy; known for a built-in one)."""
     name: NotRequired[str | None]
-    """A name for people (the policy's)."""
+    """A name for people (the name of the policy)."""
     policy: str
-    """Without `run`, a built-in policy that every task of the suite has: the server flies it. With `run`, whatever you call yours."""
+    """Without `run`, a built-in policy that every task of the suite has: the server rolls it out. With `run`, a name of your choice."""
     rollouts: NotRequired[int | None]
-    """Episodes of each scenario: 1 to 1 024 (1; 8 where the policy has chance in it)."""
+    """Episodes of each scenario: 1 to 1 024 (1; 8 if the policy is stochastic)."""
     run: NotRequired[str | None]
-    """The run whose trainer flies it, in leases with `purpose: eval` and this evaluation's id."""
+    """The run whose trainer rolls it out, in leases with `purpose: eval` and this evaluation's id."""
     seed: NotRequired[int | None]
-    """What a built-in policy with chance in it draws from (0)."""
+    """Seed of a stochastic built-in policy (0)."""
     suite: NotRequired[str | None]
-    """A suite that comes with the program (kessler-heldout-v2)."""
+    """A built-in suite (kessler-heldout-v2)."""
     tasks: NotRequired[list[str] | None]
-    """Only its scenarios of these tasks (all), for a policy that flies no others. Needs `run`: the server flies whole suites."""
+    """Tasks whose scenarios are evaluated (all), for a policy that supports no others. Needs `run`: the server evaluates whole suites."""
     training: NotRequired[str | None]
-    """What trainings of one kind that differ by their seed are called together."""
+    """Common name of trainings that differ only by their seed."""
     training_seed: NotRequired[int | None]
-    """By what this one differs from them."""
+    """Seed of this training."""
     version: NotRequired[int | None]
     """The version of the run's policy (the newest)."""
 
 
-class Evaluations(TypedDict):
-    """A page of evaluations."""
+class EvaluationScenario(TypedDict):
+    """Results of a policy on one scenario."""
 
-    evaluations: list[Evaluation]
-    """The newest first."""
+    episodes: int
+    """Number of finished episodes."""
+    floor: float
+    """Best score of the blind panel."""
+    fuel_used: NotRequired[float | None]
+    """Mean fuel spent by all agents together."""
+    level: int
+    """Level at which the scenario was drawn."""
+    lost: NotRequired[float | None]
+    """Share of agents lost."""
+    part: str
+    """Part of the suite: `contested` or `as_they_come`."""
+    place: int
+    """Index of the scenario in the suite, the same in all evaluations of the suite."""
+    reference: float
+    """Score of the reference planner."""
+    scenario_id: str
+    """Id of the scenario."""
+    score: NotRequired[float | None]
+    """Mean score of the episodes."""
+    skill: NotRequired[float | None]
+    """Mean skill, if the scenario defines one."""
+    success: NotRequired[float | None]
+    """Success rate of the episodes."""
+    task: str
+    """Id of the task."""
+
+
+class EvaluationScenarioPage(TypedDict):
+    """Page of the scenarios of an evaluation."""
+
     next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
+    """Cursor of the next page; null on the last page."""
+    scenarios: list[EvaluationScenario]
+    """Scenarios, in the order of the suite."""
+
+
+class EvaluationSummary(TypedDict):
+    """Evaluation without its results."""
+
+    chance: bool
+    """True if the episodes of a scenario differ by chance."""
+    completed_at: NotRequired[str | None]
+    """Time at which the last scenario was done, RFC 3339."""
+    created_at: str
+    """Time of creation, RFC 3339."""
+    flown: int
+    """Number of scenarios that are done."""
+    id: str
+    """Id of the evaluation."""
+    name: str
+    """Name of the evaluation for people."""
+    policy: str
+    """Name of the policy."""
+    reflown: int
+    """
+    Number of times a scenario was offered again because its group lost episodes or its lease ended first. Results of such
+    groups do not count. If the number is high, check that bad episodes are not the ones that get lost.
+    """
+    rollouts: int
+    """Number of episodes of each scenario."""
+    run: NotRequired[str | None]
+    """Run whose trainer runs the episodes; null if the server does."""
+    scenarios: int
+    """Number of scenarios of the evaluation."""
+    state: str
+    """`open` (the trainer leases scenarios), `flying` (the server runs them), `complete` or `failed`."""
+    suite: str
+    """Name of the suite."""
+    suite_hash: str
+    """Hash of the suite: evaluations with the same hash are comparable."""
+    tasks: NotRequired[list[str] | None]
+    """Tasks of the suite that are evaluated; null for all."""
+    training: NotRequired[str | None]
+    """Common name of trainings that differ by their seed."""
+    training_seed: NotRequired[int | None]
+    """Seed of this training."""
+    trouble: NotRequired[str | None]
+    """Reason of a failure."""
+    version: NotRequired[int | None]
+    """Version of the run's policy."""
 
 
 EvidenceFrom: TypeAlias = Literal["train", "probe"]
-"""Which leases' outcomes move mastery."""
+"""Leases whose outcomes move mastery."""
 
 
-class FailureHead(TypedDict):
-    """One failure."""
+class EvidencePoint(TypedDict):
+    """Part of a task's evidence."""
 
-    agent: int
-    """Whose."""
-    avoidable: NotRequired[bool | None]
-    """Whether acting then would have avoided it; none if nothing was met, or it was never visible."""
+    at: str
+    """End of the part, RFC 3339."""
+    levels: NotRequired[list[int] | None]
+    """Lowest and highest level in the part."""
+    n: int
+    """Number of contested scenarios."""
+    success: float
+    """Mean of their success rates."""
+    task: str
+    """Id of the task."""
+
+
+class FailureCell(TypedDict):
+    """Failures of one mode from one bearing sector in one speed band."""
+
+    avoidable_share: NotRequired[float | None]
+    """Share that acting when the body became visible, with the fuel left, would have avoided; null if no body was met."""
     band: NotRequired[int | None]
-    """The speed band; none where nothing was met."""
-    bearing_deg: NotRequired[float | None]
-    """Degrees from radial out towards in-track."""
-    episode: str
-    """The episode."""
-    mode: str
-    """The failure mode."""
-    relative_speed: NotRequired[float | None]
-    """In the world's unit of speed."""
+    """Speed band; null if no body was met."""
+    count: int
+    """Number of failures counted here."""
+    episodes: list[str]
+    """Ids of the newest example episodes, newest first."""
+    last_at: str
+    """Time of the latest failure, RFC 3339."""
+    mean_steps_left: NotRequired[float | None]
+    """Mean number of steps left to act; null if no body was met."""
     sector: NotRequired[int | None]
-    """The bearing sector; none where nothing was met."""
-    step: int
-    """When, counted from 1."""
-    steps_left: NotRequired[int | None]
-    """Steps that were left to act."""
+    """Bearing sector; null if no body was met."""
+    unseen_share: NotRequired[float | None]
+    """Share in which the body was never visible; null if no body was met."""
+    weight: float
+    """Sum of their weights."""
 
 
-class Failures(TypedDict):
-    """A page of failures."""
+class FailureMeasure(TypedDict):
+    """Measure of a failure."""
 
-    failures: list[FailureHead]
-    """The newest first; of each cell of the profile the last 64 are kept."""
+    name: str
+    """Name of the measure."""
+    unit: str
+    """Unit of the value; empty for a pure number."""
+    value: float
+    """Value of the measure."""
+
+
+class FailurePage(TypedDict):
+    """Page of the failures behind a profile."""
+
+    failures: list[EpisodeFailure]
+    """Failures, newest first. The newest 64 of each cell of the profile are kept."""
     next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
+    """Cursor of the next page; null on the last page."""
 
 
-class FeedView(TypedDict):
-    """How full a feed is."""
+class FeedStatus(TypedDict):
+    """Fill level of a trajectory feed."""
 
     acked: int
-    """Groups acknowledged that can still be read again."""
+    """Number of acknowledged groups that can still be read again."""
     bytes: int
-    """Bytes of those that are not acknowledged, as stored."""
+    """Size of the unacknowledged groups as stored, bytes."""
     delivered: int
-    """Groups delivered, their time not over."""
+    """Number of delivered groups whose claim has not expired."""
     full: bool
-    """Nothing more is flown until some are acknowledged."""
+    """True if no more groups are run until some are acknowledged."""
     waiting: int
-    """Groups that wait to be delivered."""
+    """Number of groups that wait to be delivered."""
 
 
-class Flight(TypedDict):
-    """How far it came."""
+class GateCheckCount(TypedDict):
+    """Number of designs that failed one check of the gate."""
 
-    done: bool
-    """Whether the episode is over."""
-    frames: list[dict[str, Any]]
-    """
-    Frames from `from` on, the last one of the step that it came to; that one alone where it was over before `from`: `step`, `actions`, `reward`, `done`, `state` (the
-    truth) and `observation` (what the agents saw).
-    """
-    horizon: int
-    """Steps after which it is cut off."""
-    scenario: dict[str, Any]
-    """The scenario, complete."""
-    scenario_id: str
-    """The scenario's id."""
+    about: str
+    """Description of the check."""
+    check: str
+    """Name of the check."""
+    count: int
+    """Number of refused designs."""
 
 
-FlightWish = TypedDict(
-    "FlightWish",
-    {
-        "from": NotRequired[int],
-        "scenario": dict[str, Any],
-        "steps": NotRequired[list[list[list[Any]]]],
-        "until": NotRequired[int],
-    },
-)
-
-
-class FlownView(TypedDict):
-    """How the agent fared on a layout."""
-
-    as_aimed: NotRequired[float | None]
-    """Of the criticised episodes in which something went wrong, the share in which the aimed failure mode did."""
-    episodes: int
-    """Episodes of these that finished."""
-    groups: int
-    """Groups leased."""
-    outcomes: int
-    """Groups that came back."""
-    recent: list[float]
-    """The last outcomes since it began or came back, the oldest first: shares of success, at most 16."""
-    regret: NotRequired[float | None]
-    """Mean of what was left on the table: (reference − score)/(reference − floor) within 0 to 1."""
-    score: NotRequired[float | None]
-    """Mean score."""
-    success: NotRequired[float | None]
-    """successes / episodes."""
-    successes: int
-    """Of these, successes."""
-
-
-Form: TypeAlias = Literal["groups", "columns"]
-"""How a lease's episodes are named and reported."""
-
-
-class Group(TypedDict):
-    """Episodes of one scenario. Everything but recipe and seed is for the trainer, never for the agent."""
-
-    bracket: NotRequired[BracketView | None]
-    contested: bool
-    """Whether acting well matters on this scenario."""
-    episodes: list[str]
-    """What to report them as."""
-    group: int
-    """Its number in the lease."""
-    layout: NotRequired[str | None]
-    """The layout's id, where it was designed."""
-    level: NotRequired[int | None]
-    """The level."""
-    recipe: int
-    """Index into `recipes`."""
-    role: str
-    """`placement`, `frontier`, `rehearsal`, `sample`, `explore`, `replay`, `edit`, `boundary`, `designed` or `suite`."""
-    scenario: str
-    """The scenario's id."""
-    seed: int
-    """The seed that makes the recipe a scenario."""
-    state: str
-    """`open`, `complete`, `partial` or `lost`."""
-    task: str
-    """The task."""
-    train: bool
-    """Whether to learn from it: some curricula only want to know how it goes."""
-
-
-class GroupEnd(TypedDict):
-    """A group that closed."""
-
-    expired: int
-    """Episodes that never came back."""
-    failed: int
-    """Episodes that failed."""
-    finished: int
-    """Episodes that finished."""
-    group: int
-    """Its number there."""
-    lease: str
-    """Its lease."""
-    mean_score: NotRequired[float | None]
-    """Mean score of those that finished."""
-    state: str
-    """`complete` (all of its episodes finished), `partial` (`min_group` or more of them did) or `lost`."""
-    successes: int
-    """Of those that finished, successes."""
-    zero_variance: NotRequired[bool | None]
-    """
-    Whether all that finished have the same score, so that there is nothing to learn from their differences; left out where fewer
-    than two finished.
-    """
-
-
-class Groups(TypedDict):
-    """How groups of several episodes ended, at all levels together."""
+class GroupCounts(TypedDict):
+    """Ends of groups with several episodes, at all levels together."""
 
     complete: int
-    """All of their episodes finished."""
+    """Number of groups of which all episodes finished."""
     lost: int
-    """Fewer finished."""
+    """Number of groups of which fewer episodes finished."""
     partial: int
-    """`min_group` or more of them finished."""
+    """Number of groups of which at least `min_group` episodes finished."""
     zero_variance: int
-    """
-    Of the complete and partial ones, those whose episodes all have the same score: there is nothing to learn from their
-    differences.
-    """
+    """Number of complete and partial groups whose episodes all have the same score, so that they carry no learning signal."""
     zero_variance_share: NotRequired[float | None]
     """zero_variance / (complete + partial)."""
+
+
+class GroupReceipt(TypedDict):
+    """Group that a report closed."""
+
+    expired: int
+    """Number of episodes that were never reported."""
+    failed: int
+    """Number of failed episodes."""
+    finished: int
+    """Number of finished episodes."""
+    group: int
+    """Number of the group in its lease, from 0."""
+    lease: str
+    """Id of its lease."""
+    mean_score: NotRequired[float | None]
+    """Mean score of the finished episodes."""
+    state: str
+    """`complete` (all episodes finished), `partial` (at least `min_group` episodes finished) or `lost`."""
+    successes: int
+    """Number of successful episodes."""
+    zero_variance: NotRequired[bool | None]
+    """
+    True if all finished episodes have the same score, so that the group carries no learning signal. Left out if fewer than two
+    episodes finished.
+    """
+
+
+class GroupRefill(TypedDict):
+    """Groups that were added to a lease in place of groups with zero variance. `GET` the lease to read them."""
+
+    groups: list[int]
+    """Numbers of the added groups in the lease."""
+    lease: str
+    """Id of the lease."""
 
 
 class Health(TypedDict):
@@ -650,250 +760,171 @@ class Health(TypedDict):
     """`ok`."""
 
 
-class InertialView(TypedDict):
-    """Failures of one mode from one inertial sector."""
+class InertialSectorCounts(TypedDict):
+    """Failures of one mode from one sector of the inertial frame."""
 
     count: int
-    """How many."""
+    """Number of failures counted here."""
     sector: int
-    """The sector."""
+    """Number of the sector, from 0."""
     weight: float
-    """What they weigh now."""
+    """Sum of their weights."""
 
 
-class JudgedView(TypedDict):
-    """The deterministic judge's word."""
+class JudgeAssessment(TypedDict):
+    """Assessment of an episode by the deterministic judge."""
 
     case: str
-    """Which of the judge's cases it is."""
+    """Case of the judge's rules."""
     value: float
-    """Within −1 to 1."""
+    """Value from −1 to 1."""
     words: str
-    """The same in one sentence."""
+    """Description of the assessment in one sentence."""
 
 
 Keep: TypeAlias = int | All
 """How many episodes are kept whole."""
 
 
-class Last(TypedDict):
-    """What happened last."""
+class LatestEvent(TypedDict):
+    """Latest event of a run."""
 
     at: str
-    """When, RFC 3339."""
+    """Time of the event, RFC 3339."""
     kind: str
-    """The kind of event."""
+    """Kind of the event."""
 
 
-class LeaseHead(TypedDict):
-    """A lease without its groups."""
+LeaseForm: TypeAlias = Literal["groups", "columns"]
+"""Form in which the episodes of a lease are named and reported."""
+
+
+LeasePurpose: TypeAlias = Literal["train", "probe", "eval"]
+"""Purpose of a lease."""
+
+
+class LeaseRequest(TypedDict):
+    """Request for a lease."""
+
+    evaluation: NotRequired[str | None]
+    """With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other lease holds."""
+    form: NotRequired[LeaseForm]
+    """
+    `groups` (default): each group has its scenario and bracket, and every log is replayed. `columns`: for 10⁵ episodes per second
+    and more. Groups are ranges of seeds without brackets, results are columns, and some groups are audited.
+    """
+    group_size: NotRequired[int | None]
+    """Number of episodes of one scenario in each group (default: group_size of the run)."""
+    groups: int
+    """Number of groups, from 1 to 1 024; with `form: columns` from 1 to 100 000."""
+    policy_version: NotRequired[int]
+    """Policy version that will run the episodes (default 0)."""
+    purpose: NotRequired[LeasePurpose]
+    """`train` (default), `probe` or `eval`."""
+    refill: NotRequired[bool]
+    """
+    True to replace groups whose episodes all have the same score, at most as many as `groups` (default false). The response to
+    their results lists the replacements.
+    """
+    ttl_s: NotRequired[int]
+    """Duration of the lease, seconds, from 1 to 86 400 (default 600)."""
+
+
+class LeaseSummary(TypedDict):
+    """Lease without its groups."""
 
     created_at: str
-    """When it was granted, RFC 3339."""
+    """Time of creation, RFC 3339."""
     expires_at: str
-    """Until when it holds, RFC 3339."""
+    """Time at which the lease expires, RFC 3339."""
     form: str
-    """`groups` or `columns`."""
+    """Form of the results: `groups` or `columns`."""
     group_size: int
-    """Episodes in each."""
+    """Number of episodes in each group."""
     groups: int
-    """How many groups."""
+    """Number of groups in the lease."""
     lease: str
-    """Its id."""
+    """Id of the lease."""
     purpose: str
-    """What it is for."""
+    """`train`, `probe` or `eval`."""
     status: str
     """`active`, `done`, `released` or `expired`."""
 
 
-class Leases(TypedDict):
-    """A page of leases."""
-
-    leases: list[LeaseHead]
-    """Oldest first."""
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-
-
 class LevelTable(TypedDict):
-    """A table of levels as it is sent."""
+    """A table of levels in a request."""
 
     columns: list[str]
-    """Names of params."""
+    """Names of the params, one for each column."""
     rows: list[list[float]]
-    """One row a level, easy to hard."""
+    """One row for each level, from easy to hard."""
 
 
-class Mark(TypedDict):
-    """A mark."""
+class MasteryEstimate(TypedDict):
+    """Posterior of success: Beta(1, 1) updated by the last 64 contested scenarios."""
 
-    at: str
-    """When, RFC 3339."""
-    kind: str
-    """`refused_claim`: a trainer's columns said other than its logs."""
-    lease: NotRequired[str | None]
-    """The lease that it is about."""
-    words: str
-    """A sentence."""
-
-
-class Marks(TypedDict):
-    """What somebody should know of a run."""
-
-    count: int
-    """How many there are."""
-    newest: list[Mark]
-    """The newest first, at most 20."""
-
-
-class MeasureView(TypedDict):
-    """A number with its name and unit."""
-
-    name: str
-    """What it is."""
-    unit: str
-    """Its unit, empty for a pure number."""
-    value: float
-    """How much."""
-
-
-class Metrics(TypedDict):
-    """What a trainer may log of an episode."""
-
-    invalid_actions: NotRequired[int | None]
-    """Answers that were no action."""
-    max_mc: NotRequired[float | None]
-    """Its MaxMC regret: the same under `score: max_mc`."""
-    positive_value_loss: NotRequired[float | None]
-    """Mean positive value loss over its steps: what `plr` and its kin go by under `score: positive_value_loss`."""
-    temperature: NotRequired[float | None]
-    """Sampling temperature."""
-    tokens_in: NotRequired[int | None]
-    """Prompt tokens."""
-    tokens_out: NotRequired[int | None]
-    """Completion tokens."""
-    truncated: NotRequired[bool | None]
-    """An answer was cut off."""
+    level: NotRequired[int | None]
+    """The level."""
+    mean: float
+    """Mean of the posterior."""
+    n: int
+    """Number of scenarios behind the estimate."""
+    q10: float
+    """10 % quantile of the posterior."""
+    q90: float
+    """90 % quantile of the posterior."""
+    seen: int
+    """Number of scenarios since the start of the run."""
 
 
 class ModelMetrics(TypedDict):
-    """What is remembered of an episode, by the names under which trainers log it."""
+    """Metrics of a language model over an episode, by the names under which trainers log them."""
 
     invalid_actions: int
     """Answers that were no action."""
     temperature: NotRequired[float | None]
-    """Sampling temperature."""
+    """Sampling temperature, if one was set."""
     tokens_in: int
-    """Prompt tokens."""
+    """Number of prompt tokens."""
     tokens_out: int
-    """Completion tokens."""
+    """Number of completion tokens."""
     truncated: bool
-    """An answer was cut off."""
-
-
-MoveView = TypedDict(
-    "MoveView",
-    {
-        "at": str,
-        "evidence": dict[str, Any],
-        "from": NotRequired[int | None],
-        "kind": str,
-        "seq": int,
-        "task": str,
-        "to": int,
-    },
-)
-
-
-class Newest(TypedDict):
-    """The newest policy version as it should be."""
-
-    policy_version: int
-    """The version."""
+    """True if an answer was cut off."""
 
 
 Observations: TypeAlias = Literal["telemetry", "none"]
-"""What is kept of observations."""
+"""Observations in trajectories."""
 
 
 class ParamSeries(TypedDict):
-    """A param over time."""
+    """Time series of a param."""
 
     high: list[float | None]
-    """The most."""
+    """Highest value."""
     low: list[float | None]
-    """The least."""
+    """Lowest value."""
     mean: list[float | None]
-    """Its mean."""
+    """Mean value."""
 
 
-class Params(TypedDict):
-    """The params in force, by task."""
-
-    tasks: dict[str, dict[str, float]]
-    """By task's id."""
-
-
-class Plain(TypedDict):
-    """Plain counts over all episodes."""
-
-    episodes: int
-    """Episodes that finished."""
-    expired: int
-    """Episodes that expired."""
-    failed: int
-    """Episodes that failed."""
-    score: NotRequired[float | None]
-    """Mean score."""
-    skill: NotRequired[float | None]
-    """Mean skill, where scenarios define one."""
-    success: NotRequired[float | None]
-    """successes / episodes."""
-    successes: int
-    """Of these, successes."""
-
-
-class Point(TypedDict):
-    """A stretch of a task's evidence."""
+class PolicyFault(TypedDict):
+    """Latest error of a run's policy."""
 
     at: str
-    """When it ended, RFC 3339."""
-    levels: NotRequired[list[int] | None]
-    """The levels in it, lowest and highest."""
-    n: int
-    """Contested scenarios in it."""
-    success: float
-    """Mean of their success shares."""
-    task: str
-    """The task."""
+    """Time of the error, RFC 3339."""
+    words: str
+    """Description in one sentence."""
 
 
-class PolicySettings(TypedDict):
-    """The same, complete, as stored."""
-
-    ahead: int
-    """Groups that may wait in the feed unacknowledged."""
-    history: int
-    """Exchanges that a `chat` model is told again."""
-    max_tokens: NotRequired[int | None]
-    """Tokens of one answer of `chat`; none: as the server was started."""
-    observations: Observations
-    """Whether trajectories have what the agents saw."""
-    refill: NotRequired[bool]
-    """Whether groups whose episodes all have the same score are kept out of the feed."""
-    temperature: NotRequired[float | None]
-    """Sampling temperature of `chat`; none: the endpoint's own."""
-
-
-class PolicyWish(TypedDict):
-    """The policy of a run, as it is asked for. What is left out is at its default, not as it was; but for `version`."""
+class PolicyRequest(TypedDict):
+    """Request to set the policy of a run. A field that is left out gets its default, not its previous value; only `version` stays."""
 
     ahead: NotRequired[int | None]
-    """Groups that may wait in the feed unacknowledged, 1 to 4 096 (32). Nothing is flown beyond."""
+    """Maximum number of unacknowledged groups in the feed, 1 to 4 096 (32). No more are rolled out."""
     history: NotRequired[int | None]
-    """Exchanges that a `chat` model is told again, 0 to 64 (2)."""
+    """Earlier exchanges in the prompt of a `chat` model, 0 to 64 (2)."""
     max_tokens: NotRequired[int | None]
-    """Tokens of one answer of `chat`, 16 to 131 072 (what the server was started with)."""
+    """Maximum tokens of one answer of `chat`, 16 to 131 072 (the setting that the server was started with)."""
     observations: NotRequired[Observations | None]
     policy: str
     """
@@ -901,34 +932,66 @@ class PolicyWish(TypedDict):
     has (`GET /v1/tasks` lists them).
     """
     refill: NotRequired[bool | None]
-    """Whether groups whose episodes all have the same score are kept out of the feed, and others flown in their place (false)."""
+    """True to keep groups whose episodes all have the same score out of the feed, and roll out others in their place (false)."""
     temperature: NotRequired[float | None]
-    """Sampling temperature of `chat`, 0 to 5 (what the server was started with, else the endpoint's own)."""
+    """Sampling temperature of `chat`, 0 to 5 (the setting that the server was started with, else the endpoint's own)."""
     version: NotRequired[int | None]
     """
-    Its version: raised once new weights are behind the endpoint. Groups begun later carry it. It never goes down; left
-    out it stays as it is.
+    Version of the policy: raise it once the endpoint serves new weights. Groups that start later carry it. It never
+    decreases; if left out, it stays.
     """
 
 
-class Posterior(TypedDict):
-    """Beta(1, 1) and the last 64 contested scenarios."""
+class PolicySettings(TypedDict):
+    """Settings of a run's policy, complete, as stored."""
 
-    level: NotRequired[int | None]
-    """The level."""
-    mean: float
-    """Mean."""
-    n: int
-    """Scenarios it rests on."""
-    q10: float
-    """10 % quantile."""
-    q90: float
-    """90 % quantile."""
-    seen: int
-    """Scenarios seen since the run began."""
+    ahead: int
+    """Maximum number of unacknowledged groups in the feed."""
+    history: int
+    """Earlier exchanges in the prompt of a `chat` model."""
+    max_tokens: NotRequired[int | None]
+    """Maximum tokens of one answer of `chat`; `None` uses the server's setting."""
+    observations: Observations
+    """Observations that trajectories have."""
+    refill: NotRequired[bool]
+    """True if groups whose episodes all have the same score are kept out of the feed."""
+    temperature: NotRequired[float | None]
+    """Sampling temperature of `chat`; `None` uses the endpoint's own."""
 
 
-PrecisionWord: TypeAlias = Literal["f32", "f64"]
+class PolicyVersionDescription(TypedDict):
+    """Description of a policy version."""
+
+    checkpoint: NotRequired[str | None]
+    """Location of the weights in your own words: a path, a URL or a commit."""
+    notes: NotRequired[str | None]
+    """Further notes of the trainer."""
+
+
+class PolicyVersionRequest(TypedDict):
+    """Newest policy version of a run."""
+
+    policy_version: int
+    """Number of the policy version."""
+
+
+class PolicyVersionResults(TypedDict):
+    """Results of a policy version on a task."""
+
+    episodes: int
+    """Number of finished episodes."""
+    first_at: str
+    """Time of the first report, RFC 3339."""
+    last_at: str
+    """Time of the latest report, RFC 3339."""
+    score: float
+    """Mean score of the episodes."""
+    success: float
+    """Success rate: successes / episodes."""
+    successes: int
+    """Number of successes among them."""
+    task: str
+    """Id of the task."""
 
 
 class Problem(TypedDict):
@@ -946,418 +1009,462 @@ class Problem(TypedDict):
     """A URN that names the kind of problem."""
 
 
-Purpose: TypeAlias = Literal["train", "probe", "eval"]
-"""What a lease is for."""
+RecordedMove = TypedDict(
+    "RecordedMove",
+    {
+        "at": str,
+        "evidence": dict[str, Any],
+        "from": NotRequired[int | None],
+        "kind": str,
+        "seq": int,
+        "task": str,
+        "to": int,
+    },
+)
 
 
-class Range(TypedDict):
-    """
-    Groups of a lease of columns that share a recipe: group `first + i` has the seed `seed + i`, for i below `groups`; its episodes
-    are the lease's from `(first + i) × group_size` on, named `ep_<lease>_<index>`.
-    """
-
-    first: int
-    """The number of its first group."""
-    groups: int
-    """How many groups."""
-    level: NotRequired[int | None]
-    """The level."""
-    recipe: int
-    """Index into `recipes`."""
-    role: str
-    """`placement`, `frontier`, `rehearsal` or `sample`."""
-    seed: int
-    """The seed of the first; each next has the next."""
-    task: str
-    """The task."""
+ReplayAvailability: TypeAlias = Literal["available", "expired", "none"]
+"""Availability of an episode's actions for a replay."""
 
 
-class Receipt(TypedDict):
-    """What became of one reported episode."""
+class ReplayedOutcome(EpisodeOutcome):
+    """Outcome of replayed actions."""
+
+    skill: NotRequired[float | None]
+    """Skill between floor (0) and reference (1), if the scenario defines one."""
+    success: bool
+    """True if the episode is a success by the task's own rule."""
+
+
+class ResultReceipt(TypedDict):
+    """Receipt of one reported episode."""
 
     code: NotRequired[str | None]
     """
-    Why it was refused: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    `conflict`, `other_version` (an evaluation is of one), `expired` (past what the run keeps whole, and never reported), `not_as_claimed` (its columns said otherwise, and are refused).
+    Reason of a refusal: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
+    `conflict`, `other_version` (an evaluation has one policy version), `expired` (never reported, and the run no longer keeps its
+    scenario), `not_as_claimed` (the columns of the lease said otherwise and are refused).
     """
     detail: NotRequired[str | None]
-    """The same for people."""
+    """Reason of a refusal for people, one sentence."""
     episode: str
-    """The episode, as it was written."""
+    """Episode id, as it was sent."""
     score: NotRequired[float | None]
-    """The score, by replay."""
+    """Score of the replay."""
     skill: NotRequired[float | None]
-    """The skill, where the scenario defines one."""
+    """Skill between floor (0) and reference (1), if the scenario defines one."""
     status: str
     """
-    `counted` (its group can move the curriculum: mastery, or what the strategy keeps), `stored` (kept as a statistic: an evaluation, a designed
-    layout, or too old a policy), `audited` (as its columns claim; it counts once all that is audited is),
-    `failed`, `late` (its lease was over), `duplicate` (reported before, the same), `refused`.
+    `counted` (the group can move the curriculum: mastery, or the state of the strategy), `stored` (kept as a statistic: an
+    evaluation, a designed layout, or a policy that is too old), `audited` (the replay agrees with the columns; the episode counts
+    once all audited ones are in), `failed`, `late` (the lease was over), `duplicate` (the same result was reported before), `refused`.
     """
     success: NotRequired[bool | None]
-    """Whether it is a success, by the run's rule."""
+    """True if the episode was a success by the run's rule."""
 
 
-class Refill(TypedDict):
-    """Groups that a lease was given in place of others: show the lease to have them."""
+class ResultsResponse(TypedDict):
+    """Response to a batch of results."""
 
-    groups: list[int]
-    """Their numbers there."""
-    lease: str
-    """The lease."""
-
-
-class RemedyView(TypedDict):
-    """An action that would have helped."""
-
-    cost: float
-    """What it costs, in the world's unit of fuel."""
-    step: int
-    """When, counted from 1."""
-    values: list[float]
-    """Its values, as the task's action space has them."""
+    groups: list[GroupReceipt]
+    """Groups that these results closed."""
+    moves: list[dict[str, Any]]
+    """Level moves that these results caused."""
+    refills: list[GroupRefill]
+    """Groups that replace groups whose episodes all have the same score (`refill`)."""
+    results: list[ResultReceipt]
+    """One receipt for each result, in order."""
 
 
-class Replay(TypedDict):
-    """A replay, step by step."""
-
-    episode: str
-    """The episode."""
-    frames: list[dict[str, Any]]
-    """
-    The start, then one frame a step: actions, rewards, and the whole state, hidden bodies included; with
-    `telemetry=true` also `observation`, what the agents saw.
-    """
-    scenario: dict[str, Any]
-    """The scenario, complete."""
-
-
-Replayable: TypeAlias = Literal["available", "expired", "none"]
-"""Whether the actions of an episode are there to be replayed."""
-
-
-class RetentionWish(TypedDict):
-    """What a run should keep whole: a number of episodes, or `all`."""
+class RetentionRequest(TypedDict):
+    """Request to keep episodes whole: a number of episodes, or `all`."""
 
     claimed: NotRequired[Keep | None]
     episodes: NotRequired[Keep | None]
 
 
-class Run(TypedDict):
-    """A run."""
+class Rollout(TypedDict):
+    """Rolled-out part of an episode."""
+
+    done: bool
+    """True if the episode is over."""
+    frames: list[dict[str, Any]]
+    """
+    Frames from step `from` to the last step; only the last frame if the episode ended before `from`. A frame has `step`,
+    `actions`, `reward`, `done`, `state` (the truth) and `observation` (what the agents observed).
+    """
+    horizon: int
+    """Number of steps after which the episode is truncated."""
+    scenario: dict[str, Any]
+    """Complete scenario, with all defaults filled in."""
+    scenario_id: str
+    """Id of the scenario."""
+
+
+RolloutRequest = TypedDict(
+    "RolloutRequest",
+    {
+        "from": NotRequired[int],
+        "scenario": dict[str, Any],
+        "steps": NotRequired[list[list[list[Any]]]],
+        "until": NotRequired[int],
+    },
+)
+
+
+class RunParams(TypedDict):
+    """Params in force."""
+
+    tasks: dict[str, dict[str, float]]
+    """Params by name, for each task id."""
+
+
+class RunPolicyState(PolicySettings):
+    """Policy of a run, with its settings and progress."""
+
+    changed_at: NotRequired[str | None]
+    """Time of the latest change, RFC 3339."""
+    episodes: int
+    """Number of episodes in these groups."""
+    failed: int
+    """Number of episodes that the infrastructure lost, usually because of the model's endpoint."""
+    feed: FeedStatus
+    """Fill level of the feed."""
+    groups: int
+    """Number of groups pushed to the feed."""
+    model: NotRequired[str | None]
+    """Language model of `chat`. Its endpoint is not disclosed."""
+    policy: str
+    """`off`, `chat`, or the name of a built-in policy."""
+    tokens_in: int
+    """Number of prompt tokens."""
+    tokens_out: int
+    """Number of completion tokens."""
+    trouble: NotRequired[PolicyFault | None]
+    version: int
+    """Version of the policy, which new groups get."""
+
+
+class RunSettingsVersion(TypedDict):
+    """Settings of a run from a moment on."""
+
+    at: str
+    """Time from which the settings apply, RFC 3339."""
+    nth: int
+    """Number of the version, from 0."""
+    settings: dict[str, Any]
+    """Complete settings, as they were stored then."""
+
+
+class RunSummary(TypedDict):
+    """Run, as lists show it."""
 
     archived_at: NotRequired[str | None]
-    """When it was archived, RFC 3339."""
+    """Time of archiving, RFC 3339."""
     created_at: str
-    """When it was made, RFC 3339."""
+    """Time of creation, RFC 3339."""
     id: str
-    """Its id."""
+    """Id of the run."""
     name: str
-    """Its name for people."""
+    """Name of the run for people."""
     policy_version: int
-    """The newest policy version a trainer reported."""
+    """Newest policy version that the trainer reported."""
     seed: int
-    """The seed of its random streams."""
+    """Seed of the run's random streams."""
     settings: dict[str, Any]
-    """Its settings, complete."""
+    """Complete settings of the run."""
     status: str
     """`active` or `paused`."""
 
 
-class RunNow(Run):
-    """A run, and how far what happens behind the acknowledgement has come."""
-
-    critique: Backlog
-    """How far the critique is behind."""
-    marks: Marks
-    """What somebody should know before trusting it: how much, and the newest."""
-
-
-class Runs(TypedDict):
-    """A page of runs."""
-
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-    runs: list[Run]
-    """Oldest first."""
-
-
-class SectorView(TypedDict):
-    """A bearing sector."""
-
-    bearing_deg: float
-    """Its centre; it reaches 15° to either side."""
-    sector: int
-    """Its number."""
-
-
-class Setting(TypedDict):
-    """A setting of a strategy."""
-
-    about: str
-    """What it does."""
-    default: float | str
-    """What it is unless told."""
-    name: str
-    """Its name."""
-    source: str
-    """Where that comes from."""
-    takes: str
-    """What it takes, in words."""
-
-
-class Settings(TypedDict):
-    """The settings of a run from a moment on."""
+class RunWarning(TypedDict):
+    """Warning of a run."""
 
     at: str
-    """Since when, RFC 3339."""
-    nth: int
-    """The how-manieth, from 0."""
-    settings: dict[str, Any]
-    """All of them, as they were written down then."""
+    """Time of the warning, RFC 3339."""
+    kind: str
+    """Kind: `refused_claim` (the columns of a lease contradict its logs)."""
+    lease: NotRequired[str | None]
+    """Id of the lease concerned."""
+    words: str
+    """Description in one sentence."""
 
 
-class Side(TypedDict):
-    """One side."""
+class RunWarnings(TypedDict):
+    """Warnings of a run."""
 
-    across: dict[str, Any]
+    count: int
+    """Number of warnings."""
+    newest: list[RunWarning]
+    """Newest warnings, newest first, at most 20."""
+
+
+class ScenarioBracket(TypedDict):
+    """Scores between which the skill of an episode is measured."""
+
+    floor: float
+    """Best score of the blind panel: plans that do not observe the scenario."""
+    hold: float
+    """Score of the `hold` policy, which never acts."""
+    panel: int
+    """Number of blind plans."""
+    panel_success: int
+    """Number of blind plans that succeed."""
+    planner: int
+    """Version of the reference planner."""
+    reference: float
+    """Score of the reference planner, which knows the whole scenario."""
+
+
+class ScenarioRequest(TypedDict):
+    """Scenario to check, and actions to replay on it."""
+
+    actions: NotRequired[EpisodeActions | None]
+    scenario: dict[str, Any]
     """
-    Interquartile means over its trainings of their mean score, success and skill on the suite: `{trainings, score, success, skill}`,
-    95 % bootstrap intervals over trainings. Those of fewer than three say little.
+    The scenario: a task, a seed from 0 to 2^51 − 1, and optional params, physics and layout, which have defaults. A layout is
+    `{mode, bodies, provenance}`: tables of rows that follow the drawn bodies (`extend`) or replace them (`replace`), at most 512
+    rows in all.
     """
-    evaluations: list[str]
-    """Its evaluations."""
+    telemetry: NotRequired[bool]
+    """
+    True to return `frames`: the episode step by step, with the observations of the agents (default false). Without `actions` no
+    agent acts.
+    """
 
 
-Status: TypeAlias = Literal["finished", "failed"]
+class SeedRange(TypedDict):
+    """
+    Groups of a lease of columns that share a recipe. Group `first + i` has the seed `seed + i`, for i below `groups`. Its episodes
+    are those of the lease from `(first + i) × group_size` on, named `ep_<lease>_<index>`.
+    """
+
+    first: int
+    """Number of the first group in the lease."""
+    groups: int
+    """Number of groups in the range."""
+    level: NotRequired[int | None]
+    """Level of the scenarios."""
+    recipe: int
+    """Index into the `recipes` of the lease."""
+    role: str
+    """`placement`, `frontier`, `rehearsal` or `sample`."""
+    seed: int
+    """Seed of the first group."""
+    task: str
+    """Id of the task."""
 
 
-StoppedWord: TypeAlias = Literal["unparsable", "too_long", "too_late"]
+SpeedBand = TypedDict(
+    "SpeedBand",
+    {
+        "band": int,
+        "from": float,
+        "to": NotRequired[float | None],
+        "unit": str,
+    },
+)
 
 
-class StoredFlown(TypedDict):
-    """How a plan or an episode fared, as stored and sent."""
-
-    fuel_used: float
-    """Fuel spent by all agents."""
-    goal: NotRequired[float | None]
-    """How well the task's goal was held towards the end, where it has one."""
-    lost: int
-    """Agents lost."""
-    score: float
-    """The world's score."""
-    steps: int
-    """Steps flown."""
-    total: float
-    """The sum of rewards, as the wire shows it."""
-
-
-class Strategy(TypedDict):
-    """One strategy."""
+class StrategySetting(TypedDict):
+    """Setting of a strategy."""
 
     about: str
-    """What it does, in a few words."""
-    columns: bool
-    """Whether its episodes can be leased as columns: not where it faces single scenarios again."""
+    """Description of its effect."""
+    default: float | str
+    """Default value."""
     name: str
-    """Its name."""
-    settings: list[Setting]
-    """The settings of its own: `strategy_settings` of a run."""
+    """Name of the setting."""
+    source: str
+    """Source of the default."""
+    takes: str
+    """Accepted values, in words."""
 
 
 SuccessSetting: TypeAlias = Literal["task", "raw"]
-"""When an episode is a success."""
+"""Rule that decides whether an episode is a success."""
 
 
-class SuiteView(TypedDict):
-    """A suite."""
+class Suite(TypedDict):
+    """Frozen suite of scenarios."""
 
     hash: str
-    """Its hash: evaluations of the same compare."""
+    """Hash of the suite: evaluations with the same hash are comparable."""
     name: str
-    """Its name."""
+    """Name of the suite."""
     policies: list[str]
-    """The built-in policies that every one of its tasks has: the server flies them."""
+    """Built-in policies of every task of the suite, which the server can evaluate."""
     scenarios: int
-    """Its scenarios."""
+    """Number of scenarios."""
     tasks: list[str]
-    """Their tasks."""
+    """Ids of their tasks."""
 
 
-class Suites(TypedDict):
+class SuiteList(TypedDict):
     """All suites."""
 
-    suites: list[SuiteView]
-    """The newest of each world first."""
+    suites: list[Suite]
+    """Suites, the newest of each world first."""
     usual: str
-    """The one that is meant where nobody says which."""
+    """Name of the default suite."""
 
 
 class Task(TypedDict):
-    """One task, as data."""
+    """Task of a world."""
 
     about: str
-    """One sentence."""
+    """Description in one sentence."""
     actions: dict[str, Any]
-    """What an agent does in a step."""
+    """Action space of an agent."""
     agents: int
-    """Agents at the start, at default params."""
+    """Number of agents at the start, at default params."""
     failure_modes: list[dict[str, Any]]
-    """Why an episode can lose score."""
+    """Failure modes: reasons why an episode loses score."""
     horizon: int
-    """Steps after which an episode is cut off, at default params."""
+    """Number of steps after which an episode is truncated, at default params."""
     id: str
-    """`world/task`."""
+    """Id of the task: `world/task`."""
     levels: dict[str, Any]
-    """The table of levels."""
+    """Table of levels."""
     params: list[dict[str, Any]]
-    """The parameter space."""
+    """Parameter space."""
     physics: list[dict[str, Any]]
-    """The physics options."""
+    """Physics options."""
     policies: list[dict[str, Any]]
-    """The built-in policies: name, what each does, and whether its actions are drawn."""
+    """Built-in policies: name, description, and whether their actions are random."""
     reflex: list[str]
-    """Names of the numbers of the trainable reflex, each within 0 to 1."""
+    """Names of the parameters of the trainable reflex policy, each from 0 to 1."""
     score: dict[str, Any]
-    """The range of the score."""
+    """Range of the score."""
     speed_bands: dict[str, Any]
-    """How relative speeds are sorted: the upper edges of all bands but the last."""
+    """Bands of relative speed: upper edges of all bands but the last."""
     world: str
-    """The world and its version."""
+    """World and its version."""
 
 
-class TaskGlance(TypedDict):
-    """A task in a glance."""
+class TaskDesigns(TypedDict):
+    """Numbers of designs of a task."""
 
-    level: NotRequired[int | None]
-    """Its level; none where there are none, and during placement."""
-    mastery: NotRequired[float | None]
-    """The posterior over success on contested scenarios there: its mean; none before there is evidence."""
-    mastery_high: NotRequired[float | None]
-    """Its 90 % quantile."""
-    mastery_low: NotRequired[float | None]
-    """Its 10 % quantile."""
+    active: int
+    """Number of active layouts."""
+    admitted: int
+    """Number of admitted designs."""
+    refused: list[GateCheckCount]
+    """Numbers of refused designs by check of the gate, in the order of the checks, including designs that are not kept."""
+    retired: dict[str, int]
+    """Numbers of retired layouts by reason: `mastered`, `hopeless`, `hand`."""
     task: str
-    """The task."""
+    """Id of the task."""
+
+
+class TaskList(TypedDict):
+    """All tasks."""
+
+    tasks: list[Task]
+    """Tasks, by world."""
 
 
 class TaskMastery(TypedDict):
-    """One task."""
+    """Mastery of one task."""
 
-    claimed: ClaimedView
-    """What was claimed in columns: statistics, but for the groups that were audited, which count above."""
-    designed: Plain
-    """The same of designed layouts, which are made to be failed."""
-    groups: Groups
-    """How groups of several episodes ended; all zeros where groups have one."""
+    claimed: ClaimedEpisodeCounts
+    """Claims of columns: statistics only, except for audited groups, which count above."""
+    designed: EpisodeCounts
+    """Results of the episodes on designed layouts, which aim at the agent's failures."""
+    groups: GroupCounts
+    """Ends of groups with several episodes; all zeros if groups have one episode."""
     level: NotRequired[int | None]
-    """The current level; none during placement, and where the strategy has no levels."""
-    levels: list[Posterior]
-    """The same at every level with evidence."""
-    mastery: NotRequired[Posterior | None]
+    """Current level; null during placement and under a strategy without levels."""
+    levels: list[MasteryEstimate]
+    """The same for each level with evidence."""
+    mastery: NotRequired[MasteryEstimate | None]
     params: dict[str, float]
-    """The params in force: of the current level, or of the one that is probed."""
+    """Params in force: of the current level, or of the probed one."""
     placed: bool
-    """Whether the level was found."""
-    plain: Plain
-    """Success over all episodes, contested or not, but those of designed layouts."""
+    """True if the first level is set."""
+    plain: EpisodeCounts
+    """Results of all episodes, contested or not, except those on designed layouts."""
     probing: NotRequired[int | None]
-    """The level that placement probes now."""
+    """Level that placement probes now."""
     status: dict[str, Any]
-    """How full the current block is, what it takes to move."""
+    """Progress of the current block, and the conditions of the next level move."""
     task: str
-    """The task."""
+    """Id of the task."""
     warnings: list[str]
-    """What somebody should know."""
+    """Problems that the user should know about, one sentence each."""
 
 
-class TaskSeries(TypedDict):
-    """Columns over time, all of one length. What nothing is known of is null."""
+class TaskOverview(TypedDict):
+    """Level and mastery of a task."""
 
-    at: list[int]
-    """Where each point begins, seconds since 1970."""
-    claimed: list[int]
-    """Episodes claimed in columns, and accepted."""
-    contested: list[float | None]
-    """Mean success on contested scenarios."""
-    contested_n: list[int]
-    """How many contested scenarios that rests on."""
-    episodes: list[int]
-    """Episodes that finished."""
-    high: list[int | None]
-    """The highest."""
-    level: list[int | None]
-    """The level at the end of the point."""
-    lost: list[int]
-    """Episodes that failed or never came back."""
-    low: list[int | None]
-    """The lowest level of what came back."""
-    mastery: list[float | None]
-    """The posterior over success on contested scenarios of that level, then: its mean."""
-    mastery_high: list[float | None]
-    """Its 90 % quantile."""
-    mastery_low: list[float | None]
-    """Its 10 % quantile."""
-    panel: list[float | None]
-    """Mean success of the plans that look at nothing, on some of those scenarios."""
-    params: dict[str, ParamSeries]
-    """The params of what came back."""
-    score: list[float | None]
-    """Mean score over all episodes."""
-    skill: list[float | None]
-    """Mean skill where scenarios define one."""
-    success: list[float | None]
-    """Share of successes over all episodes."""
+    level: NotRequired[int | None]
+    """Current level; null during placement and under a strategy without levels."""
+    mastery: NotRequired[float | None]
+    """Mean of the posterior of success on contested scenarios; null before there is evidence."""
+    mastery_high: NotRequired[float | None]
+    """90 % quantile of the posterior."""
+    mastery_low: NotRequired[float | None]
+    """10 % quantile of the posterior."""
     task: str
-    """The task."""
-    zero_variance: list[float | None]
-    """Share of the groups of several episodes whose episodes all have the same score."""
+    """Id of the task."""
 
 
-class TaskSummary(TypedDict):
-    """What was designed for a task."""
-
-    active: int
-    """Layouts that serve."""
-    admitted: int
-    """Designs that the gate let through."""
-    refused: list[CheckCount]
-    """Designs that it refused, by its checks in their order; those that are not kept are counted too."""
-    retired: dict[str, int]
-    """Layouts that are retired, by why: `mastered`, `hopeless`, `hand`."""
-    task: str
-    """The task."""
-
-
-class TaskWish(TypedDict):
-    """What is special about one task of a run."""
+class TaskRequest(TypedDict):
+    """Settings of one task of a run."""
 
     levels: NotRequired[LevelTable | None]
     physics: NotRequired[dict[str, str]]
     """
-    The physics it is flown by at every level, as `physics` in a scenario: options by name, those left out at their
-    defaults. `GET /v1/tasks` lists them.
+    The physics at every level, as `physics` in a scenario: options by name, those left out at their defaults.
+    `GET /v1/tasks` lists them.
     """
     success_threshold: NotRequired[float | None]
     """The score that is a success under `success: raw` (0.7)."""
     weight: NotRequired[float | None]
-    """Its share against the others' (1); each task gets at least 5 %."""
+    """Its weight against the other tasks (1); each task gets at least 5 %."""
 
 
-class Tasks(TypedDict):
-    """All tasks."""
+class TaskSeries(TypedDict):
+    """Time series of a task: columns of equal length, null where there is no value."""
 
-    tasks: list[Task]
-    """World by world."""
-
-
-class Told(TypedDict):
-    """A page of settings."""
-
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-    settings: list[Settings]
-    """The newest first."""
+    at: list[int]
+    """Start of each point, Unix time in seconds."""
+    claimed: list[int]
+    """Number of episodes of accepted claims of columns."""
+    contested: list[float | None]
+    """Mean success rate on contested scenarios."""
+    contested_n: list[int]
+    """Number of these contested scenarios."""
+    episodes: list[int]
+    """Number of finished episodes."""
+    high: list[int | None]
+    """Highest level of the results."""
+    level: list[int | None]
+    """Current level at the end of the point."""
+    lost: list[int]
+    """Number of failed and expired episodes."""
+    low: list[int | None]
+    """Lowest level of the results."""
+    mastery: list[float | None]
+    """Mean of the posterior of success on contested scenarios at that level and time."""
+    mastery_high: list[float | None]
+    """90 % quantile of the posterior."""
+    mastery_low: list[float | None]
+    """10 % quantile of the posterior."""
+    panel: list[float | None]
+    """Mean success rate of the blind panel on some of these scenarios."""
+    params: dict[str, ParamSeries]
+    """Params of the results, by name."""
+    score: list[float | None]
+    """Mean score of all episodes."""
+    skill: list[float | None]
+    """Mean skill, over scenarios that define one."""
+    success: list[float | None]
+    """Success rate of all episodes."""
+    task: str
+    """Id of the task."""
+    zero_variance: list[float | None]
+    """Share of the groups of several episodes whose episodes all have the same score."""
 
 
 class TrajectoryStep(TypedDict):
@@ -1365,548 +1472,407 @@ class TrajectoryStep(TypedDict):
 
     action: NotRequired[list[list[float]] | None]
     """
-    What they did, as results have it: a list of `[agent, value, …]`. None where the agent gave none: the episode was
-    stopped there.
+    Actions of the agents, as in results: a list of `[agent, value, …]`. Null if the agent gave none: the episode was stopped at
+    this step.
     """
     agents: list[AgentEnd]
-    """Every agent that was alive before it."""
+    """Every agent that was alive before the step."""
     completions: NotRequired[list[dict[str, Any]] | None]
-    """How a language model came to it: one call, or two where its first answer was repaired."""
+    """Calls of the language model for this step: one, or two if its first answer was repaired."""
     done: bool
-    """The episode is over."""
+    """True if the episode is over."""
     error: NotRequired[str | None]
     """Why the agent gave no action."""
     observation: NotRequired[dict[str, Any] | None]
-    """What the agents were told before it, in the wire form."""
+    """Observation of the agents before the step, in the wire form."""
     reward: float
-    """The team's reward. Of the step at which the episode was stopped: all that doing nothing earned from there on."""
+    """The team's reward. At the step where the episode was stopped: the sum of all that doing nothing earned from there on."""
 
 
 class Trend(TypedDict):
-    """A mean or share: lately, and over all."""
+    """Mean or share, over recent episodes and over all."""
 
     all: float
-    """Over all criticised episodes."""
+    """Value over all criticised episodes."""
     now: float
-    """Over the recent episodes: weighted."""
+    """Weighted value, over recent episodes."""
 
 
-class TroubleView(TypedDict):
-    """Something that went wrong."""
-
-    at: str
-    """When, RFC 3339."""
-    words: str
-    """What, in a sentence."""
-
-
-class TurnView(TypedDict):
-    """A change of a design's state."""
-
-    at: str
-    """When, RFC 3339."""
-    reason: str
-    """Why."""
-    state: str
-    """The state from then on."""
-
-
-class VerdictView(TypedDict):
-    """Actions with one verdict."""
+class VerdictCount(TypedDict):
+    """Number of actions with one verdict."""
 
     count: int
-    """How many."""
+    """Number of actions with the verdict."""
     per_episode: NotRequired[Trend | None]
     verdict: str
     """`needed`, `harmless`, `wasteful` or `harmful`."""
 
 
-class VersionTask(TypedDict):
-    """How a version fared on a task."""
-
-    episodes: int
-    """Episodes that finished."""
-    first_at: str
-    """When the first came in, RFC 3339."""
-    last_at: str
-    """When the last did, RFC 3339."""
-    score: float
-    """Mean score."""
-    success: float
-    """successes / episodes."""
-    successes: int
-    """Of these, successes."""
-    task: str
-    """The task."""
-
-
-class VersionWish(TypedDict):
-    """What a version of a policy is."""
-
-    checkpoint: NotRequired[str | None]
-    """Where its weights are, in your own words: a path, an address, a commit."""
-    notes: NotRequired[str | None]
-    """Whatever else should be known of it."""
-
-
-class Actions(TypedDict):
-    """An action log."""
-
-    precision: NotRequired[PrecisionWord]
-    """`f32` or `f64` (default): the precision the actions were taken in."""
-    steps: list[list[list[Any]]]
-    """
-    One entry a step, the first step's first, in the task's own form: a list of `[agent, value, …]` with the values of its action space, as
-    `[satellite, dvx, dvy]` for kessler. An agent without an entry goes on as it is.
-    """
-    stopped: NotRequired[StoppedWord | None]
-
-
-class Ask(AskView):
-    """An ask with what it rested on."""
-
-    profile: NotRequired[dict[str, Any] | None]
-    """The failure profile as it stood; none before it has begun."""
-
-
 class Comparison(TypedDict):
-    """One side against the other."""
+    """Comparison of two sides, each with one or more evaluations."""
 
-    a: Side
-    """One side."""
-    b: Side
-    """The other."""
+    a: ComparisonSide
+    """First side."""
+    b: ComparisonSide
+    """Second side."""
     rows: list[dict[str, Any]]
     """
-    The first against the other on the same scenarios, trainings of a side taken together: for each task and part `{task, part,
-    scenarios, score, success, skill, improvement}`, the last four as `{mean, low, high, scenarios}`, 95 % bootstrap intervals over
-    scenarios. `improvement` is how likely an episode of the first scores higher, ties counting one half.
+    Differences of the first side to the second on the same scenarios, over all trainings of a side. A row for each task and part is
+    `{task, part, scenarios, score, success, skill, improvement}`. The last four are `{mean, low, high, scenarios}` with 95 % bootstrap
+    intervals over scenarios. `improvement` is the probability that an episode of the first side scores higher; a tie counts one half.
     """
     suite: str
-    """The suite of all of them."""
+    """Suite of all evaluations."""
 
 
-class DesignAsk(TypedDict):
-    """What is asked. Everything may be left out."""
+class CreateDesignRequest(TypedDict):
+    """Request to a designer. All fields are optional."""
 
     designer: NotRequired[DesignerChoice | None]
     n: NotRequired[int | None]
-    """How many layouts: 1 to 32 (the run's stock)."""
+    """Number of layouts, from 1 to 32 (default: the run's stock)."""
     task: NotRequired[str | None]
-    """For which of the run's tasks (the one whose failures weigh most)."""
+    """Task of the run to design for (default: the task whose failures weigh most)."""
 
 
-class DesignHead(TypedDict):
-    """A design in a list."""
+class CritiqueFailure(TypedDict):
+    """Reason why an episode lost score."""
 
-    aim: NotRequired[AimView | None]
-    ask: str
-    """The ask it came of."""
-    claim: NotRequired[str | None]
-    """`threat` or `decoy`; none where it was refused."""
-    created_at: str
-    """When it was made, RFC 3339."""
-    designer: str
-    """Who thought of it: `llm` or `procedural`."""
-    flown: FlownView
-    """How the agent fared."""
-    id: str
-    """Its id."""
-    level: NotRequired[int | None]
-    """The level it was designed at; none where the strategy has no levels."""
-    name: str
-    """Its name, in its designer's words."""
-    novelty: NotRequired[float | None]
-    """How far the nearest design was that was known before it, 0 to 1; none where it was the first."""
-    reason: NotRequired[str | None]
-    """The gate's sentence, where it was refused."""
-    retired_at: NotRequired[str | None]
-    """When it was retired, RFC 3339."""
-    round: int
-    """In which round: 1, and one more for every repair."""
-    run: str
-    """The run."""
-    served_at: NotRequired[str | None]
-    """When it was leased last, RFC 3339."""
-    state: str
-    """`active`, `retired` or `refused`."""
-    task: str
-    """The task."""
-    why: NotRequired[str | None]
-    """Why it is retired (`mastered`, `hopeless` or `hand`), or which check of the gate refused it."""
+    agent: int
+    """Index of the agent that failed."""
+    encounter: NotRequired[CritiqueEncounter | None]
+    measures: list[FailureMeasure]
+    """Further measures of the failure mode."""
+    mode: str
+    """Name of the failure mode."""
+    step: int
+    """Step of the failure, from 1."""
+    words: str
+    """Description of the failure in one sentence."""
 
 
-class DesignWish(TypedDict):
-    """Layouts designed for the agent's failures, as a run asks for them. Everything may be left out."""
+class Design(DesignSummary):
+    """Design with its encounters, its scenario and its history."""
+
+    bracket: NotRequired[ScenarioBracket | None]
+    design: NotRequired[dict[str, Any] | None]
+    """
+    Design in the language of its world: aim, params and encounters. A refused design is as the designer returned it, an
+    admitted one as the gate read it. Null if it was too long to keep.
+    """
+    episodes: list[str]
+    """Ids of the newest finished episodes on the layout, newest first, at most 16."""
+    scenario_id: NotRequired[str | None]
+    """Id of the scenario; null if the design was refused. `GET /v1/layouts/{layout}` returns the bodies."""
+    turns: list[DesignTransition]
+    """Changes of state, oldest first."""
+
+
+class DesignPage(TypedDict):
+    """Page of designs."""
+
+    designs: list[DesignSummary]
+    """Designs, newest first."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+
+
+class DesignRequest(DesignRequestSummary):
+    """Request to a designer, with the failure profile it is based on."""
+
+    profile: NotRequired[dict[str, Any] | None]
+    """Failure profile at the start of the request; null before."""
+
+
+class DesignRequestPage(TypedDict):
+    """Page of requests to designers."""
+
+    asks: list[DesignRequestSummary]
+    """Requests, newest first."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+
+
+class DesignSettingsRequest(TypedDict):
+    """Request for layouts designed for the agent's failures. Every field may be left out."""
 
     designer: NotRequired[DesignerChoice | None]
     evidence: NotRequired[bool | None]
     """
-    Whether outcomes of designed groups move levels and mastery (false). Then those of threats that were designed at the
+    True if outcomes of designed groups move levels and mastery (false). Only those of threats that were designed at the
     current level do.
     """
     layout_share: NotRequired[float | None]
-    """The share of training groups that one layout may take, above 0, at most 1 (0.05); four groups it may always take."""
+    """The share of training groups that one layout may take, above 0, at most 1 (0.05); four groups are always allowed."""
     share: NotRequired[float | None]
     """
     The share of training groups that are designed, 0 to 1 (0.3), once there are failures to design for and the task's
     placement is over. 0: nothing is designed.
     """
     stock: NotRequired[int | None]
-    """How many active layouts near the current level of a task are kept in stock: 1 to 64 (8)."""
+    """Number of active layouts near the current level of a task that are kept in stock: 1 to 64 (8)."""
 
 
-class Designs(TypedDict):
-    """A page of designs."""
+class DesignStatistics(TypedDict):
+    """Numbers of designs of a run."""
 
-    designs: list[DesignHead]
-    """The newest first."""
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-
-
-class EncounterView(TypedDict):
-    """The geometry of a meeting."""
-
-    avoidable: NotRequired[bool | None]
-    """
-    Whether acting from that step on, within what was left of the fuel, would have avoided it; none if it was never
-    visible.
-    """
-    band: int
-    """Its speed band in a failure profile, from 0."""
-    bearing_deg: float
-    """Where it was some steps before, seen from the agent: degrees in [0, 360) from radial out towards in-track."""
-    bearing_inertial_deg: NotRequired[float | None]
-    """The same from +X towards +Y of the inertial frame; none in a world without one."""
-    body: int
-    """The id of what was met, among the bodies of its kind."""
-    cheapest: NotRequired[RemedyView | None]
-    first_visible_step: NotRequired[int | None]
-    """The first step after which the body was visible (0: at the start); none if it never was."""
-    relative_speed: float
-    """Relative speed at contact, in the world's unit of speed."""
-    sector: int
-    """Its bearing sector in a failure profile, 0 to 11."""
-    steps_left: int
-    """Steps from then to the contact in which somebody could still act."""
+    designed_groups: int
+    """Number of designed groups among them."""
+    designers: list[DesignerUsage]
+    """Requests and cost by designer."""
+    llm: NotRequired[dict[str, Any] | None]
+    """Health of the language model; null if none is configured."""
+    run: str
+    """Id of the run."""
+    settings: dict[str, Any]
+    """Design settings of the run."""
+    share: NotRequired[float | None]
+    """designed_groups / train_groups; null before the first group."""
+    tasks: list[TaskDesigns]
+    """Numbers of designs by task."""
+    train_groups: int
+    """Number of groups leased for training."""
 
 
-class EpisodeHead(TypedDict):
-    """One episode in a list."""
+class EpisodeResult(TypedDict):
+    """Result of one episode. It has no score: the server replays the actions."""
+
+    actions: NotRequired[EpisodeActions | None]
+    episode: str
+    """Id of the episode."""
+    metrics: NotRequired[EpisodeMetrics | None]
+    policy_version: NotRequired[int | None]
+    """Policy version that ran the episode."""
+    reason: NotRequired[str | None]
+    """Reason of a failure, cut to 1 000 characters."""
+    status: NotRequired[EpisodeResultStatus]
+    """`finished` (default), or `failed` if the infrastructure lost the episode."""
+
+
+class EpisodeSummary(TypedDict):
+    """Episode, as lists show it."""
 
     at: NotRequired[str | None]
-    """When it was reported, RFC 3339."""
+    """Time of the report, RFC 3339."""
     episode: str
-    """Its id."""
+    """Id of the episode."""
     layout: NotRequired[str | None]
-    """The layout's id, where its group was designed."""
+    """Id of the layout, if the group was designed."""
     level: NotRequired[int | None]
-    """The level its scenario was drawn at."""
+    """Level at which the scenario was drawn."""
     policy_version: NotRequired[int | None]
-    """The policy that flew it."""
-    replay: Replayable
-    """`available`, `expired` (past what the run keeps whole) or `none` (it has no actions)."""
+    """Policy version that ran the episode."""
+    replay: ReplayAvailability
+    """`available`, `expired` (the run no longer keeps the actions) or `none` (the episode has no actions)."""
     role: str
-    """What its group was for: the curriculum's role of it (`frontier`, `replay`, `probe`, …), `designed` or `suite`."""
+    """Role of the group in the curriculum (`frontier`, `replay`, `probe`, …), `designed` or `suite`."""
     score: NotRequired[float | None]
-    """The score, by replay."""
+    """Score of the replay."""
     skill: NotRequired[float | None]
-    """The skill, where the scenario defines one."""
+    """Skill between floor (0) and reference (1), if the scenario defines one."""
     state: str
     """`leased`, `finished`, `failed`, `late` or `expired`."""
     success: NotRequired[bool | None]
-    """Whether it is a success, by the run's rule."""
+    """True if the episode is a success by the run's rule."""
     task: NotRequired[str | None]
-    """The task."""
+    """Id of the task."""
 
 
-class Episodes(TypedDict):
-    """A page of reported episodes."""
+class Evaluation(EvaluationSummary):
+    """Evaluation with its results."""
 
-    episodes: list[EpisodeHead]
-    """In order of lease and index."""
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-
-
-class FailureView(TypedDict):
-    """One reason why score was lost."""
-
-    agent: int
-    """Whose."""
-    encounter: NotRequired[EncounterView | None]
-    measures: list[MeasureView]
-    """Further numbers that belong to the mode."""
-    mode: str
-    """The failure mode."""
-    step: int
-    """When, counted from 1."""
-    words: str
-    """The same in one sentence."""
-
-
-class FoundEpisodes(TypedDict):
-    """A page of episodes that were looked for."""
-
-    episodes: list[EpisodeHead]
-    """In the order asked for."""
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-
-
-class History(TypedDict):
-    """How levels moved."""
-
-    moves: list[MoveView]
-    """In order."""
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-    points: list[Point]
+    rows: list[dict[str, Any]]
     """
-    Success on contested scenarios over time: each task's evidence in at most 100 parts of equal size. Only on the
+    Results of a complete evaluation and of the blind panel (`blind_panel`); empty before. A row for each task and part is `{task,
+    part, policy, scenarios, score, success, skill, lost, fuel_used, cvar10}`. The last six are `{mean, low, high, scenarios}` with 95 %
+    bootstrap intervals over scenarios.
+    """
+
+
+class EvaluationPage(TypedDict):
+    """Page of the list of evaluations."""
+
+    evaluations: list[EvaluationSummary]
+    """Evaluations of the page, newest first."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+
+
+class FailureModeCounts(TypedDict):
+    """Failures of one mode."""
+
+    about: str
+    """Description in one sentence."""
+    cells: list[FailureCell]
+    """Failures by sector and band; empty cells are left out."""
+    count: int
+    """Number of failures counted here."""
+    inertial: list[InertialSectorCounts]
+    """
+    The same failures by sector of the inertial frame: sector 0 is centred on +X, 3 on +Y. Empty sectors are left out; empty in
+    a world without such a frame.
+    """
+    mode: str
+    """Name of the failure mode."""
+    per_episode: NotRequired[Trend | None]
+    share: NotRequired[Trend | None]
+    weight: float
+    """Sum of their weights."""
+
+
+class FailureProfile(TypedDict):
+    """Failure profile of a task. A failure has weight 1 when it is added; the weight halves every half-life."""
+
+    bands: list[SpeedBand]
+    """Bands of relative speed."""
+    criticised: int
+    """Number of criticised episodes, the base of all counts below."""
+    failed: int
+    """Number of episodes whose critique failed; the server's log has the reasons."""
+    judge: NotRequired[Trend | None]
+    modes: list[FailureModeCounts]
+    """Failure modes of the task, including those that never occurred."""
+    sectors: list[BearingSector]
+    """The 12 bearing sectors: bearing of the body seen from the agent, degrees from radial out towards in-track."""
+    skipped: int
+    """Number of episodes that were skipped by sampling."""
+    task: str
+    """Id of the task."""
+    verdicts: list[VerdictCount]
+    """Actions of an episode by verdict."""
+    waiting: int
+    """Number of waiting episodes. criticised + skipped + failed + waiting are the finished episodes of training and probes."""
+    weight: float
+    """Sum of the weights of these episodes."""
+
+
+class FailureProfiles(CritiqueBacklog):
+    """Failure profiles of a run's tasks."""
+
+    half_life: float
+    """Number of criticised episodes of a task after which the weight of a failure halves."""
+    run: str
+    """Id of the run."""
+    tasks: list[FailureProfile]
+    """One profile for each task of the run."""
+
+
+class Layout(DesignSummary):
+    """Layout with its bodies."""
+
+    bracket: ScenarioBracket
+    """Bracket of the scenario."""
+    design: NotRequired[dict[str, Any] | None]
+    """Design in the language of its world: aim, params and encounters."""
+    scenario: dict[str, Any]
+    """Complete scenario with its bodies; `POST /v1/scenarios` accepts it unchanged."""
+    scenario_id: str
+    """Id of the scenario."""
+    witness: EpisodeOutcome
+    """Outcome of the reference plan, which shows that the layout is solvable."""
+
+
+class LeasePage(TypedDict):
+    """Page of the leases of a run."""
+
+    leases: list[LeaseSummary]
+    """Leases of the page, oldest first."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+
+
+class LeasedGroup(TypedDict):
+    """Episodes of one scenario. Recipe and seed make the scenario; all other fields are for the trainer, never for the agent."""
+
+    bracket: NotRequired[ScenarioBracket | None]
+    contested: bool
+    """True if acting well matters on this scenario."""
+    episodes: list[str]
+    """Ids under which to report the episodes."""
+    group: int
+    """Number of the group in the lease, from 0."""
+    layout: NotRequired[str | None]
+    """Id of the layout, if the group was designed."""
+    level: NotRequired[int | None]
+    """Level of the scenario."""
+    recipe: int
+    """Index into the `recipes` of the lease."""
+    role: str
+    """`placement`, `frontier`, `rehearsal`, `sample`, `explore`, `replay`, `edit`, `boundary`, `designed` or `suite`."""
+    scenario: str
+    """Id of the scenario."""
+    seed: int
+    """Seed that makes the recipe a scenario."""
+    state: str
+    """`open`, `complete`, `partial` or `lost`."""
+    task: str
+    """Id of the task."""
+    train: bool
+    """True if the agent is to learn from the group; some strategies only measure with it."""
+
+
+class LevelMovePage(TypedDict):
+    """Page of level moves."""
+
+    moves: list[RecordedMove]
+    """Level moves, oldest first."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+    points: list[EvidencePoint]
+    """
+    Success on contested scenarios over time: the evidence of each task in at most 100 parts of equal size. Empty except on the
     first page.
     """
 
 
-class Judged(StoredFlown):
-    """How actions fared."""
+class PolicyVersion(TypedDict):
+    """Version of a run's policy, with its results."""
 
-    skill: NotRequired[float | None]
-    """Against floor and reference."""
-    success: bool
-    """By the task's own rule."""
-
-
-class Layout(DesignHead):
-    """A layout with its bodies."""
-
-    bracket: BracketView
-    """What the scenario is worth."""
-    design: NotRequired[dict[str, Any] | None]
-    """The design in the language of its world: aim, params, encounters."""
-    scenario: dict[str, Any]
-    """The scenario, complete with its bodies: `POST /v1/scenarios` takes it as it is."""
-    scenario_id: str
-    """The scenario's id."""
-    witness: StoredFlown
-    """How the witness fared: the planner's own flight, which shows that it can be done."""
-
-
-class Lease(TypedDict):
-    """A lease: recipes once each, and groups that name a recipe and a seed."""
-
-    expires_at: str
-    """Until when it holds, RFC 3339."""
-    form: str
-    """`groups` or `columns`."""
-    group_size: int
-    """Episodes in each group."""
-    groups: list[Group]
-    """The groups; of a lease of columns, those that are audited."""
-    lease: str
-    """Its id."""
-    policy_version: int
-    """The policy it was taken for."""
-    purpose: str
-    """What it is for."""
-    ranges: NotRequired[list[Range] | None]
-    """Of a lease of columns, all its groups by ranges of seeds."""
-    recipes: list[dict[str, Any]]
-    """Scenarios without their seeds: world, task, params, physics, layout."""
-    run: str
-    """Its run."""
-    status: str
-    """`active`, `done`, `released` or `expired`."""
-
-
-class LeaseWish(TypedDict):
-    """A lease as it is asked for."""
-
-    evaluation: NotRequired[str | None]
-    """
-    With `purpose: eval`: the evaluation whose scenarios are wanted, of those that nobody flies. As many groups are answered as there
-    are, at most as many as were asked for.
-    """
-    form: NotRequired[Form]
-    """
-    `groups` (default): every group with its scenario and bracket, every log replayed. `columns`: for 10⁵ episodes and more a
-    second: ranges of seeds, as they come, without brackets; results are columns, of which some groups are audited.
-    """
-    group_size: NotRequired[int | None]
-    """Episodes of one scenario in each (the run's group_size)."""
-    groups: int
-    """How many groups: 1 to 1 024; with `form: columns` 1 to 100 000."""
-    policy_version: NotRequired[int]
-    """The policy that will fly it (0)."""
-    purpose: NotRequired[Purpose]
-    """`train` (default), `probe` or `eval`."""
-    refill: NotRequired[bool]
-    """
-    Whether groups whose episodes all have the same score are replaced, up to as many as were asked for (false). The answer to
-    their results names the groups that came in their place.
-    """
-    ttl_s: NotRequired[int]
-    """How long it holds, seconds: 1 to 86 400 (600)."""
-
-
-class Masteries(TypedDict):
-    """What an agent has mastered."""
-
-    explanation: dict[str, Any]
-    """The strategy's rules, and what moved on what evidence, in words."""
-    tasks: list[TaskMastery]
-    """One per task of the run."""
-
-
-class ModeView(TypedDict):
-    """A failure mode."""
-
-    about: str
-    """What it is, in one sentence."""
-    cells: list[CellView]
-    """Where it occurred, by sector and band; cells in which it never did are left out."""
-    count: int
-    """How often it occurred."""
-    inertial: list[InertialView]
-    """
-    The same failures by where the body was in the inertial frame: sector 0 is centred on +X, 3 on +Y. Sectors without
-    failures are left out; empty in a world without such a frame.
-    """
-    mode: str
-    """Its name."""
-    per_episode: NotRequired[Trend | None]
-    share: NotRequired[Trend | None]
-    weight: float
-    """What that weighs now."""
-
-
-class Overview(TypedDict):
-    """A run in a glance."""
-
-    episodes: int
-    """Episodes that finished, those of columns included."""
-    episodes_per_s: float
-    """Episodes a second over the last five minutes."""
-    last: NotRequired[Last | None]
-    leases: int
-    """Active leases."""
-    prepared: int
-    """Scenarios that wait to be leased."""
-    proposed: int
-    """Proposals whose scenarios are being made."""
-    run: str
-    """The run."""
-    skill: list[float | None]
-    """Mean skill over the run's life in at most 60 parts, all tasks together; null where nothing came back."""
-    tasks: list[TaskGlance]
-    """Its tasks, and where they stand."""
-
-
-class PolicyView(PolicySettings):
-    """The policy of a run, and how it goes."""
-
-    changed_at: NotRequired[str | None]
-    """When it was set, RFC 3339."""
-    episodes: int
-    """Episodes in them."""
-    failed: int
-    """Episodes that the infrastructure lost: the model's endpoint, as a rule."""
-    feed: FeedView
-    """How full the feed is."""
-    groups: int
-    """Groups pushed to the feed so far."""
-    model: NotRequired[str | None]
-    """The model that `chat` asks; where it is, only the server knows."""
-    policy: str
-    """`off`, `chat`, or a built-in policy by name."""
-    tokens_in: int
-    """Tokens that the model read and wrote."""
-    tokens_out: int
-    """Tokens that it wrote."""
-    trouble: NotRequired[TroubleView | None]
+    checkpoint: NotRequired[str | None]
+    """Location of the weights, as the trainer described it."""
+    notes: NotRequired[str | None]
+    """Notes of the trainer."""
+    staleness: int
+    """Number of versions between it and the newest."""
+    tasks: list[PolicyVersionResults]
+    """Results by task, over all episodes except evaluations, contested or not."""
+    told_at: NotRequired[str | None]
+    """Time of the description, RFC 3339; null if the version is known from results only."""
     version: int
-    """Its version, which groups begun now carry."""
+    """Number of the policy version."""
 
 
-class Profile(TypedDict):
-    """Why a task's episodes lose score. A failure's weight is 1 when it is entered and halves every half-life."""
+class PolicyVersionPage(TypedDict):
+    """Page of policy versions."""
 
-    bands: list[BandView]
-    """The bands of relative speed."""
-    criticised: int
-    """Episodes criticised: what everything below is counted over."""
-    failed: int
-    """Episodes that could not be criticised; the server's log says why."""
-    judge: NotRequired[Trend | None]
-    modes: list[ModeView]
-    """The failure modes of the task, those that never occurred included."""
-    sectors: list[SectorView]
-    """The 12 bearing sectors: where the body was, seen from the agent, in degrees from radial out towards in-track."""
-    skipped: int
-    """Episodes that were sampled out, while too many waited."""
-    task: str
-    """The task."""
-    verdicts: list[VerdictView]
-    """Actions per episode by verdict."""
-    waiting: int
-    """Episodes that wait. criticised + skipped + failed + waiting are the finished episodes of training and probes."""
-    weight: float
-    """What these episodes weigh together."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+    versions: list[PolicyVersion]
+    """Versions of the page, newest first."""
 
 
-class Profiles(Backlog):
-    """Why a run's episodes lose score."""
-
-    half_life: float
-    """Criticised episodes of a task after which a failure weighs half."""
-    run: str
-    """The run."""
-    tasks: list[Profile]
-    """One per task of the run."""
-
-
-class Receipts(TypedDict):
-    """What became of a batch."""
-
-    groups: list[GroupEnd]
-    """Groups that these results closed."""
-    moves: list[dict[str, Any]]
-    """Level moves that these results caused."""
-    refills: list[Refill]
-    """Groups that leases were given in place of those whose episodes all have the same score (`refill`)."""
-    results: list[Receipt]
-    """One per result, in order."""
-
-
-class ResultItem(TypedDict):
-    """One episode's result. There is no score in it: that comes from the actions."""
-
-    actions: NotRequired[Actions | None]
-    episode: str
-    """The episode's id."""
-    metrics: NotRequired[Metrics | None]
-    policy_version: NotRequired[int | None]
-    """The policy that flew it."""
-    reason: NotRequired[str | None]
-    """Why it failed, in a few words."""
-    status: NotRequired[Status]
-    """Whether it was flown, or the infrastructure lost it (finished)."""
-
-
-class Results(TypedDict):
-    """A batch of results."""
+class ResultsRequest(TypedDict):
+    """Batch of results."""
 
     policy_version: NotRequired[int | None]
-    """The policy that flew them, where an episode does not say (the lease's)."""
-    results: list[ResultItem]
-    """At most 5 000, and 16 MiB together: episodes of many steps come fewer at a time."""
+    """Policy version of episodes that do not name one (default: the lease's)."""
+    results: list[EpisodeResult]
+    """Results, at most 5 000 and 16 MiB together. A malformed result is refused on its own if it names its episode."""
+
+
+class Run(RunSummary):
+    """Run with its warnings and the backlog of its critique."""
+
+    critique: CritiqueBacklog
+    """Backlog of the critique."""
+    marks: RunWarnings
+    """Warnings of the run: their number and the newest ones."""
 
 
 class RunChange(TypedDict):
     """
-    What is to change of a run; what is left out stays as it is. Tasks keep their level and mastery unless their table or physics
-    change; under another strategy they keep their mastery, and the strategy starts afresh.
+    Request to change a run; a field that is left out keeps its value. Tasks keep their level and mastery unless their table or
+    physics change; under another strategy they keep their mastery, and the strategy starts afresh.
     """
 
     audit_groups: NotRequired[int | None]
@@ -1923,29 +1889,69 @@ class RunChange(TypedDict):
     min_group: NotRequired[int | None]
     """Finished episodes from which a partial group counts."""
     name: NotRequired[str | None]
-    """Its name for people."""
+    """A name for people."""
     placement: NotRequired[bool | None]
-    """Whether tasks that are new are placed."""
+    """True if new tasks are placed by bisection over the levels."""
     strategy: NotRequired[str | None]
     """How proposals are chosen."""
     strategy_settings: NotRequired[dict[str, float | str]]
-    """The strategy's own settings, by name; those left out are at their defaults (in a change of a run that keeps its strategy: stay). `GET /v1/strategies` lists them."""
+    """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
     target: NotRequired[str | None]
-    """What the ladder climbs by."""
-    task_settings: NotRequired[dict[str, TaskWish]]
-    """What is special about single tasks, by id."""
+    """Target of the ladder: `mastery` or `half`."""
+    task_settings: NotRequired[dict[str, TaskRequest]]
+    """Settings of single tasks, by task id."""
     tasks: NotRequired[list[str] | None]
-    """The tasks, all of them: those that are not in it go."""
+    """Ids of all tasks: a task of the run that is not among them is removed."""
 
 
-class RunWish(TypedDict):
-    """A run as it is asked for. Everything may be left out."""
+class RunMastery(TypedDict):
+    """Mastery of all tasks of a run."""
+
+    explanation: dict[str, Any]
+    """Rules of the strategy and its latest decisions, as text."""
+    tasks: list[TaskMastery]
+    """One entry for each task of the run."""
+
+
+class RunOverview(TypedDict):
+    """Overview of a run: throughput, leases and levels."""
+
+    episodes: int
+    """Number of finished episodes, columns included."""
+    episodes_per_s: float
+    """Throughput over the last five minutes, episodes per second."""
+    last: NotRequired[LatestEvent | None]
+    leases: int
+    """Number of active leases."""
+    prepared: int
+    """Number of prepared scenarios that can be leased."""
+    proposed: int
+    """Number of proposals whose scenarios are being prepared."""
+    run: str
+    """Id of the run."""
+    skill: list[float | None]
+    """Mean skill of all tasks over the life of the run, in at most 60 parts; null for a part without results."""
+    tasks: list[TaskOverview]
+    """Level and mastery of each task."""
+
+
+class RunPage(TypedDict):
+    """Page of runs."""
+
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+    runs: list[RunSummary]
+    """Runs, oldest first."""
+
+
+class RunRequest(TypedDict):
+    """Request to create a run. Every field may be left out."""
 
     audit_groups: NotRequired[int | None]
     """Groups of a lease of columns whose logs are replayed (64): 1 to 1 024."""
     contested_share: NotRequired[float | None]
     """Share of proposals whose scenario must be contested (0.5)."""
-    design: NotRequired[DesignWish]
+    design: NotRequired[DesignSettingsRequest]
     """Layouts designed for the agent's failures, mixed into its training."""
     evidence_from: NotRequired[EvidenceFrom | None]
     frontier_share: NotRequired[float | None]
@@ -1953,9 +1959,9 @@ class RunWish(TypedDict):
     group_size: NotRequired[int | None]
     """Episodes of one scenario in a group (1)."""
     id: NotRequired[str | None]
-    """An id of your choice: 1 to 64 of a-z, 0-9, - and _. Else one is made up."""
+    """An id of your choice: 1 to 64 of a-z, 0-9, - and _. By default the server generates one."""
     judge: NotRequired[str | None]
-    """Who judges the steps of sessions that fly for this run: `off`, `deterministic` or `llm` (what the server is set to)."""
+    """Judge of the steps in sessions of this run: `off`, `deterministic` or `llm` (the server's setting)."""
     max_staleness: NotRequired[int | None]
     """Results older than this many policy versions move nothing (no limit)."""
     min_group: NotRequired[int | None]
@@ -1963,20 +1969,20 @@ class RunWish(TypedDict):
     name: NotRequired[str | None]
     """A name for people."""
     placement: NotRequired[bool | None]
-    """Whether a new run is placed by bisection over the levels (true)."""
-    retention: NotRequired[RetentionWish]
-    """What is kept whole."""
+    """True if a new run is placed by bisection over the levels (true)."""
+    retention: NotRequired[RetentionRequest]
+    """Episodes that are kept whole."""
     seed: NotRequired[int | None]
-    """The seed of the run's random streams, from 0 to 2^51 − 1. Else one is drawn."""
+    """The seed of the run's random streams, from 0 to 2^51 − 1. By default the server draws one."""
     strategy: NotRequired[str | None]
     """How proposals are chosen (ladder)."""
     strategy_settings: NotRequired[dict[str, float | str]]
-    """The strategy's own settings, by name; those left out are at their defaults (in a change of a run that keeps its strategy: stay). `GET /v1/strategies` lists them."""
+    """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
     success: NotRequired[SuccessSetting | None]
     target: NotRequired[str | None]
-    """What the ladder climbs by: `mastery`, or `half` (the default when group_size > 1)."""
-    task_settings: NotRequired[dict[str, TaskWish]]
-    """What is special about single tasks, by id."""
+    """Target of the ladder: `mastery`, or `half` (the default when group_size > 1)."""
+    task_settings: NotRequired[dict[str, TaskRequest]]
+    """Settings of single tasks, by task id."""
     tasks: NotRequired[list[str] | None]
     """
     The tasks (those of the first world, kessler). Tasks of several worlds may be mixed where the agent can act in
@@ -1984,8 +1990,8 @@ class RunWish(TypedDict):
     """
 
 
-Series = TypedDict(
-    "Series",
+RunSeries = TypedDict(
+    "RunSeries",
     {
         "from": str,
         "tasks": list[TaskSeries],
@@ -1995,236 +2001,213 @@ Series = TypedDict(
 )
 
 
-class Strategies(TypedDict):
+class RunSettingsPage(TypedDict):
+    """Page of the history of a run's settings."""
+
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+    settings: list[RunSettingsVersion]
+    """Settings, newest first."""
+
+
+class Strategy(TypedDict):
+    """Strategy of a curriculum."""
+
+    about: str
+    """Description in a few words."""
+    columns: bool
+    """True if its episodes can be leased as columns; false if it repeats single scenarios."""
+    name: str
+    """Name of the strategy."""
+    settings: list[StrategySetting]
+    """Settings of the strategy: `strategy_settings` of a run."""
+
+
+class StrategyList(TypedDict):
     """All strategies."""
 
     strategies: list[Strategy]
-    """The default first."""
-
-
-class Summary(TypedDict):
-    """What was designed for a run."""
-
-    designed_groups: int
-    """Of these, designed."""
-    designers: list[DesignerSummary]
-    """By the designer that was asked."""
-    llm: NotRequired[dict[str, Any] | None]
-    """How the language model is; none where none is configured."""
-    run: str
-    """The run."""
-    settings: dict[str, Any]
-    """What the run wants of designs."""
-    share: NotRequired[float | None]
-    """designed_groups / train_groups; none before the first."""
-    tasks: list[TaskSummary]
-    """By task."""
-    train_groups: int
-    """Groups leased for training so far."""
+    """Strategies, the default first."""
 
 
 class TrajectoryEpisode(TypedDict):
-    """An episode of a group."""
+    """A finished episode of a group."""
 
     id: str
-    """Its id."""
+    """Id of the episode."""
     last_observation: NotRequired[dict[str, Any] | None]
-    """What the agents were told at the end."""
+    """Observation of the agents after the last step, in the wire form."""
     metrics: NotRequired[ModelMetrics | None]
     score: float
     """The score, by replay."""
     skill: NotRequired[float | None]
     """The skill, where the scenario defines one."""
     steps: list[TrajectoryStep]
-    """Step by step."""
+    """Steps of the episode, in order."""
     stopped: NotRequired[str | None]
-    """Why the agent went no further: `unparsable`, `too_long` or `too_late`."""
+    """Why the agent was stopped: `unparsable`, `too_long` or `too_late`."""
     success: bool
-    """Whether it is a success, by the run's rule."""
+    """True if the episode is a success by the run's rule."""
 
 
 class TrajectoryGroup(TypedDict):
-    """A finished group, but for its id and how often it was delivered."""
+    """A finished group, without its id in the feed and the number of its deliveries."""
 
-    bracket: BracketView
-    """What the scenario is worth. For the trainer, never for the agent."""
+    bracket: ScenarioBracket
+    """Floor and reference of the scenario. For the trainer, never for the agent."""
     contested: bool
-    """Whether acting well matters on this scenario."""
+    """True if acting well matters on this scenario."""
     episodes: list[TrajectoryEpisode]
-    """The others."""
+    """Episodes that finished, in order."""
     failed: int
-    """Episodes that the infrastructure lost: they are not here, and count as nothing."""
+    """Episodes that the infrastructure lost: they are not in `episodes`, and do not count."""
     group: int
-    """Its number in the lease."""
+    """Number of the group in its lease."""
     layout: NotRequired[str | None]
-    """The layout's id, where it was designed."""
+    """Id of the layout, if the scenario was designed."""
     lease: str
-    """The lease under which it was flown."""
+    """Id of the lease that the group was rolled out under."""
     level: NotRequired[int | None]
-    """The level."""
+    """Level of the scenario, if the task has levels."""
     messages: str
     """`none`: a built-in policy has no conversations; `kept`; or `dropped` like observations."""
     observations: str
-    """`telemetry`, `none` (as asked), or `dropped`: with them the group would be larger than 16 MiB."""
+    """`telemetry`, `none` (as configured), or `dropped`: with them the group would be larger than 16 MiB."""
     policy: str
-    """The policy that flew it."""
+    """The policy that was rolled out."""
     policy_version: int
-    """Its version."""
+    """Version of the policy."""
     recipe: dict[str, Any]
     """The scenario without its seed: world, task, params, physics, layout."""
     role: str
     """`placement`, `frontier`, `rehearsal`, `sample` or `designed`."""
     run: str
-    """The run."""
+    """Id of the run."""
     scenario: str
-    """The scenario's id."""
+    """Id of the scenario."""
     seed: int
     """The seed that makes the recipe a scenario."""
     task: str
-    """The task."""
+    """Id of the task."""
 
 
-class Version(TypedDict):
-    """A version of a run's policy."""
+class Critique(TypedDict):
+    """Critique of a finished episode, computed from its scenario and actions alone."""
 
-    checkpoint: NotRequired[str | None]
-    """Where its weights are, as it was told."""
-    notes: NotRequired[str | None]
-    """Whatever else was told."""
-    staleness: int
-    """Versions between it and the newest."""
-    tasks: list[VersionTask]
-    """How it fared, task by task: over all episodes but evaluations, contested or not."""
-    told_at: NotRequired[str | None]
-    """When it was told of, RFC 3339; none of what only came with results."""
-    version: int
-    """The version."""
+    actions: list[ActionValue]
+    """Value of each action against the same episode without it, in order of step."""
+    failures: list[CritiqueFailure]
+    """Reasons why score was lost, in order of step."""
+    judged: JudgeAssessment
+    """Assessment by the deterministic judge."""
 
 
-class Versions(TypedDict):
-    """A page of versions."""
-
-    next: NotRequired[str | None]
-    """Cursor of the next page, if there may be one."""
-    versions: list[Version]
-    """The newest first."""
-
-
-class Wish(TypedDict):
-    """A scenario to look at, and actions to fly on it."""
-
-    actions: NotRequired[Actions | None]
-    scenario: dict[str, Any]
-    """
-    The scenario: a task and a seed from 0 to 2^51 − 1, and what is wanted of params, physics and layout, whose defaults
-    hold for what is left out. A layout is `{mode, bodies, provenance}`: tables of rows that stand after what is drawn
-    (`extend`) or instead of it (`replace`), at most 512 rows in all.
-    """
-    telemetry: NotRequired[bool]
-    """
-    Whether to answer with `frames`: the flight step by step, with what the agents saw (false). Without actions
-    nobody acts.
-    """
-
-
-class CritiqueView(TypedDict):
-    """What a finished episode shows, from its scenario and actions alone."""
-
-    actions: list[ActionView]
-    """What each action was worth, in order of step: the counterfactual is the same episode without it."""
-    failures: list[FailureView]
-    """Why score was lost, in order of step."""
-    judged: JudgedView
-    """The deterministic judge."""
-
-
-class Delivered(TrajectoryGroup):
-    """A group, and what became of it."""
+class DeliveredGroup(TrajectoryGroup):
+    """Delivered group."""
 
     deliveries: int
-    """How often it was delivered, this time included. More than once: it may have been taken before."""
+    """Number of deliveries, this one included. If it is above 1, the trainer may have used the group before."""
     id: int
-    """Its id, by which it is acknowledged and told from others: never used twice."""
+    """Id of the group, unique and never reused."""
 
 
-class Design(DesignHead):
-    """One design."""
-
-    bracket: NotRequired[BracketView | None]
-    design: NotRequired[dict[str, Any] | None]
-    """
-    The design in the language of its world: aim, params, encounters. As the gate read it, or, where it was refused, as
-    it was given; none where it was too long to be kept.
-    """
-    episodes: list[str]
-    """The newest finished episodes behind it, the newest first: at most 16."""
-    scenario_id: NotRequired[str | None]
-    """The scenario's id; none where it was refused. `GET /v1/layouts/{layout}` shows the bodies."""
-    turns: list[TurnView]
-    """Every change of its state, in order."""
-
-
-class Episode(EpisodeHead):
-    """One episode with its scenario."""
+class Episode(EpisodeSummary):
+    """Episode with its scenario."""
 
     actions: NotRequired[dict[str, Any] | None]
-    """The actions, one entry a step: a list of `[agent, value, …]`."""
-    bracket: NotRequired[BracketView | None]
+    """Actions, one entry for each step: a list of `[agent, value, …]`."""
+    bracket: NotRequired[ScenarioBracket | None]
     contested: bool
-    """Whether the scenario is contested."""
+    """True if the scenario is contested."""
     floor: NotRequired[float | None]
-    """The floor it was judged by."""
-    flown: NotRequired[StoredFlown | None]
+    """Floor at the time of the report."""
+    flown: NotRequired[EpisodeOutcome | None]
     metrics: NotRequired[dict[str, Any] | None]
-    """What the trainer logged."""
+    """Metrics that the trainer reported."""
     reason: NotRequired[str | None]
-    """Why it failed."""
+    """Reason of a failure."""
     reference: NotRequired[float | None]
-    """The reference score it was judged by."""
+    """Reference score at the time of the report."""
     scenario: NotRequired[dict[str, Any] | None]
-    """The scenario, complete; likewise."""
+    """Complete scenario; null if the run no longer keeps it."""
     scenario_id: NotRequired[str | None]
-    """The scenario's id; none past what the run keeps whole."""
+    """Id of the scenario; null if the run no longer keeps it."""
 
 
-class EpisodeCritique(CritiqueView):
-    """The critique of one episode."""
+class EpisodeCritique(Critique):
+    """Critique of one episode of a run."""
 
     episode: str
-    """The episode."""
+    """Id of the episode."""
     task: str
-    """The task."""
+    """Id of the task."""
 
 
-class Pulled(TypedDict):
-    """Groups of a feed."""
+class EpisodePage(TypedDict):
+    """Page of reported episodes."""
 
-    groups: list[Delivered]
-    """In order of their ids."""
-    next: NotRequired[int | None]
-    """The last id: what came later is read by `after`."""
+    episodes: list[EpisodeSummary]
+    """Episodes: a list is ordered by lease and index, a search by its `order`."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
 
 
-class Checked(TypedDict):
-    """What a scenario is."""
+class Lease(TypedDict):
+    """Lease of groups. Recipes are listed once; each group refers to a recipe and a seed."""
 
-    bracket: NotRequired[BracketView | None]
+    expires_at: str
+    """Time at which the lease expires, RFC 3339."""
+    form: str
+    """Form of the results: `groups` or `columns`."""
+    group_size: int
+    """Number of episodes in each group."""
+    groups: list[LeasedGroup]
+    """Groups of the lease; of a lease of columns only the audited ones."""
+    lease: str
+    """Id of the lease."""
+    policy_version: int
+    """Policy version of the request."""
+    purpose: str
+    """`train`, `probe` or `eval`."""
+    ranges: NotRequired[list[SeedRange] | None]
+    """All groups of a lease of columns, as ranges of seeds."""
+    recipes: list[dict[str, Any]]
+    """Scenarios without their seeds: world, task, params, physics and layout."""
+    run: str
+    """Id of the run."""
+    status: str
+    """`active`, `done`, `released` or `expired`."""
+
+
+class ScenarioCheck(TypedDict):
+    """Check of a scenario."""
+
+    bracket: NotRequired[ScenarioBracket | None]
     contested: bool
-    """The reference succeeds and acting blindly mostly does not."""
-    critique: NotRequired[CritiqueView | None]
+    """True if the reference planner succeeds and most blind plans do not."""
+    critique: NotRequired[Critique | None]
     fair: bool
-    """Nothing is lost before anybody could act."""
-    flown: NotRequired[Judged | None]
+    """True if no agent is lost before it could act."""
+    flown: NotRequired[ReplayedOutcome | None]
     frames: NotRequired[list[dict[str, Any]] | None]
     """
-    Where `telemetry` was asked for and the scenario is fair: the start, then one frame a step, as a run's episode is
-    replayed, with `observation`: what the agents saw.
+    With `telemetry` and a fair scenario: the start, then one frame for each step, as in the replay of a run's episode, with
+    `observation`, what the agents observed.
     """
     scenario: dict[str, Any]
-    """The scenario, complete."""
+    """Complete scenario, with all defaults filled in."""
     scenario_id: str
-    """Its id."""
+    """Id of the scenario."""
     solvable: bool
-    """The reference succeeds."""
+    """True if the reference planner succeeds."""
     unfair_because: NotRequired[str | None]
-    """Why it is not fair."""
+    """Reason why the scenario is not fair."""
+
+
+class TrajectoryPage(TypedDict):
+    """Groups of a trajectory feed."""
+
+    groups: list[DeliveredGroup]
+    """Groups, in order of their ids."""
+    next: NotRequired[int | None]
+    """Id of the last group, for `after`."""

@@ -193,7 +193,7 @@ async fn oversized_requests_are_rejected() {
     let item = json!({"episode": "ep_1-aaaaaa_0", "status": "failed"});
     let many = json!({"results": vec![item; 100_000]});
     let response = api.post("/v1/runs/run/results", many).await;
-    insta::assert_snapshot!(problem_line(&response), @"422 invalid [results]: 100000 results; at most 5000 are taken at a time");
+    insta::assert_snapshot!(problem_line(&response), @"422 invalid [results]: 100000 results; at most 5000 are accepted in one request");
     let huge = format!(r#"{{"results": [], "policy_version": {}1}}"#, " ".repeat(40 * 1024 * 1024));
     let response = api.request("POST", "/v1/runs/run/results", "application/json", huge).await;
     insta::assert_snapshot!(problem_line(&response), @"413 too_large: The body is larger than 16 MiB; send less at a time.");

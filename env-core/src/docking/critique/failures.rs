@@ -62,8 +62,8 @@ fn crash(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
     ];
     measures.extend(last_chance.map(|seconds| Measure::new("last_chance", f64::from(seconds), "s")));
     // Bearing of the chief as seen from the deputy, from radial out (+x) towards in-track (+y).
-    let seen = trajectory.state(deputy, step - BEARING_STEPS.min(step));
-    let bearing_deg = angle_deg(-seen[0], -seen[1]);
+    let before = trajectory.state(deputy, step - BEARING_STEPS.min(step));
+    let bearing_deg = angle_deg(-before[0], -before[1]);
     let brake = match last_chance {
         Some(seconds) => format!("braking {seconds} s before would have docked it"),
         None => "no braking tried would have docked it".to_owned(),

@@ -93,28 +93,29 @@ fn simulate_without(
     let collided = trajectory.sim.status(deputy) == DeputyStatus::Collided;
     let end = others_collide.unwrap_or(setup.time_limit);
     let last = end.min(trajectory.last_step(deputy) + if collided { 0 } else { COAST_STEPS });
-    let mut flown = *trajectory.deputy(deputy, from - 1);
+    let mut counterfactual = *trajectory.deputy(deputy, from - 1);
     for step in from..=last {
         let thrust = if step <= to { [0.0; 3] } else { trajectory.thrust(deputy, step) };
-        flown.step(StepTransition::world_step(), setup, step, thrust);
-        if flown.is_active()
-            && (others_collide == Some(step) || collides(trajectory, deputy, step, &flown.state))
+        counterfactual.step(StepTransition::world_step(), setup, step, thrust);
+        if counterfactual.is_active()
+            && (others_collide == Some(step) || collides(trajectory, deputy, step, &counterfactual.state))
         {
-            flown.end_conditions.collision = true;
+            counterfactual.end_conditions.collision = true;
         }
-        if !flown.is_active() {
-            return (flown.total_reward, flown.end_conditions.status());
+        if !counterfactual.is_active() {
+            return (counterfactual.total_reward, counterfactual.end_conditions.status());
         }
     }
     if collided {
-        return (flown.total_reward, DeputyStatus::Active);
+        return (counterfactual.total_reward, DeputyStatus::Active);
     }
     let drifted = Transition::over(f64::from(end - last) * STEP_S).phi
-        * nalgebra::SVector::<f64, STATE_DIM>::from(flown.state);
-    let earned = flown.total_reward + approach_reward(flown.proximity, proximity(distance(&drifted.into())));
+        * nalgebra::SVector::<f64, STATE_DIM>::from(counterfactual.state);
+    let total_reward = counterfactual.total_reward
+        + approach_reward(counterfactual.proximity, proximity(distance(&drifted.into())));
     match others_collide {
-        Some(_) => (earned, DeputyStatus::Collided),
-        None => (earned + FAILURE_REWARD, DeputyStatus::TimedOut),
+        Some(_) => (total_reward, DeputyStatus::Collided),
+        None => (total_reward + FAILURE_REWARD, DeputyStatus::TimedOut),
     }
 }
 

@@ -33,7 +33,7 @@ impl DockingTrajectory {
         let mut sim = DockingSim::new(setup, &start);
         let count = sim.deputies().len();
         let mut deputies = Vec::with_capacity(count * (steps + 1));
-        let mut flown = Vec::with_capacity(count * steps);
+        let mut recorded_thrusts = Vec::with_capacity(count * steps);
         let mut left = [0; MAX_DEPUTIES];
         deputies.extend_from_slice(sim.deputies());
         while !sim.is_done() {
@@ -46,15 +46,16 @@ impl DockingTrajectory {
             }
             let bound = setup.thrust_bound;
             let thrusts = thrusts.map(|thrust| thrust.map(|axis| axis.clamp(-bound, bound)));
-            let stepped = sim.apply_thrusts(thrusts);
-            let live = stepped.active_before.iter().zip(&thrusts);
-            flown.extend(live.take(count).map(|(live, thrust)| if *live { *thrust } else { [0.0; 3] }));
+            let result = sim.apply_thrusts(thrusts);
+            let live = result.active_before.iter().zip(&thrusts);
+            recorded_thrusts
+                .extend(live.take(count).map(|(live, thrust)| if *live { *thrust } else { [0.0; 3] }));
             deputies.extend_from_slice(sim.deputies());
-            for (left, _) in left.iter_mut().zip(stepped.active_before).filter(|(_, live)| *live) {
+            for (left, _) in left.iter_mut().zip(result.active_before).filter(|(_, live)| *live) {
                 *left = sim.steps();
             }
         }
-        Ok(Self { sim, deputies, thrusts: flown, last_steps: left })
+        Ok(Self { sim, deputies, thrusts: recorded_thrusts, last_steps: left })
     }
 
     /// Number of deputies at the start.

@@ -37,7 +37,7 @@ pub fn bracket(scenario: &Scenario) -> Result<Bracket, ScenarioError> {
     }
     let hold = sim.outcome();
     let planned = plan_jointly(&mut sim, &setup, &start);
-    let (reference, witness) = match planned {
+    let (reference, reference_plan) = match planned {
         Some(best) if is_better(&best.outcome, &hold) => (best.outcome, best.log),
         _ => (hold, hold_log(hold.steps)),
     };
@@ -46,7 +46,7 @@ pub fn bracket(scenario: &Scenario) -> Result<Bracket, ScenarioError> {
         panel: vec![hold],
         floor: hold.score,
         reference,
-        reference_plan: witness,
+        reference_plan,
     })
 }
 
@@ -60,7 +60,7 @@ struct JointPlan {
 
 /// True if `a` docks more deputies than `b`, or as many with a higher score.
 fn is_better(a: &EpisodeOutcome, b: &EpisodeOutcome) -> bool {
-    let docked = |flown: &EpisodeOutcome| flown.goal.unwrap_or(0.0);
+    let docked = |outcome: &EpisodeOutcome| outcome.goal.unwrap_or(0.0);
     docked(a) > docked(b) || (docked(a) == docked(b) && a.score > b.score)
 }
 

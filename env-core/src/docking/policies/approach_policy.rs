@@ -10,8 +10,8 @@ use crate::policy::TypedPolicy;
 pub(super) struct ApproachPolicy(pub(super) ApproachLaw);
 
 impl TypedPolicy<DockingTelemetry> for ApproachPolicy {
-    fn append_actions(&mut self, seen: &DockingTelemetry, log: &mut ActionLog) {
-        for deputy in seen.deputies.iter().filter(|d| d.is_active()) {
+    fn append_actions(&mut self, observation: &DockingTelemetry, log: &mut ActionLog) {
+        for deputy in observation.deputies.iter().filter(|d| d.is_active()) {
             log.push_entry(deputy.id, &self.0.thrust(&deputy.state(), MAX_THRUST_N));
         }
     }

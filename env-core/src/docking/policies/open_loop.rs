@@ -16,9 +16,9 @@ impl RandomThrustPolicy {
 }
 
 impl TypedPolicy<DockingTelemetry> for RandomThrustPolicy {
-    fn append_actions(&mut self, seen: &DockingTelemetry, log: &mut ActionLog) {
-        let bound = seen.thrust_bound;
-        for deputy in &seen.deputies {
+    fn append_actions(&mut self, observation: &DockingTelemetry, log: &mut ActionLog) {
+        let bound = observation.thrust_bound;
+        for deputy in &observation.deputies {
             let thrust = [(); 3].map(|()| self.0.uniform_in(RngStream::Policy, -bound, bound));
             if deputy.is_active() {
                 log.push_entry(deputy.id, &thrust);
@@ -36,9 +36,9 @@ const BLIND_DURATION_S: f64 = 10.0;
 const BLIND_THRUST_N: f64 = -1.0;
 
 impl TypedPolicy<DockingTelemetry> for BlindThrustPolicy {
-    fn append_actions(&mut self, seen: &DockingTelemetry, log: &mut ActionLog) {
-        if seen.time_s < BLIND_DURATION_S {
-            for deputy in seen.deputies.iter().filter(|d| d.is_active()) {
+    fn append_actions(&mut self, observation: &DockingTelemetry, log: &mut ActionLog) {
+        if observation.time_s < BLIND_DURATION_S {
+            for deputy in observation.deputies.iter().filter(|d| d.is_active()) {
                 log.push_entry(deputy.id, &[BLIND_THRUST_N, 0.0, 0.0]);
             }
         }

@@ -76,9 +76,9 @@ fn compare_episode(episode: &RecordedEpisode, tally: &mut DifferenceTally) -> Re
                 thrusts[i] = agent.action;
             }
         }
-        let stepped = sim.apply_thrusts(thrusts);
+        let result = sim.apply_thrusts(thrusts);
         tally.steps += 1;
-        if !compare_step(&sim, &stepped, &names, step, tally) {
+        if !compare_step(&sim, &result, &names, step, tally) {
             return Ok(());
         }
     }
@@ -118,20 +118,20 @@ fn restore_start(episode: &RecordedEpisode) -> Result<DockingSim, String> {
 /// comparison.
 fn compare_step(
     sim: &DockingSim,
-    stepped: &DockingStep,
+    result: &DockingStep,
     names: &[&str],
     step: &RecordedStep,
     tally: &mut DifferenceTally,
 ) -> bool {
-    let parted = intended_difference(sim, stepped, step);
+    let difference = intended_difference(sim, result, step);
     for (i, name) in names.iter().enumerate() {
         let Some(agent) = step.agents.get(*name) else {
-            if stepped.active_before[i] {
+            if result.active_before[i] {
                 tally.add_mismatch(format!("{name} still flies, recorded as gone"));
             }
             continue;
         };
-        if !stepped.active_before[i] {
+        if !result.active_before[i] {
             tally.add_mismatch(format!("{name} has left, recorded as flying"));
             continue;
         }
@@ -141,12 +141,12 @@ fn compare_step(
             }
         }
         compare_observation(sim, i, &agent.obs, tally);
-        compare_reward(stepped, i, name, agent, tally);
-        if parted.is_none() {
+        compare_reward(result, i, name, agent, tally);
+        if difference.is_none() {
             compare_end_conditions(sim, i, name, agent, tally);
         }
     }
-    match parted {
+    match difference {
         Some(why) => {
             tally.documented.push(format!("episode {} step {}: {why}", tally.episode, tally.step));
             false
@@ -161,7 +161,7 @@ fn compare_step(
 }
 
 /// The reason why the recording ends here and our episode does not, if it is one of two intended differences.
-fn intended_difference(sim: &DockingSim, stepped: &DockingStep, step: &RecordedStep) -> Option<&'static str> {
+fn intended_difference(sim: &DockingSim, result: &DockingStep, step: &RecordedStep) -> Option<&'static str> {
     let says = |rule: &str| step.agents.values().any(|agent| agent.done_info.iter().any(|name| name == rule));
     if says("EpisodeLengthDone") && !sim.is_done() {
         return Some(
@@ -170,7 +170,7 @@ fn intended_difference(sim: &DockingSim, stepped: &DockingStep, step: &RecordedS
     }
     let collided = sim.deputies().iter().any(|deputy| deputy.end_conditions.collision);
     if says("CollisionDoneFunction") && !collided && !sim.is_done() {
-        let left = |i: usize| stepped.active_before[i] && sim.deputies()[i].end_conditions.any();
+        let left = |i: usize| result.active_before[i] && sim.deputies()[i].end_conditions.any();
         let near = |i: usize, j: usize| {
             separation(&sim.deputies()[i].state, &sim.deputies()[j].state) < COLLISION_DISTANCE_M
         };
@@ -203,13 +203,13 @@ fn compare_observation(sim: &DockingSim, i: usize, theirs: &[f64], tally: &mut D
 }
 
 fn compare_reward(
-    stepped: &DockingStep,
+    result: &DockingStep,
     i: usize,
     name: &str,
     agent: &RecordedAgent,
     tally: &mut DifferenceTally,
 ) {
-    let (ours, theirs) = (&stepped.rewards[i], &agent.components);
+    let (ours, theirs) = (&result.rewards[i], &agent.components);
     let (exact, single) = (tally.tolerance, tally.tolerance.max(SINGLE_PRECISION_TOLERANCE));
     for (quantity, ours, theirs, allowed) in [
         (ComparedQuantity::Distance, ours.distance, theirs.distance, exact),

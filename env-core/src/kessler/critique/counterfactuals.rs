@@ -161,8 +161,8 @@ impl<'a> Counterfactuals<'a> {
     }
 }
 
-/// Burns that the log requests of each satellite: one sum per step, or every entry by itself under `compat:
-/// upstream`.
+/// Burns that the log requests of each satellite: one sum per step, or every entry by itself under
+/// `compat: upstream`.
 fn requested_burns(log: &ActionLog, upstream: bool) -> [Vec<PlannedBurn>; SATELLITES] {
     let mut requested = [const { Vec::<PlannedBurn>::new() }; SATELLITES];
     for (step, action) in (1u32..).zip(log.steps()) {

@@ -1,6 +1,8 @@
 //! Search for a remedy: a plan of one burn and then hold that would have avoided a loss and uses only what
 //! was visible when it acts.
 
+use std::f64::consts::TAU;
+
 use super::counterfactuals::{Counterfactuals, TrialBurn};
 use super::trace::{DebrisIdentity, EpisodeTrace};
 use super::visibility::{BurnPath, DebrisVisibility};
@@ -10,9 +12,8 @@ use crate::kessler::kernel::{Body, ClampedBurn, clamp_burn};
 use crate::kessler::planner::panel::affordable_size;
 use crate::kessler::planner::trajectory::Trajectory;
 
-const TAU: f64 = std::f64::consts::TAU;
 /// Sizes of the burns tried, LU/TU, gentlest first. The first is no burn at all: hold from that step on.
-const REMEDY_SIZES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
+const REMEDY_BURN_SIZES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
 /// Number of directions of the burns tried.
 const REMEDY_DIRECTIONS: u32 = 16;
 /// Largest number of steps tried, spread evenly from the first to the last.
@@ -46,7 +47,7 @@ pub(super) fn find_remedy(
     let stride = (loss.step + 1).checked_sub(loss.from)?.div_ceil(MAX_REMEDY_STEPS).max(1);
     let mut trajectory = counterfactuals.trajectories[loss.satellite].clone();
     let mut previous_size = -1.0;
-    for size in REMEDY_SIZES {
+    for size in REMEDY_BURN_SIZES {
         let mut is_any_affordable = false;
         for step in (loss.from..loss.step + 1).step_by(stride as usize).rev() {
             let fuel = loss.fuel.unwrap_or_else(|| trace.satellite(loss.satellite, step - 1).fuel);

@@ -1,5 +1,7 @@
 //! Avoidance: short burn schedules for one satellite that would be lost under hold.
 
+use std::f64::consts::TAU;
+
 use super::ephemeris::DebrisEphemeris;
 use super::panel::affordable_size;
 use super::trajectory::{PlannedBurn, Trajectory};
@@ -9,7 +11,6 @@ use crate::kessler::kernel::{ClampedBurn, clamp_burn};
 use crate::kessler::reward::Objective;
 use crate::kessler::setup::ContactModel;
 
-const TAU: f64 = std::f64::consts::TAU;
 /// Sizes of the single burns tried, LU/TU, gentlest first.
 const SINGLE_BURN_SIZES: [f64; 5] = [0.05, 0.1, 0.2, 0.4, 0.8];
 /// Number of directions of the single burns tried.

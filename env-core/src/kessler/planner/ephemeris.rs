@@ -152,6 +152,7 @@ impl DebrisEphemeris {
     }
 
     /// Position and velocity of a body relative to a column after `step`.
+    #[inline]
     fn relative_state(&self, column: usize, step: usize, body: &Body) -> (f64, f64, f64, f64) {
         let cell = step * self.columns + column;
         (body.x - self.x[cell], body.y - self.y[cell], body.vx - self.vx[cell], body.vy - self.vy[cell])

@@ -29,10 +29,10 @@ use crate::log::{ActionLog, Precision};
 use crate::task::Scenario;
 
 /// Version of the planner. Any change of a bracket raises it.
-pub const PLANNER_VERSION: u32 = 1;
+pub const KESSLER_PLANNER_VERSION: u32 = 1;
 /// Version of the planner under `risk: pc`, where it plans by other rules. Version 2 prunes burns that gain
 /// nothing.
-pub const PLANNER_VERSION_UNDER_PC: u32 = 2;
+pub const KESSLER_PLANNER_VERSION_UNDER_PC: u32 = 2;
 
 /// Computes panel, floor, reference and reference plan. The planner checks `is_wanted` between trials; once
 /// it returns false, the result is the best found by then.
@@ -88,9 +88,9 @@ pub fn bracket(
             let pruned =
                 prune_burns::prune_burns(&ephemeris, blind_plan(0), trajectories, reference, evaluate);
             let plan = action_log(pruned.trajectories.each_ref(), pruned.outcome.steps);
-            (PLANNER_VERSION_UNDER_PC, pruned.outcome, plan)
+            (KESSLER_PLANNER_VERSION_UNDER_PC, pruned.outcome, plan)
         } else {
-            (PLANNER_VERSION, reference, action_log(trajectories, reference.steps))
+            (KESSLER_PLANNER_VERSION, reference, action_log(trajectories, reference.steps))
         };
     Ok(Bracket { planner_version, floor, reference_plan, reference, panel })
 }

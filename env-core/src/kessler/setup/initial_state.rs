@@ -1,5 +1,7 @@
 //! Initial state of an episode: bodies that the layout gives, and random draws for the rest.
 
+use std::f64::consts::TAU;
+
 use super::KesslerSetup;
 use super::fair_start::EarlyPaths;
 use crate::episode_rng::{EpisodeRng, RngStream};
@@ -11,8 +13,6 @@ use crate::kessler::constants::{
 };
 use crate::kessler::debris_init::{self, DRAWS_PER_BODY};
 use crate::kessler::kernel::Body;
-
-const TAU: f64 = std::f64::consts::TAU;
 
 /// Bodies at the start of an episode, and rogues to come.
 #[derive(Debug, Clone, Default, PartialEq)]

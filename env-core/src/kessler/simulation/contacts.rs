@@ -29,8 +29,8 @@ impl<R: EpisodeRng> KesslerSim<R> {
         }
     }
 
-    /// Multiplies the survival of each satellite by 1 − Pc for every closest approach in this step (`risk:
-    /// pc`).
+    /// Multiplies the survival of each satellite by 1 − Pc for every closest approach in this step
+    /// (`risk: pc`).
     pub(super) fn apply_close_approaches(&mut self, sigma: f64) {
         let max_miss = CONTACT_DISTANCE + SIGMAS * sigma;
         for i in 0..self.debris.len() {

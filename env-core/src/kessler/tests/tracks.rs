@@ -22,12 +22,12 @@ use crate::task::TaskSpec;
 const FORECAST_ERROR: f64 = 2e-3;
 
 /// Path of one debris body relative to a satellite within a look-ahead.
-struct RelativePath {
+struct DebrisPath {
     /// Position relative to the satellite now and after each step.
     positions: Vec<(f64, f64)>,
 }
 
-impl RelativePath {
+impl DebrisPath {
     fn new(mut s: Body, mut d: Body, sim: &KesslerSim<SeededRng>, look_ahead: usize) -> Self {
         let physics = sim.setup().physics;
         let mut positions = vec![(s.x - d.x, s.y - d.y)];
@@ -113,13 +113,13 @@ fn check_threats(
     let parts = |x: f64, y: f64, scale: f64| {
         [x * rx + y * ry, x * tx + y * ty].map(|part| scaled(part, scale).clamp(-CELL_LIMIT, CELL_LIMIT))
     };
-    let mut left: Vec<([f32; 4], RelativePath)> = (0..sim.debris().len())
+    let mut left: Vec<([f32; 4], DebrisPath)> = (0..sim.debris().len())
         .map(|i| sim.debris().body(i))
         .filter(|d| sim.is_visible(d.x, d.y))
         .map(|d| {
             let place = parts(d.x - s.x, d.y - s.y, 50.0);
             let speed = parts(d.vx - s.vx, d.vy - s.vy, 5.0);
-            ([place[0], place[1], speed[0], speed[1]], RelativePath::new(s, d, sim, look_ahead))
+            ([place[0], place[1], speed[0], speed[1]], DebrisPath::new(s, d, sim, look_ahead))
         })
         .collect();
     let shown = left.len().min(k);
@@ -128,7 +128,7 @@ fn check_threats(
     let mut before = 0.0;
     for threat in threats.chunks(7) {
         prop_assert_eq!(threat[0], 1.0);
-        let matches = |(state, path): &([f32; 4], RelativePath)| {
+        let matches = |(state, path): &([f32; 4], DebrisPath)| {
             let miss = f64::from(scaled(path.miss(), 10.0).min(CELL_LIMIT)) * 10.0;
             *state == threat[1..5] && (miss - f64::from(threat[5]) * 10.0).abs() < FORECAST_ERROR
         };

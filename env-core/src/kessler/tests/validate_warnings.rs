@@ -124,7 +124,8 @@ fn validate_warnings_exact_ones_come_true() {
                 let recipe = recipe.with_option("warnings", "exact").unwrap();
                 let recipe =
                     recipe.with_option("risk", "pc").unwrap().with_option("gravity", gravity).unwrap();
-                conjunctions += count_true_warnings(&Scenario::new(recipe, scenario.seed()), seed as u32 % 10);
+                conjunctions +=
+                    count_true_warnings(&Scenario::new(recipe, scenario.seed()), seed as u32 % 10);
             }
         }
     }

@@ -1,15 +1,21 @@
-//! OpenEnv: what openenv-core 0.3.0 serves, so that its clients fly here unchanged. docs/openenv.md tells where this is meant
-//! to be otherwise, and why.
+//! OpenEnv: the routes of openenv-core 0.3.0, so that its clients work with this server unchanged.
+//!
+//! `simulation` serves single HTTP requests, `socket` a session over a WebSocket, `mcp` the Model Context Protocol, and `web`
+//! the page. Sessions themselves are in `crate::sessions`. docs/openenv.md lists the intended differences to openenv-core.
+//! Start reading at [`routes`].
 
-mod about;
-mod answer;
 mod body;
+mod episode_boards;
+mod error_message;
+mod error_response;
+mod fields;
 mod mcp;
-mod read;
-mod refusal;
+mod metadata;
 mod simulation;
 mod socket;
-mod ui;
+mod step_response;
+mod tasks;
+mod viewer_socket;
 mod web;
 
 use axum::Extension;
@@ -19,26 +25,22 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use env_core::TaskSpec;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-pub(super) use self::read::{known, named};
-use self::refusal::Refusal;
-pub use self::ui::Boards;
+pub use self::episode_boards::EpisodeBoards;
+use self::error_response::ErrorResponse;
+pub(super) use self::tasks::{built_in_task, known_tasks, task_by_name};
 use super::access::Caller;
-use super::problem::Problem;
 use crate::http::state::AppState;
-use crate::sessions::SessionError;
-use crate::engine::error::ServiceError;
 
-/// All of its routes, at the root.
+/// Returns all routes, which are at the root.
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
-        .routes(routes!(about::health))
-        .routes(routes!(about::metadata))
-        .routes(routes!(about::schema))
-        .routes(routes!(about::manifest))
+        .routes(routes!(metadata::health))
+        .routes(routes!(metadata::metadata))
+        .routes(routes!(metadata::schema))
+        .routes(routes!(metadata::manifest))
         .routes(routes!(simulation::reset))
         .routes(routes!(simulation::step))
         .routes(routes!(simulation::state))
@@ -49,7 +51,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .route("/", get(web::home))
         .route("/web", get(web::home))
         .route("/web/", get(web::page))
-        .route("/web/metadata", get(about::web_metadata))
+        .route("/web/metadata", get(metadata::web_metadata))
         .route("/web/state", get(web::state))
         .route("/web/reset", post(web::reset))
         .route("/web/step", post(web::step))
@@ -57,35 +59,39 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
 
 type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 
-/// Fly over a WebSocket, in openenv-core's frames: `reset`, `step`, `state`, `close`.
+/// Run episodes over a WebSocket in openenv-core's frames: `reset`, `step`, `state`, `close`.
 #[utoipa::path(
     get, path = "/ws", tag = "openenv",
     responses((status = 101), (status = 404, body = Object, description = "It is not asked for as a WebSocket."))
 )]
 async fn socket(state: State<AppState>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
     match upgrade {
-        Ok(upgrade) => socket::connect(state, caller.who, upgrade).await,
-        // What answers sockets alone is not there for others, as the original has it.
-        Err(_) => Refusal::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
+        Ok(upgrade) => socket::connect(state, caller.identity, upgrade).await,
+        // Like openenv-core, a route that is only a WebSocket does not exist for other requests.
+        Err(_) => ErrorResponse::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
 }
 
-/// JSON-RPC over a WebSocket: a session of its own.
+/// Use JSON-RPC over a WebSocket, with a session for each connection.
 #[utoipa::path(
     get, path = "/mcp", tag = "openenv",
     responses((status = 101), (status = 405, body = Object, description = "It is not asked for as a WebSocket."))
 )]
-async fn mcp_socket(state: State<AppState>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
+async fn mcp_socket(
+    state: State<AppState>,
+    Extension(caller): Extension<Caller>,
+    upgrade: Upgrade,
+) -> Response {
     match upgrade {
-        Ok(upgrade) => mcp::connect(state, caller.who, upgrade).await,
+        Ok(upgrade) => mcp::connect(state, caller.identity, upgrade).await,
         Err(_) => {
-            let refusal = Refusal::new(StatusCode::METHOD_NOT_ALLOWED, "Method Not Allowed");
-            ([(axum::http::header::ALLOW, "POST")], refusal).into_response()
+            let error = ErrorResponse::new(StatusCode::METHOD_NOT_ALLOWED, "Method Not Allowed");
+            ([(axum::http::header::ALLOW, "POST")], error).into_response()
         }
     }
 }
 
-/// Look on while a web session flies, over a WebSocket.
+/// Watch a web session over a WebSocket.
 #[utoipa::path(
     get, path = "/ws/ui", tag = "openenv",
     responses(
@@ -101,33 +107,7 @@ async fn ui_socket(
     upgrade: Upgrade,
 ) -> Response {
     match upgrade {
-        Ok(upgrade) => ui::connect(state, &caller, headers, upgrade).await,
-        Err(_) => Refusal::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
-    }
-}
-
-/// The task of an id that stands in this program.
-pub(super) fn usual(id: &str) -> &'static dyn TaskSpec {
-    let first = || env_core::tasks().next();
-    // There is no world without a task, and an id that stands here is one.
-    env_core::task(id).or_else(first).unwrap_or_else(|| unreachable!("there are tasks"))
-}
-
-/// A failure of a use case, without what only the log should say.
-fn in_words(error: &ServiceError) -> String {
-    match error {
-        ServiceError::Restore(_) | ServiceError::Store(_) | ServiceError::NotCommitted { .. } => {
-            tracing::error!(error = %error, "A session's request failed.");
-            Problem::internal().words()
-        }
-        other => other.to_string(),
-    }
-}
-
-/// A refusal of a session in a sentence.
-fn refused_in_words(error: &SessionError) -> String {
-    match error {
-        SessionError::Service(failure) => in_words(failure),
-        other => other.to_string(),
+        Ok(upgrade) => viewer_socket::connect(state, &caller, headers, upgrade).await,
+        Err(_) => ErrorResponse::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
 }

@@ -1,4 +1,4 @@
-//! Flying by requests: `/reset`, `/step` and `/state` of a session that lasts from one to the next.
+//! `/reset`, `/step` and `/state`: a session over single HTTP requests.
 
 use axum::Extension;
 use axum::extract::State;
@@ -8,38 +8,50 @@ use axum::response::Response;
 use serde_json::{Map, Value};
 
 use super::super::access::Caller;
-use super::answer;
 use super::body::{self, Body};
-use super::read::{Fields, WALK, wish};
-use super::refusal::{Refusal, wish_fault};
+use super::error_response::{ErrorResponse, request_error};
+use super::fields::{FieldReader, read_session_request};
+use super::step_response;
+use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
 use crate::sessions::{MAX_NAME_CHARS, SessionKey, SessionStatus};
 
-/// The header that names a session, and the cookie that does for browsers.
-pub(super) const HEADER: &str = "x-session-id";
-pub(super) const COOKIE_NAME: &str = "sparring_session";
-/// The session of whoever names none.
-const SHARED: &str = "shared";
+/// Header that names the session of a request.
+pub(super) const SESSION_HEADER: &str = "x-session-id";
+/// Cookie that names the session of a browser.
+pub(super) const SESSION_COOKIE: &str = "sparring_session";
+/// Session of requests that name none.
+const SHARED_SESSION: &str = "shared";
 
-/// Which session a request is for.
-pub(super) fn session_name(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, Refusal> {
-    let named = headers.get(HEADER).map(|value| value.to_str().unwrap_or_default().to_owned());
-    let name = named.or_else(|| cookie(headers)).unwrap_or_else(|| SHARED.to_owned());
+/// Returns the key of the session that a request names.
+pub(super) fn session_key(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, ErrorResponse> {
+    let named = headers.get(SESSION_HEADER).map(|value| value.to_str().unwrap_or_default().to_owned());
+    let name = named.or_else(|| session_cookie(headers)).unwrap_or_else(|| SHARED_SESSION.to_owned());
     if name.is_empty() || name.len() > MAX_NAME_CHARS {
-        let words = format!("{HEADER}: a session's name is 1 to {MAX_NAME_CHARS} printable characters");
-        return Err(Refusal::new(StatusCode::BAD_REQUEST, words));
+        let detail =
+            format!("{SESSION_HEADER}: a session's name is 1 to {MAX_NAME_CHARS} printable characters");
+        return Err(ErrorResponse::new(StatusCode::BAD_REQUEST, detail));
     }
-    Ok(SessionKey::new(&caller.who, name))
+    Ok(SessionKey::new(&caller.identity, name))
 }
 
-pub(super) fn cookie(headers: &HeaderMap) -> Option<String> {
+/// Returns the key of the web session that a request names, by header or cookie, or of the shared web session.
+pub(super) fn web_session_key(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, ErrorResponse> {
+    let is_named = headers.contains_key(SESSION_HEADER) || session_cookie(headers).is_some();
+    if is_named { session_key(headers, caller) } else { Ok(SessionKey::new(&caller.identity, "web")) }
+}
+
+/// Returns the value of the session cookie.
+pub(super) fn session_cookie(headers: &HeaderMap) -> Option<String> {
     let all = headers.get_all(COOKIE).into_iter().filter_map(|value| value.to_str().ok());
     let mut pairs = all.flat_map(|line| line.split(';')).filter_map(|pair| pair.trim().split_once('='));
-    pairs.find(|(name, _)| *name == COOKIE_NAME).map(|(_, value)| value.to_owned())
+    pairs.find(|(name, _)| *name == SESSION_COOKIE).map(|(_, value)| value.to_owned())
 }
 
-/// Begin an episode. Without a body any scenario of the first task; with one, what it says: `seed`, `episode_id`, `task`,
-/// `params`, `physics`, `scenario`, or `run`, `lease_id`, `group_id` for what a curriculum proposes.
+/// Begin an episode.
+///
+/// Without a body it has a random scenario of the first task. The body selects one by `seed`,
+/// `episode_id`, `task`, `params`, `physics` and `scenario`, or by `run`, `lease_id` and `group_id` from a curriculum.
 #[utoipa::path(
     post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "May be left out."),
     responses(
@@ -53,40 +65,41 @@ pub(super) async fn reset(
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
-) -> Result<Response, Refusal> {
-    let name = session_name(&headers, &caller)?;
-    let session = app.sessions.get_or_open(&caller.who, &name)?;
+) -> Result<Response, ErrorResponse> {
+    let name = session_key(&headers, &caller)?;
+    let session = app.sessions.get_or_open(&caller.identity, &name)?;
     let mut session = session.lock().await;
-    let answer = restart(&mut session, fields.unwrap_or_default(), WALK[0]).await;
-    let_go(&app, &name, &session);
-    answer
+    let response = begin_episode(&mut session, fields.unwrap_or_default(), RESET_ORDER[0]).await;
+    close_if_unused(&app, &name, &session);
+    response
 }
 
-/// A session that never flew anything takes nobody's place.
-pub(super) fn let_go(app: &AppState, name: &SessionKey, session: &crate::sessions::Session) {
+/// Closes a session that never had an episode, so that it does not use the quota.
+pub(super) fn close_if_unused(app: &AppState, name: &SessionKey, session: &crate::sessions::Session) {
     if session.resets() == 0 {
         app.sessions.close(name);
     }
 }
 
-/// Begins an episode; where nobody names a task it is `usual`.
-pub(super) async fn restart(
+/// Begins an episode. The task is `default_task` if the request names none.
+pub(super) async fn begin_episode(
     session: &mut crate::sessions::Session,
     fields: Map<String, Value>,
-    usual: &str,
-) -> Result<Response, Refusal> {
-    let mut fields = Fields::new(&fields, body::place());
-    let wish = wish(&mut fields);
-    if !fields.faults.is_empty() {
-        return Err(Refusal::faults(&fields.faults));
+    default_task: &str,
+) -> Result<Response, ErrorResponse> {
+    let mut fields = FieldReader::new(&fields, body::body_location());
+    let request = read_session_request(&mut fields);
+    if !fields.errors.is_empty() {
+        return Err(ErrorResponse::validation(&fields.errors));
     }
-    let name = wish.episode_id.clone();
-    let usual = super::usual(usual);
-    let wished = wish.resolve(usual).map_err(|error| Refusal::faults(&[wish_fault(&error, &body::place())]))?;
-    Ok(answer::observed(&session.reset(wished, name).await?))
+    let name = request.episode_id.clone();
+    let resolved = request
+        .resolve(built_in_task(default_task))
+        .map_err(|error| ErrorResponse::validation(&[request_error(&error, &body::body_location())]))?;
+    Ok(step_response::http_response(&session.reset(resolved, name).await?))
 }
 
-/// Step the environment: `{"action": …}`, or the action as it is.
+/// Step the environment by `{"action": …}` or by the fields of the action.
 #[utoipa::path(
     post, path = "/step", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses(
@@ -100,35 +113,36 @@ pub(super) async fn step(
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
-) -> Result<Response, Refusal> {
-    let name = session_name(&headers, &caller)?;
-    let missing = |loc| Refusal::fault("missing", loc, "Field required", Value::Null);
-    let action = action(fields.ok_or_else(|| missing(body::place()))?)?;
+) -> Result<Response, ErrorResponse> {
+    let name = session_key(&headers, &caller)?;
+    let missing = |loc| ErrorResponse::single("missing", loc, "Field required", Value::Null);
+    let action = action_from_body(fields.ok_or_else(|| missing(body::body_location()))?)?;
     let session = app.sessions.get(&name).ok_or(crate::sessions::SessionError::NotStarted)?;
     let mut session = session.lock().await;
-    Ok(answer::observed(&session.step(&action).await?))
+    Ok(step_response::http_response(&session.step(&action).await?))
 }
 
-/// The action of a step's body: under `action`, or, as the public kessler-env's README has it, all that is not about the
-/// request.
-pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
-    let mut fields = Fields::new(&body, body::place());
-    // Of what is about the request only faults are told: a step takes microseconds.
-    fields.above_zero("timeout_s");
+/// Returns the action of a step: the field `action` or, as in the README of the public kessler-env, all fields that do not
+/// concern the request.
+pub(super) fn action_from_body(mut body: Map<String, Value>) -> Result<Value, ErrorResponse> {
+    let mut fields = FieldReader::new(&body, body::body_location());
+    // These fields are only validated, not used: a step takes microseconds.
+    fields.positive_number("timeout_s");
     fields.text("request_id");
-    let bare = body.keys().any(|key| !["timeout_s", "request_id", "action"].contains(&key.as_str()));
+    let has_action_fields =
+        body.keys().any(|key| !["timeout_s", "request_id", "action"].contains(&key.as_str()));
     match fields.get("action") {
         Some(action) if !action.is_object() => {
-            fields.fault("action", "dict_type", "Input should be a valid dictionary", action);
+            fields.add_error("action", "dict_type", "Input should be a valid dictionary", action);
         }
-        None if !bare => {
+        None if !has_action_fields => {
             let input = Value::Object(body.clone());
-            fields.fault("action", "missing", "Field required", &input);
+            fields.add_error("action", "missing", "Field required", &input);
         }
         _ => {}
     }
-    if !fields.faults.is_empty() {
-        return Err(Refusal::faults(&fields.faults));
+    if !fields.errors.is_empty() {
+        return Err(ErrorResponse::validation(&fields.errors));
     }
     if let Some(action) = body.remove("action").filter(|action| !action.is_null()) {
         return Ok(action);
@@ -137,24 +151,27 @@ pub(super) fn action(mut body: Map<String, Value>) -> Result<Value, Refusal> {
     Ok(Value::Object(body))
 }
 
-/// Where the session stands.
+/// Get the state of the session.
 #[utoipa::path(get, path = "/state", tag = "openenv", responses((status = 200, body = Object), (status = 503, body = Object)))]
 pub(super) async fn state(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
-) -> Result<axum::Json<Value>, Refusal> {
-    standing(&app, &session_name(&headers, &caller)?).await
+) -> Result<axum::Json<Value>, ErrorResponse> {
+    session_state(&app, &session_key(&headers, &caller)?).await
 }
 
-/// Where a session of this name stands.
-pub(super) async fn standing(app: &AppState, name: &SessionKey) -> Result<axum::Json<Value>, Refusal> {
+/// Returns the state of a session, or an empty state without one.
+pub(super) async fn session_state(
+    app: &AppState,
+    name: &SessionKey,
+) -> Result<axum::Json<Value>, ErrorResponse> {
     let Some(session) = app.sessions.get(name) else {
-        // Looking takes nobody's place.
+        // Reading the state does not open a session.
         let (episode_id, steps) = (&*uuid::Uuid::new_v4().to_string(), 0);
-        let nothing = SessionStatus { episode_id, steps, scenario: None, run: None, outcome: None };
-        return Ok(axum::Json(answer::state(&nothing)));
+        let empty = SessionStatus { episode_id, steps, scenario: None, run: None, outcome: None };
+        return Ok(axum::Json(step_response::state_value(&empty)));
     };
     let session = session.lock().await;
-    Ok(axum::Json(answer::state(&session.status())))
+    Ok(axum::Json(step_response::state_value(&session.status())))
 }

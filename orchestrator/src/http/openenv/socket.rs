@@ -1,4 +1,4 @@
-//! `/ws`: a session over one WebSocket, in openenv-core's frames. Nothing that a client sends ends the session but `close`.
+//! `/ws`: a session over one WebSocket in openenv-core's frames. Only the message `close` ends the session.
 
 use std::ops::ControlFlow;
 
@@ -8,75 +8,92 @@ use axum::response::Response;
 use openenv_wire::ValidationError;
 use serde_json::{Map, Value, json};
 
-use super::super::socket::{Received, bounded, close, close_for_size, meanwhile, next, send};
-use super::answer;
+use super::super::socket::{
+    Received, close, close_for_size, limit_frames, receive, run_while_connected, send_text,
+};
+use super::error_message::service_error_message;
+use super::error_response::request_error;
+use super::fields::{FieldReader, read_session_request};
 use super::mcp;
-use super::read::{Fields, WALK, wish};
-use super::refusal::wish_fault;
+use super::step_response;
+use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
-use crate::sessions::{QuotaExceeded, Session, SessionError, ClientIdentity};
+use crate::limits::QuotaExceeded;
+use crate::sessions::{ClientIdentity, Session, SessionError};
 
-/// Room for the first answer; later ones get what the last one took.
-const ROOM: usize = 4 * 1024;
+/// Capacity of the first response in bytes; later responses use the size of the previous one.
+const INITIAL_CAPACITY: usize = 4 * 1024;
 
-/// A session over a WebSocket.
-pub(super) async fn connect(State(app): State<AppState>, who: ClientIdentity, upgrade: WebSocketUpgrade) -> Response {
-    bounded(upgrade).on_upgrade(move |socket| serve(socket, app, who))
+/// Opens a session over a WebSocket.
+pub(super) async fn connect(
+    State(app): State<AppState>,
+    client: ClientIdentity,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    limit_frames(upgrade).on_upgrade(move |socket| serve(socket, app, client))
 }
 
-async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
-    let mut session = match app.sessions.open(&who) {
+async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
+    let mut session = match app.sessions.open(&client) {
         Ok(session) => session,
         Err(full) => {
-            let _ = send(&mut socket, capacity(full).to_string().into_bytes()).await;
+            let _ = send_text(&mut socket, capacity_error(full).to_string().into_bytes()).await;
             return close(socket).await;
         }
     };
-    let mut closing = app.sessions.close_signal(&who);
-    let (mut room, mut early) = (ROOM, None);
+    let mut closing = app.sessions.close_signal(&client);
+    let (mut capacity, mut early) = (INITIAL_CAPACITY, None);
     loop {
         let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
-                received = next(&mut socket, app.sessions.limits().idle_timeout) => received,
-                why = closing.closed() => Received::Stop(why),
+                received = receive(&mut socket, app.sessions.limits().idle_timeout) => received,
+                reason = closing.closed() => Received::Stop(reason),
             },
         };
-        // Not held while a session is silent.
-        let mut frame = Vec::with_capacity(room);
+        // Allocated here, so that an idle session holds no buffer.
+        let mut frame = Vec::with_capacity(capacity);
         match received {
             Received::Text(text) => {
-                let work = answered(&app, &mut session, &text, &mut frame);
-                match meanwhile(&mut socket, &mut early, work).await {
+                let work = respond(&app, &mut session, &text, &mut frame);
+                match run_while_connected(&mut socket, &mut early, work).await {
                     None => return,
                     Some(ControlFlow::Break(())) => return close(socket).await,
                     Some(ControlFlow::Continue(())) => {}
                 }
             }
             Received::Binary(_) => frame.extend(
-                error("SESSION_ERROR", "binary frames are not read here; send text").to_string().bytes(),
+                error_frame("SESSION_ERROR", "binary frames are not read here; send text")
+                    .to_string()
+                    .bytes(),
             ),
             Received::Idle => {
                 let words = "the session was silent for too long";
-                let _ = send(&mut socket, error("SESSION_TIMEOUT", words).to_string().into_bytes()).await;
+                let _ =
+                    send_text(&mut socket, error_frame("SESSION_TIMEOUT", words).to_string().into_bytes())
+                        .await;
                 return close(socket).await;
             }
-            Received::Stop(why) => {
-                let _ = send(&mut socket, error("SESSION_ERROR", why.message()).to_string().into_bytes()).await;
+            Received::Stop(reason) => {
+                let _ = send_text(
+                    &mut socket,
+                    error_frame("SESSION_ERROR", reason.message()).to_string().into_bytes(),
+                )
+                .await;
                 return close(socket).await;
             }
             Received::TooLarge => return close_for_size(socket).await,
             Received::Left | Received::Gone => return,
         }
-        room = frame.len() + frame.len() / 8 + 64; // observations grow a little from step to step
-        if send(&mut socket, frame).await.is_err() {
+        capacity = frame.len() + frame.len() / 8 + 64; // observations grow a little from step to step
+        if send_text(&mut socket, frame).await.is_err() {
             return;
         }
     }
 }
 
-/// Answers one frame of text into `out`; breaks where the client wants to go.
-async fn answered(app: &AppState, session: &mut Session, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
+/// Writes the response to one text frame into `out`. Breaks if the client closes the session.
+async fn respond(app: &AppState, session: &mut Session, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
     let mut message = match openenv_wire::parse_python_json(text) {
         Ok(Value::Object(message)) => message,
         Ok(other) => {
@@ -88,24 +105,24 @@ async fn answered(app: &AppState, session: &mut Session, text: &str, out: &mut V
                 input: openenv_wire::echo_input(&other),
                 ctx: None,
             };
-            out.extend(faults(&[fault]).to_string().bytes());
+            out.extend(validation_error(&[fault]).to_string().bytes());
             return ControlFlow::Continue(());
         }
-        Err(unread) => {
-            out.extend(error("INVALID_JSON", &format!("Invalid JSON: {unread}")).to_string().bytes());
+        Err(reason) => {
+            out.extend(error_frame("INVALID_JSON", &format!("Invalid JSON: {reason}")).to_string().bytes());
             return ControlFlow::Continue(());
         }
     };
-    let told = match message.get("type").and_then(Value::as_str) {
+    let result = match message.get("type").and_then(Value::as_str) {
         Some("reset") => reset(session, &mut message, out).await,
         Some("step") => step(session, &mut message, out).await,
-        Some("state") => bare(&message).map(|()| {
-            let state = json!({"type": "state", "data": answer::state(&session.status())});
+        Some("state") => check_no_data(&message).map(|()| {
+            let state = json!({"type": "state", "data": step_response::state_value(&session.status())});
             out.extend(state.to_string().bytes());
         }),
-        Some("close") => match bare(&message) {
+        Some("close") => match check_no_data(&message) {
             Ok(()) => return ControlFlow::Break(()),
-            Err(told) => Err(told),
+            Err(error) => Err(error),
         },
         Some("mcp") => mcp(app, session, &mut message, out).await,
         _ => {
@@ -114,12 +131,12 @@ async fn answered(app: &AppState, session: &mut Session, text: &str, out: &mut V
                 kind.as_str().map_or_else(|| kind.to_string(), str::to_owned)
             });
             let kind: String = kind.chars().take(60).collect();
-            Err(error("UNKNOWN_TYPE", &format!("Unknown message type: {kind}")))
+            Err(error_frame("UNKNOWN_TYPE", &format!("Unknown message type: {kind}")))
         }
     };
-    if let Err(told) = told {
+    if let Err(error) = result {
         out.clear();
-        out.extend(told.to_string().bytes());
+        out.extend(error.to_string().bytes());
     }
     ControlFlow::Continue(())
 }
@@ -130,18 +147,19 @@ async fn reset(
     out: &mut Vec<u8>,
 ) -> Result<(), Value> {
     let data = data(message, Some(Map::new()))?;
-    let mut fields = Fields::new(&data, Vec::new());
-    let wish = wish(&mut fields);
-    if !fields.faults.is_empty() {
-        return Err(faults(&fields.faults));
+    let mut fields = FieldReader::new(&data, Vec::new());
+    let request = read_session_request(&mut fields);
+    if !fields.errors.is_empty() {
+        return Err(validation_error(&fields.errors));
     }
-    // The original walks through its tasks; a group is of one, however often it was reset before.
-    let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
-    let usual = super::usual(if wish.group.is_some() { WALK[0] } else { walked });
-    let name = wish.episode_id.clone();
-    let wished = wish.resolve(usual).map_err(|error| faults(&[wish_fault(&error, &[])]))?;
-    let shown = session.reset(wished, name).await.map_err(|error| refused(&error))?;
-    observation(&shown, out);
+    // openenv-core goes through its tasks. A group has one task, independent of the number of resets.
+    let next = RESET_ORDER[usize::try_from(session.resets()).unwrap_or_default() % RESET_ORDER.len()];
+    let default_task = built_in_task(if request.group.is_some() { RESET_ORDER[0] } else { next });
+    let name = request.episode_id.clone();
+    let resolved =
+        request.resolve(default_task).map_err(|error| validation_error(&[request_error(&error, &[])]))?;
+    let shown = session.reset(resolved, name).await.map_err(|error| session_error(&error))?;
+    write_observation(&shown, out);
     Ok(())
 }
 
@@ -151,12 +169,12 @@ async fn step(
     out: &mut Vec<u8>,
 ) -> Result<(), Value> {
     let action = data(message, None)?;
-    if let Some(answer) = mcp::as_step(session, &action).await {
+    if let Some(answer) = mcp::call_by_step(session, &action).await {
         out.extend(answer.to_string().bytes());
         return Ok(());
     }
-    let shown = session.step(&Value::Object(action)).await.map_err(|error| refused(&error))?;
-    observation(&shown, out);
+    let shown = session.step(&Value::Object(action)).await.map_err(|error| session_error(&error))?;
+    write_observation(&shown, out);
     Ok(())
 }
 
@@ -167,74 +185,76 @@ async fn mcp(
     out: &mut Vec<u8>,
 ) -> Result<(), Value> {
     let request = data(message, None)?;
-    let answer = mcp::answer(app, &Value::Object(request), mcp::By::Own(session)).await;
+    let answer = mcp::respond(app, &Value::Object(request), mcp::RpcOrigin::Connection(session)).await;
     out.extend(json!({"type": "mcp", "data": answer}).to_string().bytes());
     Ok(())
 }
 
-fn observation(shown: &crate::sessions::StepView<'_>, out: &mut Vec<u8>) {
+fn write_observation(step: &crate::sessions::StepView<'_>, out: &mut Vec<u8>) {
     out.extend_from_slice(b"{\"type\":\"observation\",\"data\":");
-    answer::observation(shown, out);
+    step_response::write_step(step, out);
     out.push(b'}');
 }
 
-/// The data of a message that may have nothing else.
+/// Returns the data of a message, which may have no other fields. `default` replaces missing data.
 fn data(
     message: &mut Map<String, Value>,
-    otherwise: Option<Map<String, Value>>,
+    default: Option<Map<String, Value>>,
 ) -> Result<Map<String, Value>, Value> {
-    let told = message.remove("data");
-    let mut fields = Fields::new(message, Vec::new());
-    let data = match (told, otherwise) {
+    let sent = message.remove("data");
+    let mut fields = FieldReader::new(message, Vec::new());
+    let data = match (sent, default) {
         (Some(Value::Object(data)), _) => data,
         (Some(other), _) => {
-            fields.fault("data", "dict_type", "Input should be a valid dictionary", &other);
+            fields.add_error("data", "dict_type", "Input should be a valid dictionary", &other);
             Map::new()
         }
-        (None, Some(otherwise)) => otherwise,
+        (None, Some(default)) => default,
         (None, None) => {
             let input = Value::Object(message.clone());
-            fields.fault("data", "missing", "Field required", &openenv_wire::echo_input(&input));
+            fields.add_error("data", "missing", "Field required", &openenv_wire::echo_input(&input));
             Map::new()
         }
     };
-    extra(&mut fields, message, &["type", "data"]);
-    if fields.faults.is_empty() { Ok(data) } else { Err(faults(&fields.faults)) }
+    reject_unknown(&mut fields, message, &["type", "data"]);
+    if fields.errors.is_empty() { Ok(data) } else { Err(validation_error(&fields.errors)) }
 }
 
-/// A message that has nothing but its type.
-fn bare(message: &Map<String, Value>) -> Result<(), Value> {
-    let mut fields = Fields::new(message, Vec::new());
-    extra(&mut fields, message, &["type"]);
-    if fields.faults.is_empty() { Ok(()) } else { Err(faults(&fields.faults)) }
+/// Checks that a message has only its type.
+fn check_no_data(message: &Map<String, Value>) -> Result<(), Value> {
+    let mut fields = FieldReader::new(message, Vec::new());
+    reject_unknown(&mut fields, message, &["type"]);
+    if fields.errors.is_empty() { Ok(()) } else { Err(validation_error(&fields.errors)) }
 }
 
-fn extra(fields: &mut Fields<'_>, message: &Map<String, Value>, known: &[&str]) {
+/// Adds errors of up to 16 unknown fields.
+fn reject_unknown(fields: &mut FieldReader<'_>, message: &Map<String, Value>, known: &[&str]) {
     for (key, value) in message.iter().filter(|(key, _)| !known.contains(&key.as_str())).take(16) {
-        fields.extra(key, value);
+        fields.add_unknown_field(key, value);
     }
 }
 
-/// An error frame.
-fn error(code: &str, words: &str) -> Value {
-    json!({"type": "error", "data": {"message": words, "code": code}})
+/// Returns an error frame.
+fn error_frame(code: &str, message: &str) -> Value {
+    json!({"type": "error", "data": {"message": message, "code": code}})
 }
 
-fn faults(faults: &[ValidationError]) -> Value {
-    json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": faults}})
+/// Returns the error frame of validation errors.
+fn validation_error(errors: &[ValidationError]) -> Value {
+    json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": errors}})
 }
 
-fn refused(refusal: &SessionError) -> Value {
-    match refusal {
-        SessionError::Action(found) => faults(found),
-        SessionError::Service(failure) => error("EXECUTION_ERROR", &super::in_words(failure)),
-        other => error("EXECUTION_ERROR", &other.to_string()),
+fn session_error(error: &SessionError) -> Value {
+    match error {
+        SessionError::Action(errors) => validation_error(errors),
+        SessionError::Service(failure) => error_frame("EXECUTION_ERROR", &service_error_message(failure)),
+        other => error_frame("EXECUTION_ERROR", &other.to_string()),
     }
 }
 
-fn capacity(full: QuotaExceeded) -> Value {
-    let mut told = error("CAPACITY_REACHED", &full.to_string());
-    told["data"]["active_sessions"] = json!(full.active);
-    told["data"]["max_sessions"] = json!(full.limit);
-    told
+fn capacity_error(full: QuotaExceeded) -> Value {
+    let mut frame = error_frame("CAPACITY_REACHED", &full.to_string());
+    frame["data"]["active_sessions"] = json!(full.active);
+    frame["data"]["max_sessions"] = json!(full.limit);
+    frame
 }

@@ -1,4 +1,4 @@
-//! Web mode: a page with a form that resets and steps, and what it asks.
+//! Web mode: a page with a form that resets and steps, and its routes.
 
 use std::sync::LazyLock;
 
@@ -12,19 +12,20 @@ use serde_json::{Map, Value};
 
 use super::super::access::Caller;
 use super::super::dashboard;
-use super::answer;
 use super::body::Body;
-use super::read::WALK;
-use super::refusal::Refusal;
-use super::simulation::{self, COOKIE_NAME, HEADER};
+use super::error_response::ErrorResponse;
+use super::simulation::{self, SESSION_COOKIE, web_session_key};
+use super::step_response;
+use super::tasks::RESET_ORDER;
 use crate::http::state::AppState;
-use crate::sessions::{SessionKey, SessionError};
+use crate::sessions::SessionError;
 
-/// The page. It asks nothing of any other address.
+/// Template of the page, which loads nothing from other hosts.
 const PAGE: &str = include_str!("page.html");
 
+/// Page with the options of all tasks.
 static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
-    // Each with an action to begin with, in its world's form.
+    // Each option has an example action in its world's format.
     let option = |task: &'static dyn env_core::TaskSpec| {
         let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
         log.push_entry(0, &[0.1]);
@@ -36,19 +37,15 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
     PAGE.replace("{{tasks}}", &options.collect::<String>())
 });
 
-/// Which web session a request is for: that of its cookie or header, or the one all others share.
-pub(super) fn name(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, Refusal> {
-    let named = headers.contains_key(HEADER) || simulation::cookie(headers).is_some();
-    if named { simulation::session_name(headers, caller) } else { Ok(SessionKey::new(&caller.who, "web")) }
-}
-
-/// The way to the page.
+/// Redirects to the page.
 pub(super) async fn home() -> Response {
     (StatusCode::TEMPORARY_REDIRECT, [(header::LOCATION, "/web/")]).into_response()
 }
 
-/// The page, with a session of its own: the dashboard's, opened where one plays. Where that was not built it is a form, and where OpenEnv alone
-/// is for anybody, since the dashboard asks `/v1`.
+/// Returns the page with a session cookie: the dashboard, which opens its play view.
+///
+/// A simple form replaces it if the dashboard was not built, or if OpenEnv's routes are public, since the dashboard
+/// needs `/v1`.
 pub(super) async fn page(State(app): State<AppState>, headers: HeaderMap) -> Response {
     let form = || {
         let policy =
@@ -57,9 +54,9 @@ pub(super) async fn page(State(app): State<AppState>, headers: HeaderMap) -> Res
     };
     let built = if app.openenv_public { None } else { dashboard::page(&headers) };
     let mut response = built.unwrap_or_else(form);
-    if simulation::cookie(&headers).is_none() {
+    if simulation::session_cookie(&headers).is_none() {
         let id = uuid::Uuid::new_v4();
-        let cookie = format!("{COOKIE_NAME}={id}; Path=/; SameSite=Strict; HttpOnly");
+        let cookie = format!("{SESSION_COOKIE}={id}; Path=/; SameSite=Strict; HttpOnly");
         if let Ok(cookie) = cookie.parse() {
             response.headers_mut().insert(header::SET_COOKIE, cookie);
         }
@@ -67,46 +64,46 @@ pub(super) async fn page(State(app): State<AppState>, headers: HeaderMap) -> Res
     response
 }
 
-/// Where the web session stands.
+/// Returns the state of the web session.
 pub(super) async fn state(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
-) -> Result<axum::Json<Value>, Refusal> {
-    simulation::standing(&app, &name(&headers, &caller)?).await
+) -> Result<axum::Json<Value>, ErrorResponse> {
+    simulation::session_state(&app, &web_session_key(&headers, &caller)?).await
 }
 
-/// Begins an episode: the next task of the original's walk, unless one is named.
+/// Begins an episode, of the next task in the reset order unless the request names one.
 pub(super) async fn reset(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
-) -> Result<Response, Refusal> {
-    let name = name(&headers, &caller)?;
-    let session = app.sessions.get_or_open(&caller.who, &name)?;
+) -> Result<Response, ErrorResponse> {
+    let name = web_session_key(&headers, &caller)?;
+    let session = app.sessions.get_or_open(&caller.identity, &name)?;
     let mut session = session.lock().await;
-    let walked = WALK[usize::try_from(session.resets()).unwrap_or_default() % WALK.len()];
-    let answer = simulation::restart(&mut session, fields.unwrap_or_default(), walked).await;
-    simulation::let_go(&app, &name, &session);
-    let answer = answer?;
-    app.boards.began(&name, &session);
-    Ok(answer)
+    let default_task = RESET_ORDER[usize::try_from(session.resets()).unwrap_or_default() % RESET_ORDER.len()];
+    let response = simulation::begin_episode(&mut session, fields.unwrap_or_default(), default_task).await;
+    simulation::close_if_unused(&app, &name, &session);
+    let response = response?;
+    app.episode_boards.show_reset(&name, &session);
+    Ok(response)
 }
 
-/// One step; without an action nobody does anything.
+/// Steps the environment. Without an action the step has no command.
 pub(super) async fn step(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
     Body(fields): Body,
-) -> Result<Response, Refusal> {
-    let name = name(&headers, &caller)?;
+) -> Result<Response, ErrorResponse> {
+    let name = web_session_key(&headers, &caller)?;
     let fields = fields.filter(|fields| !fields.is_empty());
-    let action = fields.map_or_else(|| Ok(Value::Object(Map::new())), simulation::action)?;
+    let action = fields.map_or_else(|| Ok(Value::Object(Map::new())), simulation::action_from_body)?;
     let session = app.sessions.get(&name).ok_or(SessionError::NotStarted)?;
     let mut session = session.lock().await;
-    let answer = answer::observed(&session.step(&action).await?);
-    app.boards.stepped(&name, &session, &action, app.clock.now());
-    Ok(answer)
+    let response = step_response::http_response(&session.step(&action).await?);
+    app.episode_boards.show_step(&name, &session, &action, app.clock.now());
+    Ok(response)
 }

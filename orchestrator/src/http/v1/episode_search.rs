@@ -1,201 +1,54 @@
-//! Reported episodes by what they are of and how they came out, in any order.
+//! Search for reported episodes by task, outcome and group, in several orders.
 
-use crate::store::groups::GroupRole;
 use crate::store::episodes::EpisodeState;
+use crate::store::groups::GroupRole;
+use api_types::{EpisodePage, EpisodeSearchQuery, EpisodeSortOrder, EpisodeStateFilter, GroupRoleFilter};
 use axum::extract::State;
-use serde::{Deserialize, Serialize};
 use sqlx::SqliteConnection;
-use utoipa::{IntoParams, ToSchema};
 
 use super::super::extract::{Path, Query};
 use super::super::problem::Problem;
-use super::episode_list::{EpisodeHead, head};
+use super::episode_list::listed_summary;
 use super::failures::tasks_of;
-use super::{Page, id, next, reader_of, run_id};
-use crate::ids::{LayoutId, RunId};
+use super::{Cursor, next_cursor, page_limit, parse_id, reader_of_run, run_id};
 use crate::http::state::AppState;
-use crate::store::episode_search::{self, OrderValue, EpisodeOrder, EpisodeCursor, EpisodeFilter};
+use crate::ids::{LayoutId, RunId};
+use crate::store::episode_search::{self, EpisodeCursor, EpisodeFilter, EpisodeOrder, OrderValue};
 
-/// Which episodes are looked for, and in which order.
-#[derive(Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Looked {
-    /// Of this task.
-    task: Option<String>,
-    /// Of this level.
-    level: Option<u32>,
-    /// How it came back.
-    #[param(inline)]
-    state: Option<StateWord>,
-    /// Successes (true), or what are none (false).
-    success: Option<bool>,
-    /// In which this failure mode was found: of those that are kept as examples of it.
-    mode: Option<String>,
-    /// Of groups of this role.
-    #[param(inline)]
-    role: Option<RoleWord>,
-    /// On this layout.
-    layout: Option<String>,
-    /// Flown by this version of the policy.
-    version: Option<u32>,
-    /// In which order (newest).
-    #[serde(default)]
-    #[param(inline)]
-    order: OrderWord,
-    /// How many at most: 1 to 500 (50).
-    limit: Option<u32>,
-    /// `next` of the page before, asked for with the same words.
-    cursor: Option<String>,
-}
-
-/// How an episode came back.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-enum StateWord {
-    /// Flown to its end.
-    Finished,
-    /// The trainer could not fly it.
-    Failed,
-    /// After its lease had ended.
-    Late,
-}
-
-/// What a group was for.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-enum RoleWord {
-    /// To find the level at which a new run starts.
-    Placement,
-    /// The current level.
-    Frontier,
-    /// A level already passed.
-    Rehearsal,
-    /// Drawn by a strategy without levels to climb.
-    Sample,
-    /// A scenario that nobody had seen.
-    Explore,
-    /// A scenario again that has something to teach.
-    Replay,
-    /// An edit of such a scenario.
-    Edit,
-    /// One param at its bound.
-    Boundary,
-    /// A designed layout.
-    Designed,
-    /// An evaluation's.
-    Suite,
-}
-
-/// A word as it is sent.
-fn word(word: impl Serialize) -> Option<String> {
-    serde_json::to_value(word).ok()?.as_str().map(str::to_owned)
-}
-
-impl From<StateWord> for EpisodeState {
-    fn from(word: StateWord) -> Self {
-        match word {
-            StateWord::Finished => Self::Finished,
-            StateWord::Failed => Self::Failed,
-            StateWord::Late => Self::Late,
-        }
-    }
-}
-
-impl From<RoleWord> for GroupRole {
-    fn from(word: RoleWord) -> Self {
-        match word {
-            RoleWord::Placement => Self::Placement,
-            RoleWord::Frontier => Self::Frontier,
-            RoleWord::Rehearsal => Self::Rehearsal,
-            RoleWord::Sample => Self::Sample,
-            RoleWord::Explore => Self::Explore,
-            RoleWord::Replay => Self::Replay,
-            RoleWord::Edit => Self::Edit,
-            RoleWord::Boundary => Self::Boundary,
-            RoleWord::Designed => Self::Designed,
-            RoleWord::Suite => Self::Suite,
-        }
-    }
-}
-
-/// An order of episodes.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-enum OrderWord {
-    /// The last that was leased first.
-    #[default]
-    Newest,
-    /// The first that was leased first.
-    Oldest,
-    /// The lowest score first.
-    WorstScore,
-    /// The highest score first.
-    BestScore,
-    /// The lowest skill first.
-    WorstSkill,
-    /// The highest skill first.
-    BestSkill,
-}
-
-impl From<OrderWord> for EpisodeOrder {
-    fn from(word: OrderWord) -> Self {
-        let by = |value, descending| Self::ByValue { value, descending };
-        match word {
-            OrderWord::Newest => Self::Newest,
-            OrderWord::Oldest => Self::Oldest,
-            OrderWord::WorstScore => by(OrderValue::Score, false),
-            OrderWord::BestScore => by(OrderValue::Score, true),
-            OrderWord::WorstSkill => by(OrderValue::Skill, false),
-            OrderWord::BestSkill => by(OrderValue::Skill, true),
-        }
-    }
-}
-
-/// A page of episodes that were looked for.
-#[derive(Serialize, ToSchema)]
-pub(super) struct FoundEpisodes {
-    /// In the order asked for.
-    episodes: Vec<EpisodeHead>,
-    /// Cursor of the next page, if there may be one.
-    next: Option<String>,
-}
-
-/// Look for reported episodes, of those that are kept whole: `GET …/episodes` lists all, the oldest first. Orders by score and skill leave out
-/// those that have none.
+/// Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by score or skill
+/// leaves out episodes without one.
 #[utoipa::path(
-    get, path = "/runs/{run}/episodes/search", tag = "episodes", operation_id = "search_episodes",
-    params(("run" = String, Path, description = "The run's id."), Looked),
+    get, path = "/runs/{run}/episodes/search", tag = "episodes",     params(("run" = String, Path, description = "The run's id."), EpisodeSearchQuery),
     responses(
-        (status = 200, body = FoundEpisodes), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 200, body = EpisodePage), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 422, body = Problem)
     )
 )]
-pub(super) async fn search(
+pub(super) async fn search_episodes(
     State(app): State<AppState>,
     Path(run): Path<String>,
-    Query(looked): Query<Looked>,
-) -> Result<axum::Json<FoundEpisodes>, Problem> {
+    Query(query): Query<EpisodeSearchQuery>,
+) -> Result<axum::Json<EpisodePage>, Problem> {
     let run = run_id(&run)?;
-    let page = Page { limit: looked.limit, cursor: looked.cursor };
-    let (limit, after, order) = (page.limit()?, place(&page, looked.order)?, EpisodeOrder::from(looked.order));
-    let layout = looked.layout.as_deref().map(|text| id::<LayoutId>("layout", text)).transpose()?;
-    let wanted = EpisodeFilter {
-        task: looked.task,
-        level: looked.level.map(i64::from),
-        state: looked.state.map(EpisodeState::from),
-        success: looked.success,
-        mode: looked.mode,
-        role: looked.role.map(GroupRole::from),
+    let (limit, order) = (page_limit(query.limit)?, stored_order(query.order));
+    let after = episode_after(query.cursor.as_deref(), query.order)?;
+    let layout = query.layout.as_deref().map(|text| parse_id::<LayoutId>("layout", text)).transpose()?;
+    let filter = EpisodeFilter {
+        task: query.task,
+        level: query.level.map(i64::from),
+        state: query.state.map(stored_state),
+        success: query.success,
+        mode: query.mode,
+        role: query.role.map(stored_role),
         layout: layout.map(|id| id.0),
-        version: looked.version.map(i64::from),
+        version: query.version.map(i64::from),
     };
-    // What few have is looked for among all: that is not for many at once.
-    let _turn = app.turns.searches.turn().await?;
-    let mut conn = reader_of(&app, &run).await?;
-    known(&mut conn, &run, &wanted).await?;
-    let found = episode_search::page(&mut conn, run.as_str(), &wanted, order, after, limit).await?;
-    let order_word = word(looked.order).unwrap_or_default();
+    // A filter that matches few episodes scans all of them, so that few searches may run at once.
+    let _permit = app.concurrency.searches.acquire().await?;
+    let mut conn = reader_of_run(&app, &run).await?;
+    check_filter(&mut conn, &run, &filter).await?;
+    let found = episode_search::page(&mut conn, run.as_str(), &filter, order, after, limit).await?;
+    let order_word = order_word(query.order);
     let last = found.last().map(|listed| {
         let value = match order {
             EpisodeOrder::ByValue { value: OrderValue::Score, .. } => listed.row.score,
@@ -207,19 +60,23 @@ pub(super) async fn search(
             format!("{}_{:016x}_{order_word}", listed.row.number, value.unwrap_or_default().to_bits()),
         )
     });
-    let next = next(found.len(), limit, last.as_ref().map(|(lease, rest)| (*lease, rest.as_str())));
-    Ok(axum::Json(FoundEpisodes { episodes: found.into_iter().map(|listed| head(listed).1).collect(), next }))
+    let next = next_cursor(found.len(), limit, last.as_ref().map(|(lease, rest)| (*lease, rest.as_str())));
+    Ok(axum::Json(EpisodePage { episodes: found.into_iter().map(listed_summary).collect(), next }))
 }
 
-/// Whether there are such episodes at all: of a task that the service has, and in modes that its critique knows.
-async fn known(conn: &mut SqliteConnection, run: &RunId, wanted: &EpisodeFilter) -> Result<(), Problem> {
-    let tasks = match &wanted.task {
+/// Checks that the task of a filter exists and that its tasks have the failure mode.
+async fn check_filter(
+    conn: &mut SqliteConnection,
+    run: &RunId,
+    filter: &EpisodeFilter,
+) -> Result<(), Problem> {
+    let tasks = match &filter.task {
         Some(id) => vec![
             env_core::task(id).ok_or_else(|| Problem::invalid("task", format!("there is no task {id}")))?,
         ],
         None => tasks_of(conn, run, None).await?,
     };
-    let Some(mode) = &wanted.mode else { return Ok(()) };
+    let Some(mode) = &filter.mode else { return Ok(()) };
     let mut modes: Vec<_> =
         tasks.iter().flat_map(|task| task.failure_modes()).map(|spec| spec.name).collect();
     if modes.iter().any(|known| known == mode) {
@@ -227,26 +84,76 @@ async fn known(conn: &mut SqliteConnection, run: &RunId, wanted: &EpisodeFilter)
     }
     modes.sort_unstable();
     modes.dedup();
-    Err(Problem::invalid("mode", format!("there is no such mode; there are {}", modes.join(", "))))
+    Err(Problem::invalid(
+        "mode",
+        format!("there is no such failure mode; choose one of {}", modes.join(", ")),
+    ))
 }
 
-/// Where a cursor goes on.
-fn place(page: &Page, order: OrderWord) -> Result<Option<EpisodeCursor>, Problem> {
-    if page.cursor.is_none() {
-        return Ok(None);
-    }
-    let (lease, rest) = page.cursor()?;
-    let read = || {
-        let (number, rest) = rest.split_once('_')?;
-        let (bits, of) = rest.split_once('_')?;
-        let value = f64::from_bits(u64::from_str_radix(bits, 16).ok()?);
-        let place =
-            value.is_finite().then_some(EpisodeCursor { value: Some(value), lease, number: number.parse().ok()? });
-        Some((place?, of))
+/// Episode after which a page starts. The cursor is `lease.number_score_order` with the bits of the score or skill.
+fn episode_after(cursor: Option<&str>, order: EpisodeSortOrder) -> Result<Option<EpisodeCursor>, Problem> {
+    let Some(Cursor { number: lease, text }) = Cursor::parse(cursor)? else { return Ok(None) };
+    let parse = || {
+        let (number, rest) = text.split_once('_')?;
+        let (bits, word) = rest.split_once('_')?;
+        let value =
+            Some(f64::from_bits(u64::from_str_radix(bits, 16).ok()?)).filter(|value| value.is_finite())?;
+        Some((EpisodeCursor { value: Some(value), lease, number: number.parse().ok()? }, word))
     };
-    match read() {
-        Some((place, of)) if word(order).as_deref() == Some(of) => Ok(Some(place)),
-        Some((_, of)) => Err(Problem::invalid("cursor", format!("it is of a page in another order: {of}"))),
-        None => Err(Problem::invalid("cursor", "it is not one that a search gave")),
+    match parse() {
+        Some((cursor, word)) if order_word(order) == word => Ok(Some(cursor)),
+        Some((_, word)) => {
+            Err(Problem::invalid("cursor", format!("it belongs to a page in the order {word}")))
+        }
+        None => Err(Problem::invalid("cursor", "it is not a cursor that a search returned")),
+    }
+}
+
+/// Word of an order in requests and cursors.
+const fn order_word(order: EpisodeSortOrder) -> &'static str {
+    match order {
+        EpisodeSortOrder::Newest => "newest",
+        EpisodeSortOrder::Oldest => "oldest",
+        EpisodeSortOrder::WorstScore => "worst_score",
+        EpisodeSortOrder::BestScore => "best_score",
+        EpisodeSortOrder::WorstSkill => "worst_skill",
+        EpisodeSortOrder::BestSkill => "best_skill",
+    }
+}
+
+const fn stored_order(order: EpisodeSortOrder) -> EpisodeOrder {
+    const fn by(value: OrderValue, descending: bool) -> EpisodeOrder {
+        EpisodeOrder::ByValue { value, descending }
+    }
+    match order {
+        EpisodeSortOrder::Newest => EpisodeOrder::Newest,
+        EpisodeSortOrder::Oldest => EpisodeOrder::Oldest,
+        EpisodeSortOrder::WorstScore => by(OrderValue::Score, false),
+        EpisodeSortOrder::BestScore => by(OrderValue::Score, true),
+        EpisodeSortOrder::WorstSkill => by(OrderValue::Skill, false),
+        EpisodeSortOrder::BestSkill => by(OrderValue::Skill, true),
+    }
+}
+
+const fn stored_state(state: EpisodeStateFilter) -> EpisodeState {
+    match state {
+        EpisodeStateFilter::Finished => EpisodeState::Finished,
+        EpisodeStateFilter::Failed => EpisodeState::Failed,
+        EpisodeStateFilter::Late => EpisodeState::Late,
+    }
+}
+
+const fn stored_role(role: GroupRoleFilter) -> GroupRole {
+    match role {
+        GroupRoleFilter::Placement => GroupRole::Placement,
+        GroupRoleFilter::Frontier => GroupRole::Frontier,
+        GroupRoleFilter::Rehearsal => GroupRole::Rehearsal,
+        GroupRoleFilter::Sample => GroupRole::Sample,
+        GroupRoleFilter::Explore => GroupRole::Explore,
+        GroupRoleFilter::Replay => GroupRole::Replay,
+        GroupRoleFilter::Edit => GroupRole::Edit,
+        GroupRoleFilter::Boundary => GroupRole::Boundary,
+        GroupRoleFilter::Designed => GroupRole::Designed,
+        GroupRoleFilter::Suite => GroupRole::Suite,
     }
 }

@@ -1,128 +1,106 @@
-//! The policy that the server flies for a run.
+//! Policy that the server runs for a run.
 
+use api_types::{FeedStatus, PolicyFault};
 use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::super::extract::{Json, NoQuery, Path};
 use super::super::problem::Problem;
-use super::{reader_of, run_id};
+use super::{reader_of_run, run_id};
 use crate::clock::rfc3339;
-use crate::ids::RunId;
 use crate::http::state::AppState;
+use crate::ids::RunId;
+use crate::rollouts::feed::MAX_UNACKED_BYTES;
+use crate::rollouts::settings::SetPolicy;
+use crate::rollouts::{PolicyRequest, PolicySettings};
 use crate::store::run_policies::{self, RunPolicy, TokenCounts};
 use crate::store::trajectories;
-use crate::rollouts::feed::MOST_WAITING;
-use crate::rollouts::settings::PutPolicy;
-use crate::rollouts::{PolicySettings, PolicyRequest};
 
-/// The policy of a run, and how it goes.
+/// Policy of a run, with its settings and progress.
 #[derive(Serialize, ToSchema)]
-pub(super) struct PolicyView {
-    /// `off`, `chat`, or a built-in policy by name.
+pub(super) struct RunPolicyState {
+    /// `off`, `chat`, or the name of a built-in policy.
     policy: String,
-    /// Its version, which groups begun now carry.
+    /// Version of the policy, which new groups get.
     version: i64,
-    /// How it is set.
+    /// Settings of the policy.
     #[serde(flatten)]
     settings: PolicySettings,
-    /// The model that `chat` asks; where it is, only the server knows.
+    /// Language model of `chat`. Its endpoint is not disclosed.
     model: Option<String>,
-    /// When it was set, RFC 3339.
+    /// Time of the latest change, RFC 3339.
     changed_at: Option<String>,
-    /// Groups pushed to the feed so far.
+    /// Number of groups pushed to the feed.
     groups: i64,
-    /// Episodes in them.
+    /// Number of episodes in these groups.
     episodes: i64,
-    /// Episodes that the infrastructure lost: the model's endpoint, as a rule.
+    /// Number of episodes that the infrastructure lost, usually because of the model's endpoint.
     failed: i64,
-    /// Tokens that the model read and wrote.
+    /// Number of prompt tokens.
     tokens_in: i64,
-    /// Tokens that it wrote.
+    /// Number of completion tokens.
     tokens_out: i64,
-    /// How full the feed is.
-    feed: FeedView,
-    /// The last thing that went wrong.
-    trouble: Option<TroubleView>,
+    /// Fill level of the feed.
+    feed: FeedStatus,
+    /// Latest error of the policy.
+    trouble: Option<PolicyFault>,
 }
 
-/// How full a feed is.
-#[derive(Serialize, ToSchema)]
-struct FeedView {
-    /// Groups that wait to be delivered.
-    waiting: i64,
-    /// Groups delivered, their time not over.
-    delivered: i64,
-    /// Groups acknowledged that can still be read again.
-    acked: i64,
-    /// Bytes of those that are not acknowledged, as stored.
-    bytes: i64,
-    /// Nothing more is flown until some are acknowledged.
-    full: bool,
-}
-
-/// Something that went wrong.
-#[derive(Serialize, ToSchema)]
-struct TroubleView {
-    /// What, in a sentence.
-    words: String,
-    /// When, RFC 3339.
-    at: String,
-}
-
-/// Show the policy of a run: which, how it is set, and how it goes.
+/// Get the policy of a run with its settings and progress.
 #[utoipa::path(
     get, path = "/runs/{run}/policy", tag = "trajectories", params(("run" = String, Path, description = "The run's id.")),
-    responses((status = 200, body = PolicyView), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses((status = 200, body = RunPolicyState), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
-pub(super) async fn show(
+pub(super) async fn get_policy(
     _: NoQuery,
     State(app): State<AppState>,
     Path(run): Path<String>,
-) -> Result<axum::Json<PolicyView>, Problem> {
-    Ok(axum::Json(look(&app, &run_id(&run)?).await?))
+) -> Result<axum::Json<RunPolicyState>, Problem> {
+    Ok(axum::Json(policy_state(&app, &run_id(&run)?).await?))
 }
 
-/// Set the policy of a run: which the server's workers fly for it, into its feed. `chat` asks the language model that the
-/// server was started with; no request can name another.
+/// Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language model of the
+/// server's configuration; no request can name another.
 #[utoipa::path(
     put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyRequest,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
-        (status = 200, body = PolicyView), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 200, body = RunPolicyState), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem),
-        (status = 422, body = Problem, description = "Among others: a version that is lower than the run's."),
+        (status = 422, body = Problem, description = "A field is invalid, for example a version below the run's."),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]
-pub(super) async fn put(
+pub(super) async fn set_policy(
     _: NoQuery,
     State(app): State<AppState>,
     Path(run): Path<String>,
-    Json(wish): Json<PolicyRequest>,
-) -> Result<axum::Json<PolicyView>, Problem> {
+    Json(request): Json<PolicyRequest>,
+) -> Result<axum::Json<RunPolicyState>, Problem> {
     let run = run_id(&run)?;
-    drop(reader_of(&app, &run).await?); // of a run that is not there nothing else is wrong
-    app.writer.change(PutPolicy::read(run.clone(), &wish, app.endpoint.as_ref())?).await?;
-    tracing::info!(%run, policy = wish.policy, "The policy of a run was set.");
-    Ok(axum::Json(look(&app, &run).await?))
+    drop(reader_of_run(&app, &run).await?); // an unknown run is reported before any other error
+    app.writer.change(SetPolicy::from_request(run.clone(), &request, app.endpoint.as_ref())?).await?;
+    tracing::info!(%run, policy = request.policy, "Policy of a run set.");
+    Ok(axum::Json(policy_state(&app, &run).await?))
 }
 
-async fn look(app: &AppState, run: &RunId) -> Result<PolicyView, Problem> {
-    let mut conn = reader_of(app, run).await?;
+async fn policy_state(app: &AppState, run: &RunId) -> Result<RunPolicyState, Problem> {
+    let mut conn = reader_of_run(app, run).await?;
     let row = run_policies::get(&mut conn, run.as_str()).await?;
-    let settings = row.as_ref().map(PolicySettings::of).transpose()?.unwrap_or_default();
+    let settings = row.as_ref().map(PolicySettings::from_row).transpose()?.unwrap_or_default();
     let TokenCounts { tokens_in, tokens_out } = run_policies::tokens(&mut conn, run.as_str()).await?;
     let feed = trajectories::counts(&mut conn, run.as_str(), app.clock.now()).await?;
     let unacked = feed.waiting + feed.delivered;
     let policy = row.as_ref().map_or(RunPolicy::Off, |row| row.policy.clone());
-    let model = app.endpoint.as_ref().filter(|_| policy == RunPolicy::Chat).map(|e| e.llm.config().model.clone());
+    let model =
+        app.endpoint.as_ref().filter(|_| policy == RunPolicy::Chat).map(|e| e.llm.config().model.clone());
     let trouble = row.as_ref().and_then(|row| {
-        Some(TroubleView { words: row.trouble.clone()?, at: rfc3339(row.trouble_at.unwrap_or_default()) })
+        Some(PolicyFault { words: row.trouble.clone()?, at: rfc3339(row.trouble_at.unwrap_or_default()) })
     });
     let (groups, episodes, failed) =
         row.as_ref().map_or((0, 0, 0), |row| (row.groups, row.episodes, row.failed));
-    Ok(PolicyView {
+    Ok(RunPolicyState {
         policy: policy.to_string(),
         version: row.as_ref().map_or(0, |row| row.version),
         model,
@@ -132,12 +110,12 @@ async fn look(app: &AppState, run: &RunId) -> Result<PolicyView, Problem> {
         failed,
         tokens_in,
         tokens_out,
-        feed: FeedView {
+        feed: FeedStatus {
             waiting: feed.waiting,
             delivered: feed.delivered,
             acked: feed.acked,
             bytes: feed.bytes,
-            full: unacked >= i64::from(settings.ahead) || feed.bytes >= MOST_WAITING,
+            full: unacked >= i64::from(settings.ahead) || feed.bytes >= MAX_UNACKED_BYTES,
         },
         trouble,
         settings,

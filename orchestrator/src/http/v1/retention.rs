@@ -1,32 +1,33 @@
-//! What a run keeps whole.
+//! Retention settings of a run.
 
+use api_types::RunSummary;
 use axum::extract::State;
 
 use super::super::extract::{Json, NoQuery, Path};
 use super::super::problem::Problem;
 use super::run_id;
-use super::runs::Run;
+use super::runs::run_from_row;
 use crate::http::state::AppState;
-use crate::runs::settings::RetentionRequest;
-use crate::runs::run_status::SetRetention;
+use crate::runs::retention_settings::RetentionRequest;
+use crate::runs::set_retention::SetRetention;
 
-/// Set what a run keeps whole; what is left out stays as it is. A smaller number takes effect within seconds, and what it lets
-/// go does not come back.
+/// Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes effect within
+/// seconds, and deleted data cannot be restored.
 #[utoipa::path(
     put, path = "/runs/{run}/retention", tag = "runs", request_body = RetentionRequest,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
-        (status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 200, body = RunSummary), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]
-pub(super) async fn put(
+pub(super) async fn set_retention(
     _: NoQuery,
     State(app): State<AppState>,
     Path(run): Path<String>,
-    Json(wish): Json<RetentionRequest>,
-) -> Result<axum::Json<Run>, Problem> {
-    let change = SetRetention { run: run_id(&run)?, wish };
-    Ok(axum::Json(Run::of(app.writer.change(change).await?)?))
+    Json(request): Json<RetentionRequest>,
+) -> Result<axum::Json<RunSummary>, Problem> {
+    let change = SetRetention { run: run_id(&run)?, request };
+    Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
 }

@@ -1,105 +1,51 @@
-//! Scenarios by hand: validate, bracket, replay, and criticise.
+//! Check of a scenario that a user wrote: validation, bracket, replay and critique.
 
+use api_types::{EpisodeActions, EpisodeOutcome, ReplayedOutcome, ScenarioCheck, ScenarioRequest};
 use axum::extract::State;
 use env_core::admission::{SuccessRule, admit_while, is_success};
-use env_core::log::Precision;
 use env_core::error::ReplayError;
+use env_core::log::Precision;
 use env_core::rollout::{read_log, replay};
 use env_core::{ActionLog, Scenario, Seed, SeedSpace};
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use utoipa::ToSchema;
 
-use super::super::extract::{Json, NoQuery, read};
+use super::super::extract::{Json, NoQuery, parse_value};
 use super::super::problem::Problem;
-use super::critique::CritiqueView;
-use super::results::Actions;
+use super::episode_critique::critique_response;
+use super::results::{precision, stop_reason};
 use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 use crate::http::state::AppState;
-use crate::store::brackets::StoredOutcome;
-use crate::leases::bracket_view::BracketView;
+use crate::leases::bracket_view::scenario_bracket;
 
-/// A scenario to look at, and actions to fly on it.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Wish {
-    /// The scenario: a task and a seed from 0 to 2^51 − 1, and what is wanted of params, physics and layout, whose defaults
-    /// hold for what is left out. A layout is `{mode, bodies, provenance}`: tables of rows that stand after what is drawn
-    /// (`extend`) or instead of it (`replace`), at most 512 rows in all.
-    #[schema(value_type = Object, example = json!({"task": "kessler/survival", "params": {"debris": 100}, "seed": 7}))]
-    scenario: Value,
-    /// An action log to replay on it.
-    actions: Option<Actions>,
-    /// Whether to answer with `frames`: the flight step by step, with what the agents saw (false). Without actions
-    /// nobody acts.
-    #[serde(default)]
-    telemetry: bool,
-}
-
-/// What a scenario is.
-#[derive(Serialize, ToSchema)]
-pub(super) struct Checked {
-    /// Its id.
-    scenario_id: String,
-    /// The scenario, complete.
-    #[schema(value_type = Object)]
-    scenario: Value,
-    /// Nothing is lost before anybody could act.
-    fair: bool,
-    /// Why it is not fair.
-    unfair_because: Option<String>,
-    /// The reference succeeds.
-    solvable: bool,
-    /// The reference succeeds and acting blindly mostly does not.
-    contested: bool,
-    /// What it is worth.
-    bracket: Option<BracketView>,
-    /// How the actions fared, if any were sent.
-    flown: Option<Judged>,
-    /// What the actions show, if any were sent: why score was lost, and what each was worth.
-    critique: Option<CritiqueView>,
-    /// Where `telemetry` was asked for and the scenario is fair: the start, then one frame a step, as a run's episode is
-    /// replayed, with `observation`: what the agents saw.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Vec<Object>>)]
-    frames: Option<Vec<Value>>,
-}
-
-/// How actions fared.
-#[derive(Serialize, ToSchema)]
-struct Judged {
-    /// The flight.
-    #[serde(flatten)]
-    flown: StoredOutcome,
-    /// Against floor and reference.
-    skill: Option<f64>,
-    /// By the task's own rule.
-    success: bool,
-}
-
-/// Validate, bracket, replay and criticise a scenario by hand. Nothing is stored.
+/// Check a scenario: validate it, compute its bracket, and replay and criticise actions on it. Nothing is stored.
 #[utoipa::path(
-    post, path = "/scenarios", tag = "scenarios", request_body = Wish,
+    post, path = "/scenarios", tag = "scenarios", request_body = ScenarioRequest,
     responses(
-        (status = 200, body = Checked), (status = 400, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
+        (status = 200, body = ScenarioCheck), (status = 400, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem),
-        (status = 503, body = Problem, description = "Too many are planned on at once, or it took longer than a minute.")
+        (status = 503, body = Problem, description = "Too many checks run at once, or the check took longer than a minute.")
     )
 )]
-pub(super) async fn check(
+pub(super) async fn check_scenario(
     _: NoQuery,
     State(app): State<AppState>,
     Json(body): Json<Value>,
-) -> Result<axum::Json<Checked>, Problem> {
-    let wish = wish(body)?;
-    let scenario = by_user(&wish.scenario)?;
-    let planned =
-        app.turns.planning.work(move |wanted| judge(&scenario, wish.actions, wish.telemetry, wanted)).await?;
-    Ok(axum::Json(planned?))
+) -> Result<axum::Json<ScenarioCheck>, Problem> {
+    let request = read_request(body)?;
+    let scenario = user_scenario(&request.scenario)?;
+    let check = app
+        .concurrency
+        .planning
+        .run(move |wanted| evaluate(&scenario, request.actions, request.telemetry, wanted))
+        .await?;
+    Ok(axum::Json(check?))
 }
 
-/// A scenario that whoever asks may see: of no training and no evaluation.
-pub(super) fn by_user(scenario: &Value) -> Result<Scenario, Problem> {
+/// Parses a scenario with a user seed: training and evaluation scenarios are not disclosed here.
+///
+/// # Errors
+/// Returns a problem with the field at fault.
+pub(super) fn user_scenario(scenario: &Value) -> Result<Scenario, Problem> {
     let scenario = Scenario::from_json(scenario).map_err(|error| {
         let field = match error.field() {
             "scenario" => "scenario".to_owned(),
@@ -114,65 +60,72 @@ pub(super) fn by_user(scenario: &Value) -> Result<Scenario, Problem> {
     Ok(scenario)
 }
 
-/// Actions that are not of this scenario; `under` is the field that they stand in, if in one.
-pub(super) fn refuse(under: &str, error: ReplayError) -> Problem {
+/// Problem of actions that do not fit the scenario; `parent` is the field of the log, empty for the whole body.
+pub(super) fn replay_problem(parent: &str, error: ReplayError) -> Problem {
     match error {
         ReplayError::Scenario(error) => Problem::invalid("scenario", error.to_string()),
-        ReplayError::Log(error) if under.is_empty() => {
+        ReplayError::Log(error) if parent.is_empty() => {
             Problem::invalid(error.field().to_owned(), error.to_string())
         }
         ReplayError::Log(error) => {
-            Problem::invalid(format!("{under}.{}", error.field()), error.with_parent(under).to_string())
+            Problem::invalid(format!("{parent}.{}", error.field()), error.with_parent(parent).to_string())
         }
     }
 }
 
-/// A body, told of the wrapper where it is a bare scenario.
-fn wish(body: Value) -> Result<Wish, Problem> {
+/// Parses a request. A scenario without its wrapper gets an error that shows the wrapper.
+fn read_request(body: Value) -> Result<ScenarioRequest, Problem> {
     if body.get("scenario").is_none() && body.get("task").is_some() {
         let detail = "it is missing: wrap the scenario in it, as {\"scenario\": {\"task\": …, \"seed\": 7}}";
         return Err(Problem::invalid("scenario", detail));
     }
-    read(body)
+    parse_value(body)
 }
 
-fn judge(
+fn evaluate(
     scenario: &Scenario,
-    actions: Option<Actions>,
+    actions: Option<EpisodeActions>,
     telemetry: bool,
     wanted: &dyn Fn() -> bool,
-) -> Result<Checked, Problem> {
-    // Given up only where nobody reads the answer.
+) -> Result<ScenarioCheck, Problem> {
+    // `None` means that the client has disconnected.
     let admission = admit_while(scenario, wanted).ok_or_else(Problem::timed_out)?;
-    let (mut judged, mut critique) = (None, None);
+    let (mut replayed, mut critique) = (None, None);
     let mut log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
-        let stopped = actions.stopped.map(Into::into);
-        log = read_log(scenario, &actions.steps, actions.precision.into(), stopped)
-            .map_err(|error| refuse("actions", error.into()))?;
-        let flown = replay(scenario, &log).map_err(|error| refuse("actions", error))?;
-        judged = Some(Judged {
-            skill: bracket.skill(flown.score),
-            success: is_success(scenario, SuccessRule::Task, bracket, &flown),
-            flown: flown.into(),
+        let stopped = actions.stopped.map(stop_reason);
+        log = read_log(scenario, &actions.steps, precision(actions.precision), stopped)
+            .map_err(|error| replay_problem("actions", error.into()))?;
+        let outcome = replay(scenario, &log).map_err(|error| replay_problem("actions", error))?;
+        replayed = Some(ReplayedOutcome {
+            skill: bracket.skill(outcome.score),
+            success: is_success(scenario, SuccessRule::Task, bracket, &outcome),
+            outcome: outcome_response(outcome),
         });
-        let shown = scenario.task().critique(scenario, &log).map_err(|error| refuse("actions", error))?;
-        critique = Some(CritiqueView::of(scenario, shown));
+        let found =
+            scenario.task().critique(scenario, &log).map_err(|error| replay_problem("actions", error))?;
+        critique = Some(critique_response(scenario, found));
     }
     let frames = (telemetry && admission.fair.is_ok())
         .then(|| frames(scenario, &log, FrameContent::Telemetry, FrameRange::all(MAX_FRAME_BYTES)))
         .transpose()
         .map_err(|error| Problem::invalid("telemetry", error.to_string()))?;
-    Ok(Checked {
+    Ok(ScenarioCheck {
         scenario_id: scenario.id().to_string(),
         scenario: scenario.to_json(),
         fair: admission.fair.is_ok(),
         unfair_because: admission.fair.err().map(|error| error.to_string()),
         solvable: admission.solvable,
         contested: admission.contested,
-        bracket: admission.bracket.map(|b| BracketView::of(scenario, &b)),
-        flown: judged,
+        bracket: admission.bracket.map(|b| scenario_bracket(scenario, &b)),
+        flown: replayed,
         critique,
         frames,
     })
+}
+
+/// Converts the outcome of an episode.
+pub(super) const fn outcome_response(outcome: env_core::EpisodeOutcome) -> EpisodeOutcome {
+    let env_core::EpisodeOutcome { score, total, steps, lost, goal, fuel_used } = outcome;
+    EpisodeOutcome { score, total, steps, lost, goal, fuel_used }
 }

@@ -1,4 +1,5 @@
-//! Tasks: parameter spaces, options, levels, actions, policies, failure modes.
+//! Tasks of all worlds: parameter spaces, options, levels, actions, policies and failure modes. The types refer to the worlds' own
+//! tables, so that they are here and not in `api-types`.
 
 use env_core::critique::{FailureModeSpec, SpeedBands};
 use env_core::policy::PolicySpec;
@@ -12,54 +13,54 @@ use super::super::problem::Problem;
 
 /// All tasks.
 #[derive(Serialize, ToSchema)]
-pub(super) struct Tasks {
-    /// World by world.
+pub(super) struct TaskList {
+    /// Tasks, by world.
     tasks: Vec<Task>,
 }
 
-/// One task, as data.
+/// Task of a world.
 #[derive(Serialize, ToSchema)]
 struct Task {
-    /// `world/task`.
+    /// Id of the task: `world/task`.
     id: &'static str,
-    /// The world and its version.
+    /// World and its version.
     world: &'static str,
-    /// One sentence.
+    /// Description in one sentence.
     about: &'static str,
-    /// The parameter space.
+    /// Parameter space.
     #[schema(value_type = Vec<Object>)]
     params: &'static [ParamSpec],
-    /// The physics options.
+    /// Physics options.
     #[schema(value_type = Vec<Object>)]
     physics: &'static [OptionSpec],
-    /// The table of levels.
+    /// Table of levels.
     #[schema(value_type = Object)]
     levels: &'static Levels,
-    /// Agents at the start, at default params.
+    /// Number of agents at the start, at default params.
     agents: u32,
-    /// Steps after which an episode is cut off, at default params.
+    /// Number of steps after which an episode is truncated, at default params.
     horizon: u32,
-    /// What an agent does in a step.
+    /// Action space of an agent.
     #[schema(value_type = Object)]
     actions: ActionSpace,
-    /// The range of the score.
+    /// Range of the score.
     #[schema(value_type = Object)]
     score: ScoreRange,
-    /// The built-in policies: name, what each does, and whether its actions are drawn.
+    /// Built-in policies: name, description, and whether their actions are random.
     #[schema(value_type = Vec<Object>)]
     policies: &'static [PolicySpec],
-    /// Names of the numbers of the trainable reflex, each within 0 to 1.
+    /// Names of the parameters of the trainable reflex policy, each from 0 to 1.
     reflex: &'static [&'static str],
-    /// Why an episode can lose score.
+    /// Failure modes: reasons why an episode loses score.
     #[schema(value_type = Vec<Object>)]
     failure_modes: &'static [FailureModeSpec],
-    /// How relative speeds are sorted: the upper edges of all bands but the last.
+    /// Bands of relative speed: upper edges of all bands but the last.
     #[schema(value_type = Object)]
     speed_bands: SpeedBands,
 }
 
 impl Task {
-    fn of(task: &'static dyn TaskSpec) -> Result<Self, Problem> {
+    fn new(task: &'static dyn TaskSpec) -> Result<Self, Problem> {
         let recipe = Recipe::with_params(task, std::iter::empty())?;
         Ok(Self {
             id: task.id(),
@@ -83,9 +84,9 @@ impl Task {
 /// List the tasks with their parameter spaces, levels, actions, policies and failure modes.
 #[utoipa::path(
     get, path = "/tasks", tag = "scenarios",
-    responses((status = 200, body = Tasks), (status = 400, body = Problem, description = "A query."))
+    responses((status = 200, body = TaskList), (status = 400, body = Problem, description = "The request has a query."))
 )]
-pub(super) async fn list(_: NoQuery) -> Result<axum::Json<Tasks>, Problem> {
-    let tasks = env_core::tasks().map(Task::of).collect::<Result<_, _>>()?;
-    Ok(axum::Json(Tasks { tasks }))
+pub(super) async fn list_tasks(_: NoQuery) -> Result<axum::Json<TaskList>, Problem> {
+    let tasks = env_core::tasks().map(Task::new).collect::<Result<_, _>>()?;
+    Ok(axum::Json(TaskList { tasks }))
 }

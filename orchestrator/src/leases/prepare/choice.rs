@@ -1,38 +1,47 @@
-//! Of some scenarios that are drawn, the one whose predicted success is nearest one half.
+//! Chooses, among drawn scenarios, the one whose predicted success rate is nearest to one half.
+
 use env_core::admission;
 
 use crate::leases::prepare::PreparedScenario;
 
-/// A choice under way.
-pub(crate) struct Choice {
-    /// How many are still to come.
+/// A choice in progress.
+pub(crate) struct ScenarioChoice {
+    /// Number of scenarios that are still to be drawn.
     left: u32,
+    /// Logit of the predicted success rate if no blind plan succeeds.
     base: f64,
+    /// Added to the logit if all blind plans succeed, else in proportion.
     panel: f64,
-    /// The best so far, and how far from one half it is.
-    best: Option<(f64, PreparedScenario)>,
+    best: Option<Candidate>,
 }
 
-impl Choice {
-    /// Among so many, where `base` is the logit of success without a blind plan that succeeds and `panel` is added where all do.
+/// The best scenario so far.
+struct Candidate {
+    /// Distance of its predicted success rate from one half.
+    distance: f64,
+    prepared: PreparedScenario,
+}
+
+impl ScenarioChoice {
+    /// Starts a choice among `among` scenarios. `base` is the logit of success if no blind plan succeeds; `panel` is added if all do.
     pub(crate) const fn new(among: u32, base: f64, panel: f64) -> Self {
         Self { left: among, base, panel, best: None }
     }
 
-    /// Takes one more; whether it was the last.
-    pub(crate) fn take(&mut self, prepared: PreparedScenario) -> bool {
+    /// Adds a scenario. Returns true if it was the last.
+    pub(crate) fn add(&mut self, prepared: PreparedScenario) -> bool {
         let share = admission::panel_success_rate(&prepared.scenario, &prepared.bracket);
         let success = 1.0 / (1.0 + libm::exp(-(self.base + self.panel * share)));
-        let off = (success - 0.5).abs();
-        if self.best.as_ref().is_none_or(|(least, _)| off < *least) {
-            self.best = Some((off, prepared));
+        let distance = (success - 0.5).abs();
+        if self.best.as_ref().is_none_or(|best| distance < best.distance) {
+            self.best = Some(Candidate { distance, prepared });
         }
         self.left = self.left.saturating_sub(1);
         self.left == 0
     }
 
-    /// The best of those that were taken.
+    /// Returns the best scenario that was added.
     pub(crate) fn best(self) -> Option<PreparedScenario> {
-        self.best.map(|(_, prepared)| prepared)
+        self.best.map(|best| best.prepared)
     }
 }

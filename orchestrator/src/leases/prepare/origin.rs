@@ -1,4 +1,4 @@
-//! What an earlier proposal left, for those that go on from it: its scenario again, or an edit of it.
+//! Scenarios that derive from the scenario of an earlier proposal: a replay of it, or an edit.
 
 use std::sync::Arc;
 
@@ -9,52 +9,59 @@ use env_core::keyed_rng::RngPurpose;
 use env_core::space::Levels;
 use env_core::{KeyedRng, Scenario};
 
-use crate::leases::prepare::{recipe_of, Place, PrepareError, PreparedScenario};
+use crate::leases::prepare::{PrepareError, PreparedScenario, SeedSource, recipe_of};
 use curriculum::Proposal;
 
-/// Edits tried until one is fair and can be solved.
-const EDITS: u64 = 16;
+/// Maximum number of edits that are tried until one is fair and solvable.
+const MAX_EDITS: u64 = 16;
 
 /// The scenario of an earlier proposal.
 #[derive(Debug, Clone)]
-pub struct Origin {
-    /// What was flown.
+pub struct ParentScenario {
+    /// The scenario, with its seed.
     pub scenario: Scenario,
-    /// Its bracket.
+    /// Bracket of the scenario.
     pub bracket: Bracket,
-    /// Whether it is contested.
-    pub contested: bool,
-    /// The levels of its task, between which edits may go.
+    /// True if the scenario is contested.
+    pub is_contested: bool,
+    /// Levels of the task; edits stay between them.
     pub levels: Levels,
 }
 
-impl Origin {
-    /// The same again.
-    pub(crate) fn again(&self) -> PreparedScenario {
-        let Self { scenario, bracket, contested, .. } = self.clone();
-        PreparedScenario { scenario, bracket, contested, planted: false }
+impl ParentScenario {
+    /// Returns the same scenario.
+    pub(crate) fn replay(&self) -> PreparedScenario {
+        let Self { scenario, bracket, is_contested, .. } = self.clone();
+        PreparedScenario { scenario, bracket, is_contested, is_planted: false }
     }
 
-    /// The first of some edits that is fair and can be solved, as every layout must be before an agent sees it.
-    pub(crate) fn edited(
+    /// Returns the first edit that is fair and solvable, as every layout must be before an agent sees it.
+    ///
+    /// # Errors
+    /// Returns [`PrepareError::NoEdit`] if none of 16 edits is, and [`PrepareError::Scenario`] if the proposal has no recipe.
+    pub(crate) fn edit(
         &self,
-        place: Place,
+        seeds: SeedSource,
         proposal: &Proposal,
-        of: u64,
+        parent: u64,
     ) -> Result<PreparedScenario, PrepareError> {
-        let mut brief = DesignBrief::new(Arc::new(recipe_of(proposal)?), 1, place.seed(0).get());
+        let mut brief = DesignBrief::new(Arc::new(recipe_of(proposal)?), 1, seeds.seed(0).get());
         if let Some(level) = proposal.level {
             brief = brief.at_level(&self.levels, level);
         }
-        for number in 0..EDITS {
-            let mut draws = KeyedRng::new(RngPurpose::Design, brief.seed, number);
-            let Some(varied) = mutate(&self.scenario, &brief, &mut draws) else { continue };
-            let admission = admission::admit(&varied.scenario);
+        for number in 0..MAX_EDITS {
+            let mut rng = KeyedRng::new(RngPurpose::Design, brief.seed, number);
+            let Some(edited) = mutate(&self.scenario, &brief, &mut rng) else { continue };
+            let admission = admission::admit(&edited.scenario);
             if let (Ok(()), true, Some(bracket)) = (admission.fair, admission.solvable, admission.bracket) {
-                let contested = admission.contested;
-                return Ok(PreparedScenario { scenario: varied.scenario, bracket, contested, planted: false });
+                return Ok(PreparedScenario {
+                    scenario: edited.scenario,
+                    bracket,
+                    is_contested: admission.contested,
+                    is_planted: false,
+                });
             }
         }
-        Err(PrepareError::NoEdit(EDITS, of))
+        Err(PrepareError::NoEdit { tried: MAX_EDITS, parent })
     }
 }

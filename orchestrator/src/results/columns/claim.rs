@@ -120,8 +120,15 @@ impl Change for StoreClaim {
         {
             // The columns were stored before and are compacted: nothing is left to compare these with.
             let (policy_version, at) = (lease.policy_version, lease.created_at);
-            let claim =
-                ColumnClaimRow { state, digest: self.digest, policy_version, episodes, failed, why: None, at };
+            let claim = ColumnClaimRow {
+                state,
+                digest: self.digest,
+                policy_version,
+                episodes,
+                failed,
+                why: None,
+                at,
+            };
             return Ok(ClaimStatus { claim, lease, audited: Vec::new() });
         }
         if !lease.is_active() || lease.expires_at <= tx.now {
@@ -142,7 +149,8 @@ impl Change for StoreClaim {
             columns::set_range_totals(&mut tx.conn, lease.id, totals).await?;
         }
         let RunTx { state, conn, .. } = tx.run(&lease.run).await?;
-        let is_evidence = lease.purpose == Purpose::Probe || state.settings.evidence_from == EvidenceFrom::Train;
+        let is_evidence =
+            lease.purpose == Purpose::Probe || state.settings.evidence_from == EvidenceFrom::Train;
         let is_lossy = self.failed as f64 > MAX_FAILED_SHARE * lease.episodes() as f64;
         insert_audited_groups(conn, &lease, &self.drawn, is_evidence && !is_lossy).await?;
         lease.expires_at = tx.now + lease.ttl_ms;

@@ -8,8 +8,8 @@
 //!
 //! Start reading at [`claim`] (storing), then [`draw`] (the audit sample) and [`settle`] (the end of a claim).
 
-pub mod claim;
 pub(crate) mod check;
+pub mod claim;
 mod draw;
 pub(crate) mod settle;
 pub mod status;

@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
-use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics::LeaseEvent;
@@ -35,7 +34,9 @@ struct Settlement<'a> {
 
 /// Ends a claim whose audited groups are complete: it is accepted and counted. Nothing happens while logs are due.
 pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportSummary, ServiceError> {
-    let Some(claim) = columns::claim(&mut tx.conn, lease.id).await? else { return Ok(ReportSummary::default()) };
+    let Some(claim) = columns::claim(&mut tx.conn, lease.id).await? else {
+        return Ok(ReportSummary::default());
+    };
     let mut groups = groups::of_lease(&mut tx.conn, lease.id).await?;
     let is_due = groups.iter().any(|group| group.finished + group.failed < lease.group_size);
     if claim.state != ClaimState::Claimed || is_due {
@@ -48,15 +49,22 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
     let max_staleness = run.state.settings.max_staleness;
     let is_stale = max_staleness.is_some_and(|max| newest - claim.policy_version > i64::from(max));
     for range in columns::ranges(run.conn, lease.id).await? {
-        let audited = groups.iter().filter(|group| range.holds(group.number)).map(|group| group.finished).sum();
+        let audited =
+            groups.iter().filter(|group| range.holds(group.number)).map(|group| group.finished).sum();
         let SeedRangeRow { finished, failed, score, .. } = range;
-        let counters = ClaimCounters { episodes: finished, audited, failed, score, ..ClaimCounters::default() };
+        let counters =
+            ClaimCounters { episodes: finished, audited, failed, score, ..ClaimCounters::default() };
         columns::add_counters(run.conn, &lease.run, &range.task, range.level, &counters).await?;
         let history = run.task_counts(&range.task);
         history.claimed += finished - audited; // audited episodes are counted below, by their replay
         history.add_level(range.level);
     }
-    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Accepted, why: None, audited: groups.len() }).await?;
+    end(
+        tx,
+        lease,
+        Settlement { claim: &claim, state: ClaimState::Accepted, why: None, audited: groups.len() },
+    )
+    .await?;
     for group in &mut groups {
         group.is_evidence &= !is_stale;
     }
@@ -115,8 +123,11 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
     match columns::claim(&mut tx.conn, lease.id).await? {
         Some(claim) if claim.state == ClaimState::Claimed => {
             let audited = discard_groups(tx, lease).await?;
-            count_lost(tx, lease, |episodes| ClaimCounters { unproven: episodes, ..ClaimCounters::default() })
-                .await?;
+            count_lost(tx, lease, |episodes| ClaimCounters {
+                unproven: episodes,
+                ..ClaimCounters::default()
+            })
+            .await?;
             columns::settle(&mut tx.conn, lease.id, ClaimState::Unproven, None).await?;
             emit(tx, lease, Settlement { claim: &claim, state: ClaimState::Unproven, why: None, audited })?;
             // A trainer that withholds audited logs leaves as plain a trace as one whose logs contradict its claim.
@@ -132,7 +143,12 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
 }
 
 /// Adds a warning to the run, and emits it.
-async fn warn(tx: &mut WriteTx, lease: &LeaseRow, kind: WarningKind, words: &str) -> Result<(), ServiceError> {
+async fn warn(
+    tx: &mut WriteTx,
+    lease: &LeaseRow,
+    kind: WarningKind,
+    words: &str,
+) -> Result<(), ServiceError> {
     let warning = NewWarning { run: &lease.run, kind, lease: Some(lease.id), words };
     run_warnings::insert(&mut tx.conn, &warning, tx.now).await?;
     tx.emit(&lease.run, &RunEvent::Health { task: None, words })

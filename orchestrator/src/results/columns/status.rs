@@ -42,10 +42,7 @@ pub async fn claim_status(
 }
 
 /// True if columns were sent for a lease.
-pub(crate) async fn is_claimed(
-    conn: &mut SqliteConnection,
-    lease: i64,
-) -> Result<bool, ServiceError> {
+pub(crate) async fn is_claimed(conn: &mut SqliteConnection, lease: i64) -> Result<bool, ServiceError> {
     Ok(columns::claim(conn, lease).await?.is_some())
 }
 

@@ -5,7 +5,7 @@ use env_core::batch::BatchError;
 
 use super::frame::FrameError;
 use crate::engine::error::ServiceError;
-use crate::sessions::quota::QuotaExceeded;
+use crate::limits::QuotaExceeded;
 use crate::sessions::session_request::SessionRequestError;
 
 /// Error of opening a vector session or of a frame.

@@ -14,7 +14,7 @@ use super::frame::{FrameCommand, FrameLayout};
 use super::reporter::{EpisodeReporter, EpisodeTally};
 use super::run_on;
 use crate::ids::{LeaseId, RunId};
-use crate::sessions::quota::QuotaPermit;
+use crate::limits::QuotaPermit;
 use crate::sessions::session_leases::{SessionLeases, SharedPool};
 
 /// Source of the scenarios of a vector session.

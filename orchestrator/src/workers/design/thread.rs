@@ -1,4 +1,4 @@
-//! A designer at work, on a thread of its own: it may take long, compute much, or panic.
+//! Runs a designer on a thread of its own: it may take long, compute much, or panic.
 
 use std::panic::AssertUnwindSafe;
 use std::time::Duration;
@@ -9,60 +9,66 @@ use tokio::sync::{oneshot, watch};
 
 use crate::threads::ThreadPriority;
 
-/// Longest time a designer may take over one ask.
-const LIMIT: Duration = Duration::from_secs(600);
+/// Maximum time of a designer for one request.
+const DESIGN_TIMEOUT: Duration = Duration::from_secs(600);
 
-/// What a designer is given.
-pub(super) struct Task {
+/// Inputs of a designer.
+pub(super) struct DesignTask {
     pub(super) brief: DesignBrief,
     pub(super) gate: Gate,
 }
 
-/// What a designer came up with, and its name.
-pub(super) struct Shift {
-    pub(super) name: &'static str,
-    pub(super) designed: DesignOutcome,
+/// Result of a designer.
+pub(super) struct DesignResult {
+    /// Name of the designer.
+    pub(super) designer: &'static str,
+    pub(super) outcome: DesignOutcome,
+    /// The gate, which knows the layouts that it admitted.
+    pub(super) gate: Gate,
 }
 
-/// Lets a designer work; what it made and the gate it passed, or why it could not.
-pub(super) async fn design(
+/// Runs a designer to its end, or until `stopping` closes.
+///
+/// # Errors
+/// Returns a message if the designer fails, panics, takes too long or is stopped.
+pub(super) async fn run_designer(
     designer: Box<dyn Designer>,
-    task: Task,
+    task: DesignTask,
     stopping: watch::Receiver<()>,
-) -> Result<(Shift, Gate), String> {
-    let (told, done) = oneshot::channel();
+) -> Result<DesignResult, String> {
+    let (sender, receiver) = oneshot::channel();
     let handle = Handle::current();
     let thread = std::thread::Builder::new().name("design".to_owned());
-    let begun = thread.spawn(move || {
+    let spawned = thread.spawn(move || {
         ThreadPriority::Background.apply();
-        let work = AssertUnwindSafe(|| handle.block_on(work(designer, task, stopping)));
-        let done = std::panic::catch_unwind(work).unwrap_or_else(|panic| Err(said(&*panic)));
-        // Nobody listens any more where the service stops.
-        drop(told.send(done));
+        let work = AssertUnwindSafe(|| handle.block_on(design(designer, task, stopping)));
+        let result = std::panic::catch_unwind(work).unwrap_or_else(|panic| Err(panic_message(&*panic)));
+        // The receiver is gone if the service stops.
+        drop(sender.send(result));
     });
-    begun.map_err(|error| format!("no thread to design on: {error}"))?;
-    done.await.map_err(|_| "its thread ended".to_owned())?
+    spawned.map_err(|error| format!("no thread to design on: {error}"))?;
+    receiver.await.map_err(|_| "its thread ended".to_owned())?
 }
 
-async fn work(
+async fn design(
     mut designer: Box<dyn Designer>,
-    task: Task,
+    task: DesignTask,
     mut stopping: watch::Receiver<()>,
-) -> Result<(Shift, Gate), String> {
-    let Task { brief, mut gate } = task;
+) -> Result<DesignResult, String> {
+    let DesignTask { brief, mut gate } = task;
     let name = designer.name();
-    let designed = tokio::select! {
-        // Nothing is ever sent: this ends when the worker does.
+    let outcome = tokio::select! {
+        // Nothing is ever sent: the channel closes when the worker ends.
         _ = stopping.changed() => return Err("the service is stopping".to_owned()),
-        designed = tokio::time::timeout(LIMIT, designer.design(&brief, &mut gate)) => designed,
+        outcome = tokio::time::timeout(DESIGN_TIMEOUT, designer.design(&brief, &mut gate)) => outcome,
     };
-    let designed = designed.map_err(|_| format!("it took longer than {} s", LIMIT.as_secs()))?;
-    designed.map(|designed| (Shift { name, designed }, gate)).map_err(|error| error.to_string())
+    let outcome = outcome.map_err(|_| format!("it took longer than {} s", DESIGN_TIMEOUT.as_secs()))?;
+    outcome.map(|outcome| DesignResult { designer: name, outcome, gate }).map_err(|error| error.to_string())
 }
 
-/// What a panic said.
-fn said(panic: &(dyn std::any::Any + Send)) -> String {
-    let words = panic.downcast_ref::<&str>().map(|words| (*words).to_owned());
-    let words = words.or_else(|| panic.downcast_ref::<String>().cloned());
-    words.map_or_else(|| "it panicked".to_owned(), |words| format!("it panicked: {words}"))
+/// Returns the message of a panic.
+fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
+    let message = panic.downcast_ref::<&str>().map(|message| (*message).to_owned());
+    let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
+    message.map_or_else(|| "it panicked".to_owned(), |message| format!("it panicked: {message}"))
 }

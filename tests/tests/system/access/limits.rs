@@ -1,7 +1,7 @@
 //! Limits of each token: runs, leases, sessions and requests.
 
 use futures_util::SinkExt;
-use orchestrator::http::Each;
+use orchestrator::limits::ClientLimits;
 use orchestrator::service::Config;
 use serde_json::json;
 use system_tests::ApiClient;
@@ -11,11 +11,15 @@ use super::{Socket, connect, next_message, start_with_tokens};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn each_token_has_its_own_limits() {
-    let each =
-        Each { requests: 20.try_into().unwrap(), anonymous: 5.try_into().unwrap(), runs: 2, leases: 3 };
+    let client_limits = ClientLimits {
+        requests: 20.try_into().unwrap(),
+        anonymous: 5.try_into().unwrap(),
+        runs: 2,
+        leases: 3,
+    };
     let setup = move |mut config: Config| {
         config.sessions.max_per_client = 2;
-        Config { each, ..config }
+        Config { client_limits, ..config }
     };
     let (server, tokens) = start_with_tokens(setup).await;
     let trainer = server.api().with_token(&tokens["trainer"]);

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use futures_util::StreamExt;
-use orchestrator::http::Each;
+use orchestrator::limits::ClientLimits;
 use orchestrator::service::{Config, Service, StartError};
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Server, http_client, sparring_binary};
@@ -73,12 +73,12 @@ fn every_operation_declares_its_role() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn each_role_reaches_only_its_operations() {
-    let each = Each {
+    let client_limits = ClientLimits {
         requests: 10_000.try_into().unwrap(),
         anonymous: 10_000.try_into().unwrap(),
-        ..Each::default()
+        ..ClientLimits::default()
     };
-    let (server, tokens) = start_with_tokens(move |config| Config { each, ..config }).await;
+    let (server, tokens) = start_with_tokens(move |config| Config { client_limits, ..config }).await;
     let anonymous = server.api();
     let callers: Vec<(Option<usize>, ApiClient)> = std::iter::once((None, anonymous.clone()))
         .chain(std::iter::once((

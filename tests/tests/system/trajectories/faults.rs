@@ -119,7 +119,7 @@ async fn rollout_that_outlasts_its_lease_does_not_count() {
     wait_until("the first request arrives", async || !received_bodies(&mock).await.is_empty()).await;
     clock_ms.fetch_add(601_000, Ordering::SeqCst);
     let state = wait_for_policy(&api, "run", "a rollout fails", |policy| !policy["trouble"].is_null()).await;
-    assert_eq!(state["trouble"]["words"], "its lease was over before the group was flown");
+    assert_eq!(state["trouble"]["words"], "its lease was over before the group was rolled out");
     assert_eq!((number(&state["groups"]), number(&state["failed"])), (0, 0));
     let groups = pull(&api, "run", "wait_s=50").await;
     assert_group_replays(&groups[0]);

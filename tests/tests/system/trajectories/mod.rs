@@ -128,8 +128,8 @@ pub(crate) fn assert_group_replays(group: &Value) {
             let ends = step["agents"].as_array().unwrap();
             assert!(!ends.is_empty() || step["done"] == true);
             for end in ends {
-                let gone = end["terminated"] == true || end["truncated"] == true;
-                assert!(gone || step["done"] == false, "{step}");
+                let is_done = end["terminated"] == true || end["truncated"] == true;
+                assert!(is_done || step["done"] == false, "{step}");
             }
         }
     }

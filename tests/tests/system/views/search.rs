@@ -133,5 +133,5 @@ async fn invalid_filters_are_rejected_with_the_valid_values() {
         .await
         .expect(422)
         .to_string();
-    assert!(other.contains("another order: worst_score"), "{other}");
+    assert!(other.contains("in the order worst_score"), "{other}");
 }

@@ -11,7 +11,6 @@ const CHUNK_LEN: usize = 8;
 impl DebrisEphemeris {
     /// Survival of a satellite after `step`, which moves it from `before` to `body`; `survival` is that
     /// before the step.
-    #[inline]
     pub(in crate::kessler::planner) fn survival_after(
         &self,
         step: usize,

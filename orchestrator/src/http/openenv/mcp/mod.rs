@@ -1,5 +1,7 @@
-//! The Model Context Protocol as openenv-core 0.3.0 speaks it, JSON-RPC over HTTP and WebSocket, with tools that fly.
-//! Whoever plays through it can act and look, and neither begin an episode nor see what the planner knows.
+//! The Model Context Protocol of openenv-core 0.3.0: JSON-RPC over HTTP and WebSocket, with tools that act in an episode.
+//!
+//! A client can act and observe through tools, but cannot begin an episode by a tool or see the planner's knowledge.
+//! `routes` has the transports, `rpc` the messages, `tools` the tools. Start reading at [`respond`].
 
 pub(super) mod routes;
 mod rpc;
@@ -8,52 +10,62 @@ mod tools;
 use serde_json::{Map, Value, json};
 
 pub(super) use self::routes::connect;
-use self::rpc::{Failure, Request};
-use super::read::WALK;
+use self::rpc::{RpcError, RpcRequest};
+use super::error_message::session_error_message;
+use super::fields::{FieldReader, read_session_request};
+use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
-use crate::sessions::{SessionKey, Session, ClientIdentity};
+use crate::sessions::{ClientIdentity, Session, SessionKey, SharedSession};
 
-/// What a request came by.
-pub(super) enum By<'a> {
-    /// A connection that has a session.
-    Own(&'a mut Session),
-    /// A request for itself; whose.
-    Itself(&'a ClientIdentity),
+/// Origin of a request.
+pub(super) enum RpcOrigin<'a> {
+    /// Connection that has a session.
+    Connection(&'a mut Session),
+    /// Single HTTP request of a client.
+    Single(&'a ClientIdentity),
 }
 
-/// Answers one request.
-pub(super) async fn answer(app: &AppState, request: &Value, by: By<'_>) -> Value {
-    let request = match Request::read(request) {
+/// Client of a request, with the server's state.
+#[derive(Clone, Copy)]
+struct RpcContext<'a> {
+    app: &'a AppState,
+    client: &'a ClientIdentity,
+}
+
+/// Returns the response to one request.
+pub(super) async fn respond(app: &AppState, request: &Value, origin: RpcOrigin<'_>) -> Value {
+    let request = match RpcRequest::parse(request) {
         Ok(request) => request,
-        Err(failure) => return rpc::failed(&Value::Null, &failure),
+        Err(error) => return rpc::error_response(&Value::Null, &error),
     };
-    match called(app, &request, by).await {
-        Ok(result) => rpc::succeeded(&request.id, &result),
-        Err(failure) => rpc::failed(&request.id, &failure),
+    match dispatch(app, &request, origin).await {
+        Ok(result) => rpc::result_response(&request.id, &result),
+        Err(error) => rpc::error_response(&request.id, &error),
     }
 }
 
-async fn called(app: &AppState, request: &Request, by: By<'_>) -> Result<Value, Failure> {
+/// Calls the method of a request.
+async fn dispatch(app: &AppState, request: &RpcRequest, origin: RpcOrigin<'_>) -> Result<Value, RpcError> {
     if request.method == "openenv/session/create" {
-        return create(app, &request.params, by).await;
+        return create_session(app, &request.params, origin).await;
     }
-    let (who, own) = match by {
-        By::Own(session) => (session.client().clone(), Some(session)),
-        By::Itself(who) => (who.clone(), None),
+    let (client, own) = match origin {
+        RpcOrigin::Connection(session) => (session.client().clone(), Some(session)),
+        RpcOrigin::Single(client) => (client.clone(), None),
     };
-    let at = (app, &who);
+    let context = RpcContext { app, client: &client };
     match request.method.as_str() {
-        "initialize" => Ok(initialized()),
+        "initialize" => Ok(server_info()),
         "notifications/initialized" | "ping" => Ok(json!({})),
-        "openenv/session/close" => close(at, &request.params, own),
-        "tools/list" => tools_list(at, &request.params, own).await,
-        "tools/call" => tools_call(at, &request.params, own).await,
-        other => Err(Failure::no_method(other)),
+        "openenv/session/close" => close_session(context, &request.params, own),
+        "tools/list" => list_tools(context, &request.params, own).await,
+        "tools/call" => call_tool(context, &request.params, own).await,
+        other => Err(RpcError::no_method(other)),
     }
 }
 
-/// What clients of the protocol ask first.
-fn initialized() -> Value {
+/// Returns the result of `initialize`, a client's first request.
+fn server_info() -> Value {
     json!({
         "protocolVersion": "2025-06-18",
         "capabilities": {"tools": {}},
@@ -61,140 +73,153 @@ fn initialized() -> Value {
     })
 }
 
-/// Opens a session in which an episode flies: what `reset` takes may stand in `params`. A connection that has a session is told
-/// its name, and an episode begins in it if none flies; while one does, there is nothing to be said about it.
-async fn create(app: &AppState, params: &Map<String, Value>, by: By<'_>) -> Result<Value, Failure> {
-    let who = match by {
-        By::Itself(who) => who,
-        By::Own(own) => {
-            let flies = own.view().is_ok_and(|shown| !shown.done);
-            if flies && !params.is_empty() {
-                return Err(Failure::params(
+/// Opens a session with an episode; `params` may have the fields of a reset.
+///
+/// A connection that has a session receives its id. An episode begins in it unless one is running; `params` must then be
+/// empty.
+async fn create_session(
+    app: &AppState,
+    params: &Map<String, Value>,
+    origin: RpcOrigin<'_>,
+) -> Result<Value, RpcError> {
+    let client = match origin {
+        RpcOrigin::Single(client) => client,
+        RpcOrigin::Connection(own) => {
+            let is_running = own.view().is_ok_and(|view| !view.done);
+            if is_running && !params.is_empty() {
+                return Err(RpcError::params(
                     "an episode flies in this session; it is flown to its end first",
                 ));
             }
-            if !flies {
-                begin(own, params).await?;
+            if !is_running {
+                begin_episode(own, params).await?;
             }
             return Ok(json!({"session_id": own.id()}));
         }
     };
     let id = uuid::Uuid::new_v4().to_string();
-    let name = SessionKey::new(who, id.as_str());
-    let session = app.sessions.get_or_open(who, &name).map_err(Failure::capacity)?;
-    let began = begin(&mut *session.lock().await, params).await;
-    if let Err(failure) = began {
-        app.sessions.close(&name);
-        return Err(failure);
+    let key = SessionKey::new(client, id.as_str());
+    let session = app.sessions.get_or_open(client, &key).map_err(RpcError::capacity)?;
+    let begun = begin_episode(&mut *session.lock().await, params).await;
+    if let Err(error) = begun {
+        app.sessions.close(&key);
+        return Err(error);
     }
     Ok(json!({"session_id": id}))
 }
 
-/// Lets an episode begin.
-async fn begin(session: &mut Session, params: &Map<String, Value>) -> Result<(), Failure> {
-    let mut fields = super::read::Fields::new(params, Vec::new());
-    let wish = super::read::wish(&mut fields);
-    if let Some(fault) = fields.faults.first() {
-        return Err(Failure::params(&fault.to_string()));
+/// Begins an episode in a session.
+async fn begin_episode(session: &mut Session, params: &Map<String, Value>) -> Result<(), RpcError> {
+    let mut fields = FieldReader::new(params, Vec::new());
+    let request = read_session_request(&mut fields);
+    if let Some(error) = fields.errors.first() {
+        return Err(RpcError::params(&error.to_string()));
     }
-    let name = wish.episode_id.clone();
-    let wished = wish.resolve(super::usual(WALK[0])).map_err(|error| Failure::params(&error.to_string()))?;
+    let name = request.episode_id.clone();
+    let resolved = request
+        .resolve(built_in_task(RESET_ORDER[0]))
+        .map_err(|error| RpcError::params(&error.to_string()))?;
     session
-        .reset(wished, name)
+        .reset(resolved, name)
         .await
         .map(|_| ())
-        .map_err(|error| Failure::internal(&super::refused_in_words(&error)))
+        .map_err(|error| RpcError::internal(&session_error_message(&error)))
 }
 
-fn close(
-    (app, who): (&AppState, &ClientIdentity),
+fn close_session(
+    RpcContext { app, client }: RpcContext<'_>,
     params: &Map<String, Value>,
     own: Option<&mut Session>,
-) -> Result<Value, Failure> {
+) -> Result<Value, RpcError> {
     let name = params.get("session_id").and_then(Value::as_str);
-    let name = name.ok_or_else(|| Failure::params("'session_id' is required"))?;
+    let name = name.ok_or_else(|| RpcError::params("'session_id' is required"))?;
     if own.is_some_and(|own| own.id() == name) {
-        return Err(Failure::params("this session is the connection's own, and ends with it"));
+        return Err(RpcError::params("this session is the connection's own, and ends with it"));
     }
-    if app.sessions.close(&SessionKey::new(who, name)) {
+    if app.sessions.close(&SessionKey::new(client, name)) {
         Ok(json!({"session_id": name, "closed": true}))
     } else {
-        Err(Failure::no_session(name))
+        Err(RpcError::no_session(name))
     }
 }
 
-async fn tools_list(
-    at: (&AppState, &ClientIdentity),
+async fn list_tools(
+    context: RpcContext<'_>,
     params: &Map<String, Value>,
     own: Option<&mut Session>,
-) -> Result<Value, Failure> {
-    let tools = match (named(at, params, own.as_deref())?, own) {
-        (None, Some(own)) => tools::list(own),
-        (Some(session), _) => tools::list(&*session.lock().await),
-        (None, None) => tools::of(super::usual(WALK[0])),
+) -> Result<Value, RpcError> {
+    let tools = match (named_session(context, params, own.as_deref())?, own) {
+        (None, Some(own)) => tools::session_tools(own),
+        (Some(session), _) => tools::session_tools(&*session.lock().await),
+        (None, None) => tools::task_tools(built_in_task(RESET_ORDER[0])),
     };
     Ok(json!({"tools": tools}))
 }
 
-async fn tools_call(
-    at: (&AppState, &ClientIdentity),
+async fn call_tool(
+    context: RpcContext<'_>,
     params: &Map<String, Value>,
     own: Option<&mut Session>,
-) -> Result<Value, Failure> {
+) -> Result<Value, RpcError> {
     let name = params.get("name").and_then(Value::as_str);
-    let name = name.ok_or_else(|| Failure::params("'name' is required"))?;
+    let name = name.ok_or_else(|| RpcError::params("'name' is required"))?;
     let arguments = match params.get("arguments") {
         None | Some(Value::Null) => Map::new(),
         Some(Value::Object(arguments)) => arguments.clone(),
-        Some(_) => return Err(Failure::params("'arguments' must be an object")),
+        Some(_) => return Err(RpcError::params("'arguments' must be an object")),
     };
-    match (named(at, params, own.as_deref())?, own) {
-        (None, Some(own)) => played(own, name, arguments).await,
-        (Some(session), _) => played(&mut *session.lock().await, name, arguments).await,
-        // Without a session every call would be a world of its own.
-        (None, None) => Err(Failure::params("'session_id' is required: openenv/session/create gives one")),
+    match (named_session(context, params, own.as_deref())?, own) {
+        (None, Some(own)) => call_in_session(own, name, arguments).await,
+        (Some(session), _) => call_in_session(&mut *session.lock().await, name, arguments).await,
+        // Without a session, every call would have its own world.
+        (None, None) => Err(RpcError::params("'session_id' is required: openenv/session/create gives one")),
     }
 }
 
-async fn played(session: &mut Session, name: &str, arguments: Map<String, Value>) -> Result<Value, Failure> {
+/// Calls a tool in a session, and begins an episode if it never had one.
+async fn call_in_session(
+    session: &mut Session,
+    name: &str,
+    arguments: Map<String, Value>,
+) -> Result<Value, RpcError> {
     if session.status().scenario.is_none() {
-        begin(session, &Map::new()).await?;
+        begin_episode(session, &Map::new()).await?;
     }
-    tools::call(session, name, arguments).await.map(|told| tools::result(&told))
+    tools::call(session, name, arguments).await.map(|result| tools::result(&result))
 }
 
-/// The session of theirs that is named; none where none is, or the connection's own.
-fn named(
-    (app, who): (&AppState, &ClientIdentity),
+/// Returns the session that the request names; `None` if it names none, or the connection's own.
+fn named_session(
+    RpcContext { app, client }: RpcContext<'_>,
     params: &Map<String, Value>,
     own: Option<&Session>,
-) -> Result<Option<std::sync::Arc<tokio::sync::Mutex<Session>>>, Failure> {
+) -> Result<Option<SharedSession>, RpcError> {
     match params.get("session_id") {
         None | Some(Value::Null) => Ok(None),
         Some(Value::String(name)) if own.is_some_and(|own| own.id() == name) => Ok(None),
         Some(Value::String(name)) => {
-            let known = app.sessions.get(&SessionKey::new(who, name.as_str()));
-            known.map(Some).ok_or_else(|| Failure::no_session(name))
+            let known = app.sessions.get(&SessionKey::new(client, name.as_str()));
+            known.map(Some).ok_or_else(|| RpcError::no_session(name))
         }
-        Some(other) => Err(Failure::no_session(&other.to_string())),
+        Some(other) => Err(RpcError::no_session(&other.to_string())),
     }
 }
 
-/// A tool asked for by way of a step, as openenv-core's `MCPToolClient` does over `/ws`; none if it is an action.
-pub(super) async fn as_step(session: &mut Session, action: &Map<String, Value>) -> Option<Value> {
+/// Calls a tool by a step, as openenv-core's `MCPToolClient` does over `/ws`. Returns `None` if the step is an action.
+pub(super) async fn call_by_step(session: &mut Session, action: &Map<String, Value>) -> Option<Value> {
     let observation = match action.get("type").and_then(Value::as_str)? {
-        "list_tools" => json!({"tools": tools::list(session)}),
+        "list_tools" => json!({"tools": tools::session_tools(session)}),
         "call_tool" => {
             let name = action.get("tool_name").and_then(Value::as_str).unwrap_or_default();
             let arguments = action.get("arguments").and_then(Value::as_object).cloned().unwrap_or_default();
             match tools::call(session, name, arguments).await {
-                Ok(told) => json!({"tool_name": name, "result": tools::result(&told), "error": null}),
-                Err(failure) => json!({"tool_name": name, "result": null, "error": failure.as_tool_error()}),
+                Ok(result) => json!({"tool_name": name, "result": tools::result(&result), "error": null}),
+                Err(error) => json!({"tool_name": name, "result": null, "error": error.as_tool_error()}),
             }
         }
         _ => return None,
     };
-    let shown = session.view().ok();
-    let (reward, done) = shown.map_or((0.0, false), |shown| (shown.reward, shown.done));
+    let view = session.view().ok();
+    let (reward, done) = view.map_or((0.0, false), |view| (view.reward, view.done));
     Some(json!({"type": "observation", "data": {"observation": observation, "reward": reward, "done": done}}))
 }

@@ -1,4 +1,4 @@
-//! `/mcp`: JSON-RPC by request, and over a WebSocket with a session of its own.
+//! `/mcp`: JSON-RPC by single requests, and over a WebSocket with a session for each connection.
 
 use axum::Extension;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
@@ -6,16 +6,16 @@ use axum::extract::{Request, State};
 use axum::response::Response;
 use serde_json::Value;
 
-use super::super::super::socket::{self, Received, bounded};
-use super::super::body::whole;
-use super::super::refusal::Refusal;
-use super::By;
-use super::rpc::{self, Failure};
+use super::super::super::socket::{self, Received};
+use super::super::body::read_body;
+use super::super::error_response::ErrorResponse;
+use super::RpcOrigin;
+use super::rpc::{self, RpcError};
 use crate::http::access::Caller;
 use crate::http::state::AppState;
 use crate::sessions::ClientIdentity;
 
-/// JSON-RPC of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
+/// Send a JSON-RPC request of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
 #[utoipa::path(
     post, path = "/mcp", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "Left out, it is what cannot be read: JSON-RPC's -32700."),
     responses(
@@ -23,65 +23,68 @@ use crate::sessions::ClientIdentity;
         (status = 408, body = Object), (status = 413, body = Object)
     )
 )]
-pub(in super::super) async fn post(
+pub(crate) async fn post(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     request: Request,
-) -> Result<axum::Json<Value>, Refusal> {
-    let body = whole(request).await?;
+) -> Result<axum::Json<Value>, ErrorResponse> {
+    let body = read_body(request).await?;
     Ok(axum::Json(match openenv_wire::parse_python_json(&String::from_utf8_lossy(&body)) {
-        Ok(request) => super::answer(&app, &request, By::Itself(&caller.who)).await,
-        Err(_) => rpc::failed(&Value::Null, &Failure::unread(None)),
+        Ok(request) => super::respond(&app, &request, RpcOrigin::Single(&caller.identity)).await,
+        Err(_) => rpc::error_response(&Value::Null, &RpcError::parse_error(None)),
     }))
 }
 
-/// The same over a WebSocket.
-pub(in super::super) async fn connect(
+/// Serves the protocol over a WebSocket.
+pub(crate) async fn connect(
     State(app): State<AppState>,
-    who: ClientIdentity,
+    client: ClientIdentity,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    bounded(upgrade).on_upgrade(move |socket| serve(socket, app, who))
+    socket::limit_frames(upgrade).on_upgrade(move |socket| serve(socket, app, client))
 }
 
-async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
-    let mut session = match app.sessions.open(&who) {
+async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
+    let mut session = match app.sessions.open(&client) {
         Ok(session) => session,
         Err(full) => {
-            let told = rpc::failed(&Value::Null, &Failure::capacity(full));
-            let _ = socket::send(&mut socket, told.to_string().into_bytes()).await;
+            let response = rpc::error_response(&Value::Null, &RpcError::capacity(full));
+            let _ = socket::send_text(&mut socket, response.to_string().into_bytes()).await;
             return socket::close(socket).await;
         }
     };
-    let mut closing = app.sessions.close_signal(&who);
+    let mut closing = app.sessions.close_signal(&client);
     let mut early = None;
     loop {
         let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
-                received = socket::next(&mut socket, app.sessions.limits().idle_timeout) => received,
-                why = closing.closed() => Received::Stop(why),
+                received = socket::receive(&mut socket, app.sessions.limits().idle_timeout) => received,
+                reason = closing.closed() => Received::Stop(reason),
             },
         };
-        let told = match received {
+        let response = match received {
             Received::Text(text) => match openenv_wire::parse_python_json(&text) {
                 Ok(request) => {
-                    let work = super::answer(&app, &request, By::Own(&mut session));
-                    match socket::meanwhile(&mut socket, &mut early, work).await {
-                        Some(told) => told,
+                    let work = super::respond(&app, &request, RpcOrigin::Connection(&mut session));
+                    match socket::run_while_connected(&mut socket, &mut early, work).await {
+                        Some(response) => response,
                         None => return,
                     }
                 }
-                Err(error) => rpc::failed(&Value::Null, &Failure::unread(Some(&error.to_string()))),
+                Err(error) => {
+                    rpc::error_response(&Value::Null, &RpcError::parse_error(Some(&error.to_string())))
+                }
             },
-            Received::Binary(_) => {
-                rpc::failed(&Value::Null, &Failure::unread(Some("binary frames are not read here")))
-            }
+            Received::Binary(_) => rpc::error_response(
+                &Value::Null,
+                &RpcError::parse_error(Some("binary frames are not read here")),
+            ),
             Received::Idle | Received::Stop(_) => return socket::close(socket).await,
             Received::TooLarge => return socket::close_for_size(socket).await,
             Received::Left | Received::Gone => return,
         };
-        if socket::send(&mut socket, told.to_string().into_bytes()).await.is_err() {
+        if socket::send_text(&mut socket, response.to_string().into_bytes()).await.is_err() {
             return;
         }
     }

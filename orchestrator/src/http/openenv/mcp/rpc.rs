@@ -1,48 +1,49 @@
-//! JSON-RPC 2.0, with openenv-core's error codes and words.
+//! JSON-RPC 2.0 messages with openenv-core's error codes and texts.
 
 use serde_json::{Map, Value, json};
 
-use crate::sessions::QuotaExceeded;
+use crate::limits::QuotaExceeded;
 
-/// A request.
-pub(super) struct Request {
+/// Validated request of JSON-RPC.
+pub(super) struct RpcRequest {
     pub(super) id: Value,
     pub(super) method: String,
     pub(super) params: Map<String, Value>,
 }
 
-/// Why a request failed.
+/// Error of a request.
 #[derive(Debug)]
-pub(super) struct Failure {
+pub(super) struct RpcError {
     code: i64,
     message: String,
     data: Value,
 }
 
-impl Request {
-    pub(super) fn read(value: &Value) -> Result<Self, Failure> {
-        let Some(fields) = value.as_object() else { return Err(Failure::unread(None)) };
-        let mut faults = Vec::new();
+impl RpcRequest {
+    /// Validates the fields of a request.
+    pub(super) fn parse(value: &Value) -> Result<Self, RpcError> {
+        let Some(fields) = value.as_object() else { return Err(RpcError::parse_error(None)) };
+        let mut errors = Vec::new();
         match fields.get("jsonrpc") {
             Some(Value::String(version)) if version == "2.0" => {}
-            Some(_) => faults.push("jsonrpc: it must be \"2.0\""),
-            None => faults.push("jsonrpc: it is missing"),
+            Some(_) => errors.push("jsonrpc: it must be \"2.0\""),
+            None => errors.push("jsonrpc: it is missing"),
         }
         match fields.get("method") {
             Some(Value::String(_)) => {}
-            Some(_) => faults.push("method: it must be a string"),
-            None => faults.push("method: it is missing"),
+            Some(_) => errors.push("method: it must be a string"),
+            None => errors.push("method: it is missing"),
         }
         match fields.get("params") {
             None | Some(Value::Null | Value::Object(_)) => {}
-            Some(_) => faults.push("params: it must be an object"),
+            Some(_) => errors.push("params: it must be an object"),
         }
         match fields.get("id") {
             None | Some(Value::Null | Value::String(_) | Value::Number(_)) => {}
-            Some(_) => faults.push("id: it must be a string or a number"),
+            Some(_) => errors.push("id: it must be a string or a number"),
         }
-        if !faults.is_empty() {
-            return Err(Failure::new(-32600, format!("Invalid request: {}", faults.join("; "))));
+        if !errors.is_empty() {
+            return Err(RpcError::new(-32600, format!("Invalid request: {}", errors.join("; "))));
         }
         Ok(Self {
             id: fields.get("id").cloned().unwrap_or(Value::Null),
@@ -52,14 +53,17 @@ impl Request {
     }
 }
 
-impl Failure {
+impl RpcError {
     fn new(code: i64, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), data: Value::Null }
     }
 
-    /// What came is no JSON object.
-    pub(super) fn unread(why: Option<&str>) -> Self {
-        Self::new(-32700, why.map_or_else(|| "Parse error".to_owned(), |why| format!("Parse error: {why}")))
+    /// Returns the error of a message that is not a JSON object.
+    pub(super) fn parse_error(reason: Option<&str>) -> Self {
+        Self::new(
+            -32700,
+            reason.map_or_else(|| "Parse error".to_owned(), |reason| format!("Parse error: {reason}")),
+        )
     }
 
     pub(super) fn no_method(method: &str) -> Self {
@@ -67,8 +71,8 @@ impl Failure {
         Self::new(-32601, format!("Method not found: {method}"))
     }
 
-    pub(super) fn params(words: &str) -> Self {
-        Self::new(-32602, format!("Invalid params - {words}"))
+    pub(super) fn params(reason: &str) -> Self {
+        Self::new(-32602, format!("Invalid params - {reason}"))
     }
 
     pub(super) fn no_session(name: &str) -> Self {
@@ -76,8 +80,8 @@ impl Failure {
         Self::new(-32602, format!("Unknown session_id: {name}"))
     }
 
-    pub(super) fn internal(words: &str) -> Self {
-        Self::new(-32603, words)
+    pub(super) fn internal(message: &str) -> Self {
+        Self::new(-32603, message)
     }
 
     pub(super) fn capacity(full: QuotaExceeded) -> Self {
@@ -85,18 +89,20 @@ impl Failure {
         Self { data, ..Self::new(-32000, full.to_string()) }
     }
 
-    /// As openenv-core's `ToolError`.
+    /// Returns the error in the format of openenv-core's `ToolError`.
     pub(super) fn as_tool_error(&self) -> Value {
         let kind = if self.code == -32602 { "invalid_args" } else { "execution_error" };
         json!({"error_type": kind, "message": self.message})
     }
 }
 
-pub(super) fn succeeded(id: &Value, result: &Value) -> Value {
+/// Returns the response with a result.
+pub(super) fn result_response(id: &Value, result: &Value) -> Value {
     json!({"jsonrpc": "2.0", "id": id, "result": result})
 }
 
-pub(super) fn failed(id: &Value, failure: &Failure) -> Value {
-    let Failure { code, message, data } = failure;
+/// Returns the response with an error.
+pub(super) fn error_response(id: &Value, error: &RpcError) -> Value {
+    let RpcError { code, message, data } = error;
     json!({"jsonrpc": "2.0", "id": id, "error": {"code": code, "message": message, "data": data}})
 }

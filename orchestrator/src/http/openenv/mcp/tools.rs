@@ -1,22 +1,25 @@
-//! What an agent can do through MCP: act, wait, look, and see what comes. None of it begins an episode.
+//! Tools of the Model Context Protocol: act, wait, observe, and predict conjunctions. No tool begins an episode.
 
 use env_core::TaskSpec;
 use serde_json::{Map, Value, json};
 
-use super::rpc::Failure;
+use super::super::error_message::session_error_message;
+use super::super::step_response;
+use super::super::tasks::{RESET_ORDER, built_in_task};
+use super::rpc::RpcError;
 use crate::sessions::{Session, SessionError};
 
-/// Most steps that one call waits.
-const MOST_STEPS: u64 = 1000;
+/// Maximum number of steps that one call of `hold` waits.
+const MAX_HOLD_STEPS: u64 = 1000;
 
-/// The tools of a session.
-pub(super) fn list(session: &Session) -> Value {
-    let flown = session.status().scenario.map(env_core::Scenario::task);
-    of(flown.unwrap_or_else(|| super::super::usual(super::WALK[0])))
+/// Returns the tools of a session.
+pub(super) fn session_tools(session: &Session) -> Value {
+    let task = session.status().scenario.map(env_core::Scenario::task);
+    task_tools(task.unwrap_or_else(|| built_in_task(RESET_ORDER[0])))
 }
 
-/// The tools of a task.
-pub(super) fn of(task: &'static dyn TaskSpec) -> Value {
+/// Returns the tools of a task.
+pub(super) fn task_tools(task: &'static dyn TaskSpec) -> Value {
     let mut action = openenv_wire::wire_format(task).action_schema().clone();
     if let Some(properties) = action.get_mut("properties").and_then(Value::as_object_mut) {
         properties.remove("metadata");
@@ -25,7 +28,7 @@ pub(super) fn of(task: &'static dyn TaskSpec) -> Value {
     let steps = json!({
         "type": "object",
         "properties": {
-            "steps": {"type": "integer", "minimum": 1, "maximum": MOST_STEPS, "default": 1,
+            "steps": {"type": "integer", "minimum": 1, "maximum": MAX_HOLD_STEPS, "default": 1,
                       "description": "How many steps to wait; it stops early when the episode ends"}
         },
         "additionalProperties": false
@@ -44,92 +47,94 @@ pub(super) fn of(task: &'static dyn TaskSpec) -> Value {
     Value::Array(tools)
 }
 
-/// Calls a tool; what it tells.
+/// Calls a tool and returns its result.
 pub(super) async fn call(
     session: &mut Session,
     name: &str,
     arguments: Map<String, Value>,
-) -> Result<Value, Failure> {
+) -> Result<Value, RpcError> {
     match name {
         "fire_thrusters" => act(session, &Value::Object(arguments)).await,
         "hold" => hold(session, &arguments).await,
-        "telemetry" => looked(session, &arguments),
+        "telemetry" => observe(session, &arguments),
         "conjunctions" => {
-            nothing(&arguments)?;
-            let shown = session.view().map_err(|error| failed(&error))?;
-            let foreseen = shown.episode.conjunctions();
-            let foreseen = foreseen.ok_or_else(|| Failure::params("this world foresees none"))?;
-            Ok(json!({"conjunctions": foreseen}))
+            check_no_arguments(&arguments)?;
+            let shown = session.view().map_err(|error| rpc_error(&error))?;
+            let conjunctions = shown.episode.conjunctions();
+            let conjunctions = conjunctions.ok_or_else(|| RpcError::params("this world foresees none"))?;
+            Ok(json!({"conjunctions": conjunctions}))
         }
         other => {
             let other: String = other.chars().take(60).collect();
-            Err(Failure::params(&format!("there is no tool {other:?}; tools/list tells them")))
+            Err(RpcError::params(&format!("there is no tool {other:?}; tools/list tells them")))
         }
     }
 }
 
-/// A result as the protocol has it, and as openenv-core's client reads it (`data`).
-pub(super) fn result(told: &Value) -> Value {
+/// Returns a result in the protocol's format, with `data` for openenv-core's client.
+pub(super) fn result(value: &Value) -> Value {
     json!({
-        "content": [{"type": "text", "text": told.to_string()}],
-        "structuredContent": told,
-        "data": told,
+        "content": [{"type": "text", "text": value.to_string()}],
+        "structuredContent": value,
+        "data": value,
         "isError": false,
     })
 }
 
-async fn act(session: &mut Session, action: &Value) -> Result<Value, Failure> {
-    session.step(action).await.map_err(|error| failed(&error))?;
-    told(session)
+async fn act(session: &mut Session, action: &Value) -> Result<Value, RpcError> {
+    session.step(action).await.map_err(|error| rpc_error(&error))?;
+    telemetry(session)
 }
 
-async fn hold(session: &mut Session, arguments: &Map<String, Value>) -> Result<Value, Failure> {
+async fn hold(session: &mut Session, arguments: &Map<String, Value>) -> Result<Value, RpcError> {
     let steps = match arguments.get("steps") {
         None | Some(Value::Null) => 1,
         Some(steps) => {
-            let steps = steps.as_u64().filter(|steps| (1..=MOST_STEPS).contains(steps));
+            let steps = steps.as_u64().filter(|steps| (1..=MAX_HOLD_STEPS).contains(steps));
             steps.ok_or_else(|| {
-                Failure::params(&format!("steps: a whole number from 1 to {MOST_STEPS} is wanted"))
+                RpcError::params(&format!("steps: a whole number from 1 to {MAX_HOLD_STEPS} is wanted"))
             })?
         }
     };
     for _ in 0..steps {
-        let shown = session.step(&json!({})).await.map_err(|error| failed(&error))?;
+        let shown = session.step(&json!({})).await.map_err(|error| rpc_error(&error))?;
         if shown.done {
             break;
         }
     }
-    told(session)
+    telemetry(session)
 }
 
-fn looked(session: &Session, arguments: &Map<String, Value>) -> Result<Value, Failure> {
-    nothing(arguments)?;
-    told(session)
+fn observe(session: &Session, arguments: &Map<String, Value>) -> Result<Value, RpcError> {
+    check_no_arguments(arguments)?;
+    telemetry(session)
 }
 
-fn told(session: &Session) -> Result<Value, Failure> {
-    let shown = session.view().map_err(|error| failed(&error))?;
-    let mut told = super::super::answer::value(&shown);
-    told["step"] = json!(session.status().steps);
-    Ok(told)
+/// Returns the last step with its number.
+fn telemetry(session: &Session) -> Result<Value, RpcError> {
+    let shown = session.view().map_err(|error| rpc_error(&error))?;
+    let mut telemetry = step_response::step_value(&shown);
+    telemetry["step"] = json!(session.status().steps);
+    Ok(telemetry)
 }
 
-fn nothing(arguments: &Map<String, Value>) -> Result<(), Failure> {
+/// Checks that a tool without parameters has no arguments.
+fn check_no_arguments(arguments: &Map<String, Value>) -> Result<(), RpcError> {
     match arguments.keys().next() {
         None => Ok(()),
         Some(key) => {
             let key: String = key.chars().take(60).collect();
-            Err(Failure::params(&format!("{key}: this tool takes no arguments")))
+            Err(RpcError::params(&format!("{key}: this tool takes no arguments")))
         }
     }
 }
 
-fn failed(error: &SessionError) -> Failure {
+fn rpc_error(error: &SessionError) -> RpcError {
     match error {
-        SessionError::Action(faults) => {
-            let told = faults.iter().map(ToString::to_string).collect::<Vec<_>>();
-            Failure::params(&told.join("; "))
+        SessionError::Action(errors) => {
+            let messages = errors.iter().map(ToString::to_string).collect::<Vec<_>>();
+            RpcError::params(&messages.join("; "))
         }
-        other => Failure::internal(&super::super::refused_in_words(other)),
+        other => RpcError::internal(&session_error_message(other)),
     }
 }

@@ -1,9 +1,9 @@
-//! Designs of a run: what designers thought of, what the gate said, how the agent fared; and asking for more.
+//! Designs of a run: their state, their results, and requests to designers. `view` converts stored designs to responses.
 
-pub(super) mod ask;
-pub(super) mod asks;
+pub(super) mod create_request;
+pub(super) mod get;
 pub(super) mod list;
-pub(super) mod show;
-pub(super) mod summary;
-pub(super) mod turn;
+pub(super) mod requests;
+pub(super) mod retire;
+pub(super) mod statistics;
 pub(super) mod view;

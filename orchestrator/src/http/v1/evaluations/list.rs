@@ -1,38 +1,28 @@
-//! Evaluations, the newest first.
+//! List of evaluations.
 
+use api_types::{EvaluationPage, PageQuery};
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::super::super::extract::Query;
 use super::super::super::problem::Problem;
-use super::super::{Page, next};
-use super::view::Evaluation;
+use super::super::{next_cursor, number_before, page_limit};
+use super::view::evaluation_summary;
 use crate::http::state::AppState;
 use crate::store::evaluations;
 
-/// A page of evaluations.
-#[derive(Serialize, ToSchema)]
-pub(in crate::http::v1) struct Evaluations {
-    /// The newest first.
-    evaluations: Vec<Evaluation>,
-    /// Cursor of the next page, if there may be one.
-    next: Option<String>,
-}
-
-/// List evaluations, the newest first.
+/// List evaluations, newest first.
 #[utoipa::path(
-    get, path = "/evaluations", tag = "evaluations", params(Page),
-    responses((status = 200, body = Evaluations), (status = 400, body = Problem), (status = 422, body = Problem))
+    get, path = "/evaluations", tag = "evaluations", params(PageQuery),
+    responses((status = 200, body = EvaluationPage), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
-pub(in crate::http::v1) async fn list(
+pub(in crate::http::v1) async fn list_evaluations(
     State(app): State<AppState>,
-    Query(page): Query<Page>,
-) -> Result<axum::Json<Evaluations>, Problem> {
-    let limit = page.limit()?;
-    let before = if page.cursor.is_some() { page.cursor()?.0 } else { i64::MAX };
+    Query(page): Query<PageQuery>,
+) -> Result<axum::Json<EvaluationPage>, Problem> {
+    let limit = page_limit(page.limit)?;
+    let before = number_before(page.cursor.as_deref())?;
     let mut conn = app.readers.acquire().await?;
     let rows = evaluations::page(&mut conn, before, limit).await?;
-    let next = next(rows.len(), limit, rows.last().map(|row| (row.id, "")));
-    Ok(axum::Json(Evaluations { evaluations: rows.into_iter().map(Evaluation::from).collect(), next }))
+    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.id, "")));
+    Ok(axum::Json(EvaluationPage { evaluations: rows.into_iter().map(evaluation_summary).collect(), next }))
 }

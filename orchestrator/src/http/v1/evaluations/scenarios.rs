@@ -1,78 +1,37 @@
-//! An evaluation, scenario by scenario.
+//! Results of an evaluation by scenario.
 
+use api_types::{EvaluationScenario, EvaluationScenarioPage, PageQuery};
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::super::super::extract::{Path, Query};
 use super::super::super::problem::Problem;
-use super::super::{Page, id, next};
-use crate::evaluation::results::EpisodeMeasures;
-use crate::evaluation::suite::{SuiteEntry, SuitePart};
-use crate::ids::EvaluationId;
-use crate::http::state::AppState;
-use crate::store::evaluations::{self, EntryEpisodes};
-use crate::store::from_json;
+use super::super::{next_cursor, number_after, page_limit, parse_id};
 use crate::engine::error::ServiceError;
 use crate::evaluation::read::suite_of;
+use crate::evaluation::results::EpisodeMeasures;
+use crate::evaluation::suite::{SuiteEntry, SuitePart};
+use crate::http::state::AppState;
+use crate::ids::EvaluationId;
+use crate::store::evaluations::{self, EntryEpisodes};
+use crate::store::from_json;
 
-/// A page of an evaluation's scenarios.
-#[derive(Serialize, ToSchema)]
-pub(in crate::http::v1) struct EvaluationScenarios {
-    /// In the suite's order.
-    scenarios: Vec<EvaluationScenario>,
-    /// Cursor of the next page, if there may be one.
-    next: Option<String>,
-}
-
-/// How a policy fared on one scenario.
-#[derive(Serialize, ToSchema)]
-struct EvaluationScenario {
-    /// Its place in the suite: of evaluations of one suite the same is the same scenario.
-    place: i64,
-    /// Its id.
-    scenario_id: String,
-    /// The task.
-    task: &'static str,
-    /// The level it was drawn at.
-    level: usize,
-    /// `contested` or `as_they_come`.
-    part: &'static str,
-    /// What is reached where nobody acts.
-    floor: f64,
-    /// What the reference reaches.
-    reference: f64,
-    /// Episodes that were flown; 0 until they are.
-    episodes: usize,
-    /// Their mean score.
-    score: Option<f64>,
-    /// Their share of successes.
-    success: Option<f64>,
-    /// Their mean skill, where it is defined.
-    skill: Option<f64>,
-    /// The share of agents that were lost.
-    lost: Option<f64>,
-    /// The fuel that they used on average, all agents together.
-    fuel_used: Option<f64>,
-}
-
-/// Show an evaluation scenario by scenario, as far as it is flown.
+/// List the scenarios of an evaluation with their results so far, in the order of the suite.
 #[utoipa::path(
-    get, path = "/evaluations/{evaluation}/scenarios", tag = "evaluations", operation_id = "list_evaluation_scenarios",
-    params(("evaluation" = String, Path, description = "The evaluation's id."), Page),
+    get, path = "/evaluations/{evaluation}/scenarios", tag = "evaluations",
+    params(("evaluation" = String, Path, description = "The evaluation's id."), PageQuery),
     responses(
-        (status = 200, body = EvaluationScenarios), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 200, body = EvaluationScenarioPage), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 422, body = Problem)
     )
 )]
-pub(in crate::http::v1) async fn list(
+pub(in crate::http::v1) async fn list_evaluation_scenarios(
     State(app): State<AppState>,
     Path(evaluation): Path<String>,
-    Query(page): Query<Page>,
-) -> Result<axum::Json<EvaluationScenarios>, Problem> {
-    let EvaluationId(number) = id("evaluation", &evaluation)?;
-    let limit = page.limit()?;
-    let after = if page.cursor.is_some() { page.cursor()?.0 } else { -1 };
+    Query(page): Query<PageQuery>,
+) -> Result<axum::Json<EvaluationScenarioPage>, Problem> {
+    let EvaluationId(number) = parse_id("evaluation", &evaluation)?;
+    let limit = page_limit(page.limit)?;
+    let after = number_after(page.cursor.as_deref())?;
     let mut conn = app.readers.acquire().await?;
     let row = evaluations::get(&mut conn, number).await?.ok_or(ServiceError::UnknownEvaluation(number))?;
     let suite = &suite_of(&row)?.suite;
@@ -89,32 +48,36 @@ pub(in crate::http::v1) async fn list(
         };
         let episodes: Option<Vec<EpisodeMeasures>> =
             episodes.as_deref().map(|text| from_json("an evaluation", text)).transpose()?;
-        scenarios.push(EvaluationScenario::of(place, *level, entry, &episodes.unwrap_or_default()));
+        scenarios.push(evaluation_scenario(place, *level, entry, &episodes.unwrap_or_default()));
     }
-    let next = next(scenarios.len(), limit, scenarios.last().map(|row| (row.place, "")));
-    Ok(axum::Json(EvaluationScenarios { scenarios, next }))
+    let next = next_cursor(scenarios.len(), limit, scenarios.last().map(|row| (row.place, "")));
+    Ok(axum::Json(EvaluationScenarioPage { scenarios, next }))
 }
 
-impl EvaluationScenario {
-    fn of(place: i64, level: usize, entry: &SuiteEntry, episodes: &[EpisodeMeasures]) -> Self {
-        let EpisodeMeasures { score, success, skill, lost, fuel_used } = EpisodeMeasures::mean_of(episodes);
-        Self {
-            place,
-            scenario_id: entry.scenario.id().to_string(),
-            task: entry.scenario.task().id(),
-            level,
-            part: match entry.part {
-                SuitePart::Contested => "contested",
-                SuitePart::AsTheyCome => "as_they_come",
-            },
-            floor: entry.bracket.floor,
-            reference: entry.bracket.reference.score,
-            episodes: episodes.len(),
-            score,
-            success,
-            skill,
-            lost,
-            fuel_used,
-        }
+fn evaluation_scenario(
+    place: i64,
+    level: usize,
+    entry: &SuiteEntry,
+    episodes: &[EpisodeMeasures],
+) -> EvaluationScenario {
+    let EpisodeMeasures { score, success, skill, lost, fuel_used } = EpisodeMeasures::mean_of(episodes);
+    let part = match entry.part {
+        SuitePart::Contested => "contested",
+        SuitePart::AsTheyCome => "as_they_come",
+    };
+    EvaluationScenario {
+        place,
+        scenario_id: entry.scenario.id().to_string(),
+        task: entry.scenario.task().id().to_owned(),
+        level,
+        part: part.to_owned(),
+        floor: entry.bracket.floor,
+        reference: entry.bracket.reference.score,
+        episodes: episodes.len(),
+        score,
+        success,
+        skill,
+        lost,
+        fuel_used,
     }
 }

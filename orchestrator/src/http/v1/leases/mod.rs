@@ -1,8 +1,8 @@
-//! Leases.
+//! Leases: create, list, get, renew and release. `view` converts stored leases to responses.
 
+pub(super) mod create;
+pub(super) mod get;
 pub(super) mod list;
 pub(super) mod release;
 pub(super) mod renew;
-pub(super) mod show;
-pub(super) mod take;
 mod view;

@@ -1,29 +1,30 @@
-//! Releasing a lease.
+//! End of a lease on request of its client.
 
+use api_types::LeaseSummary;
 use axum::extract::State;
 
 use super::super::super::extract::{NoQuery, Path};
 use super::super::super::problem::Problem;
-use super::super::{id, run_id};
-use super::view::LeaseHead;
+use super::super::{parse_id, run_id};
+use super::view::lease_summary;
 use crate::http::state::AppState;
 use crate::leases::end::ReleaseLease;
 
-/// Release a lease: what was not reported is offered again. Releasing what is over changes nothing.
+/// Release a lease. Its unreported scenarios are offered again. A release of an ended lease changes nothing.
 #[utoipa::path(
     post, path = "/runs/{run}/leases/{lease}/release", tag = "leases",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
-        (status = 200, body = LeaseHead), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 200, body = LeaseSummary), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 429, body = Problem),
         (status = 503, body = Problem)
     )
 )]
-pub(in crate::http::v1) async fn release(
+pub(in crate::http::v1) async fn release_lease(
     _: NoQuery,
     State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
-) -> Result<axum::Json<LeaseHead>, Problem> {
-    let change = ReleaseLease { run: run_id(&run)?, lease: id("lease", &lease)? };
-    Ok(axum::Json(LeaseHead::of(app.writer.change(change).await?)))
+) -> Result<axum::Json<LeaseSummary>, Problem> {
+    let change = ReleaseLease { run: run_id(&run)?, lease: parse_id("lease", &lease)? };
+    Ok(axum::Json(lease_summary(app.writer.change(change).await?)))
 }

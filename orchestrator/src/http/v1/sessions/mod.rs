@@ -1,13 +1,15 @@
-//! `/v1/sessions`: environments on the server, stepped over one WebSocket, singly by text or many at once by binary frames.
-//! docs/stepping.md has the frames.
+//! `/v1/sessions`: environments on the server, stepped over one WebSocket: one by text messages, or many by binary frames.
+//!
+//! `connection` is the life of a connection, `open` reads its first message, `single` and `vector` answer the messages of a session,
+//! `messages` and `error_message` write responses. Sessions themselves are in `crate::sessions`. docs/stepping.md has all frames.
 
-mod answer;
-mod opening;
-mod refusal;
-mod serve;
+mod connection;
+mod error_message;
+mod messages;
+mod open;
+mod session_request;
 mod single;
 mod vector;
-mod wish;
 
 use axum::Extension;
 use axum::extract::State;
@@ -19,14 +21,14 @@ use axum::response::{IntoResponse, Response};
 use super::super::access::Caller;
 use super::super::extract::NoQuery;
 use super::super::problem::Problem;
-use super::super::socket::bounded_by;
+use super::super::socket::limit_frames_to;
 use crate::http::state::AppState;
 use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
 
-/// Fly on the server, over a WebSocket. The first message opens a session, `{"type": "open", "version": 1, …}` with what
-/// OpenEnv's reset may say (`task`, `params`, `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`) and, for many
-/// environments stepped by binary frames, `vector`; or comes back to one, `{"type": "resume", "session": …}`. One whose
-/// connection drops waits for that. `docs/stepping.md` has every frame.
+/// Connect to a session on the server over a WebSocket. The first message opens a session, `{"type": "open", "version": 1, …}`, with
+/// the fields of an OpenEnv reset (`task`, `params`, `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`) and optionally
+/// `vector`, for many environments that are stepped by binary frames. Or it resumes a session whose connection was lost, `{"type":
+/// "resume", "session": …}`. `docs/stepping.md` has every frame.
 #[utoipa::path(
     get, path = "/sessions", tag = "sessions",
     responses(
@@ -35,18 +37,17 @@ use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
         (status = 426, body = Problem, description = "The request does not ask for a WebSocket.")
     )
 )]
-pub(super) async fn connect(
+pub(super) async fn connect_session(
     _: NoQuery,
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     match upgrade {
-        Ok(upgrade) => {
-            bounded_by(upgrade, MAX_REQUEST_BYTES).on_upgrade(move |socket| serve::serve(socket, app, caller.who))
-        }
+        Ok(upgrade) => limit_frames_to(upgrade, MAX_REQUEST_BYTES)
+            .on_upgrade(move |socket| connection::serve(socket, app, caller.identity)),
         Err(_) => {
-            let words = "Sessions are WebSockets: ask for the protocol to be upgraded.";
+            let words = "Sessions are WebSockets: request an upgrade of the protocol.";
             let problem = Problem::new(StatusCode::UPGRADE_REQUIRED, "upgrade_required", words);
             ([(axum::http::header::UPGRADE, "websocket")], problem).into_response()
         }

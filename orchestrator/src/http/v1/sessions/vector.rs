@@ -1,60 +1,64 @@
-//! Many environments: binary frames step, and a little is asked by text.
+//! Session with many environments, which are stepped by binary frames; text messages query its status and close it.
 
 use std::ops::ControlFlow;
 
 use axum::body::Bytes;
 use serde_json::Value;
 
-use super::answer;
-use super::opening::{Message, message, unknown};
-use super::refusal::Refusal;
-use super::single::Bare;
+use super::error_message::ErrorMessage;
+use super::messages;
+use super::open::{ClientMessage, parse_message, unknown_type};
+use super::single::IdField;
 use crate::input::from_value;
 use crate::sessions::VectorSession;
 
-/// Answers one message of text; breaks where the client wants to go.
-pub(super) async fn text(vector: &mut VectorSession, text: &str, ttl_s: u64) -> ControlFlow<Bytes, Bytes> {
-    let Message { kind, id, fields } = match message(text) {
+/// Answers one text message. Returns `Break` if the client closes the session.
+pub(super) async fn answer_text(
+    vector: &mut VectorSession,
+    text: &str,
+    ttl_s: u64,
+) -> ControlFlow<Bytes, Bytes> {
+    let ClientMessage { kind, id, fields } = match parse_message(text) {
         Ok(message) => message,
-        Err((id, refusal)) => return ControlFlow::Continue(refusal.message(id).into()),
+        Err((id, error)) => return ControlFlow::Continue(error.to_json(id).into()),
     };
-    let bare = from_value::<Bare>(Value::Object(fields)).map_err(Refusal::from);
-    let told = match (kind.as_str(), bare) {
-        ("state", Ok(bare)) => Ok(answer::vector("state", vector, ttl_s, bare.id).into()),
-        ("close", Ok(bare)) => {
+    let fields = from_value::<IdField>(Value::Object(fields)).map_err(ErrorMessage::from);
+    let reply = match (kind.as_str(), fields) {
+        ("state", Ok(field)) => Ok(messages::vector_status_message("state", vector, ttl_s, field.id).into()),
+        ("close", Ok(field)) => {
             let tally = vector.finish().await;
-            return ControlFlow::Break(answer::closed(bare.id, tally.as_ref()).into());
+            return ControlFlow::Break(messages::closed_message(field.id, tally.as_ref()).into());
         }
-        ("state" | "close", Err(refusal)) => Err(refusal),
-        ("open" | "resume", _) => Err(Refusal::new("already_open", "the session is open").at("type")),
+        ("state" | "close", Err(error)) => Err(error),
+        ("open" | "resume", _) => Err(ErrorMessage::new("already_open", "the session is open").at("type")),
         ("step" | "reset", _) => {
-            Err(Refusal::invalid("type", "a vector session is stepped and reset by binary frames"))
+            Err(ErrorMessage::invalid("type", "a vector session is stepped and reset by binary frames"))
         }
-        (other, _) => Err(unknown(other, "state, close; steps are binary frames")),
+        (other, _) => Err(unknown_type(other, "state, close; steps are binary frames")),
     };
-    ControlFlow::Continue(told.unwrap_or_else(|refusal: Refusal| refusal.message(id).into()))
+    ControlFlow::Continue(reply.unwrap_or_else(|error: ErrorMessage| error.to_json(id).into()))
 }
 
-/// What a binary frame is answered with.
-pub(super) enum Told {
-    /// A frame.
+/// Reply to a binary frame.
+pub(super) enum FrameReply {
+    /// Frame with observations and rewards.
     Frame(Bytes),
-    /// An error; the session goes on.
+    /// Error after which the session goes on.
     Error(Bytes),
-    /// An error; the session is of no use any more.
+    /// Error that ends the session.
     End(Bytes),
 }
 
 /// Answers one binary frame.
-pub(super) async fn frame(vector: &mut VectorSession, bytes: Bytes) -> Told {
-    // The number, where there is one, so that the client knows which frame is meant.
-    let number = bytes.get(8..12).and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
+pub(super) async fn answer_frame(vector: &mut VectorSession, bytes: Bytes) -> FrameReply {
+    // Sequence number of the frame, so that the client can match the error.
+    let sequence = bytes.get(8..12).and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
     match vector.answer(bytes).await {
-        Ok(frame) => Told::Frame(frame),
+        Ok(frame) => FrameReply::Frame(frame),
         Err(error) => {
-            let refusal = Refusal::from(error);
-            let told = refusal.message(number.map(u64::from)).into();
-            if refusal.ends { Told::End(told) } else { Told::Error(told) }
+            let error = ErrorMessage::from(error);
+            let reply = error.to_json(sequence.map(u64::from)).into();
+            if error.ends_session { FrameReply::End(reply) } else { FrameReply::Error(reply) }
         }
     }
 }

@@ -1,5 +1,5 @@
-//! The feed of a run: groups that the server has flown, pulled and acknowledged.
+//! Trajectory feed of a run: groups that the server ran, pulled and acknowledged by a trainer.
 
-pub(super) mod ack;
-mod answer;
+pub(super) mod acknowledge;
 pub(super) mod pull;
+mod response;

@@ -1,0 +1,317 @@
+//! Designs of a run, and the requests to designers that they come from.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+
+use crate::ScenarioBracket;
+
+/// Choice of the designer of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DesignerChoice {
+    /// The language model if the server has one, else the procedural designer.
+    Auto,
+    /// The language model; the procedural designer fills in for what it does not deliver.
+    Llm,
+    /// The procedural designer.
+    Procedural,
+    /// No designer: nothing is designed.
+    Off,
+}
+
+/// Request to a designer. All fields are optional.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CreateDesignRequest {
+    /// Task of the run to design for (default: the task whose failures weigh most).
+    pub task: Option<String>,
+    /// Number of layouts, from 1 to 32 (default: the run's stock).
+    pub n: Option<u32>,
+    /// Designer: `auto`, `llm` or `procedural` (default: the run's designer).
+    pub designer: Option<DesignerChoice>,
+}
+
+/// Request to a designer, as lists show it.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignRequestSummary {
+    /// Id of the request.
+    pub id: String,
+    /// Id of the task.
+    pub task: String,
+    /// Level to design for; null before the request starts, and under a strategy without levels.
+    pub level: Option<i64>,
+    /// Designer: `llm` or `procedural`. The procedural designer fills in for what a language model does not deliver.
+    pub designer: String,
+    /// Origin: `worker` (the stock ran low or the failures changed) or `hand` (an API request).
+    pub asked_by: String,
+    /// `waiting`, `running`, `done` or `failed`.
+    pub state: String,
+    /// Number of layouts wanted.
+    pub wanted: i64,
+    /// Number of layouts that the gate admitted.
+    pub admitted: i64,
+    /// Number of designs that the gate refused.
+    pub refused: i64,
+    /// Language model; null for the procedural designer.
+    pub model: Option<String>,
+    /// Version of the model's prompt.
+    pub prompt: Option<String>,
+    /// Number of rounds of all designers together.
+    pub rounds: i64,
+    /// Number of prompt tokens.
+    pub tokens_in: i64,
+    /// Number of completion tokens.
+    pub tokens_out: i64,
+    /// Cost of the tokens, in the currency of the configured prices.
+    pub cost: f64,
+    /// Duration, milliseconds.
+    pub latency_ms: i64,
+    /// Number of criticised episodes behind the failure profile.
+    pub criticised: Option<i64>,
+    /// Problems that did not end the request, one sentence each.
+    pub troubles: Vec<String>,
+    /// Reason of a failure.
+    pub error: Option<String>,
+    /// Time of creation, RFC 3339.
+    pub created_at: String,
+    /// Time of its end, RFC 3339.
+    pub ended_at: Option<String>,
+}
+
+/// Page of requests to designers.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignRequestPage {
+    /// Requests, newest first.
+    pub asks: Vec<DesignRequestSummary>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}
+
+/// Request to a designer, with the failure profile it is based on.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignRequest {
+    /// The request, as lists show it.
+    #[serde(flatten)]
+    pub summary: DesignRequestSummary,
+    /// Failure profile at the start of the request; null before.
+    #[schema(value_type = Option<Object>)]
+    pub profile: Option<Value>,
+}
+
+/// Query of the requests to designers.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct DesignRequestQuery {
+    /// Id of the task.
+    pub task: Option<String>,
+    /// State: `waiting`, `running`, `done` or `failed`.
+    pub state: Option<String>,
+    /// Largest number of requests on a page, from 1 to 500 (default 50).
+    pub limit: Option<u32>,
+    /// Field `next` of the previous page.
+    pub cursor: Option<String>,
+}
+
+/// Design, as lists show it.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignSummary {
+    /// Id of the design and of its layout.
+    pub id: String,
+    /// Id of the run.
+    pub run: String,
+    /// Id of the task.
+    pub task: String,
+    /// Level that the design is for; null under a strategy without levels.
+    pub level: Option<i64>,
+    /// Name that the designer gave it.
+    pub name: String,
+    /// Id of the design request.
+    pub ask: String,
+    /// Designer: `llm` or `procedural`.
+    pub designer: String,
+    /// Round of the request: 1, plus 1 for each repair.
+    pub round: i64,
+    /// Failure that the design aims at; null if the design could not be read.
+    pub aim: Option<DesignAim>,
+    /// Claim of the design: `threat` or `decoy`; null if it was refused.
+    pub claim: Option<String>,
+    /// `active`, `retired` or `refused`.
+    pub state: String,
+    /// Reason of retirement (`mastered`, `hopeless` or `hand`), or the check of the gate that refused the design.
+    pub why: Option<String>,
+    /// Reason of the refusal in one sentence.
+    pub reason: Option<String>,
+    /// Distance to the nearest earlier design, from 0 to 1; null for the first.
+    pub novelty: Option<f64>,
+    /// Results of the agent on the layout.
+    pub flown: DesignResults,
+    /// Time of creation, RFC 3339.
+    pub created_at: String,
+    /// Time of the latest lease, RFC 3339.
+    pub served_at: Option<String>,
+    /// Time of retirement, RFC 3339.
+    pub retired_at: Option<String>,
+}
+
+/// Failure that a design aims at.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct DesignAim {
+    /// Name of the failure mode.
+    pub mode: String,
+    /// Bearing of the threat, degrees in `frame`; null if the mode has no direction.
+    pub bearing_deg: Option<i64>,
+    /// Frame of the bearing.
+    pub frame: Option<String>,
+}
+
+/// Results of the agent on a layout.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct DesignResults {
+    /// Number of leased groups.
+    pub groups: i64,
+    /// Number of closed groups.
+    pub outcomes: i64,
+    /// Number of finished episodes in the closed groups.
+    pub episodes: i64,
+    /// Number of successful episodes.
+    pub successes: i64,
+    /// Success rate: successes / episodes.
+    pub success: Option<f64>,
+    /// Mean score of the episodes.
+    pub score: Option<f64>,
+    /// Mean regret: (reference − score) / (reference − floor), clamped to 0 to 1.
+    pub regret: Option<f64>,
+    /// Share of the criticised episodes with a failure that show the aimed failure mode.
+    pub as_aimed: Option<f64>,
+    /// Success rates of the latest groups since the layout was admitted or restored, oldest first, at most 16.
+    pub recent: Vec<f64>,
+}
+
+/// Page of designs.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignPage {
+    /// Designs, newest first.
+    pub designs: Vec<DesignSummary>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}
+
+/// Query of the designs of a run.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct DesignQuery {
+    /// Id of the task.
+    pub task: Option<String>,
+    /// State: `active`, `retired` or `refused`.
+    pub state: Option<String>,
+    /// Failure mode that the design aims at.
+    pub mode: Option<String>,
+    /// Id of the design request.
+    pub ask: Option<String>,
+    /// Largest number of designs on a page, from 1 to 500 (default 50).
+    pub limit: Option<u32>,
+    /// Field `next` of the previous page.
+    pub cursor: Option<String>,
+}
+
+/// Design with its encounters, its scenario and its history.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct Design {
+    /// The design, as lists show it.
+    #[serde(flatten)]
+    pub summary: DesignSummary,
+    /// Design in the language of its world: aim, params and encounters. A refused design is as the designer returned it, an
+    /// admitted one as the gate read it. Null if it was too long to keep.
+    #[schema(value_type = Option<Object>)]
+    pub design: Option<Value>,
+    /// Id of the scenario; null if the design was refused. `GET /v1/layouts/{layout}` returns the bodies.
+    pub scenario_id: Option<String>,
+    /// Bracket of the scenario; null if the design was refused.
+    pub bracket: Option<ScenarioBracket>,
+    /// Changes of state, oldest first.
+    pub turns: Vec<DesignTransition>,
+    /// Ids of the newest finished episodes on the layout, newest first, at most 16.
+    pub episodes: Vec<String>,
+}
+
+/// Change of a design's state.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignTransition {
+    /// State after the change.
+    pub state: String,
+    /// Reason of the change.
+    pub reason: String,
+    /// Time of the change, RFC 3339.
+    pub at: String,
+}
+
+/// Numbers of designs of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignStatistics {
+    /// Id of the run.
+    pub run: String,
+    /// Design settings of the run.
+    #[schema(value_type = Object)]
+    pub settings: Value,
+    /// Number of groups leased for training.
+    pub train_groups: i64,
+    /// Number of designed groups among them.
+    pub designed_groups: i64,
+    /// designed_groups / train_groups; null before the first group.
+    pub share: Option<f64>,
+    /// Numbers of designs by task.
+    pub tasks: Vec<TaskDesigns>,
+    /// Requests and cost by designer.
+    pub designers: Vec<DesignerUsage>,
+    /// Health of the language model; null if none is configured.
+    #[schema(value_type = Option<Object>)]
+    pub llm: Option<Value>,
+}
+
+/// Numbers of designs of a task.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct TaskDesigns {
+    /// Id of the task.
+    pub task: String,
+    /// Number of active layouts.
+    pub active: i64,
+    /// Numbers of retired layouts by reason: `mastered`, `hopeless`, `hand`.
+    pub retired: BTreeMap<String, i64>,
+    /// Number of admitted designs.
+    pub admitted: i64,
+    /// Numbers of refused designs by check of the gate, in the order of the checks, including designs that are not kept.
+    pub refused: Vec<GateCheckCount>,
+}
+
+/// Number of designs that failed one check of the gate.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct GateCheckCount {
+    /// Name of the check.
+    pub check: String,
+    /// Description of the check.
+    pub about: String,
+    /// Number of refused designs.
+    pub count: i64,
+}
+
+/// Requests to a designer and their cost.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct DesignerUsage {
+    /// Designer: `llm` or `procedural`.
+    pub designer: String,
+    /// Number of requests to the designer.
+    pub asks: i64,
+    /// Number of failed requests.
+    pub failed: i64,
+    /// Number of prompt tokens.
+    pub tokens_in: i64,
+    /// Number of completion tokens.
+    pub tokens_out: i64,
+    /// Cost of the tokens, in the currency of the configured prices.
+    pub cost: f64,
+}

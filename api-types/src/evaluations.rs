@@ -1,0 +1,110 @@
+//! Evaluations on frozen suites.
+
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+
+/// Evaluation without its results.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct EvaluationSummary {
+    /// Id of the evaluation.
+    pub id: String,
+    /// Name of the evaluation for people.
+    pub name: String,
+    /// Name of the suite.
+    pub suite: String,
+    /// Hash of the suite: evaluations with the same hash are comparable.
+    pub suite_hash: String,
+    /// Tasks of the suite that are evaluated; null for all.
+    pub tasks: Option<Vec<String>>,
+    /// Name of the policy.
+    pub policy: String,
+    /// Run whose trainer runs the episodes; null if the server does.
+    pub run: Option<String>,
+    /// Version of the run's policy.
+    pub version: Option<i64>,
+    /// Common name of trainings that differ by their seed.
+    pub training: Option<String>,
+    /// Seed of this training.
+    pub training_seed: Option<i64>,
+    /// Number of episodes of each scenario.
+    pub rollouts: i64,
+    /// True if the episodes of a scenario differ by chance.
+    pub chance: bool,
+    /// `open` (the trainer leases scenarios), `flying` (the server runs them), `complete` or `failed`.
+    pub state: String,
+    /// Reason of a failure.
+    pub trouble: Option<String>,
+    /// Number of scenarios of the evaluation.
+    pub scenarios: i64,
+    /// Number of scenarios that are done.
+    pub flown: i64,
+    /// Number of times a scenario was offered again because its group lost episodes or its lease ended first. Results of such
+    /// groups do not count. If the number is high, check that bad episodes are not the ones that get lost.
+    pub reflown: i64,
+    /// Time of creation, RFC 3339.
+    pub created_at: String,
+    /// Time at which the last scenario was done, RFC 3339.
+    pub completed_at: Option<String>,
+}
+
+/// Page of the list of evaluations.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct EvaluationPage {
+    /// Evaluations of the page, newest first.
+    pub evaluations: Vec<EvaluationSummary>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}
+
+/// Query of a comparison.
+#[derive(Debug, Clone, Serialize, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct ComparisonQuery {
+    /// Ids of evaluations, separated by commas: trainings that differ by their seed.
+    #[param(example = "eval-1,eval-2")]
+    pub a: String,
+    /// Ids of the evaluations to compare them with.
+    #[param(example = "eval-3")]
+    pub b: String,
+}
+
+/// Page of the scenarios of an evaluation.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct EvaluationScenarioPage {
+    /// Scenarios, in the order of the suite.
+    pub scenarios: Vec<EvaluationScenario>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}
+
+/// Results of a policy on one scenario.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct EvaluationScenario {
+    /// Index of the scenario in the suite, the same in all evaluations of the suite.
+    pub place: i64,
+    /// Id of the scenario.
+    pub scenario_id: String,
+    /// Id of the task.
+    pub task: String,
+    /// Level at which the scenario was drawn.
+    pub level: usize,
+    /// Part of the suite: `contested` or `as_they_come`.
+    pub part: String,
+    /// Best score of the blind panel.
+    pub floor: f64,
+    /// Score of the reference planner.
+    pub reference: f64,
+    /// Number of finished episodes.
+    pub episodes: usize,
+    /// Mean score of the episodes.
+    pub score: Option<f64>,
+    /// Success rate of the episodes.
+    pub success: Option<f64>,
+    /// Mean skill, if the scenario defines one.
+    pub skill: Option<f64>,
+    /// Share of agents lost.
+    pub lost: Option<f64>,
+    /// Mean fuel spent by all agents together.
+    pub fuel_used: Option<f64>,
+}

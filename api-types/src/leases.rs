@@ -1,0 +1,208 @@
+//! Leases of groups of episodes.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+/// Request for a lease.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LeaseRequest {
+    /// Number of groups, from 1 to 1 024; with `form: columns` from 1 to 100 000.
+    pub groups: u32,
+    /// Number of episodes of one scenario in each group (default: group_size of the run).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group_size: Option<u32>,
+    /// Policy version that will run the episodes (default 0).
+    #[serde(default)]
+    pub policy_version: u32,
+    /// Duration of the lease, seconds, from 1 to 86 400 (default 600).
+    #[serde(default = "default_ttl_s")]
+    pub ttl_s: u32,
+    /// `train` (default), `probe` or `eval`.
+    #[serde(default)]
+    pub purpose: LeasePurpose,
+    /// `groups` (default): each group has its scenario and bracket, and every log is replayed. `columns`: for 10⁵ episodes per second
+    /// and more. Groups are ranges of seeds without brackets, results are columns, and some groups are audited.
+    #[serde(default)]
+    pub form: LeaseForm,
+    /// True to replace groups whose episodes all have the same score, at most as many as `groups` (default false). The response to
+    /// their results lists the replacements.
+    #[serde(default)]
+    pub refill: bool,
+    /// With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other lease holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evaluation: Option<String>,
+}
+
+impl LeaseRequest {
+    /// Request for a number of training groups, with defaults for all other fields.
+    #[must_use]
+    pub fn new(groups: u32) -> Self {
+        Self {
+            groups,
+            group_size: None,
+            policy_version: 0,
+            ttl_s: default_ttl_s(),
+            purpose: LeasePurpose::default(),
+            form: LeaseForm::default(),
+            refill: false,
+            evaluation: None,
+        }
+    }
+}
+
+const fn default_ttl_s() -> u32 {
+    600
+}
+
+/// Purpose of a lease.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LeasePurpose {
+    /// Training: the agent explores and learns from the episodes.
+    #[default]
+    Train,
+    /// Measurement of mastery: the agent neither explores nor learns.
+    Probe,
+    /// Evaluation: results do not move the curriculum. Scenarios have evaluation seeds at the current levels.
+    Eval,
+}
+
+/// Form in which the episodes of a lease are named and reported.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseForm {
+    /// Groups of episodes, reported one by one.
+    #[default]
+    Groups,
+    /// Ranges of seeds, reported together as columns.
+    Columns,
+}
+
+/// Lease of groups. Recipes are listed once; each group refers to a recipe and a seed.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct Lease {
+    /// Id of the lease.
+    pub lease: String,
+    /// Id of the run.
+    pub run: String,
+    /// `train`, `probe` or `eval`.
+    pub purpose: String,
+    /// Form of the results: `groups` or `columns`.
+    pub form: String,
+    /// `active`, `done`, `released` or `expired`.
+    pub status: String,
+    /// Number of episodes in each group.
+    pub group_size: i64,
+    /// Policy version of the request.
+    pub policy_version: i64,
+    /// Time at which the lease expires, RFC 3339.
+    pub expires_at: String,
+    /// Scenarios without their seeds: world, task, params, physics and layout.
+    #[schema(value_type = Vec<Object>)]
+    pub recipes: Vec<Value>,
+    /// Groups of the lease; of a lease of columns only the audited ones.
+    pub groups: Vec<LeasedGroup>,
+    /// All groups of a lease of columns, as ranges of seeds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ranges: Option<Vec<SeedRange>>,
+}
+
+/// Groups of a lease of columns that share a recipe. Group `first + i` has the seed `seed + i`, for i below `groups`. Its episodes
+/// are those of the lease from `(first + i) × group_size` on, named `ep_<lease>_<index>`.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct SeedRange {
+    /// Index into the `recipes` of the lease.
+    pub recipe: usize,
+    /// Id of the task.
+    pub task: String,
+    /// Level of the scenarios.
+    pub level: Option<i64>,
+    /// `placement`, `frontier`, `rehearsal` or `sample`.
+    pub role: String,
+    /// Number of the first group in the lease.
+    pub first: i64,
+    /// Number of groups in the range.
+    pub groups: i64,
+    /// Seed of the first group.
+    pub seed: u64,
+}
+
+/// Episodes of one scenario. Recipe and seed make the scenario; all other fields are for the trainer, never for the agent.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct LeasedGroup {
+    /// Number of the group in the lease, from 0.
+    pub group: i64,
+    /// Index into the `recipes` of the lease.
+    pub recipe: usize,
+    /// Seed that makes the recipe a scenario.
+    pub seed: u64,
+    /// Id of the scenario.
+    pub scenario: String,
+    /// Id of the task.
+    pub task: String,
+    /// Level of the scenario.
+    pub level: Option<i64>,
+    /// `placement`, `frontier`, `rehearsal`, `sample`, `explore`, `replay`, `edit`, `boundary`, `designed` or `suite`.
+    pub role: String,
+    /// True if the agent is to learn from the group; some strategies only measure with it.
+    pub train: bool,
+    /// Id of the layout, if the group was designed.
+    pub layout: Option<String>,
+    /// True if acting well matters on this scenario.
+    pub contested: bool,
+    /// `open`, `complete`, `partial` or `lost`.
+    pub state: String,
+    /// Ids under which to report the episodes.
+    pub episodes: Vec<String>,
+    /// Bracket of the scenario; null if the group is audited and no log was reported yet.
+    pub bracket: Option<ScenarioBracket>,
+}
+
+/// Scores between which the skill of an episode is measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ScenarioBracket {
+    /// Version of the reference planner.
+    pub planner: u32,
+    /// Best score of the blind panel: plans that do not observe the scenario.
+    pub floor: f64,
+    /// Score of the `hold` policy, which never acts.
+    pub hold: f64,
+    /// Score of the reference planner, which knows the whole scenario.
+    pub reference: f64,
+    /// Number of blind plans that succeed.
+    pub panel_success: usize,
+    /// Number of blind plans.
+    pub panel: usize,
+}
+
+/// Lease without its groups.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct LeaseSummary {
+    /// Id of the lease.
+    pub lease: String,
+    /// `train`, `probe` or `eval`.
+    pub purpose: String,
+    /// Form of the results: `groups` or `columns`.
+    pub form: String,
+    /// `active`, `done`, `released` or `expired`.
+    pub status: String,
+    /// Number of groups in the lease.
+    pub groups: i64,
+    /// Number of episodes in each group.
+    pub group_size: i64,
+    /// Time of creation, RFC 3339.
+    pub created_at: String,
+    /// Time at which the lease expires, RFC 3339.
+    pub expires_at: String,
+}
+
+/// Page of the leases of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct LeasePage {
+    /// Leases of the page, oldest first.
+    pub leases: Vec<LeaseSummary>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}

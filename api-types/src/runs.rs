@@ -1,0 +1,115 @@
+//! Runs and the history of their settings.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+
+use crate::CritiqueBacklog;
+
+/// Run, as lists show it.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunSummary {
+    /// Id of the run.
+    pub id: String,
+    /// Name of the run for people.
+    pub name: String,
+    /// Seed of the run's random streams.
+    pub seed: u64,
+    /// `active` or `paused`.
+    pub status: String,
+    /// Time of creation, RFC 3339.
+    pub created_at: String,
+    /// Time of archiving, RFC 3339.
+    pub archived_at: Option<String>,
+    /// Newest policy version that the trainer reported.
+    pub policy_version: i64,
+    /// Complete settings of the run.
+    #[schema(value_type = Object)]
+    pub settings: Value,
+}
+
+/// Run with its warnings and the backlog of its critique.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct Run {
+    /// The run, as lists show it.
+    #[serde(flatten)]
+    pub summary: RunSummary,
+    /// Backlog of the critique.
+    pub critique: CritiqueBacklog,
+    /// Warnings of the run: their number and the newest ones.
+    pub marks: RunWarnings,
+}
+
+/// Warnings of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunWarnings {
+    /// Number of warnings.
+    pub count: i64,
+    /// Newest warnings, newest first, at most 20.
+    pub newest: Vec<RunWarning>,
+}
+
+/// Warning of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunWarning {
+    /// Kind: `refused_claim` (the columns of a lease contradict its logs).
+    pub kind: String,
+    /// Id of the lease concerned.
+    pub lease: Option<String>,
+    /// Description in one sentence.
+    pub words: String,
+    /// Time of the warning, RFC 3339.
+    pub at: String,
+}
+
+/// Page of runs.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunPage {
+    /// Runs, oldest first.
+    pub runs: Vec<RunSummary>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}
+
+/// Query of the runs.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct RunQuery {
+    /// True for archived runs, false for the others (default false).
+    #[serde(default)]
+    pub archived: bool,
+    /// Largest number of runs on a page, from 1 to 500 (default 50).
+    pub limit: Option<u32>,
+    /// Field `next` of the previous page.
+    pub cursor: Option<String>,
+}
+
+/// Newest policy version of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyVersionRequest {
+    /// Number of the policy version.
+    pub policy_version: u32,
+}
+
+/// Page of the history of a run's settings.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunSettingsPage {
+    /// Settings, newest first.
+    pub settings: Vec<RunSettingsVersion>,
+    /// Cursor of the next page; null on the last page.
+    pub next: Option<String>,
+}
+
+/// Settings of a run from a moment on.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunSettingsVersion {
+    /// Number of the version, from 0.
+    pub nth: i64,
+    /// Time from which the settings apply, RFC 3339.
+    pub at: String,
+    /// Complete settings, as they were stored then.
+    #[schema(value_type = Object)]
+    pub settings: Value,
+}

@@ -1,0 +1,128 @@
+//! Output of `--dry-run`: the brief that the designer would receive.
+
+use designer::procedural::ProceduralDesigner;
+use designer::{DesignBrief, DesignLanguage};
+use serde_json::{Value, json};
+
+use super::super::output::{self, Format};
+use super::designers::{self, DesignerKind, ModelRequest};
+use super::{Args, table};
+use crate::worlds::describe_param;
+
+/// Prints the brief and the first ideas, or the prompt and schema of a language model.
+///
+/// # Errors
+/// Returns an error if stdout cannot be written.
+pub(super) fn show(args: &Args, brief: &DesignBrief, language: &dyn DesignLanguage) -> anyhow::Result<()> {
+    let uses_model = args.designer == Some(DesignerKind::Llm);
+    let ModelRequest { prompt, schema } = designers::model_request(brief, language);
+    match args.format {
+        Format::Json if uses_model => output::print_json(&json!({"prompt": prompt, "schema": schema})),
+        Format::Table if uses_model => {
+            let schema = serde_json::to_string_pretty(&schema)?;
+            output::print(&format!("{}\n\nThe schema of a layout:\n{schema}", prompt.trim_end()))
+        }
+        Format::Json => output::print_json(&json(brief, language)),
+        Format::Table => output::print(&text(brief, language)),
+    }
+}
+
+fn json(brief: &DesignBrief, language: &dyn DesignLanguage) -> Value {
+    let recipe = &brief.recipe;
+    let limits: serde_json::Map<_, _> =
+        brief.param_choices.iter().map(|limit| (limit.param.clone(), json!(limit.values))).collect();
+    json!({
+        "task": recipe.task().id(),
+        "level": brief.level,
+        "recipe": recipe.to_json(),
+        "limits": limits,
+        "standing": brief.mastery.map(|s| json!({"n": s.n, "mean": s.mean, "q10": s.q10, "q90": s.q90})),
+        "profile": brief.profile,
+        "ideas": ProceduralDesigner::preview(brief, language, brief.count),
+    })
+}
+
+pub(super) fn text(brief: &DesignBrief, language: &dyn DesignLanguage) -> String {
+    let mut parts = vec![heading(brief)];
+    if !brief.param_choices.is_empty() {
+        parts.push(limits(brief));
+    }
+    parts.push(profile(brief));
+    parts.push(ideas(brief, language));
+    parts.join("\n\n")
+}
+
+fn heading(brief: &DesignBrief) -> String {
+    let recipe = &brief.recipe;
+    let task = recipe.task();
+    let varied = |name: &str| task.levels().columns().iter().any(|column| column == name);
+    let params = task.params().iter().filter_map(|spec| {
+        let value = recipe.param(spec.name)?;
+        let tells = varied(spec.name) || value.to_bits() != spec.default.to_bits();
+        tells.then(|| describe_param(spec, &value.to_string()))
+    });
+    let params = params.collect::<Vec<_>>().join(", ");
+    let level = brief.level.map_or_else(String::new, |level| format!(", level {level}"));
+    let mut text = format!("{} layouts of {}{level}: {params}.", brief.count, task.id());
+    if let Some(s) = brief.mastery {
+        text += &format!(
+            " There the agent succeeds in {:.2} ({:.2} to {:.2}) of {} contested scenarios.",
+            s.mean, s.q10, s.q90, s.n
+        );
+    }
+    textwrap::fill(&text, 100)
+}
+
+fn limits(brief: &DesignBrief) -> String {
+    let mut table = output::table(&["param", "a layout may choose"], 2);
+    for limit in &brief.param_choices {
+        let values = limit.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+        table.add_row([limit.param.clone(), values]);
+    }
+    table.to_string()
+}
+
+/// Each mode with its share, and the bearings it mostly comes from in either frame.
+fn profile(brief: &DesignBrief) -> String {
+    let profile = &brief.profile;
+    let all = profile.total_weight();
+    if all <= 0.0 {
+        return "Nothing is known of the agent: debris comes from everywhere.".to_owned();
+    }
+    let mut table = output::table(&["failure mode", "share", "count", "radial/in-track", "inertial"], 1);
+    for mode in profile.modes.iter().filter(|mode| mode.weight > 0.0) {
+        table.add_row([
+            table::one_line(&mode.mode),
+            format!("{:.2}", mode.weight / all),
+            mode.count.to_string(),
+            heaviest_sectors(&mode.sector_weights()),
+            heaviest_sectors(&mode.inertial_sector_weights()),
+        ]);
+    }
+    format!(
+        "What it fails at, over {} episodes, and from where most of it comes:\n{table}",
+        profile.criticised
+    )
+}
+
+/// Lists the three heaviest sectors of a rose with their centres and shares.
+fn heaviest_sectors(rose: &[f64]) -> String {
+    let all: f64 = rose.iter().sum();
+    let mut sectors: Vec<_> = rose.iter().enumerate().filter(|(_, weight)| **weight > 0.0).collect();
+    sectors.sort_by(|a, b| b.1.total_cmp(a.1));
+    let told = sectors.iter().take(3).map(|(sector, weight)| {
+        let centre = sector * 360 / rose.len();
+        format!("{centre}° {:.0} %", 100.0 * **weight / all)
+    });
+    told.collect::<Vec<_>>().join(", ")
+}
+
+fn ideas(brief: &DesignBrief, language: &dyn DesignLanguage) -> String {
+    let mut table = output::table(&["first ideas aim at", "encounters"], 1);
+    for idea in ProceduralDesigner::preview(brief, language, brief.count) {
+        if let Some(listing) = language.table(&idea) {
+            table.add_row([listing.aim, listing.rows.len().to_string()]);
+        }
+    }
+    table.to_string()
+}

@@ -1,0 +1,19 @@
+//! Results of critique jobs.
+
+use crate::critiques::profile::EpisodeFindings;
+use crate::store::critiques::CritiqueJob;
+
+/// Result of a critique job.
+#[derive(Debug)]
+pub struct CritiqueResult {
+    /// The job.
+    pub job: CritiqueJob,
+    /// Findings, one for each criticised episode.
+    pub findings: Vec<EpisodeFindings>,
+    /// Number of episodes that sampling left out.
+    pub skipped: i64,
+    /// Number of episodes that could not be criticised.
+    pub failed: i64,
+    /// Reason of the first failure.
+    pub reason: Option<String>,
+}

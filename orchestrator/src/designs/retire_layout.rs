@@ -1,0 +1,58 @@
+//! Retires layouts and puts them back, on request of a user.
+
+use sqlx::SqliteConnection;
+
+use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::write_tx::WriteTx;
+use crate::ids::{LayoutId, RunId};
+use crate::store::layouts::{self, LayoutRow};
+use crate::store::{layout_outcomes, layout_transitions, to_json};
+
+/// Retires a layout for good, or puts it back with an empty outcome window. Repeating it has no effect.
+#[derive(Debug)]
+pub struct SetLayoutRetired {
+    /// Id of the run.
+    pub run: RunId,
+    /// Id of the layout.
+    pub layout: LayoutId,
+    /// True to retire the layout, false to put it back.
+    pub retired: bool,
+}
+
+impl Change for SetLayoutRetired {
+    type Output = LayoutRow;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<LayoutRow, ServiceError> {
+        let (now, conn) = (tx.now, &mut tx.conn);
+        let row = find_layout(conn, &self.run, self.layout).await?;
+        let status = LayoutStatus::from_stored(row.state, row.why)
+            .ok_or_else(|| ServiceError::Refused(self.layout.to_string()))?;
+        let (target, reason) = match self.retired {
+            true => (LayoutStatus::Hand, "taken out by hand"),
+            false => (LayoutStatus::Active, "put back by hand"),
+        };
+        if status == target {
+            return Ok(row);
+        }
+        if !self.retired {
+            layout_outcomes::reset_recent(conn, row.id, &to_json(&LayoutHistory::new().recent)?).await?;
+        }
+        layout_transitions::change_state(conn, row.id, &target.transition(reason.to_owned()), now).await?;
+        find_layout(conn, &self.run, self.layout).await
+    }
+}
+
+/// Returns a layout of a run.
+///
+/// # Errors
+/// Returns [`ServiceError::UnknownLayout`] if the run has no such layout.
+pub async fn find_layout(
+    conn: &mut SqliteConnection,
+    run: &RunId,
+    id: LayoutId,
+) -> Result<LayoutRow, ServiceError> {
+    let row = layouts::get(conn, id.0).await?.filter(|row| row.run == run.as_str());
+    row.ok_or_else(|| ServiceError::UnknownLayout(id.to_string()))
+}

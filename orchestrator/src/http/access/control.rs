@@ -1,0 +1,270 @@
+//! [`AccessControl`]: decides whether a client may use an operation.
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use moka::future::Cache;
+use sqlx::SqlitePool;
+
+use super::super::problem::Problem;
+use super::Caller;
+use super::loopback::check_loopback;
+use super::permissions::{Operation, Permission};
+use crate::clock::{Clock, Millis};
+use crate::engine::access_log::TouchToken;
+use crate::engine::writer::Writer;
+use crate::limits::constants::{
+    AUDITED_DENIALS_PER_SECOND, AUDITED_DENIALS_PER_SECOND_AND_ADDRESS, TOKEN_LOOKUPS_PER_SECOND,
+};
+use crate::limits::{ClientLimits, RateLimit};
+use crate::sessions::ClientIdentity;
+use crate::store::tokens::{self, TokenRow, TokenState};
+use crate::tokens::{Role, Token};
+
+/// Time for which a token is cached. A revoked token may be used for so long.
+const TOKEN_CACHE_TTL: Duration = Duration::from_secs(5);
+/// Maximum number of cached tokens.
+const MAX_CACHED_TOKENS: u64 = 10_000;
+/// Minimum time between two updates of a token's last use, in milliseconds.
+const TOUCH_INTERVAL_MS: Millis = 10 * 60 * 1000;
+
+/// Configuration and dependencies of [`AccessControl`].
+#[derive(Debug)]
+pub struct AccessConfig {
+    /// Read-only connections to the database.
+    pub readers: SqlitePool,
+    /// Handle of the database's only writer.
+    pub writer: Writer,
+    /// Source of the current time.
+    pub clock: Clock,
+    /// Address that the server listens on.
+    pub bind: SocketAddr,
+    /// True if OpenEnv's routes need no token.
+    pub openenv_public: bool,
+    /// Limits for each client.
+    pub limits: ClientLimits,
+}
+
+/// Decides whether a client may use an operation.
+#[derive(Debug)]
+pub struct AccessControl {
+    readers: SqlitePool,
+    pub(super) writer: Writer,
+    pub(super) clock: Clock,
+    /// True if only this machine can reach the server.
+    is_loopback: bool,
+    /// True if OpenEnv's routes need no token.
+    openenv_public: bool,
+    /// Valid tokens by hash; `None` for an invalid token.
+    cached_tokens: Cache<[u8; 32], Option<CachedToken>>,
+    /// True if the server has tokens, valid or not; empty if unknown.
+    tokens_exist: Cache<(), bool>,
+    token_rate: RateLimit,
+    address_rate: RateLimit,
+    /// Limit on database lookups of unknown tokens, so that a client that guesses tokens does not slow down others.
+    lookup_rate: RateLimit,
+    /// Limit on audited denials of each address, so that a persistent client does not fill the audit log.
+    denial_rate: RateLimit,
+    /// Limit on audited denials of all addresses together.
+    total_denial_rate: RateLimit,
+}
+
+/// Valid token, as the cache has it.
+#[derive(Debug, Clone)]
+struct CachedToken {
+    id: i64,
+    role: Role,
+    expires_at: Option<Millis>,
+}
+
+/// Reason why a client was denied access.
+pub(super) struct AccessDenied {
+    pub(super) problem: Problem,
+    /// Id of the client's token, if it is valid but not sufficient.
+    pub(super) token: Option<i64>,
+}
+
+impl From<Problem> for AccessDenied {
+    fn from(problem: Problem) -> Self {
+        Self { problem, token: None }
+    }
+}
+
+impl AccessControl {
+    /// Creates access control with empty caches.
+    #[must_use]
+    pub fn new(config: AccessConfig) -> Self {
+        let AccessConfig { readers, writer, clock, bind, openenv_public, limits } = config;
+        Self {
+            readers,
+            writer,
+            clock,
+            is_loopback: bind.ip().is_loopback(),
+            openenv_public,
+            cached_tokens: Cache::builder()
+                .max_capacity(MAX_CACHED_TOKENS)
+                .time_to_live(TOKEN_CACHE_TTL)
+                .build(),
+            tokens_exist: Cache::builder().max_capacity(1).time_to_live(TOKEN_CACHE_TTL).build(),
+            token_rate: RateLimit::new(limits.requests),
+            address_rate: RateLimit::new(limits.anonymous),
+            lookup_rate: RateLimit::new(TOKEN_LOOKUPS_PER_SECOND),
+            denial_rate: RateLimit::new(AUDITED_DENIALS_PER_SECOND_AND_ADDRESS),
+            total_denial_rate: RateLimit::new(AUDITED_DENIALS_PER_SECOND),
+        }
+    }
+
+    /// Identifies the client of a request and checks its permission and rate.
+    pub(super) async fn admit(
+        &self,
+        permission: Permission,
+        headers: &HeaderMap,
+        uri: &Uri,
+        peer: Option<IpAddr>,
+    ) -> Result<Caller, AccessDenied> {
+        let address = address_key(peer);
+        if permission == Permission::Public {
+            return Ok(anonymous(address));
+        }
+        if let Some(authorization) = headers.get(header::AUTHORIZATION) {
+            return self.admit_token(permission, authorization, &address).await;
+        }
+        if self.is_loopback && !self.openenv_public && !self.tokens_exist().await? {
+            check_loopback(headers, uri)?;
+            return Ok(Caller { identity: ClientIdentity::local() });
+        }
+        self.address_rate.check(&address).map_err(Problem::from)?;
+        match permission {
+            Permission::OpenEnv(_) if self.openenv_public => Ok(anonymous(address)),
+            Permission::Public | Permission::OpenEnv(_) | Permission::Token(_) => Err(unauthenticated(
+                "send a token: Authorization: Bearer sparring_…; `sparring token create` makes one",
+            )
+            .into()),
+        }
+    }
+
+    /// Identifies a client by its token and checks its role and rate.
+    async fn admit_token(
+        &self,
+        permission: Permission,
+        authorization: &HeaderValue,
+        address: &Arc<str>,
+    ) -> Result<Caller, AccessDenied> {
+        let Some(token) = self.find_token(authorization, address).await? else {
+            self.address_rate.check(address).map_err(Problem::from)?;
+            return Err(unauthenticated("the token is not known, expired or revoked").into());
+        };
+        let denied = |problem| AccessDenied { problem, token: Some(token.id) };
+        let name: Arc<str> = format!("token {}", token.id).into();
+        self.token_rate.check(&name).map_err(|limited| denied(limited.into()))?;
+        let is_sufficient = match permission {
+            Permission::Public => true,
+            Permission::Token(role) => token.role >= role,
+            Permission::OpenEnv(role) => self.openenv_public || token.role >= role,
+        };
+        if !is_sufficient {
+            return Err(denied(forbidden(permission, token.role)));
+        }
+        let may_use_runs = token.role >= Role::Trainer;
+        Ok(Caller { identity: ClientIdentity { name: Some(name), token: Some(token.id), may_use_runs } })
+    }
+
+    /// Returns true if the audit log records the request. Denials are recorded at a limited rate.
+    pub(super) fn is_audited(
+        &self,
+        operation: Option<&Operation>,
+        denial: Option<&Problem>,
+        peer: Option<IpAddr>,
+    ) -> bool {
+        match denial {
+            None => operation.is_some_and(|operation| operation.audited),
+            Some(problem) => {
+                problem.is_denial()
+                    && self.denial_rate.check(&address_key(peer)).is_ok()
+                    && self.total_denial_rate.check(&"all".into()).is_ok()
+            }
+        }
+    }
+
+    /// Returns true if the server has tokens, valid or not.
+    async fn tokens_exist(&self) -> Result<bool, Problem> {
+        if let Some(any) = self.tokens_exist.get(&()).await {
+            return Ok(any);
+        }
+        let any = tokens::presence(&mut *self.readers.acquire().await?, self.clock.now()).await?.any;
+        self.tokens_exist.insert((), any).await;
+        Ok(any)
+    }
+
+    /// Returns the valid token of an `Authorization` header, if it has one.
+    async fn find_token(
+        &self,
+        authorization: &HeaderValue,
+        address: &Arc<str>,
+    ) -> Result<Option<CachedToken>, Problem> {
+        let text = authorization.to_str().ok().and_then(|text| text.split_once(' '));
+        let Some((scheme, text)) = text else { return Ok(None) };
+        let token = Token::parse(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"));
+        let Some(token) = token else { return Ok(None) };
+        let hash = token.hash();
+        let cached = match self.cached_tokens.get(hash.as_bytes()).await {
+            Some(cached) => cached,
+            None => {
+                self.lookup_rate.check(address)?;
+                let row = tokens::get(&mut *self.readers.acquire().await?, token.id).await?;
+                let valid = row.as_ref().and_then(|row| self.validate(&hash, row));
+                self.cached_tokens.insert(*hash.as_bytes(), valid.clone()).await;
+                valid
+            }
+        };
+        let now = self.clock.now();
+        Ok(cached.filter(|token| token.expires_at.is_none_or(|at| at > now)))
+    }
+
+    /// Returns the token of a row if it is valid and has the hash, and updates its last use.
+    fn validate(&self, hash: &blake3::Hash, row: &TokenRow) -> Option<CachedToken> {
+        let stored = blake3::Hash::from_slice(&row.hash).ok()?;
+        let now = self.clock.now();
+        // `blake3::Hash` compares in constant time.
+        if stored != *hash || row.state(now) != TokenState::Valid {
+            return None;
+        }
+        if row.used_at.is_none_or(|used| now - used > TOUCH_INTERVAL_MS) {
+            let (writer, id) = (self.writer.clone(), row.id);
+            tokio::spawn(async move { writer.change(TouchToken(id)).await });
+        }
+        Some(CachedToken { id: row.id, role: row.role, expires_at: row.expires_at })
+    }
+}
+
+/// Returns the caller of a request without a token.
+fn anonymous(address: Arc<str>) -> Caller {
+    Caller { identity: ClientIdentity { name: Some(address), token: None, may_use_runs: false } }
+}
+
+/// Returns the key by which an address is limited.
+fn address_key(peer: Option<IpAddr>) -> Arc<str> {
+    match peer.map(|ip| ip.to_canonical()) {
+        None => "nowhere".into(),
+        Some(IpAddr::V4(ip)) => ip.to_string().into(),
+        // A client with one IPv6 address usually has all addresses of its /64 network.
+        Some(IpAddr::V6(ip)) => {
+            let [a, b, c, d, ..] = ip.segments();
+            format!("{a:x}:{b:x}:{c:x}:{d:x}::/64").into()
+        }
+    }
+}
+
+fn unauthenticated(detail: &str) -> Problem {
+    Problem::new(StatusCode::UNAUTHORIZED, "unauthenticated", detail)
+}
+
+fn forbidden(permission: Permission, role: Role) -> Problem {
+    let (Permission::Token(required) | Permission::OpenEnv(required)) = permission else {
+        return Problem::internal();
+    };
+    let detail = format!("this needs a token of the role {required}; yours is {role}");
+    Problem::new(StatusCode::FORBIDDEN, "forbidden", detail)
+}

@@ -1,0 +1,152 @@
+//! Permission of each operation, by method and routed path. An operation that is not listed needs the role admin.
+
+use axum::http::Method;
+
+use crate::tokens::Role::{self, Admin, Trainer, Viewer};
+
+/// Permission that an operation requires.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Permission {
+    /// No token: the response has nothing of a run.
+    Public,
+    /// A token of this role or a higher one.
+    Token(Role),
+    /// A token of this role or a higher one, unless OpenEnv's routes are public.
+    OpenEnv(Role),
+}
+
+/// Operation of the API with its permission.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Operation {
+    /// HTTP method in capitals.
+    pub(crate) method: &'static str,
+    /// Path pattern of the route.
+    pub(crate) path: &'static str,
+    /// Permission that a request requires.
+    pub(crate) permission: Permission,
+    /// True if the audit log records each request.
+    pub(crate) audited: bool,
+}
+
+const fn public(method: &'static str, path: &'static str) -> Operation {
+    Operation { method, path, permission: Permission::Public, audited: false }
+}
+
+const fn openenv(method: &'static str, path: &'static str, role: Role) -> Operation {
+    Operation { method, path, permission: Permission::OpenEnv(role), audited: false }
+}
+
+const fn read(path: &'static str) -> Operation {
+    Operation { method: "GET", path, permission: Permission::Token(Viewer), audited: false }
+}
+
+const fn train(method: &'static str, path: &'static str) -> Operation {
+    Operation { method, path, permission: Permission::Token(Trainer), audited: false }
+}
+
+/// Operation that changes a run permanently; the audit log records it.
+const fn audited(method: &'static str, path: &'static str, role: Role) -> Operation {
+    Operation { method, path, permission: Permission::Token(role), audited: true }
+}
+
+/// All operations, grouped by permission.
+const OPERATIONS: &[Operation] = &[
+    public("GET", "/livez"),
+    public("GET", "/readyz"),
+    public("GET", "/openapi.json"),
+    public("GET", "/docs"),
+    public("GET", "/docs/"),
+    public("GET", "/docs/{*rest}"),
+    public("GET", "/dashboard"),
+    public("GET", "/dashboard/"),
+    public("GET", "/dashboard/{*file}"),
+    public("GET", "/web"),
+    public("GET", "/web/"),
+    openenv("GET", "/", Viewer),
+    openenv("GET", "/health", Viewer),
+    openenv("GET", "/metadata", Viewer),
+    openenv("GET", "/manifest.json", Viewer),
+    openenv("GET", "/schema", Viewer),
+    openenv("GET", "/state", Viewer),
+    openenv("POST", "/reset", Trainer),
+    openenv("POST", "/step", Trainer),
+    openenv("POST", "/mcp", Trainer),
+    openenv("GET", "/mcp", Trainer),
+    openenv("GET", "/ws", Trainer),
+    openenv("GET", "/ws/ui", Viewer),
+    openenv("GET", "/web/metadata", Viewer),
+    openenv("GET", "/web/state", Viewer),
+    openenv("POST", "/web/reset", Trainer),
+    openenv("POST", "/web/step", Trainer),
+    read("/metrics"),
+    read("/v1/tasks"),
+    read("/v1/strategies"),
+    read("/v1/evaluations"),
+    read("/v1/evaluations/compare"),
+    read("/v1/evaluations/{evaluation}"),
+    read("/v1/evaluations/{evaluation}/scenarios"),
+    read("/v1/suites"),
+    read("/v1/runs"),
+    read("/v1/runs/{run}"),
+    read("/v1/runs/{run}/mastery"),
+    read("/v1/runs/{run}/mastery/history"),
+    read("/v1/runs/{run}/overview"),
+    read("/v1/runs/{run}/series"),
+    read("/v1/runs/{run}/settings"),
+    read("/v1/runs/{run}/params"),
+    read("/v1/runs/{run}/events"),
+    read("/v1/runs/{run}/episodes"),
+    read("/v1/runs/{run}/episodes/search"),
+    read("/v1/runs/{run}/episodes/{episode}"),
+    read("/v1/runs/{run}/episodes/{episode}/critique"),
+    read("/v1/runs/{run}/episodes/{episode}/replay"),
+    read("/v1/runs/{run}/failures"),
+    read("/v1/runs/{run}/failures/list"),
+    read("/v1/runs/{run}/designs"),
+    read("/v1/runs/{run}/designs/asks"),
+    read("/v1/runs/{run}/designs/asks/{ask}"),
+    read("/v1/runs/{run}/designs/summary"),
+    read("/v1/runs/{run}/designs/{design}"),
+    read("/v1/layouts"),
+    read("/v1/layouts/{layout}"),
+    read("/v1/runs/{run}/policy"),
+    read("/v1/runs/{run}/versions"),
+    // A lease shows the bracket of its scenarios, which only trainers may see.
+    train("GET", "/v1/runs/{run}/leases"),
+    train("GET", "/v1/runs/{run}/leases/{lease}"),
+    train("GET", "/v1/runs/{run}/leases/{lease}/columns"),
+    train("GET", "/v1/runs/{run}/leases/{lease}/columns/entries"),
+    train("POST", "/v1/runs/{run}/leases"),
+    train("POST", "/v1/runs/{run}/leases/{lease}/columns"),
+    train("POST", "/v1/runs/{run}/leases/{lease}/renew"),
+    train("POST", "/v1/runs/{run}/leases/{lease}/release"),
+    train("POST", "/v1/runs/{run}/results"),
+    train("GET", "/v1/runs/{run}/trajectories"),
+    train("POST", "/v1/runs/{run}/trajectories/ack"),
+    train("GET", "/v1/sessions"),
+    train("POST", "/v1/scenarios"),
+    // A rollout stores nothing and shows nothing of a run. A client that may see a layout may see its rollout.
+    Operation { method: "POST", path: "/v1/flights", permission: Permission::Token(Viewer), audited: false },
+    audited("POST", "/v1/runs", Trainer),
+    audited("POST", "/v1/evaluations", Trainer),
+    audited("POST", "/v1/evaluations/{evaluation}/cancel", Trainer),
+    audited("PUT", "/v1/runs/{run}/policy", Trainer),
+    audited("PUT", "/v1/runs/{run}/policy_version", Trainer),
+    audited("PUT", "/v1/runs/{run}/versions/{version}", Trainer),
+    audited("PUT", "/v1/runs/{run}/retention", Admin),
+    audited("PATCH", "/v1/runs/{run}", Admin),
+    audited("POST", "/v1/runs/{run}/pause", Admin),
+    audited("POST", "/v1/runs/{run}/resume", Admin),
+    audited("POST", "/v1/runs/{run}/archive", Admin),
+    audited("POST", "/v1/runs/{run}/designs", Admin),
+    audited("POST", "/v1/runs/{run}/designs/{design}/retire", Admin),
+    audited("POST", "/v1/runs/{run}/designs/{design}/revive", Admin),
+    Operation { method: "GET", path: "/v1/audit", permission: Permission::Token(Admin), audited: false },
+];
+
+/// Returns the operation of a method and path, if it is listed.
+pub(crate) fn find_operation(method: &Method, path: &str) -> Option<&'static Operation> {
+    // A HEAD request has the permission of GET.
+    let method = if method == Method::HEAD { "GET" } else { method.as_str() };
+    OPERATIONS.iter().find(|operation| operation.method == method && operation.path == path)
+}

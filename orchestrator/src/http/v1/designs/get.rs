@@ -1,0 +1,62 @@
+//! One design with its encounters, scenario and history.
+
+use api_types::{Design, DesignTransition};
+use axum::extract::State;
+
+use super::super::super::extract::{NoQuery, Path};
+use super::super::super::problem::Problem;
+use super::super::{parse_id, reader_of_run, run_id};
+use super::view::{design_json, design_summary};
+use crate::clock::rfc3339;
+use crate::designs::retire_layout::find_layout;
+use crate::http::state::AppState;
+use crate::ids::{EpisodeId, LeaseId};
+use crate::leases::bracket_view::scenario_bracket;
+use crate::store::layouts::{self, LayoutEpisode};
+use crate::store::scenarios::ScenarioLoader;
+use crate::store::{brackets, layout_transitions};
+
+/// Largest number of episodes that are listed.
+const MAX_EPISODES: i64 = 16;
+
+/// Get a design with its encounters, scenario, bracket, results and changes of state.
+#[utoipa::path(
+    get, path = "/runs/{run}/designs/{design}", tag = "designs",
+    params(("run" = String, Path, description = "The run's id."), ("design" = String, Path, description = "The design's id.")),
+    responses((status = 200, body = Design), (status = 400, body = Problem), (status = 404, body = Problem))
+)]
+pub(in crate::http::v1) async fn get_design(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Path((run, layout)): Path<(String, String)>,
+) -> Result<axum::Json<Design>, Problem> {
+    let (run, layout) = (run_id(&run)?, parse_id("design", &layout)?);
+    let mut conn = reader_of_run(&app, &run).await?;
+    let row = find_layout(&mut conn, &run, layout).await?;
+    let (mut scenario_id, mut bracket) = (None, None);
+    if let Some(scenario_key) = &row.scenario {
+        let scenario = ScenarioLoader::default().get(&mut conn, scenario_key).await?;
+        bracket = brackets::newest(&mut conn, scenario_key).await?.map(|b| scenario_bracket(&scenario, &b));
+        scenario_id = Some(scenario.id().to_string());
+    }
+    let transitions = layout_transitions::transitions(&mut conn, row.id).await?.into_iter();
+    let episodes = layouts::episodes(&mut conn, row.id, MAX_EPISODES).await?.into_iter();
+    Ok(axum::Json(Design {
+        summary: design_summary(&row)?,
+        design: design_json(&row)?,
+        scenario_id,
+        bracket,
+        turns: transitions
+            .map(|turn| DesignTransition {
+                state: turn.state.to_string(),
+                reason: turn.reason,
+                at: rfc3339(turn.at),
+            })
+            .collect(),
+        episodes: episodes
+            .map(|LayoutEpisode { lease: number, token, number: index }| {
+                EpisodeId { lease: LeaseId { number, token }, index }.to_string()
+            })
+            .collect(),
+    }))
+}

@@ -1,0 +1,110 @@
+//! Critique of one episode, and the conversion of critiques to responses.
+
+use api_types::{
+    ActionValue, AvoidingAction, Critique, CritiqueEncounter, CritiqueFailure, EpisodeCritique,
+    FailureMeasure, JudgeAssessment,
+};
+use axum::extract::State;
+use env_core::critique::{self, Encounter, Failure, Measure, Remedy, Verdict, bearing_sector};
+use env_core::{ActionLog, Scenario};
+
+use super::super::extract::{NoQuery, Path};
+use super::super::problem::Problem;
+use super::episodes::StoredEpisode;
+use super::{parse_id, run_id};
+use crate::engine::error::ServiceError;
+use crate::http::state::AppState;
+
+/// Converts the critique of an episode of `scenario`.
+pub(super) fn critique_response(scenario: &Scenario, critique: critique::Critique) -> Critique {
+    let critique::Critique { failures, actions, judged } = critique;
+    let action = |a: critique::ActionVerdict| ActionValue {
+        step: a.step,
+        agent: a.agent,
+        cost: a.cost,
+        verdict: verdict_word(a.verdict).to_owned(),
+        gain: a.gain,
+    };
+    Critique {
+        failures: failures.into_iter().map(|failure| failure_response(scenario, failure)).collect(),
+        actions: actions.into_iter().map(action).collect(),
+        judged: JudgeAssessment { value: judged.value, case: judged.case.to_owned(), words: judged.words },
+    }
+}
+
+/// Word of a verdict in responses.
+pub(super) const fn verdict_word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Needed => "needed",
+        Verdict::Harmless => "harmless",
+        Verdict::Wasteful => "wasteful",
+        Verdict::Harmful => "harmful",
+    }
+}
+
+fn failure_response(scenario: &Scenario, failure: Failure) -> CritiqueFailure {
+    let Failure { mode, agent, step, encounter, measures, words } = failure;
+    let measure = |Measure { name, value, unit }| FailureMeasure {
+        name: String::from(name),
+        value,
+        unit: String::from(unit),
+    };
+    CritiqueFailure {
+        mode: mode.to_owned(),
+        agent,
+        step,
+        encounter: encounter.map(|encounter| encounter_response(scenario, encounter)),
+        measures: measures.into_iter().map(measure).collect(),
+        words,
+    }
+}
+
+fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEncounter {
+    let remedy = |Remedy { step, values, cost }| AvoidingAction { step, values, cost };
+    CritiqueEncounter {
+        body: encounter.body,
+        bearing_deg: encounter.bearing_deg,
+        bearing_inertial_deg: encounter.bearing_inertial_deg,
+        sector: bearing_sector(encounter.bearing_deg),
+        relative_speed: encounter.relative_speed,
+        band: scenario.task().speed_bands().band(encounter.relative_speed),
+        first_visible_step: encounter.first_visible_step,
+        steps_left: encounter.steps_left,
+        avoidable: encounter.avoidable,
+        cheapest: encounter.cheapest.map(remedy),
+    }
+}
+
+/// Get the critique of an episode: why it lost score and what its actions were worth. The server computes it from the stored actions
+/// on each request; it does not affect the curriculum.
+#[utoipa::path(
+    get, path = "/runs/{run}/episodes/{episode}/critique", tag = "failures",
+    params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
+    responses(
+        (status = 200, body = EpisodeCritique), (status = 400, body = Problem),
+        (status = 404, body = Problem, description = "There is no such episode, or it has no actions."),
+        (status = 410, body = Problem, description = "The run no longer keeps its actions.")
+    )
+)]
+pub(super) async fn get_episode_critique(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Path((run, episode)): Path<(String, String)>,
+) -> Result<axum::Json<EpisodeCritique>, Problem> {
+    let mut conn = app.readers.acquire().await?;
+    let found = StoredEpisode::load(&mut conn, &run_id(&run)?, parse_id("episode", &episode)?).await?;
+    drop(conn);
+    let log = found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} with actions")))?;
+    let scenario = found.scenario;
+    let task = scenario.task().id();
+    // Counterfactuals take milliseconds, so that they do not run on the threads of the runtime.
+    let critique = tokio::task::spawn_blocking(move || criticise(&scenario, &log)).await;
+    let critique = critique.map_err(|_| Problem::internal())??;
+    Ok(axum::Json(EpisodeCritique { episode: found.id.to_string(), task: task.to_owned(), critique }))
+}
+
+fn criticise(scenario: &Scenario, log: &ActionLog) -> Result<Critique, Problem> {
+    let critique = scenario.task().critique(scenario, log);
+    let critique = critique.map_err(|error| crate::store::StoreError::corrupt("an action log", error))?;
+    Ok(critique_response(scenario, critique))
+}

@@ -1,0 +1,34 @@
+//! Creation of an evaluation.
+
+use api_types::EvaluationSummary;
+use axum::extract::State;
+use axum::http::StatusCode;
+
+use super::super::super::extract::{Json, NoQuery};
+use super::super::super::problem::Problem;
+use super::view::evaluation_summary;
+use crate::evaluation::begin::{BeginEvaluation, EvaluationRequest};
+use crate::http::state::AppState;
+
+/// Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer leases the scenarios
+/// (`purpose: eval`, `evaluation`: this id) and reports results until none is left. Evaluation seeds are never used for training.
+#[utoipa::path(
+    post, path = "/evaluations", tag = "evaluations", request_body = EvaluationRequest,
+    responses(
+        (status = 201, body = EvaluationSummary), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 429, body = Problem), (status = 503, body = Problem)
+    )
+)]
+pub(in crate::http::v1) async fn create_evaluation(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Json(request): Json<EvaluationRequest>,
+) -> Result<(StatusCode, axum::Json<EvaluationSummary>), Problem> {
+    // A suite is read on first use, which takes too long for a thread of the runtime.
+    let parsed = tokio::task::spawn_blocking(move || BeginEvaluation::from_request(request)).await;
+    let change = parsed.map_err(|error| Problem::invalid("suite", error.to_string()))??;
+    let row = app.writer.change(change).await?;
+    tracing::info!(evaluation = row.id, suite = row.suite, policy = row.policy, "Evaluation created.");
+    Ok((StatusCode::CREATED, axum::Json(evaluation_summary(row))))
+}

@@ -1,0 +1,72 @@
+//! Creation of a lease.
+
+use api_types::{Lease, LeaseForm, LeasePurpose, LeaseRequest};
+use axum::Extension;
+use axum::extract::State;
+use axum::http::StatusCode;
+
+use super::super::super::access::Caller;
+use super::super::super::extract::{Json, NoQuery, Path};
+use super::super::super::problem::Problem;
+use super::super::run_id;
+use super::view::{lease_from_cache, load_lease};
+use crate::http::state::AppState;
+use crate::ids::EvaluationId;
+use crate::leases::columns::CreateColumnLease;
+use crate::leases::create::{CreateLease, GrantedLease};
+use crate::store::leases::Purpose;
+
+/// Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then returns 503.
+#[utoipa::path(
+    post, path = "/runs/{run}/leases", tag = "leases", request_body = LeaseRequest,
+    params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 201, body = Lease),
+        (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem, description = "The run is paused."), (status = 408, body = Problem), (status = 413, body = Problem),
+        (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
+        (status = 503, body = Problem, description = "Scenarios are still being prepared; see Retry-After.")
+    )
+)]
+pub(in crate::http::v1) async fn create_lease(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
+    Path(run): Path<String>,
+    Json(request): Json<LeaseRequest>,
+) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
+    let LeaseRequest { groups, group_size, policy_version, ttl_s, purpose, form, refill, evaluation } =
+        request;
+    let (run, owner) = (run_id(&run)?, caller.owner_quota(app.client_limits.leases));
+    let evaluation = evaluation.map(|text| text.parse::<EvaluationId>()).transpose();
+    let evaluation =
+        evaluation.map_err(|error| Problem::invalid("evaluation", error.to_string()))?.map(|id| id.0);
+    let lease = CreateLease {
+        run: run.clone(),
+        groups,
+        group_size,
+        policy_version,
+        ttl_s,
+        purpose: purpose_from_request(purpose),
+        owner,
+        refill,
+        evaluation,
+    };
+    let GrantedLease { row, groups, scenarios } = match form {
+        LeaseForm::Groups => app.lease_service.lease(lease).await?,
+        LeaseForm::Columns => app.writer.change(CreateColumnLease(lease)).await?,
+    };
+    let lease = match scenarios {
+        Some(scenarios) => lease_from_cache(row, groups, &scenarios)?,
+        None => load_lease(&mut *app.readers.acquire().await?, row, groups).await?,
+    };
+    Ok((StatusCode::CREATED, axum::Json(lease)))
+}
+
+const fn purpose_from_request(purpose: LeasePurpose) -> Purpose {
+    match purpose {
+        LeasePurpose::Train => Purpose::Train,
+        LeasePurpose::Probe => Purpose::Probe,
+        LeasePurpose::Eval => Purpose::Eval,
+    }
+}

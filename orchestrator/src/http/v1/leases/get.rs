@@ -1,0 +1,38 @@
+//! One lease with its groups.
+
+use api_types::Lease;
+use axum::extract::State;
+
+use super::super::super::extract::{NoQuery, Path};
+use super::super::super::problem::Problem;
+use super::super::{parse_id, run_id};
+use super::view::load_lease;
+use crate::engine::error::ServiceError;
+use crate::http::state::AppState;
+use crate::leases::find::find_lease;
+use crate::store::groups;
+
+/// Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move, a layout or
+/// an example of a failure depends on.
+#[utoipa::path(
+    get, path = "/runs/{run}/leases/{lease}", tag = "leases",
+    params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
+    responses(
+        (status = 200, body = Lease), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 410, body = Problem, description = "The run keeps only the outcomes of its episodes.")
+    )
+)]
+pub(in crate::http::v1) async fn get_lease(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Path((run, lease)): Path<(String, String)>,
+) -> Result<axum::Json<Lease>, Problem> {
+    let (run, lease) = (run_id(&run)?, parse_id("lease", &lease)?);
+    let mut conn = app.readers.acquire().await?;
+    let row = find_lease(&mut conn, &run, &lease).await?;
+    let groups = groups::of_lease(&mut conn, row.id).await?;
+    if row.is_compacted && groups.is_empty() {
+        return Err(ServiceError::Expired(lease.to_string()).into());
+    }
+    Ok(axum::Json(load_lease(&mut conn, row, groups).await?))
+}

@@ -1,0 +1,34 @@
+//! Update of a run's settings.
+
+use api_types::RunSummary;
+use axum::extract::State;
+
+use super::super::extract::{Json, NoQuery, Path};
+use super::super::problem::Problem;
+use super::run_id;
+use super::runs::run_from_row;
+use crate::http::state::AppState;
+use crate::runs::change_run::{ChangeRun, RunChange};
+
+/// Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless its level
+/// table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew. Results of existing leases
+/// are still accepted.
+#[utoipa::path(
+    patch, path = "/runs/{run}", tag = "runs", request_body = RunChange,
+    params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 200, body = RunSummary), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
+        (status = 429, body = Problem), (status = 503, body = Problem)
+    )
+)]
+pub(super) async fn update_run(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Path(run): Path<String>,
+    Json(change): Json<RunChange>,
+) -> Result<axum::Json<RunSummary>, Problem> {
+    let row = app.writer.change(ChangeRun { run: run_id(&run)?, change }).await?;
+    tracing::info!(run = %row.id, "Run updated.");
+    Ok(axum::Json(run_from_row(row)?))
+}

@@ -1,0 +1,152 @@
+//! First message of a connection: it opens or resumes a session.
+
+use axum::body::Bytes;
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use super::error_message::ErrorMessage;
+use super::{messages, session_request};
+use crate::http::state::AppState;
+use crate::input::{InputError, from_value, parse_json};
+use crate::sessions::vector::frame::FRAME_VERSION;
+use crate::sessions::{ClientIdentity, ResumableSession, ResumeError, SessionAttachment, SingleSession};
+
+/// Opened or resumed session, with the first messages to send.
+pub(super) struct OpenedSession {
+    /// Attachment of the connection to the session.
+    pub(super) attachment: SessionAttachment,
+    /// First text message.
+    pub(super) text: Vec<u8>,
+    /// Frame with the first observations of a vector session.
+    pub(super) frame: Option<Bytes>,
+    /// True if the client already has the token to resume the session.
+    pub(super) is_resumable: bool,
+}
+
+/// Parsed message.
+pub(super) struct ClientMessage {
+    /// Field `type`.
+    pub(super) kind: String,
+    /// Field `id`, if it is a number.
+    pub(super) id: Option<u64>,
+    /// All fields except `type`.
+    pub(super) fields: Map<String, Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VersionField {
+    version: u16,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ResumeFields {
+    session: String,
+    version: Option<u16>,
+}
+
+/// Parses a message and its common fields.
+pub(super) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, ErrorMessage)> {
+    let message = parse_json(text.as_bytes()).map_err(|error| match error {
+        InputError::DuplicateKey(fault) => (None, fault.into()),
+        InputError::Malformed(why) => {
+            let why: String = why.chars().take(200).collect();
+            (
+                None,
+                ErrorMessage::new("malformed_json", format!("the message is not JSON: {why}")).at("message"),
+            )
+        }
+    })?;
+    let Value::Object(mut fields) = message else {
+        return Err((None, ErrorMessage::invalid("message", "it must be an object")));
+    };
+    let id = fields.get("id").and_then(Value::as_u64);
+    match fields.remove("type") {
+        Some(Value::String(kind)) => Ok(ClientMessage { kind, id, fields }),
+        Some(_) => Err((id, ErrorMessage::invalid("type", "it must be a string"))),
+        None => Err((id, ErrorMessage::invalid("type", "it is missing"))),
+    }
+}
+
+/// Error for a message of an unknown type.
+pub(super) fn unknown_type(kind: &str, known: &str) -> ErrorMessage {
+    let kind: String = kind.chars().take(60).collect();
+    ErrorMessage::new("unknown_type", format!("it is {kind:?}; known are {known}")).at("type")
+}
+
+/// Checks the version of the protocol.
+fn check_version(version: u16) -> Result<(), ErrorMessage> {
+    if version == FRAME_VERSION {
+        return Ok(());
+    }
+    Err(ErrorMessage::new("version", format!("it is {version}; this server supports {FRAME_VERSION}"))
+        .at("version"))
+}
+
+/// Opens or resumes a session, by the type of the first message.
+pub(super) async fn open_or_resume(
+    app: &AppState,
+    who: &ClientIdentity,
+    text: &str,
+) -> Result<OpenedSession, (Option<u64>, ErrorMessage)> {
+    let ClientMessage { kind, id, fields } = parse_message(text)?;
+    let opened = match kind.as_str() {
+        "open" => open(app, who, fields).await,
+        "resume" => resume(app, who, fields).await,
+        other => Err(unknown_type(other, "open, resume: the first message opens a session")),
+    };
+    opened.map_err(|error| (id, error))
+}
+
+async fn open(
+    app: &AppState,
+    who: &ClientIdentity,
+    mut fields: Map<String, Value>,
+) -> Result<OpenedSession, ErrorMessage> {
+    let version: Map<_, _> = fields.remove_entry("version").into_iter().collect();
+    check_version(from_value::<VersionField>(Value::Object(version))?.version)?;
+    fields.remove("id");
+    let vector = fields.remove("vector").filter(|vector| !vector.is_null());
+    let request = session_request::session_request(fields)?;
+    let ttl_s = app.sessions.limits().resume_timeout.as_secs();
+    let (session, text, frame) = if let Some(vector) = vector {
+        let settings = session_request::vector_request(vector)?;
+        let vector =
+            app.sessions.open_vector(who, settings, session_request::episode_source(request)?).await?;
+        let (text, frame) = (
+            messages::vector_status_message("opened", &vector, ttl_s, None),
+            vector.last_frame().bytes.clone(),
+        );
+        (ResumableSession::Vector(Box::new(vector)), text, Some(frame))
+    } else {
+        let source = session_request::episode_source(request.clone())?;
+        let mut session = app.sessions.open(who)?;
+        session.reset(source, request.episode_id.clone()).await?;
+        let single = SingleSession { session, request, last_reply: None };
+        let text = messages::status_message("opened", &single, ttl_s, None);
+        (ResumableSession::Single(Box::new(single)), text, None)
+    };
+    let attachment = app.sessions.resumable().register(session, who).ok_or(ResumeError::Unknown)?;
+    Ok(OpenedSession { attachment, text, frame, is_resumable: false })
+}
+
+async fn resume(
+    app: &AppState,
+    who: &ClientIdentity,
+    mut fields: Map<String, Value>,
+) -> Result<OpenedSession, ErrorMessage> {
+    fields.remove("id");
+    let ResumeFields { session, version } = from_value(Value::Object(fields))?;
+    check_version(version.unwrap_or(FRAME_VERSION))?;
+    let mut attachment = app.sessions.resumable().resume(&session, who).await?;
+    let ttl_s = app.sessions.limits().resume_timeout.as_secs();
+    let text = match attachment.session() {
+        Some(ResumableSession::Single(single)) => messages::status_message("resumed", single, ttl_s, None),
+        Some(ResumableSession::Vector(vector)) => {
+            messages::vector_status_message("resumed", vector, ttl_s, None)
+        }
+        None => return Err(ResumeError::Unknown.into()),
+    };
+    Ok(OpenedSession { attachment, text, frame: None, is_resumable: true })
+}

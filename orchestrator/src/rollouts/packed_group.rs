@@ -1,0 +1,139 @@
+//! The stored form of a trajectory group: JSON, compressed once and unpacked as it is delivered.
+
+use crate::rollouts::trajectory_group::{MAX_GROUP_BYTES, TrajectoryGroup};
+
+/// Maximum size of a group as JSON, in bytes, without observations and conversations.
+const MAX_BARE_GROUP_BYTES: usize = 64 << 20;
+/// Compression level of zstd: its own default.
+const COMPRESSION_LEVEL: i32 = 3;
+
+/// A group as it is stored.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PackedGroup {
+    /// Size of the group as JSON, in bytes.
+    pub bytes: usize,
+    /// The JSON, compressed by zstd.
+    pub body: Vec<u8>,
+}
+
+/// Error of packing or unpacking a group.
+#[derive(Debug, thiserror::Error)]
+pub enum PackError {
+    /// The group is too large even without observations and conversations.
+    #[error("the group is {} MiB of JSON without observations and conversations; at most {} are kept", .0 >> 20, MAX_BARE_GROUP_BYTES >> 20)]
+    TooLarge(usize),
+    /// The group cannot be written as JSON.
+    #[error("the group cannot be written: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The group cannot be compressed, or the stored body is damaged.
+    #[error("the group cannot be (de)compressed: {0}")]
+    Zstd(#[from] std::io::Error),
+}
+
+impl TrajectoryGroup {
+    /// Packs the group. Above 16 MiB it loses its observations, then its conversations.
+    ///
+    /// # Errors
+    /// Returns [`PackError::TooLarge`] if the group is above 64 MiB even then, and another error if it cannot be written.
+    pub fn pack(mut self) -> Result<PackedGroup, PackError> {
+        let mut json = serde_json::to_vec(&self)?;
+        if json.len() > MAX_GROUP_BYTES && self.observations == "telemetry" {
+            self.drop_observations();
+            json = serde_json::to_vec(&self)?;
+        }
+        if json.len() > MAX_GROUP_BYTES && self.messages == "kept" {
+            self.drop_messages();
+            json = serde_json::to_vec(&self)?;
+        }
+        if json.len() > MAX_BARE_GROUP_BYTES {
+            return Err(PackError::TooLarge(json.len()));
+        }
+        Ok(PackedGroup { bytes: json.len(), body: zstd::bulk::compress(&json, COMPRESSION_LEVEL)? })
+    }
+}
+
+/// Unpacks a stored group to JSON of at most `bytes` bytes, whatever is stored.
+///
+/// # Errors
+/// Returns [`PackError::Zstd`] if the body is damaged or unpacks to more bytes.
+pub fn unpack(body: &[u8], bytes: usize) -> Result<Vec<u8>, PackError> {
+    Ok(zstd::bulk::decompress(body, bytes.min(MAX_BARE_GROUP_BYTES))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::Value;
+    use serde_json::value::RawValue;
+
+    use super::*;
+    use crate::rollouts::trajectory_group::{TrajectoryEpisode, TrajectoryStep};
+    use api_types::ScenarioBracket;
+
+    fn group(observation: usize) -> TrajectoryGroup {
+        let step = |size: usize| TrajectoryStep {
+            observation: RawValue::from_string(format!("\"{}\"", "x".repeat(size))).ok(),
+            action: None,
+            reward: 0.5,
+            agents: Vec::new(),
+            done: true,
+            error: None,
+            completions: None,
+        };
+        TrajectoryGroup {
+            run: "r".to_owned(),
+            lease: "1-abcdef".to_owned(),
+            group: 0,
+            task: "kessler/survival".to_owned(),
+            level: Some(1),
+            role: "frontier".to_owned(),
+            layout: None,
+            recipe: Value::Null,
+            seed: 1,
+            scenario: "s".to_owned(),
+            contested: true,
+            bracket: ScenarioBracket {
+                planner: 1,
+                floor: 0.1,
+                hold: 0.1,
+                reference: 0.9,
+                panel_success: 1,
+                panel: 16,
+            },
+            policy: "hold".to_owned(),
+            policy_version: 0,
+            observations: "telemetry",
+            messages: "none",
+            failed: 0,
+            episodes: vec![TrajectoryEpisode {
+                id: "ep_1-abcdef_0".to_owned(),
+                score: 0.5,
+                skill: None,
+                success: false,
+                stopped: None,
+                metrics: None,
+                steps: vec![step(observation)],
+                last_observation: None,
+            }],
+        }
+    }
+
+    #[test]
+    fn unpacking_restores_the_json_and_respects_its_bound() {
+        let json = serde_json::to_vec(&group(1000)).unwrap();
+        let packed = group(1000).pack().unwrap();
+        assert_eq!(packed.bytes, json.len());
+        assert!(packed.body.len() < json.len() / 2);
+        assert_eq!(unpack(&packed.body, packed.bytes).unwrap(), json);
+        assert!(unpack(&packed.body, packed.bytes - 1).is_err(), "a larger body is not unpacked");
+        assert!(unpack(b"no zstd", 100).is_err());
+    }
+
+    #[test]
+    fn a_large_group_loses_its_observations() {
+        let packed = group(MAX_GROUP_BYTES).pack().unwrap();
+        let unpacked: Value = serde_json::from_slice(&unpack(&packed.body, packed.bytes).unwrap()).unwrap();
+        assert_eq!(unpacked["observations"], "dropped");
+        assert!(unpacked["episodes"][0]["steps"][0].get("observation").is_none());
+        assert_eq!(unpacked["episodes"][0]["steps"][0]["reward"], 0.5);
+    }
+}

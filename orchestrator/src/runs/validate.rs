@@ -1,0 +1,32 @@
+//! Checks of single values that clients send.
+
+use crate::engine::error::ServiceError;
+
+/// Maximum length of a run's name, in characters.
+const MAX_RUN_NAME_CHARS: usize = 200;
+
+/// Checks an integer against its bounds, both inclusive.
+///
+/// # Errors
+/// Returns an error that names `field` if `value` is out of bounds.
+pub(crate) fn check_range(field: &str, value: u32, min: u32, max: u32) -> Result<(), ServiceError> {
+    if (min..=max).contains(&value) {
+        Ok(())
+    } else {
+        Err(ServiceError::invalid(field, format!("it is {value}, outside {min} to {max}")))
+    }
+}
+
+/// Checks the name of a run: 1 to 200 characters.
+///
+/// # Errors
+/// Returns an error that names the field `name` if the name is empty or too long.
+pub(crate) fn check_run_name(name: &str) -> Result<(), ServiceError> {
+    if name.is_empty() || name.chars().count() > MAX_RUN_NAME_CHARS {
+        return Err(ServiceError::invalid(
+            "name",
+            format!("it must have 1 to {MAX_RUN_NAME_CHARS} characters"),
+        ));
+    }
+    Ok(())
+}
