@@ -49,9 +49,14 @@ fn the_documents_pictures_are_what_is_drawn() {
     });
 }
 
+/// The rows of a table in the document, without its separator.
+fn table_rows(table: &str) -> Vec<&str> {
+    table.lines().filter(|line| line.starts_with('|') && !line.starts_with("| --")).collect()
+}
+
 /// The tables of settings in the document are those of the program.
 #[test]
-fn the_documents_settings_are_those_there_are() {
+fn document_lists_the_hyperparameters_of_every_strategy() {
     for strategy in StrategyKind::ALL {
         let Some((_, rest)) = DOCUMENT.split_once(&format!("<!-- settings {} -->\n", strategy.name())) else {
             continue;
@@ -59,7 +64,7 @@ fn the_documents_settings_are_those_there_are() {
         let (table, _) = rest.split_once("<!-- end -->").unwrap();
         let mut wanted = String::new();
         if !strategy.hyperparameters().is_empty() {
-            wanted.push_str("| setting | default | takes | what it does | source |\n|---|---|---|---|---|\n");
+            wanted.push_str("| setting | default | takes | what it does | source |\n");
         }
         for hyper in strategy.hyperparameters() {
             let default = hyper.range.default_json().to_string().trim_matches('"').to_owned();
@@ -72,8 +77,8 @@ fn the_documents_settings_are_those_there_are() {
             ));
         }
         assert_eq!(
-            table,
-            wanted,
+            table_rows(table),
+            table_rows(&wanted),
             "docs/curricula.md, settings {}: put these rows there:\n{wanted}",
             strategy.name()
         );

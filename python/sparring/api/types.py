@@ -754,10 +754,10 @@ class GroupRefill(TypedDict):
 
 
 class Health(TypedDict):
-    """How the server is."""
+    """Health of the server."""
 
     status: str
-    """`ok`."""
+    """Always `ok`; a failure is a problem."""
 
 
 class InertialSectorCounts(TypedDict):
@@ -893,7 +893,7 @@ class ModelMetrics(TypedDict):
 
 
 Observations: TypeAlias = Literal["telemetry", "none"]
-"""Observations in trajectories."""
+"""Kind of observations in trajectories."""
 
 
 class ParamSeries(TypedDict):
@@ -995,18 +995,18 @@ class PolicyVersionResults(TypedDict):
 
 
 class Problem(TypedDict):
-    """What went wrong, for programs and for people."""
+    """Problem details of a failed request (RFC 9457)."""
 
     detail: str
-    """One sentence about this occurrence."""
+    """Sentence that describes this occurrence."""
     field: NotRequired[str | None]
-    """The field at fault, as a dotted path."""
+    """Field that caused the problem, as a dotted path."""
     status: int
-    """The HTTP status."""
+    """HTTP status of the response."""
     title: str
-    """The HTTP status in words."""
+    """Reason phrase of the HTTP status."""
     type: str
-    """A URN that names the kind of problem."""
+    """URN of the kind of problem."""
 
 
 RecordedMove = TypedDict(

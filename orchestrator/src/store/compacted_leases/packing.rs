@@ -1,7 +1,8 @@
 //! Contents of a row of compacted leases, and their packing: heads (the leases themselves), and apart from them a body (their
 //! groups and episodes).
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::super::StoreError;
 use super::super::columns::ClaimState;
@@ -46,6 +47,7 @@ pub struct CompactedEpisode {
     /// Index of the episode in the lease.
     pub number: i64,
     /// State of the episode.
+    #[serde(deserialize_with = "read_state")]
     pub state: EpisodeState,
     /// Score that the world computed.
     pub score: Option<f64>,
@@ -57,6 +59,12 @@ pub struct CompactedEpisode {
     pub policy_version: i64,
     /// When the result was reported, milliseconds after the lease was granted.
     pub after_ms: i64,
+}
+
+/// Reads the state of an episode. Older versions packed the name of the variant, such as `Finished`.
+fn read_state<'de, D: Deserializer<'de>>(deserializer: D) -> Result<EpisodeState, D::Error> {
+    let word = String::deserialize(deserializer)?;
+    word.to_ascii_lowercase().parse().map_err(Error::custom)
 }
 
 /// A claim of columns, without the columns.

@@ -140,3 +140,15 @@ async fn later_parts_are_added_to_the_row_of_their_lease() {
         assert_eq!(found.as_ref(), Some(wanted));
     }
 }
+
+#[test]
+fn states_packed_by_older_versions_are_read() {
+    let packed = |state: &str| {
+        let episode = (7, state, Some(0.5), None::<f64>, Some(true), 1, 20);
+        rmp_serde::from_slice::<CompactedEpisode>(&rmp_serde::to_vec(&episode).expect("bytes"))
+    };
+    let read = packed("Failed").expect("an episode");
+    assert_eq!((read.number, read.state, read.after_ms), (7, EpisodeState::Failed, 20));
+    assert_eq!(packed("failed").expect("an episode"), read);
+    assert!(packed("gone").is_err());
+}
