@@ -172,7 +172,7 @@ impl Outbox {
         match event {
             RunEvent::Lease { state, .. } => metrics::record_lease(*state),
             RunEvent::Move(moved) => {
-                metrics::record_level_move(moved.task.clone(), move_kind(moved.kind).to_string())
+                metrics::record_level_move(moved.task.clone(), move_kind(moved.kind).to_string());
             }
             _ => {}
         }

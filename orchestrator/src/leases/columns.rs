@@ -99,6 +99,7 @@ fn split(groups: u32) -> impl Iterator<Item = u32> {
 }
 
 /// Position of a range in its lease.
+#[derive(Clone, Copy)]
 struct SeedRange {
     number: i64,
     /// Number of the first group.

@@ -102,6 +102,7 @@ fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) ->
 }
 
 /// Closes one group and returns the level moves it caused.
+#[expect(clippy::too_many_lines, reason = "one sequence of writes, to be split with the evidence rules")]
 async fn close_group(
     run: &mut RunTx<'_>,
     lease: &LeaseRow,

@@ -26,6 +26,7 @@ pub struct EpisodeBoards {
 }
 
 /// Step that a board adds to its log.
+#[derive(Clone, Copy)]
 struct LoggedStep<'a> {
     action: &'a Value,
     now: i64,

@@ -155,7 +155,7 @@ impl<'a> FieldReader<'a> {
             match read(value) {
                 Ok(read) => rows.push((name.clone(), read)),
                 Err(NumberError { kind, msg }) => {
-                    self.add_error(&format!("{field}.{name}"), kind, msg, value)
+                    self.add_error(&format!("{field}.{name}"), kind, msg, value);
                 }
             }
         }

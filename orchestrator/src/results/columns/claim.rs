@@ -106,6 +106,7 @@ struct StoreClaim {
 impl Change for StoreClaim {
     type Output = ClaimStatus;
 
+    #[expect(clippy::too_many_lines, reason = "one sequence of writes, to be split with the evidence rules")]
     async fn apply(self, tx: &mut WriteTx) -> Result<ClaimStatus, ServiceError> {
         let mut lease = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
         if let Some(before) = columns::claim(&mut tx.conn, lease.id).await? {

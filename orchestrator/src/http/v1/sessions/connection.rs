@@ -63,7 +63,7 @@ pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdent
     match (sent, is_resumable) {
         (Ok(()), _) => serve_session(socket, &app, attachment, closing, early).await,
         (Err(ClientGone), true) => {
-            attachment.wait_for_resume(app.sessions.limits().resume_timeout, closing).await
+            attachment.wait_for_resume(app.sessions.limits().resume_timeout, closing).await;
         }
         (Err(ClientGone), false) => {} // the client has no token to resume it
     }
