@@ -268,6 +268,15 @@ impl Lease {
         episodes
     }
 
+    /// Runs every episode with a built-in policy and returns the results as the API expects them.
+    ///
+    /// # Panics
+    /// Panics if the lease is malformed.
+    #[must_use]
+    pub fn results(&self, policy: &str) -> Vec<Value> {
+        self.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect()
+    }
+
     /// Builds a group's scenario from its recipe and seed, as a trainer does.
     ///
     /// # Panics

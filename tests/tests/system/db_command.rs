@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{ServerProcess, episode_result, sparring_binary, wait_until};
+use system_tests::{ServerProcess, sparring_binary, wait_until};
 
 fn db(file: &Path, args: &[&str]) -> Output {
     Command::new(sparring_binary()).args(["db"]).args(args).arg("--db").arg(file).output().unwrap()
@@ -32,8 +32,7 @@ async fn serve_compacted_run(file: &Path) -> ServerProcess {
     let _ = api.post("/v1/runs", settings).await.expect(201);
     for _ in 0..6 {
         let lease = api.lease("run", json!({"groups": 4})).await;
-        let results = lease.episodes().iter().map(|(id, s)| episode_result(id, s, "heuristic")).collect();
-        let _ = api.report("run", results).await;
+        let _ = api.report("run", lease.results("heuristic")).await;
     }
     wait_until("an episode is compacted", async || {
         let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);

@@ -63,8 +63,7 @@ async fn holding_policy_never_docks() {
         .expect(201);
     for _ in 0..3 {
         let lease = api.lease("hold", json!({"groups": 64})).await;
-        let results =
-            lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
+        let results = lease.results("hold");
         assert_eq!(api.report("hold", results).await["moves"], json!([]));
     }
     let mastery = api.get("/v1/runs/hold/mastery").await.expect(200);
@@ -166,9 +165,7 @@ async fn tasks_are_described_and_default_to_the_first_world() {
     let mixed = json!({"id": "mixed", "placement": false, "tasks": ["kessler/survival", "docking/single"]});
     let _ = api.post("/v1/runs", mixed).await.expect(201);
     let lease = api.lease("mixed", json!({"groups": 12})).await;
-    let results =
-        lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "heuristic")).collect();
-    let report = api.report("mixed", results).await;
+    let report = api.report("mixed", lease.results("heuristic")).await;
     assert!(
         report["results"].as_array().unwrap().iter().all(|receipt| receipt["status"] == "counted"),
         "{report}"

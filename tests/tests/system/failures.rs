@@ -12,7 +12,7 @@ use orchestrator::clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use sqlx::Connection;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{ApiClient, Lease, Server, ServerProcess, episode_result, log_to_json, run_policy};
+use system_tests::{ApiClient, Lease, Server, ServerProcess, log_to_json, run_policy};
 
 use crate::design::wait_for_critiques;
 
@@ -168,9 +168,7 @@ async fn profile_equals_the_critiques_of_the_episodes() {
     assert!(cells.values().sum::<u64>() > 20, "the test needs lost satellites: {cells:?}");
     for other in [&eval, &late] {
         clock_ms.fetch_add(2_000, Ordering::SeqCst);
-        let held =
-            other.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
-        api.report("run", held).await;
+        api.report("run", other.results("hold")).await;
     }
 
     let profile = wait_for_profile(&api).await;

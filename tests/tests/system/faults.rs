@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{ApiClient, ApiResponse, ServerProcess, episode_result, sparring_binary, wait_until};
+use system_tests::{ApiClient, ApiResponse, ServerProcess, sparring_binary, wait_until};
 
 const ENOSPC: i64 = 28;
 const EIO: i64 = 5;
@@ -98,8 +98,7 @@ async fn start_run(api: &ApiClient) -> (Vec<Value>, Value) {
         json!({"id": "run", "seed": 3, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 8})).await;
-    let results =
-        lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
+    let results = lease.results("hold");
     (results, lease.0)
 }
 

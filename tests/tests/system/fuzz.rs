@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
-use system_tests::{ApiClient, ServerProcess, episode_result, sparring_binary};
+use system_tests::{ApiClient, ServerProcess, sparring_binary};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio_tungstenite::connect_async;
@@ -101,8 +101,7 @@ fn mutate_bytes(bytes: &mut Vec<u8>, random: &mut Random) {
 async fn valid_requests(api: &ApiClient) -> Vec<(&'static str, String, Value)> {
     let _ = api.post("/v1/runs", json!({"id": "run", "group_size": 2})).await.expect(201);
     let lease = api.lease("run", json!({"groups": 3, "ttl_s": 600})).await;
-    let results: Vec<Value> =
-        lease.episodes().iter().map(|(id, s)| episode_result(id, s, "random")).collect();
+    let results = lease.results("random");
     let columns = api.lease("run", json!({"groups": 8, "form": "columns", "ttl_s": 600})).await;
     let scenario = lease.episodes()[0].1.to_json();
     let run = |path: &str| format!("/v1/runs/run{path}");

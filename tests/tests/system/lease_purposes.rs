@@ -3,7 +3,7 @@
 use serde_json::json;
 use system_tests::Server;
 
-use crate::leases::{create_run, holding_results, statuses};
+use crate::leases::{create_run, statuses};
 
 #[tokio::test]
 async fn evaluation_and_stale_results_are_only_stored() {
@@ -15,7 +15,7 @@ async fn evaluation_and_stale_results_are_only_stored() {
     for group in lease.0["groups"].as_array().unwrap() {
         assert_eq!(group["seed"].as_u64().unwrap() >> 51, 0b10, "evaluation seeds");
     }
-    assert_eq!(statuses(&api.report(&id, holding_results(&lease)).await), ["stored"; 4]);
+    assert_eq!(statuses(&api.report(&id, lease.results("hold")).await), ["stored"; 4]);
     let mastery = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
     assert_eq!(mastery["tasks"][0]["plain"]["episodes"], 0);
 
@@ -23,7 +23,7 @@ async fn evaluation_and_stale_results_are_only_stored() {
     for group in lease.0["groups"].as_array().unwrap() {
         assert_eq!(group["seed"].as_u64().unwrap() >> 51, 0b01, "training seeds");
     }
-    let results = holding_results(&lease);
+    let results = lease.results("hold");
     let path = format!("/v1/runs/{id}/results");
     let fresh = api.post(&path, json!({"policy_version": 9, "results": [results[0]]})).await.expect(200);
     assert_eq!(statuses(&fresh), ["counted"]);
@@ -40,7 +40,7 @@ async fn policy_version_can_be_set_back() {
     let settings = json!({"seed": 9, "tasks": ["kessler/survival"], "max_staleness": 2});
     let id = create_run(&api, settings).await;
     let lease = api.lease(&id, json!({"groups": 3, "policy_version": 5})).await;
-    let (results, path) = (holding_results(&lease), format!("/v1/runs/{id}/results"));
+    let (results, path) = (lease.results("hold"), format!("/v1/runs/{id}/results"));
     let wrong = json!({"policy_version": 4_000_000_000_u32, "results": [results[0]]});
     assert_eq!(statuses(&api.post(&path, wrong).await.expect(200)), ["counted"]);
     assert_eq!(statuses(&api.post(&path, json!({"results": [results[1]]})).await.expect(200)), ["stored"]);
@@ -68,7 +68,7 @@ async fn training_is_no_evidence_if_probes_are() {
     let id =
         create_run(&api, json!({"seed": 2, "evidence_from": "probe", "tasks": ["kessler/survival"]})).await;
     let train = api.lease(&id, json!({"groups": 2})).await;
-    assert_eq!(statuses(&api.report(&id, holding_results(&train)).await), ["stored"; 2]);
+    assert_eq!(statuses(&api.report(&id, train.results("hold")).await), ["stored"; 2]);
     let probe = api.lease(&id, json!({"groups": 2, "purpose": "probe"})).await;
-    assert_eq!(statuses(&api.report(&id, holding_results(&probe)).await), ["counted"; 2]);
+    assert_eq!(statuses(&api.report(&id, probe.results("hold")).await), ["counted"; 2]);
 }

@@ -4,14 +4,10 @@ use std::sync::atomic::Ordering;
 
 use orchestrator::clock::{Clock, ManualClock};
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Lease, Server, episode_result, wait_for};
+use system_tests::{ApiClient, Server, episode_result, wait_for};
 
 pub(crate) async fn create_run(api: &ApiClient, settings: Value) -> String {
     api.post("/v1/runs", settings).await.expect(201)["id"].as_str().unwrap().to_owned()
-}
-
-pub(crate) fn holding_results(lease: &Lease) -> Vec<Value> {
-    lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect()
 }
 
 pub(crate) fn statuses(response: &Value) -> Vec<&str> {
@@ -35,7 +31,7 @@ async fn repeated_results_are_duplicates_with_own_receipts() {
     let other = create_run(&api, json!({"id": "other"})).await;
     let lease = api.lease(&own, json!({"groups": 2})).await;
     let foreign = api.lease(&other, json!({"groups": 1})).await;
-    let results = holding_results(&lease);
+    let results = lease.results("hold");
 
     let first = api.report(&own, results[..3].to_vec()).await;
     assert_eq!(statuses(&first), ["counted"; 3]);
@@ -44,7 +40,7 @@ async fn repeated_results_are_duplicates_with_own_receipts() {
     let mut batch = results.clone();
     let changed = lease.episodes()[1].clone();
     batch.push(episode_result(&changed.0, &changed.1, "blind"));
-    batch.push(holding_results(&foreign)[0].clone());
+    batch.push(foreign.results("hold")[0].clone());
     let unknown = |id: &str| json!({"episode": id, "actions": {"steps": [], "stopped": "too_late"}});
     batch.push(unknown("ep_999-aaaaaa_0"));
     batch.push(unknown(&format!("ep_{}_4", lease.id())));
@@ -77,7 +73,7 @@ async fn repeated_results_are_duplicates_with_own_receipts() {
     assert_eq!((episodes(&before), episodes(&after)), (3, 4), "nothing counts twice");
     // The same episode twice in one batch.
     let lease = api.lease(&own, json!({"groups": 1})).await;
-    let twice = vec![holding_results(&lease)[0].clone(), holding_results(&lease)[0].clone()];
+    let twice = vec![lease.results("hold")[0].clone(), lease.results("hold")[0].clone()];
     assert_eq!(statuses(&api.report(&own, twice).await), ["counted", "duplicate"]);
 }
 
@@ -89,7 +85,7 @@ async fn concurrent_repeated_batches_count_each_episode_once() {
     let id = create_run(&api, json!({"seed": 4, "group_size": 4, "tasks": ["kessler/survival"]})).await;
     let mut pool = Vec::new();
     for _ in 0..3 {
-        pool.extend(holding_results(&api.lease(&id, json!({"groups": 6})).await));
+        pool.extend(api.lease(&id, json!({"groups": 6})).await.results("hold"));
     }
     let mut random = 12345u64;
     let mut below = |n: usize| {
@@ -165,7 +161,7 @@ async fn late_results_are_stored_but_not_counted() {
     let api = server.api();
     let id = create_run(&api, json!({"seed": 5, "group_size": 4, "tasks": ["kessler/survival"]})).await;
     let lease = api.lease(&id, json!({"groups": 2, "ttl_s": 60})).await;
-    let results = holding_results(&lease);
+    let results = lease.results("hold");
     // Three of four results of the first group, one of the second.
     let partial: Vec<Value> = [0, 1, 2, 4].map(|i| results[i].clone()).to_vec();
     api.report(&id, partial).await;
@@ -205,7 +201,7 @@ async fn renewed_lease_can_be_released_once() {
         clock_ms.fetch_add(50_000, Ordering::SeqCst);
         let _ = api.post(&format!("{path}/renew"), json!({})).await.expect(200);
     }
-    assert_eq!(statuses(&api.report(&id, holding_results(&lease)[..1].to_vec()).await), ["counted"]);
+    assert_eq!(statuses(&api.report(&id, lease.results("hold")[..1].to_vec()).await), ["counted"]);
     assert_eq!(api.post(&format!("{path}/release"), json!({})).await.expect(200)["status"], "released");
     assert_eq!(api.post(&format!("{path}/release"), json!({})).await.expect(200)["status"], "released");
     let rejected = api.post(&format!("{path}/renew"), json!({})).await;
@@ -251,7 +247,7 @@ async fn unsolvable_level_does_not_block_other_runs() {
     let healthy = create_run(&api, json!({"id": "healthy", "tasks": ["kessler/survival"]})).await;
     for _ in 0..3 {
         let lease = api.lease(&healthy, json!({"groups": 16})).await;
-        assert_eq!(statuses(&api.report(&healthy, holding_results(&lease)).await), ["counted"; 16]);
+        assert_eq!(statuses(&api.report(&healthy, lease.results("hold")).await), ["counted"; 16]);
     }
     let lease = api.lease(&hopeless, json!({"groups": 1})).await;
     assert_eq!(
@@ -316,7 +312,7 @@ async fn invalid_result_rejects_only_itself() {
     let api = server.api();
     let id = create_run(&api, json!({"tasks": ["kessler/survival"]})).await;
     let lease = api.lease(&id, json!({"groups": 4})).await;
-    let mut results = holding_results(&lease);
+    let mut results = lease.results("hold");
     results[0]["score"] = json!(1.0);
     results[1]["policy_version"] = json!(1e300);
     results[2]["actions"] = json!([]);

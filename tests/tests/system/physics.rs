@@ -123,8 +123,7 @@ async fn run_with_collision_probability_has_solvable_groups() {
     let lease = api.lease("pc", json!({"groups": 8})).await;
     let groups = lease.0["groups"].as_array().unwrap();
     assert!(groups.iter().all(|group| group["contested"] == true), "every leased group is contested");
-    let results = lease.episodes().iter().map(|(id, s)| episode_result(id, s, "reference")).collect();
-    let response = api.report("pc", results).await;
+    let response = api.report("pc", lease.results("reference")).await;
     for receipt in response["results"].as_array().unwrap() {
         assert_eq!((&receipt["status"], &receipt["success"]), (&json!("counted"), &json!(true)), "{receipt}");
     }

@@ -3,7 +3,7 @@
 use std::process::{Command, Output};
 
 use serde_json::json;
-use system_tests::{Server, episode_result, sparring_binary};
+use system_tests::{Server, sparring_binary};
 
 use crate::design::wait_for_critiques;
 
@@ -21,9 +21,7 @@ async fn report_is_one_self_contained_page() {
     let _ = api.post("/v1/runs", settings).await.expect(201);
     for _ in 0..3 {
         let lease = api.lease("run", json!({"groups": 32})).await;
-        let results =
-            lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
-        let _ = api.report("run", results).await;
+        let _ = api.report("run", lease.results("hold")).await;
     }
     let failures = wait_for_critiques(&api).await;
     let folder = tempfile::tempdir().unwrap();

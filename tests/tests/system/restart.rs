@@ -1,7 +1,7 @@
 //! A restarted server proposes what it would have proposed, after a graceful stop and after a kill.
 
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Server, ServerProcess, episode_result};
+use system_tests::{ApiClient, Server, ServerProcess};
 
 const RUN_SETTINGS: &str = r#"{"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "design": {"designer": "off"}, "tasks": ["kessler/survival", "kessler/eco_station"]}"#;
 
@@ -10,7 +10,7 @@ async fn train_round(api: &ApiClient, number: usize) -> Vec<Value> {
     let lease = api.lease("run", json!({"groups": 8})).await;
     // The policy improves after four rounds; results are reported in two batches.
     let policy = if number < 4 { "hold" } else { "heuristic" };
-    let results: Vec<Value> = lease.episodes().iter().map(|(id, s)| episode_result(id, s, policy)).collect();
+    let results = lease.results(policy);
     for half in results.chunks(results.len() / 2 + 1) {
         api.report("run", half.to_vec()).await;
     }
@@ -95,8 +95,7 @@ async fn kill_during_batch_counts_each_result_once() {
     for number in 0..6u64 {
         let api = process.api();
         let lease = api.lease("run", json!({"groups": 32})).await;
-        let results: Vec<Value> =
-            lease.episodes().iter().map(|(id, s)| episode_result(id, s, "hold")).collect();
+        let results = lease.results("hold");
         let (first, second) = results.split_at(24);
         let response = api.report("run", first.to_vec()).await;
         assert!(response["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"));
@@ -114,6 +113,7 @@ async fn kill_during_batch_counts_each_result_once() {
                     .await;
             }
         });
+        // Tests the passing of time: the delay varies the moment of the kill.
         tokio::time::sleep(std::time::Duration::from_millis(3 * number)).await;
         process.kill();
         let _ = sending.await;

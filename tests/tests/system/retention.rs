@@ -40,8 +40,7 @@ async fn train_round(api: &ApiClient, number: usize) -> Round {
     let mut round = Round { groups: Vec::new(), reports: Vec::new() };
     for groups in GROUPS_PER_LEASE {
         let lease = api.lease("run", json!({"groups": groups})).await;
-        let results: Vec<Value> =
-            lease.episodes().iter().map(|(id, s)| episode_result(id, s, policy)).collect();
+        let results = lease.results(policy);
         let receipts = api.report("run", results.clone()).await["results"].as_array().unwrap().clone();
         for group in lease.0["groups"].as_array().unwrap() {
             round

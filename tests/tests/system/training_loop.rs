@@ -9,9 +9,7 @@ async fn train_rounds(server: &Server, run: &str, policy: &str, leases: u32, gro
     let mut moves = Vec::new();
     for _ in 0..leases {
         let lease = api.lease(run, json!({ "groups": groups })).await;
-        let results =
-            lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
-        let response = api.report(run, results).await;
+        let response = api.report(run, lease.results(policy)).await;
         moves.extend(response["moves"].as_array().unwrap().iter().cloned());
     }
     moves

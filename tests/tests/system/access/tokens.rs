@@ -5,20 +5,13 @@ use std::time::Duration;
 use futures_util::SinkExt;
 use orchestrator::service::Config;
 use serde_json::{Value, json};
-use system_tests::{ApiClient, ServerProcess};
+use system_tests::{ApiClient, ServerProcess, wait_until};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::{connect, create_token, next_message, run_sparring, start_with_tokens};
 
-/// Waits until the server responds with 401; fails after 30 s.
 async fn wait_until_rejected(api: &ApiClient) {
-    for _ in 0..300 {
-        if api.get("/v1/runs").await.status == 401 {
-            return;
-        }
-        tokio::time::sleep(Duration::from_millis(100)).await;
-    }
-    panic!("the server still accepts the token");
+    wait_until("the server rejects the token", async || api.get("/v1/runs").await.status == 401).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,7 +1,7 @@
 //! Policy versions of a run.
 
 use serde_json::json;
-use system_tests::{Server, episode_result};
+use system_tests::Server;
 
 use super::{SURVIVAL, lease};
 
@@ -13,9 +13,7 @@ async fn versions_have_metadata_results_and_staleness() {
     let _ = api.post("/v1/runs", settings).await.expect(201);
     for (version, policy) in [(1, "hold"), (2, "reference")] {
         let lease = lease(&api, "run", json!({"groups": 12, "policy_version": version})).await;
-        let results =
-            lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
-        let _ = api.report("run", results).await;
+        let _ = api.report("run", lease.results(policy)).await;
     }
     let version_2 = json!({"checkpoint": "checkpoints/2", "notes": "the planner itself"});
     let version_2 = api.send_json("PUT", "/v1/runs/run/versions/2", version_2).await.expect(200);

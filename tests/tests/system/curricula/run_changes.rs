@@ -1,15 +1,13 @@
 //! Invalid settings, and changes of the settings of a run.
 
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Server, episode_result};
+use system_tests::{ApiClient, Server};
 
 use super::{ECO, SURVIVAL, groups, lease};
 
 async fn train_once(api: &ApiClient, run: &str, policy: &str) -> Vec<Value> {
     let lease = lease(api, run, json!({"groups": 16})).await;
-    let results =
-        lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
-    let _ = api.report(run, results).await;
+    let _ = api.report(run, lease.results(policy)).await;
     groups(&lease)
 }
 
@@ -82,9 +80,7 @@ async fn changed_strategy_keeps_mastery_after_a_restart() {
         changed["settings"]["curriculum"]["strategy_settings"]["beta"], 0.3,
         "all settings are returned"
     );
-    let results =
-        old.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "heuristic")).collect();
-    let _ = api.report("run", results).await;
+    let _ = api.report("run", old.results("heuristic")).await;
     let after = api.get("/v1/runs/run/mastery").await.expect(200);
     assert_eq!(seen(&after), seen(&before), "mastery is kept, and old results do not change it");
     assert_eq!(after["explanation"]["strategy"], "plr");

@@ -13,9 +13,7 @@ async fn train(api: &ApiClient, run: &str, leases: usize) -> Vec<(Value, Value)>
     for number in 0..leases {
         let lease = lease(api, run, json!({"groups": 16})).await;
         let policy = if number % 2 == 0 { "hold" } else { "heuristic" };
-        let results =
-            lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
-        let report = api.report(run, results).await;
+        let report = api.report(run, lease.results(policy)).await;
         let counted = report["results"].as_array().unwrap().iter().all(|one| one["status"] == "counted");
         assert!(counted, "{report}");
         for group in groups(&lease) {

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use orchestrator::service::Config;
-use serde_json::{Value, json};
-use system_tests::{Lease, Server, episode_result};
+use serde_json::json;
+use system_tests::Server;
 
 use super::scripted_designer::{Behaviour, DesignerScript, ScriptedDesigners, request_design};
 use super::{create, design_summary, report_losses, wait_for_critiques, wait_for_response};
@@ -13,10 +13,6 @@ use super::{create, design_summary, report_losses, wait_for_critiques, wait_for_
 async fn start_server(script: &DesignerScript) -> Server {
     let designers = Arc::new(ScriptedDesigners(script.clone()));
     Server::with_config(move |config| Config { designers: designers.clone(), ..config }).await
-}
-
-fn holding_results(lease: &Lease) -> Vec<Value> {
-    lease.episodes().iter().map(|(episode, scenario)| episode_result(episode, scenario, "hold")).collect()
 }
 
 #[tokio::test]
@@ -66,7 +62,7 @@ async fn designer_faults_do_not_stop_the_run() {
     assert_eq!(request["state"], "failed", "{request}");
     assert!(request["error"].as_str().unwrap().contains("nonsense"));
     let lease = api.lease("run", json!({"groups": 4})).await;
-    api.report("run", holding_results(&lease)).await;
+    api.report("run", lease.results("hold")).await;
     script.set_procedural(Behaviour::Normal);
     let request = request_design(&api, json!({"designer": "procedural", "n": 1})).await;
     assert_eq!(request["state"], "done", "{request}");
@@ -88,7 +84,7 @@ async fn interrupted_design_request_fails_and_the_next_one_runs() {
     let next = server.api().post("/v1/runs/run/designs", json!({"n": 1, "designer": "procedural"})).await;
     let next = next.expect(202);
     let lease = server.api().lease("run", json!({"groups": 4})).await;
-    server.api().report("run", holding_results(&lease)).await;
+    server.api().report("run", lease.results("hold")).await;
     assert_eq!(server.api().get(&path).await.expect(200)["state"], "running");
     server.restart().await;
     let api = server.api();

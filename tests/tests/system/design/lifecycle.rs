@@ -8,7 +8,7 @@ use env_core::KeyedRng;
 use env_core::critique::bearing_sector;
 use env_core::keyed_rng::RngPurpose;
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Lease, Server, episode_result, run_policy};
+use system_tests::{ApiClient, Lease, Server, run_policy};
 
 use super::{TASK, create, design_summary, report_losses, wait_for_critiques, wait_for_response};
 
@@ -53,10 +53,6 @@ fn expected_layouts(
         designed.then(|| stock[(pick * stock.len() as f64) as usize].clone())
     };
     (0..groups).map(|_| one()).collect()
-}
-
-fn holding_results(lease: &Lease) -> Vec<Value> {
-    lease.episodes().iter().map(|(episode, scenario)| episode_result(episode, scenario, "hold")).collect()
 }
 
 #[tokio::test]
@@ -176,7 +172,7 @@ async fn designed_groups_are_evidence_only_if_enabled() {
         // A scenario counts as one observation, however often it is served.
         let contested = groups.iter().filter(|group| group["contested"] == true);
         let contested = contested.map(|group| group["layout"].to_string()).collect::<BTreeSet<_>>().len();
-        let report = api.report("run", holding_results(&lease)).await;
+        let report = api.report("run", lease.results("hold")).await;
         let statuses: BTreeSet<&str> =
             report["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
         let after = curriculum_state(&api).await;
@@ -296,7 +292,7 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
         assert_eq!(layout.as_ref() == Some(&first), *probes, "{served:?}");
     }
     assert_eq!(layout["claim"], "threat", "a holding policy fails it");
-    api.report("run", holding_results(&lease)).await;
+    api.report("run", lease.results("hold")).await;
     let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
     assert_eq!(shown["state"], "active", "{shown}");
     assert!(shown["turns"][2]["reason"].as_str().unwrap().contains("forgotten"), "{shown}");
@@ -337,7 +333,7 @@ async fn nothing_is_designed_if_designs_are_off() {
     let _ = api.post("/v1/runs", docking).await.expect(201);
     for id in ["none", "off"] {
         let lease = api.lease(id, json!({"groups": 24})).await;
-        api.report(id, holding_results(&lease)).await;
+        api.report(id, lease.results("hold")).await;
     }
     // Tests the passing of time: the worker had time for a design request, and made none.
     tokio::time::sleep(std::time::Duration::from_secs(3)).await;

@@ -8,7 +8,7 @@ use orchestrator::designs::DesignersWithModel;
 use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::mock_llm::{API_KEY, contains_api_key, start_endpoint};
-use system_tests::{ApiClient, Server, episode_result};
+use system_tests::{ApiClient, Server};
 use wiremock::{MockServer, ResponseTemplate};
 
 use super::scripted_designer::request_design;
@@ -106,12 +106,7 @@ async fn model_designs_layouts_and_its_key_is_never_exposed() {
         "{summary}"
     );
     let lease = api.lease("run", json!({"groups": 4})).await;
-    let results = lease
-        .episodes()
-        .iter()
-        .map(|(episode, scenario)| episode_result(episode, scenario, "hold"))
-        .collect();
-    api.report("run", results).await;
+    api.report("run", lease.results("hold")).await;
     let exposed = all_responses_and_files(&api, &server).await;
     assert!(exposed.windows(6).any(|bytes| bytes == b"a poem".as_slice()) || exposed.len() > 10_000);
     assert!(!contains_api_key(&exposed), "the key is exposed or stored");

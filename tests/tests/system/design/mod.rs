@@ -7,7 +7,7 @@ mod llm_designer;
 mod scripted_designer;
 
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Lease, episode_result, wait_for};
+use system_tests::{ApiClient, Lease, wait_for};
 
 pub(crate) const TASK: &str = "kessler/survival";
 
@@ -23,12 +23,7 @@ pub(crate) async fn create(api: &ApiClient, design: Value) {
 /// Reports 48 episodes of a holding policy on 24 scenarios that holding fails.
 pub(crate) async fn report_losses(api: &ApiClient) -> Lease {
     let lease = api.lease("run", json!({"groups": 24})).await;
-    let results = lease
-        .episodes()
-        .iter()
-        .map(|(episode, scenario)| episode_result(episode, scenario, "hold"))
-        .collect();
-    api.report("run", results).await;
+    api.report("run", lease.results("hold")).await;
     lease
 }
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Server, episode_result, http_client, wait_until};
+use system_tests::{ApiClient, Server, http_client, wait_until};
 
 use super::column_trainer::{ColumnClaim, create_run};
 
@@ -80,9 +80,7 @@ async fn events_are_ordered_and_can_be_resumed() {
     let renew = format!("/v1/runs/run/leases/{}/renew", lease.id());
     let _ = api.post(&renew, json!({})).await.expect(200);
     assert_eq!(stream.next().await.unwrap().data["state"], "renewed");
-    let results: Vec<Value> =
-        lease.episodes().iter().map(|(id, scenario)| episode_result(id, scenario, "hold")).collect();
-    let _ = api.report("run", results).await;
+    let _ = api.report("run", lease.results("hold")).await;
     let events = stream.until("failures").await;
     let kinds: Vec<&str> = events.iter().map(|event| event.kind.as_str()).collect();
     assert_eq!(kinds, ["group", "group", "lease", "failures"], "{events:?}");

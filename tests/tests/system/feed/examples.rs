@@ -78,9 +78,7 @@ async fn events_example_prints_events() {
     let settings = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 2})).await;
-    let results =
-        lease.episodes().iter().map(|(id, s)| system_tests::episode_result(id, s, "hold")).collect();
-    let _ = api.report("run", results).await;
+    let _ = api.report("run", lease.results("hold")).await;
     let args = ["--url", api.base(), "--run", "run", "--after", "0", "--count", "5"];
     let stdout = successful_stdout(&run_example(Path::new("python3"), "events.py", &args).await);
     let kinds: Vec<&str> = stdout.lines().map(|line| line.split(' ').nth(2).unwrap()).collect();

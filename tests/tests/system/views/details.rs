@@ -1,7 +1,7 @@
 //! Flights, scenarios of evaluations, earlier settings, archived runs and recent events.
 
 use serde_json::{Value, json};
-use system_tests::{Server, episode_result, wait_for};
+use system_tests::{Server, wait_for};
 
 use super::{create_run, report_groups};
 
@@ -104,8 +104,7 @@ async fn earlier_settings_are_kept_and_archived_runs_are_hidden() {
     assert!(back["archived_at"].is_null() && back["status"] == "active", "{back}");
     assert_eq!(listed(api.get("/v1/runs").await.expect(200)), ["run"]);
     let lease = api.lease("run", json!({"groups": 1})).await;
-    let results =
-        lease.episodes().iter().map(|(name, scenario)| episode_result(name, scenario, "hold")).collect();
+    let results = lease.results("hold");
     assert_eq!(api.report("run", results).await["results"][0]["status"], "counted");
 }
 
