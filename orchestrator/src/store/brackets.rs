@@ -9,14 +9,13 @@ use sqlx::{QueryBuilder, SqliteConnection, query};
 use super::pack::{pack, unpack};
 use super::{MAX_ROWS, StoreError, hex_list, to_json};
 
-/// Result of one episode or plan, as it is stored and sent.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-#[schema(as = StoredFlown)]
+/// Outcome of one episode or plan, as it is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StoredOutcome {
     /// Score that the world computed.
     pub score: f64,
     /// Sum of the rewards.
-    pub total: f64,
+    pub total_reward: f64,
     /// Number of its steps.
     pub steps: u32,
     /// Number of agents lost.
@@ -29,15 +28,15 @@ pub struct StoredOutcome {
 
 impl From<EpisodeOutcome> for StoredOutcome {
     fn from(outcome: EpisodeOutcome) -> Self {
-        let EpisodeOutcome { score, total, steps, lost, goal, fuel_used } = outcome;
-        Self { score, total, steps, lost, goal, fuel_used }
+        let EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used } = outcome;
+        Self { score, total_reward, steps, lost, goal, fuel_used }
     }
 }
 
 impl From<StoredOutcome> for EpisodeOutcome {
     fn from(outcome: StoredOutcome) -> Self {
-        let StoredOutcome { score, total, steps, lost, goal, fuel_used } = outcome;
-        Self { score, total, steps, lost, goal, fuel_used }
+        let StoredOutcome { score, total_reward, steps, lost, goal, fuel_used } = outcome;
+        Self { score, total_reward, steps, lost, goal, fuel_used }
     }
 }
 
@@ -65,12 +64,13 @@ pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)])
     for rows in brackets.chunks(MAX_ROWS) {
         let rows = rows.iter().map(|(scenario, bracket)| Ok((*scenario, bracket, body(bracket)?)));
         let rows = rows.collect::<Result<Vec<_>, StoreError>>()?;
-        let mut statement = QueryBuilder::new("INSERT INTO brackets (scenario, planner, body, witness) ");
+        let mut statement =
+            QueryBuilder::new("INSERT INTO brackets (scenario, planner_version, body, reference_plan) ");
         statement.push_values(&rows, |mut values, (scenario, bracket, body)| {
             values.push_bind(*scenario).push_bind(i64::from(bracket.planner_version)).push_bind(body);
             values.push_bind(pack(bracket.reference_plan.encode()));
         });
-        let statement = statement.push(" ON CONFLICT (scenario, planner) DO NOTHING").build();
+        let statement = statement.push(" ON CONFLICT (scenario, planner_version) DO NOTHING").build();
         statement.execute(&mut *conn).await?;
     }
     Ok(())
@@ -94,8 +94,8 @@ pub async fn newest_of<T: AsRef<[u8]>>(
 ) -> Result<HashMap<Vec<u8>, Bracket>, StoreError> {
     let scenarios = hex_list(scenarios)?;
     let rows = query!(
-        "SELECT scenario, planner, body, witness FROM brackets
-         WHERE scenario IN (SELECT unhex(value) FROM json_each(?)) ORDER BY scenario, planner",
+        "SELECT scenario, planner_version, body, reference_plan FROM brackets
+         WHERE scenario IN (SELECT unhex(value) FROM json_each(?)) ORDER BY scenario, planner_version",
         scenarios
     )
     .fetch_all(conn)
@@ -104,11 +104,11 @@ pub async fn newest_of<T: AsRef<[u8]>>(
         let body: BracketBody = serde_json::from_slice(&unpack("a bracket", &row.body)?)
             .map_err(|error| StoreError::corrupt("a bracket", error))?;
         let bracket = Bracket {
-            planner_version: super::to_u32(row.planner),
+            planner_version: super::to_u32(row.planner_version),
             panel: body.panel.into_iter().map(Into::into).collect(),
             floor: body.floor,
             reference: body.reference.into(),
-            reference_plan: ActionLog::decode(&unpack("a reference plan", &row.witness)?)?,
+            reference_plan: ActionLog::decode(&unpack("a reference plan", &row.reference_plan)?)?,
         };
         Ok((row.scenario, bracket))
     });

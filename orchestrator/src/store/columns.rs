@@ -1,5 +1,5 @@
 //! Leases of columns: their ranges of seeds, and what trainers claim of their episodes. Tables `seed_ranges`, `column_claims`,
-//! `audited_scores` and `claimed_sums`.
+//! `audited_scores` and `claim_counters`.
 
 use std::collections::BTreeMap;
 
@@ -40,24 +40,24 @@ pub struct SeedRangeRow {
     /// Role of the proposal.
     pub role: GroupRole,
     /// Number of the first group in the lease.
-    pub first: i64,
+    pub first_group: i64,
     /// Number of its groups.
     pub groups: i64,
     /// Seed of the first group. Each following group has the next seed.
-    pub seed: i64,
+    pub first_seed: i64,
     /// Finished episodes, as claimed.
     pub finished: i64,
     /// Failed episodes, as claimed.
     pub failed: i64,
     /// Sum of the claimed scores of the finished episodes.
-    pub score: f64,
+    pub score_sum: f64,
 }
 
 impl SeedRangeRow {
     /// True if the group with this number in the lease belongs to the range.
     #[must_use]
     pub const fn holds(&self, group: i64) -> bool {
-        group >= self.first && group < self.first + self.groups
+        group >= self.first_group && group < self.first_group + self.groups
     }
 }
 
@@ -71,7 +71,7 @@ pub async fn insert_range(
     row: &SeedRangeRow,
 ) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO seed_ranges (lease, number, proposal, recipe, task, level, role, first, groups, seed)
+        "INSERT INTO seed_ranges (lease, number, proposal, recipe, task, level, role, first_group, groups, first_seed)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         lease,
         row.number,
@@ -80,9 +80,9 @@ pub async fn insert_range(
         row.task,
         row.level,
         row.role,
-        row.first,
+        row.first_group,
         row.groups,
-        row.seed
+        row.first_seed
     )
     .execute(conn)
     .await?;
@@ -96,7 +96,8 @@ pub async fn insert_range(
 pub async fn ranges(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<SeedRangeRow>, StoreError> {
     Ok(sqlx::query_as!(
         SeedRangeRow,
-        r#"SELECT number, proposal, recipe, task, level, role AS "role: GroupRole", first, groups, seed, finished, failed, score
+        r#"SELECT number, proposal, recipe, task, level, role AS "role: GroupRole", first_group, groups, first_seed, finished,
+                  failed, score_sum
            FROM seed_ranges WHERE lease = ? ORDER BY number"#,
         lease
     )
@@ -114,7 +115,7 @@ pub struct RangeTotals {
     /// Number of failed episodes.
     pub failed: i64,
     /// Sum of the scores of the finished episodes.
-    pub score: f64,
+    pub score_sum: f64,
 }
 
 /// Stores the totals of a range.
@@ -127,10 +128,10 @@ pub async fn set_range_totals(
     totals: &RangeTotals,
 ) -> Result<(), StoreError> {
     query!(
-        "UPDATE seed_ranges SET finished = ?, failed = ?, score = ? WHERE lease = ? AND number = ?",
+        "UPDATE seed_ranges SET finished = ?, failed = ?, score_sum = ? WHERE lease = ? AND number = ?",
         totals.finished,
         totals.failed,
-        totals.score,
+        totals.score_sum,
         lease,
         totals.number
     )
@@ -153,7 +154,7 @@ pub struct ColumnClaimRow {
     /// Claimed episodes that the infrastructure lost.
     pub failed: i64,
     /// Why the claim was refused.
-    pub why: Option<String>,
+    pub refusal_reason: Option<String>,
     /// When the claim arrived.
     pub at: Millis,
 }
@@ -169,7 +170,7 @@ pub async fn insert_claim(
     body: &[u8],
 ) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO column_claims (lease, state, digest, policy_version, episodes, failed, why, body, at)
+        "INSERT INTO column_claims (lease, state, digest, policy_version, episodes, failed, refusal_reason, body, at)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
         lease,
         row.state,
@@ -177,7 +178,7 @@ pub async fn insert_claim(
         row.policy_version,
         row.episodes,
         row.failed,
-        row.why,
+        row.refusal_reason,
         body,
         row.at
     )
@@ -193,7 +194,7 @@ pub async fn insert_claim(
 pub async fn claim(conn: &mut SqliteConnection, lease: i64) -> Result<Option<ColumnClaimRow>, StoreError> {
     Ok(sqlx::query_as!(
         ColumnClaimRow,
-        r#"SELECT state AS "state: ClaimState", digest, policy_version, episodes, failed, why, at
+        r#"SELECT state AS "state: ClaimState", digest, policy_version, episodes, failed, refusal_reason, at
            FROM column_claims WHERE lease = ?"#,
         lease
     )
@@ -219,11 +220,16 @@ pub async fn settle(
     conn: &mut SqliteConnection,
     lease: i64,
     state: ClaimState,
-    why: Option<&str>,
+    refusal_reason: Option<&str>,
 ) -> Result<(), StoreError> {
-    query!("UPDATE column_claims SET state = ?, why = ? WHERE lease = ?", state, why, lease)
-        .execute(conn)
-        .await?;
+    query!(
+        "UPDATE column_claims SET state = ?, refusal_reason = ? WHERE lease = ?",
+        state,
+        refusal_reason,
+        lease
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }
 
@@ -283,7 +289,7 @@ pub struct ClaimCounters {
     /// Audited ones among these; they are also in the task counters.
     pub audited: i64,
     /// Sum of the scores of `episodes`.
-    pub score: f64,
+    pub score_sum: f64,
     /// Episodes of accepted claims that failed.
     pub failed: i64,
     /// Episodes of refused claims.
@@ -307,18 +313,18 @@ pub async fn add_counters(
 ) -> Result<(), StoreError> {
     let level = level.unwrap_or(-1);
     query!(
-        "INSERT INTO claimed_sums (run, task, level, episodes, audited, score, failed, refused, unproven, expired)
+        "INSERT INTO claim_counters (run, task, level, episodes, audited, score_sum, failed, refused, unproven, expired)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
          ON CONFLICT (run, task, level) DO UPDATE SET
-             episodes = episodes + excluded.episodes, audited = audited + excluded.audited, score = score + excluded.score,
-             failed = failed + excluded.failed, refused = refused + excluded.refused,
-             unproven = unproven + excluded.unproven, expired = expired + excluded.expired",
+             episodes = episodes + excluded.episodes, audited = audited + excluded.audited,
+             score_sum = score_sum + excluded.score_sum, failed = failed + excluded.failed,
+             refused = refused + excluded.refused, unproven = unproven + excluded.unproven, expired = expired + excluded.expired",
         run,
         task,
         level,
         counters.episodes,
         counters.audited,
-        counters.score,
+        counters.score_sum,
         counters.failed,
         counters.refused,
         counters.unproven,
@@ -338,10 +344,10 @@ pub async fn counters(
     run: &str,
 ) -> Result<BTreeMap<String, ClaimCounters>, StoreError> {
     let rows = query!(
-        r#"SELECT task, sum(episodes) AS "episodes!: i64", sum(audited) AS "audited!: i64", sum(score) AS "score!: f64",
-                  sum(failed) AS "failed!: i64", sum(refused) AS "refused!: i64", sum(unproven) AS "unproven!: i64",
-                  sum(expired) AS "expired!: i64"
-           FROM claimed_sums WHERE run = ? GROUP BY task ORDER BY task"#,
+        r#"SELECT task, sum(episodes) AS "episodes!: i64", sum(audited) AS "audited!: i64",
+                  sum(score_sum) AS "score_sum!: f64", sum(failed) AS "failed!: i64", sum(refused) AS "refused!: i64",
+                  sum(unproven) AS "unproven!: i64", sum(expired) AS "expired!: i64"
+           FROM claim_counters WHERE run = ? GROUP BY task ORDER BY task"#,
         run
     )
     .fetch_all(conn)
@@ -350,7 +356,7 @@ pub async fn counters(
         let counters = ClaimCounters {
             episodes: r.episodes,
             audited: r.audited,
-            score: r.score,
+            score_sum: r.score_sum,
             failed: r.failed,
             refused: r.refused,
             unproven: r.unproven,

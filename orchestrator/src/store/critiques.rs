@@ -1,5 +1,5 @@
 //! The queue of episodes that wait for their critique, and the counters that a failure profile rests on. Tables
-//! `critique_queue` and `critique_sums`.
+//! `critique_queue` and `critique_counters`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -40,12 +40,12 @@ impl CritiqueJob {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DecayingSum<T> {
     /// Sum over all episodes.
-    pub all: T,
+    pub overall: T,
     /// Sum that halves with every half-life, counted in criticised episodes.
-    pub now: f64,
+    pub recent: f64,
 }
 
-/// Row of the `critique_sums` table, without its run and task.
+/// Row of the `critique_counters` table, without its run and task.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CritiqueCounters {
     /// Number of criticised episodes.
@@ -55,7 +55,7 @@ pub struct CritiqueCounters {
     /// Episodes that could not be criticised.
     pub failed: i64,
     /// Sum of the judge's values.
-    pub judged: DecayingSum<f64>,
+    pub judgement: DecayingSum<f64>,
     /// Actions by the judge's verdict: needed, harmless, wasteful, harmful.
     pub verdicts: [DecayingSum<i64>; 4],
 }
@@ -165,9 +165,9 @@ pub async fn counters(
     task: &str,
 ) -> Result<CritiqueCounters, StoreError> {
     let row = query!(
-        "SELECT criticised, skipped, failed, judged, judged_now, needed, needed_now, harmless, harmless_now, wasteful,
-                wasteful_now, harmful, harmful_now
-         FROM critique_sums WHERE run = ? AND task = ?",
+        "SELECT criticised, skipped, failed, judgement, judgement_recent, needed, needed_recent, harmless, harmless_recent,
+                wasteful, wasteful_recent, harmful, harmful_recent
+         FROM critique_counters WHERE run = ? AND task = ?",
         run,
         task
     )
@@ -177,12 +177,12 @@ pub async fn counters(
         criticised: r.criticised,
         skipped: r.skipped,
         failed: r.failed,
-        judged: DecayingSum { all: r.judged, now: r.judged_now },
+        judgement: DecayingSum { overall: r.judgement, recent: r.judgement_recent },
         verdicts: [
-            DecayingSum { all: r.needed, now: r.needed_now },
-            DecayingSum { all: r.harmless, now: r.harmless_now },
-            DecayingSum { all: r.wasteful, now: r.wasteful_now },
-            DecayingSum { all: r.harmful, now: r.harmful_now },
+            DecayingSum { overall: r.needed, recent: r.needed_recent },
+            DecayingSum { overall: r.harmless, recent: r.harmless_recent },
+            DecayingSum { overall: r.wasteful, recent: r.wasteful_recent },
+            DecayingSum { overall: r.harmful, recent: r.harmful_recent },
         ],
     }))
 }
@@ -199,24 +199,24 @@ pub async fn put_counters(
 ) -> Result<(), StoreError> {
     let [needed, harmless, wasteful, harmful] = counters.verdicts;
     query!(
-        "INSERT OR REPLACE INTO critique_sums (run, task, criticised, skipped, failed, judged, judged_now, needed,
-             needed_now, harmless, harmless_now, wasteful, wasteful_now, harmful, harmful_now)
+        "INSERT OR REPLACE INTO critique_counters (run, task, criticised, skipped, failed, judgement, judgement_recent, needed,
+             needed_recent, harmless, harmless_recent, wasteful, wasteful_recent, harmful, harmful_recent)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         run,
         task,
         counters.criticised,
         counters.skipped,
         counters.failed,
-        counters.judged.all,
-        counters.judged.now,
-        needed.all,
-        needed.now,
-        harmless.all,
-        harmless.now,
-        wasteful.all,
-        wasteful.now,
-        harmful.all,
-        harmful.now
+        counters.judgement.overall,
+        counters.judgement.recent,
+        needed.overall,
+        needed.recent,
+        harmless.overall,
+        harmless.recent,
+        wasteful.overall,
+        wasteful.recent,
+        harmful.overall,
+        harmful.recent
     )
     .execute(conn)
     .await?;

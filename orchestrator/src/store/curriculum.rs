@@ -207,9 +207,9 @@ pub async fn moves_around(
     Ok(sqlx::query_as!(
         LevelMoveRow,
         r#"SELECT seq, task, kind AS "kind: LevelMoveKind", from_level, to_level, evidence, at
-           FROM level_moves INDEXED BY moves_of_task
+           FROM level_moves INDEXED BY level_moves_of_task
            WHERE run = ?1 AND task = ?2 AND seq > ?3 AND seq <= coalesce(
-               (SELECT min(seq) FROM level_moves INDEXED BY moves_of_task WHERE run = ?1 AND task = ?2 AND seq > ?4), ?4)
+               (SELECT min(seq) FROM level_moves INDEXED BY level_moves_of_task WHERE run = ?1 AND task = ?2 AND seq > ?4), ?4)
            ORDER BY seq"#,
         run,
         task,

@@ -61,7 +61,7 @@ pub struct LayoutCount {
     /// State of the layouts.
     pub state: LayoutState,
     /// Why they are retired.
-    pub reason: Option<RetirementReason>,
+    pub retirement_reason: Option<RetirementReason>,
     /// Number of such layouts.
     pub count: i64,
 }
@@ -73,9 +73,10 @@ pub struct LayoutCount {
 pub async fn states(conn: &mut SqliteConnection, run: &str) -> Result<Vec<LayoutCount>, StoreError> {
     Ok(sqlx::query_as!(
         LayoutCount,
-        r#"SELECT task AS "task!", state AS "state!: LayoutState", why AS "reason: RetirementReason",
+        r#"SELECT task AS "task!", state AS "state!: LayoutState", retirement_reason AS "retirement_reason: RetirementReason",
                   count(*) AS "count!: i64"
-           FROM layouts WHERE run = ? AND state != 'refused' GROUP BY task, state, why ORDER BY task, state, why"#,
+           FROM layouts WHERE run = ? AND state != 'refused'
+           GROUP BY task, state, retirement_reason ORDER BY task, state, retirement_reason"#,
         run
     )
     .fetch_all(conn)
@@ -124,7 +125,7 @@ pub struct TrainingGroups {
 pub async fn groups(conn: &mut SqliteConnection, run: &str) -> Result<TrainingGroups, StoreError> {
     let row = sqlx::query_as!(
         TrainingGroups,
-        r#"SELECT train_groups AS "all", designed_groups AS designed FROM runs WHERE id = ?"#,
+        r#"SELECT training_groups AS "all", designed_groups AS designed FROM runs WHERE id = ?"#,
         run
     )
     .fetch_optional(conn)
@@ -142,7 +143,7 @@ pub async fn add_groups(
     added: TrainingGroups,
 ) -> Result<(), StoreError> {
     query!(
-        "UPDATE runs SET train_groups = train_groups + ?, designed_groups = designed_groups + ? WHERE id = ?",
+        "UPDATE runs SET training_groups = training_groups + ?, designed_groups = designed_groups + ? WHERE id = ?",
         added.all,
         added.designed,
         run
@@ -170,7 +171,7 @@ pub struct CriticisedTask {
 pub async fn criticised(conn: &mut SqliteConnection, least: i64) -> Result<Vec<CriticisedTask>, StoreError> {
     Ok(sqlx::query_as!(
         CriticisedTask,
-        "SELECT c.run, c.task, c.criticised FROM critique_sums c JOIN runs r ON r.id = c.run
+        "SELECT c.run, c.task, c.criticised FROM critique_counters c JOIN runs r ON r.id = c.run
          WHERE r.status = 'active' AND c.criticised >= ? AND json_extract(r.settings, '$.design.share') > 0
                AND json_extract(r.settings, '$.design.designer') <> 'off' ORDER BY c.run, c.task",
         least

@@ -1,4 +1,4 @@
-//! Design requests that wait or run. Table `design_asks`.
+//! Design requests that wait or run. Table `design_requests`.
 
 use sqlx::SqliteConnection;
 
@@ -23,7 +23,7 @@ pub async fn oldest_waiting(conn: &mut SqliteConnection) -> Result<Vec<DesignReq
     // With a `min`, SQLite takes the other columns from the row that has it ("bare columns in an aggregate query").
     Ok(sqlx::query_as!(
         DesignRequestRef,
-        r#"SELECT min(id) AS "id!: i64", run AS "run!", task AS "task!" FROM design_asks
+        r#"SELECT min(id) AS "id!: i64", run AS "run!", task AS "task!" FROM design_requests
            WHERE state = 'waiting' GROUP BY run ORDER BY run"#
     )
     .fetch_all(conn)
@@ -37,7 +37,7 @@ pub async fn oldest_waiting(conn: &mut SqliteConnection) -> Result<Vec<DesignReq
 pub async fn all_running(conn: &mut SqliteConnection) -> Result<Vec<DesignRequestRef>, StoreError> {
     Ok(sqlx::query_as!(
         DesignRequestRef,
-        "SELECT id, run, task FROM design_asks WHERE state = 'running' ORDER BY id"
+        "SELECT id, run, task FROM design_requests WHERE state = 'running' ORDER BY id"
     )
     .fetch_all(conn)
     .await?)
@@ -49,7 +49,7 @@ pub async fn all_running(conn: &mut SqliteConnection) -> Result<Vec<DesignReques
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn count_running(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM design_asks WHERE run = ? AND state = 'running'"#,
+        r#"SELECT count(*) AS "n!: i64" FROM design_requests WHERE run = ? AND state = 'running'"#,
         run
     )
     .fetch_one(conn)
@@ -62,7 +62,7 @@ pub async fn count_running(conn: &mut SqliteConnection, run: &str) -> Result<i64
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn count_open(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM design_asks WHERE run = ? AND state IN ('waiting', 'running')"#,
+        r#"SELECT count(*) AS "n!: i64" FROM design_requests WHERE run = ? AND state IN ('waiting', 'running')"#,
         run
     )
     .fetch_one(conn)

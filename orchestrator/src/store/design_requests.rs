@@ -1,4 +1,4 @@
-//! Design requests: what designers were asked for, and the results. Table `design_asks`.
+//! Design requests: what designers were asked for, and the results. Table `design_requests`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -20,8 +20,8 @@ text_enum! {
     pub enum RequestOrigin: "the origin of a design request" {
         /// Requested by the design worker.
         Worker = "worker",
-        /// Requested by a user.
-        Hand = "hand",
+        /// Requested by a user of the API.
+        User = "user",
     }
 }
 
@@ -39,7 +39,7 @@ text_enum! {
     }
 }
 
-/// Row of the `design_asks` table.
+/// Row of the `design_requests` table.
 #[derive(Debug, Clone)]
 pub struct DesignRequestRow {
     /// Number of the request, from 1.
@@ -53,7 +53,7 @@ pub struct DesignRequestRow {
     /// The designer that was asked.
     pub designer: DesignerKind,
     /// Origin of the request: the design worker or a user.
-    pub origin: RequestOrigin,
+    pub requested_by: RequestOrigin,
     /// State of the request.
     pub state: RequestState,
     /// Layouts that were requested.
@@ -61,13 +61,13 @@ pub struct DesignRequestRow {
     /// Layouts that the gate admitted.
     pub admitted: i64,
     /// Admitted layouts of the designer that was asked, without those of its fallback.
-    pub own: i64,
+    pub admitted_without_fallback: i64,
     /// Layouts that the gate refused.
     pub refused: i64,
     /// Name of the language model, if one was asked.
     pub model: Option<String>,
     /// Version of the model's prompt.
-    pub prompt: Option<String>,
+    pub prompt_version: Option<String>,
     /// Rounds of all designers together.
     pub rounds: i64,
     /// Number of prompt tokens.
@@ -83,7 +83,7 @@ pub struct DesignRequestRow {
     /// Criticised episodes that the profile rests on.
     pub criticised: Option<i64>,
     /// Problems that did not end the request, as a JSON list of sentences.
-    pub troubles: String,
+    pub errors: String,
     /// Why the request failed.
     pub error: Option<String>,
     /// When the request was made.
@@ -102,7 +102,7 @@ pub struct NewDesignRequest {
     /// The designer to ask.
     pub designer: DesignerKind,
     /// Origin of the request: the design worker or a user.
-    pub origin: RequestOrigin,
+    pub requested_by: RequestOrigin,
     /// Layouts that are requested.
     pub wanted: i64,
 }
@@ -113,13 +113,13 @@ pub struct DesignRequestResult {
     /// Layouts that the gate admitted.
     pub admitted: i64,
     /// Admitted layouts of the designer that was asked.
-    pub own: i64,
+    pub admitted_without_fallback: i64,
     /// Layouts that the gate refused.
     pub refused: i64,
     /// Name of the language model, if one was asked.
     pub model: Option<String>,
     /// Version of the model's prompt.
-    pub prompt: Option<String>,
+    pub prompt_version: Option<String>,
     /// Rounds of all designers together.
     pub rounds: i64,
     /// Number of prompt tokens.
@@ -131,7 +131,7 @@ pub struct DesignRequestResult {
     /// Duration of it, milliseconds.
     pub latency_ms: i64,
     /// Problems that did not end the request, one sentence each.
-    pub troubles: Vec<String>,
+    pub errors: Vec<String>,
     /// Why the request failed; none if it succeeded.
     pub error: Option<String>,
 }
@@ -146,12 +146,12 @@ pub async fn insert(
     now: Millis,
 ) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"INSERT INTO design_asks (run, task, designer, asked_by, state, wanted, created_at)
+        r#"INSERT INTO design_requests (run, task, designer, requested_by, state, wanted, created_at)
            VALUES (?, ?, ?, ?, 'waiting', ?, ?) RETURNING id AS "id!""#,
         request.run,
         request.task,
         request.designer,
-        request.origin,
+        request.requested_by,
         request.wanted,
         now
     )
@@ -170,7 +170,7 @@ pub async fn start(
     profile: &ProfileSnapshot,
 ) -> Result<bool, StoreError> {
     let done = query!(
-        "UPDATE design_asks SET state = 'running', level = ?, profile = ?, criticised = ?
+        "UPDATE design_requests SET state = 'running', level = ?, profile = ?, criticised = ?
          WHERE id = ? AND state = 'waiting'",
         level,
         profile.profile,
@@ -193,23 +193,24 @@ pub async fn finish(
     now: Millis,
 ) -> Result<bool, StoreError> {
     let state = if result.error.is_some() { RequestState::Failed } else { RequestState::Done };
-    let troubles = to_json(&result.troubles)?;
+    let errors = to_json(&result.errors)?;
     let done = query!(
-        "UPDATE design_asks SET state = ?, admitted = ?, own = ?, refused = ?, model = ?, prompt = ?, rounds = ?, tokens_in = ?,
-             tokens_out = ?, cost = ?, latency_ms = ?, troubles = ?, error = ?, ended_at = ?
+        "UPDATE design_requests SET state = ?, admitted = ?, admitted_without_fallback = ?, refused = ?, model = ?,
+             prompt_version = ?, rounds = ?, tokens_in = ?, tokens_out = ?, cost = ?, latency_ms = ?, errors = ?, error = ?,
+             ended_at = ?
          WHERE id = ? AND state IN ('waiting', 'running')",
         state,
         result.admitted,
-        result.own,
+        result.admitted_without_fallback,
         result.refused,
         result.model,
-        result.prompt,
+        result.prompt_version,
         result.rounds,
         result.tokens_in,
         result.tokens_out,
         result.cost,
         result.latency_ms,
-        troubles,
+        errors,
         result.error,
         now,
         id
@@ -225,7 +226,7 @@ pub async fn finish(
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn fail_interrupted(conn: &mut SqliteConnection, now: Millis) -> Result<u64, StoreError> {
     let done = query!(
-        "UPDATE design_asks SET state = 'failed', error = 'interrupted: the server went away', ended_at = ?
+        "UPDATE design_requests SET state = 'failed', error = 'interrupted: the server went away', ended_at = ?
          WHERE state = 'running'",
         now
     )
@@ -234,15 +235,16 @@ pub async fn fail_interrupted(conn: &mut SqliteConnection, now: Millis) -> Resul
     Ok(done.rows_affected())
 }
 
-/// Selects [`DesignRequestRow`]s: takes what follows `FROM design_asks` and the arguments of the statement.
+/// Selects [`DesignRequestRow`]s: takes what follows `FROM design_requests` and the arguments of the statement.
 macro_rules! query_requests {
     ($rest:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             DesignRequestRow,
-            r#"SELECT id, run, task, level, designer AS "designer: DesignerKind", asked_by AS "origin: RequestOrigin",
-                      state AS "state: RequestState", wanted, admitted, own, refused, model, prompt, rounds, tokens_in,
-                      tokens_out, cost, latency_ms, profile, criticised, troubles, error, created_at, ended_at
-               FROM design_asks "# + $rest,
+            r#"SELECT id, run, task, level, designer AS "designer: DesignerKind", requested_by AS "requested_by: RequestOrigin",
+                      state AS "state: RequestState", wanted, admitted, admitted_without_fallback, refused, model,
+                      prompt_version, rounds, tokens_in, tokens_out, cost, latency_ms, profile, criticised, errors, error,
+                      created_at, ended_at
+               FROM design_requests "# + $rest,
             $($argument),+
         )
     };
@@ -321,7 +323,7 @@ pub async fn totals(conn: &mut SqliteConnection, run: &str) -> Result<Vec<Design
         r#"SELECT designer AS "designer!: DesignerKind", count(*) AS "requests!: i64",
                   sum(state = 'failed') AS "failed!: i64", sum(tokens_in) AS "tokens_in!: i64",
                   sum(tokens_out) AS "tokens_out!: i64", sum(cost) AS "cost!: f64"
-           FROM design_asks WHERE run = ? GROUP BY designer ORDER BY designer"#,
+           FROM design_requests WHERE run = ? GROUP BY designer ORDER BY designer"#,
         run
     )
     .fetch_all(conn)
@@ -334,7 +336,7 @@ pub struct FinishedRequest {
     /// When the request ended.
     pub at: Millis,
     /// Admitted layouts of the designer that was asked.
-    pub own: i64,
+    pub admitted_without_fallback: i64,
 }
 
 /// Reads the latest finished requests of a run's task, newest first.
@@ -349,7 +351,7 @@ pub async fn latest_finished(
 ) -> Result<Vec<FinishedRequest>, StoreError> {
     Ok(sqlx::query_as!(
         FinishedRequest,
-        r#"SELECT coalesce(ended_at, created_at) AS "at!: i64", own FROM design_asks
+        r#"SELECT coalesce(ended_at, created_at) AS "at!: i64", admitted_without_fallback FROM design_requests
            WHERE run = ? AND task = ? AND state IN ('done', 'failed') ORDER BY id DESC LIMIT ?"#,
         run,
         task,
@@ -379,7 +381,7 @@ pub async fn last_profile(
 ) -> Result<Option<ProfileSnapshot>, StoreError> {
     Ok(sqlx::query_as!(
         ProfileSnapshot,
-        r#"SELECT profile AS "profile!", criticised AS "criticised!" FROM design_asks
+        r#"SELECT profile AS "profile!", criticised AS "criticised!" FROM design_requests
            WHERE run = ? AND task = ? AND profile IS NOT NULL AND criticised IS NOT NULL ORDER BY id DESC LIMIT 1"#,
         run,
         task

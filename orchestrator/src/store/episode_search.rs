@@ -89,8 +89,8 @@ struct SearchRow {
     skill: Option<f64>,
     floor: Option<f64>,
     reference: Option<f64>,
-    planner: Option<i64>,
-    flown: Option<String>,
+    planner_version: Option<i64>,
+    outcome: Option<String>,
     policy_version: i64,
     reason: Option<String>,
     metrics: Option<String>,
@@ -111,7 +111,7 @@ pub async fn page(
 ) -> Result<Vec<ListedEpisode>, StoreError> {
     let mut statement = QueryBuilder::new(
         "SELECT l.token, g.task, g.level, g.role, g.layout, e.lease, e.number, e.state, e.digest, e.score, e.success, e.skill,
-                e.floor, e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
+                e.floor, e.reference, e.planner_version, e.outcome, e.policy_version, e.reason, e.metrics, e.at
          FROM leases l JOIN episodes e ON e.lease = l.id
          JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
          WHERE l.run = ",
@@ -158,10 +158,10 @@ fn push_filter(statement: &mut QueryBuilder<Sqlite>, run: &str, filter: &Episode
     }
     if let Some(mode) = mode {
         statement.push(
-            " AND (e.lease, e.number) IN (SELECT x.lease, x.number FROM failure_profile p
-               JOIN failure_examples x ON x.cell = p.cell WHERE p.run = ",
+            " AND (e.lease, e.number) IN (SELECT x.lease, x.number FROM failure_cells c
+               JOIN failure_examples x ON x.cell = c.id WHERE c.run = ",
         );
-        statement.push_bind(run.to_owned()).push(" AND p.mode = ").push_bind(mode).push(")");
+        statement.push_bind(run.to_owned()).push(" AND c.mode = ").push_bind(mode).push(")");
     }
 }
 
@@ -204,8 +204,8 @@ impl From<SearchRow> for ListedEpisode {
                 skill: r.skill,
                 floor: r.floor,
                 reference: r.reference,
-                planner: r.planner,
-                flown: r.flown,
+                planner_version: r.planner_version,
+                outcome: r.outcome,
                 policy_version: r.policy_version,
                 reason: r.reason,
                 metrics: r.metrics,

@@ -45,9 +45,9 @@ pub struct EpisodeRow {
     /// Reference score of the bracket.
     pub reference: Option<f64>,
     /// Version of the bracket's planner.
-    pub planner: Option<i64>,
+    pub planner_version: Option<i64>,
     /// Outcome ([`super::brackets::StoredOutcome`]) as JSON; none if the episode was not run.
-    pub flown: Option<String>,
+    pub outcome: Option<String>,
     /// Version of the policy that ran the episode.
     pub policy_version: i64,
     /// Why the episode failed.
@@ -93,13 +93,13 @@ pub async fn insert(
 ) -> Result<(), StoreError> {
     for rows in rows.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
-            "INSERT INTO episodes (lease, number, state, digest, score, success, skill, floor, reference, planner,
-                                   flown, policy_version, reason, metrics, at) ",
+            "INSERT INTO episodes (lease, number, state, digest, score, success, skill, floor, reference,
+                                   planner_version, outcome, policy_version, reason, metrics, at) ",
         );
         statement.push_values(rows, |mut values, (row, _)| {
             values.push_bind(row.lease).push_bind(row.number).push_bind(row.state).push_bind(&row.digest);
             values.push_bind(row.score).push_bind(row.success).push_bind(row.skill).push_bind(row.floor);
-            values.push_bind(row.reference).push_bind(row.planner).push_bind(&row.flown);
+            values.push_bind(row.reference).push_bind(row.planner_version).push_bind(&row.outcome);
             values.push_bind(row.policy_version).push_bind(&row.reason).push_bind(&row.metrics);
             values.push_bind(row.at);
         });
@@ -162,7 +162,7 @@ macro_rules! query_episodes {
         sqlx::query_as!(
             EpisodeRow,
             r#"SELECT lease, number, state AS "state: EpisodeState", digest, score, success AS "success: bool", skill, floor,
-                      reference, planner, flown, policy_version, reason, metrics, at
+                      reference, planner_version, outcome, policy_version, reason, metrics, at
                FROM episodes "# + $rest,
             $($argument),+
         )
@@ -281,7 +281,7 @@ pub async fn page(
     let rows = query!(
         r#"SELECT l.token, g.task, g.level, g.role AS "role: GroupRole", g.layout, e.lease AS "lease!", e.number AS "number!",
                   e.state AS "state: EpisodeState", e.digest, e.score, e.success AS "success: bool", e.skill, e.floor,
-                  e.reference, e.planner, e.flown, e.policy_version, e.reason, e.metrics, e.at
+                  e.reference, e.planner_version, e.outcome, e.policy_version, e.reason, e.metrics, e.at
            FROM leases l JOIN episodes e ON e.lease = l.id
            JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
            WHERE l.run = ?1 AND l.id >= ?2 AND (e.lease, e.number) > (?2, ?3)
@@ -306,8 +306,8 @@ pub async fn page(
             skill: r.skill,
             floor: r.floor,
             reference: r.reference,
-            planner: r.planner,
-            flown: r.flown,
+            planner_version: r.planner_version,
+            outcome: r.outcome,
             policy_version: r.policy_version,
             reason: r.reason,
             metrics: r.metrics,
@@ -368,7 +368,7 @@ pub async fn finished_outcomes(
     span: EpisodeSpan,
 ) -> Result<Vec<String>, StoreError> {
     let rows = sqlx::query_scalar!(
-        "SELECT flown FROM episodes
+        "SELECT outcome FROM episodes
          WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number",
         span.lease,
         span.from,

@@ -11,7 +11,7 @@ text_enum! {
         /// A trainer leases and runs its scenarios.
         Open = "open",
         /// The server runs its scenarios.
-        Flying = "flying",
+        Running = "running",
         /// All of its scenarios were run.
         Complete = "complete",
         /// The evaluation was cancelled, or its policy cannot run.
@@ -37,27 +37,27 @@ pub struct EvaluationRow {
     /// Id of the run whose trainer runs the scenarios; none if the server does.
     pub run: Option<String>,
     /// Version of the run's policy.
-    pub version: Option<i64>,
+    pub policy_version: Option<i64>,
     /// Common name of trainings that differ only in their seeds.
     pub training: Option<String>,
     /// Seed of this training among those.
     pub training_seed: Option<i64>,
     /// Episodes of each scenario.
     pub rollouts: i64,
-    /// True if episodes of one scenario differ by chance.
-    pub chance: bool,
+    /// True if episodes of one scenario differ by random draws.
+    pub is_stochastic: bool,
     /// Seed of a built-in policy that draws random numbers.
     pub seed: i64,
     /// State of the evaluation.
     pub state: EvaluationState,
     /// Why the evaluation failed.
-    pub trouble: Option<String>,
+    pub error: Option<String>,
     /// Number of its scenarios.
     pub scenarios: i64,
     /// Number of scenarios that were run.
-    pub flown: i64,
+    pub scenarios_done: i64,
     /// Number of times a scenario was offered again because its group was lost.
-    pub reflown: i64,
+    pub retries: i64,
     /// When the evaluation started.
     pub created_at: Millis,
     /// When the last scenario was run.
@@ -92,8 +92,8 @@ pub async fn insert(
     entries: &[i64],
 ) -> Result<i64, StoreError> {
     let id = query!(
-        "INSERT INTO evaluations (name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts,
-                                  chance, seed, state, scenarios, created_at)
+        "INSERT INTO evaluations (name, suite, suite_hash, tasks, policy, run, policy_version, training, training_seed,
+                                  rollouts, is_stochastic, seed, state, scenarios, created_at)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         row.name,
         row.suite,
@@ -101,11 +101,11 @@ pub async fn insert(
         row.tasks,
         row.policy,
         row.run,
-        row.version,
+        row.policy_version,
         row.training,
         row.training_seed,
         row.rollouts,
-        row.chance,
+        row.is_stochastic,
         row.seed,
         row.state,
         row.scenarios,
@@ -129,9 +129,9 @@ macro_rules! query_evaluations {
     ($rest:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             EvaluationRow,
-            r#"SELECT id, name, suite, suite_hash, tasks, policy, run, version, training, training_seed, rollouts,
-                      chance AS "chance: bool", seed, state AS "state: EvaluationState", trouble, scenarios, flown, reflown,
-                      created_at, completed_at
+            r#"SELECT id, name, suite, suite_hash, tasks, policy, run, policy_version, training, training_seed,
+                      rollouts, is_stochastic AS "is_stochastic: bool", seed, state AS "state: EvaluationState", error, scenarios,
+                      scenarios_done, retries, created_at, completed_at
                FROM evaluations "# + $rest,
             $($argument),+
         )
@@ -163,7 +163,7 @@ pub async fn page(
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn oldest_of_server(conn: &mut SqliteConnection) -> Result<Option<i64>, StoreError> {
-    Ok(sqlx::query_scalar!("SELECT id FROM evaluations WHERE state = 'flying' ORDER BY id LIMIT 1")
+    Ok(sqlx::query_scalar!("SELECT id FROM evaluations WHERE state = 'running' ORDER BY id LIMIT 1")
         .fetch_optional(conn)
         .await?)
 }
@@ -174,7 +174,7 @@ pub async fn oldest_of_server(conn: &mut SqliteConnection) -> Result<Option<i64>
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn count_unfinished(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM evaluations WHERE state IN ('open', 'flying')"#
+        r#"SELECT count(*) AS "n!: i64" FROM evaluations WHERE state IN ('open', 'running')"#
     )
     .fetch_one(conn)
     .await?)
@@ -252,7 +252,7 @@ pub async fn offer_again(conn: &mut SqliteConnection, of: EvaluationEntry) -> Re
     .execute(&mut *conn)
     .await?;
     if offered.rows_affected() == 1 {
-        query!("UPDATE evaluations SET reflown = reflown + 1 WHERE id = ?", of.evaluation)
+        query!("UPDATE evaluations SET retries = retries + 1 WHERE id = ?", of.evaluation)
             .execute(conn)
             .await?;
     }
@@ -279,9 +279,9 @@ pub async fn store_episodes(
     .await?;
     if done.rows_affected() == 1 {
         query!(
-            "UPDATE evaluations SET flown = flown + 1,
-                 state = CASE WHEN flown + 1 >= scenarios AND state <> 'failed' THEN 'complete' ELSE state END,
-                 completed_at = CASE WHEN flown + 1 >= scenarios AND state <> 'failed' THEN ?1 END
+            "UPDATE evaluations SET scenarios_done = scenarios_done + 1,
+                 state = CASE WHEN scenarios_done + 1 >= scenarios AND state <> 'failed' THEN 'complete' ELSE state END,
+                 completed_at = CASE WHEN scenarios_done + 1 >= scenarios AND state <> 'failed' THEN ?1 END
              WHERE id = ?2",
             now,
             of.evaluation
@@ -296,8 +296,8 @@ pub async fn store_episodes(
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn fail(conn: &mut SqliteConnection, id: i64, trouble: &str) -> Result<(), StoreError> {
-    query!("UPDATE evaluations SET state = 'failed', trouble = ? WHERE id = ?", trouble, id)
+pub async fn fail(conn: &mut SqliteConnection, id: i64, error: &str) -> Result<(), StoreError> {
+    query!("UPDATE evaluations SET state = 'failed', error = ? WHERE id = ?", error, id)
         .execute(conn)
         .await?;
     Ok(())

@@ -1,4 +1,4 @@
-//! Events of runs, a ring for each run. Tables `run_events` and `forgotten_events`.
+//! Events of runs, a ring for each run. Tables `run_events` and `deleted_run_events`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -26,7 +26,7 @@ text_enum! {
         /// About a design request.
         Design = "design",
         /// About a new warning.
-        Health = "health",
+        Warning = "warning",
     }
 }
 
@@ -97,7 +97,8 @@ pub async fn trim(conn: &mut SqliteConnection, run: &str) -> Result<(), StoreErr
     let Some(last) = last else { return Ok(()) };
     query!("DELETE FROM run_events WHERE run = ? AND id <= ?", run, last).execute(&mut *conn).await?;
     query!(
-        "INSERT INTO forgotten_events (run, last) VALUES (?, ?) ON CONFLICT (run) DO UPDATE SET last = excluded.last",
+        "INSERT INTO deleted_run_events (run, last_id) VALUES (?, ?)
+         ON CONFLICT (run) DO UPDATE SET last_id = excluded.last_id",
         run,
         last
     )
@@ -132,7 +133,7 @@ pub async fn after(
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn last_deleted(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
-    let last = sqlx::query_scalar!("SELECT last FROM forgotten_events WHERE run = ?", run);
+    let last = sqlx::query_scalar!("SELECT last_id FROM deleted_run_events WHERE run = ?", run);
     Ok(last.fetch_optional(conn).await?.unwrap_or(0))
 }
 

@@ -1,11 +1,11 @@
 //! The failure profile of a run's task by bearing in the inertial frame: one row for each failure mode and sector. Table
-//! `failure_inertial`.
+//! `failure_inertial_sectors`.
 
 use sqlx::{QueryBuilder, SqliteConnection};
 
 use super::{MAX_ROWS, StoreError};
 
-/// Row of the `failure_inertial` table, without its run and task.
+/// Row of the `failure_inertial_sectors` table, without its run and task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InertialSectorRow {
     /// Name of the failure mode.
@@ -31,7 +31,7 @@ pub async fn of_task(
 ) -> Result<Vec<InertialSectorRow>, StoreError> {
     Ok(sqlx::query_as!(
         InertialSectorRow,
-        "SELECT mode, sector, count, weight, as_of FROM failure_inertial
+        "SELECT mode, sector, count, weight, as_of FROM failure_inertial_sectors
          WHERE run = ? AND task = ? ORDER BY mode, sector",
         run,
         task
@@ -52,7 +52,7 @@ pub async fn put(
 ) -> Result<(), StoreError> {
     for rows in rows.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
-            "INSERT OR REPLACE INTO failure_inertial (run, task, mode, sector, count, weight, as_of) ",
+            "INSERT OR REPLACE INTO failure_inertial_sectors (run, task, mode, sector, count, weight, as_of) ",
         );
         statement.push_values(rows, |mut values, row| {
             values.push_bind(run).push_bind(task).push_bind(&row.mode).push_bind(row.sector);

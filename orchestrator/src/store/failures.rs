@@ -1,5 +1,5 @@
 //! The failure profile of a run's task: cells by failure mode, bearing sector and speed band, and the newest failures of each
-//! cell. Tables `failure_profile` and `failure_examples`.
+//! cell. Tables `failure_cells` and `failure_examples`.
 
 use std::collections::BTreeMap;
 
@@ -81,9 +81,9 @@ pub struct FailureCell {
 #[derive(Debug, Clone, PartialEq)]
 pub struct FailureExample {
     /// Position of the failure in its cell, from 1.
-    pub nth: i64,
+    pub ordinal: i64,
     /// Position of the episode among the task's criticised episodes, from 1.
-    pub place: i64,
+    pub episode_ordinal: i64,
     /// Number of the episode's lease.
     pub lease: i64,
     /// Index of the episode in the lease.
@@ -131,7 +131,7 @@ pub async fn insert_cells(
     let mut ids = BTreeMap::new();
     for rows in cells.chunks(MAX_ROWS) {
         let mut statement = put_cells_statement(run, task, rows);
-        statement.push(" RETURNING mode, sector, band, cell");
+        statement.push(" RETURNING mode, sector, band, id");
         for (mode, sector, band, id) in statement.build_query_as().fetch_all(&mut *conn).await? {
             ids.insert(CellKey::from_columns(mode, sector, band), id);
         }
@@ -141,8 +141,8 @@ pub async fn insert_cells(
 
 fn put_cells_statement(run: &str, task: &str, rows: &[(&CellKey, &CellCounters)]) -> QueryBuilder<Sqlite> {
     let mut statement = QueryBuilder::new(
-        "INSERT INTO failure_profile (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left,
-                                      weight, as_of, last_at) ",
+        "INSERT INTO failure_cells (run, task, mode, sector, band, count, avoidable, unavoidable, steps_left,
+                                    weight, as_of, last_at) ",
     );
     statement.push_values(rows, |mut values, (key, counters)| {
         values.push_bind(run.to_owned()).push_bind(task.to_owned()).push_bind(key.mode.clone());
@@ -169,12 +169,12 @@ pub async fn put_examples(
 ) -> Result<(), StoreError> {
     for rows in examples.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
-            "INSERT OR REPLACE INTO failure_examples (cell, slot, nth, place, lease, number, agent, step, bearing_deg,
-                 relative_speed, steps_left, avoidable) ",
+            "INSERT OR REPLACE INTO failure_examples (cell, slot, ordinal, episode_ordinal, lease, number, agent, step,
+                 bearing_deg, relative_speed, steps_left, avoidable) ",
         );
         statement.push_values(rows, |mut values, (cell, example)| {
-            values.push_bind(cell).push_bind(example.nth % EXAMPLES_PER_CELL).push_bind(example.nth);
-            values.push_bind(example.place).push_bind(example.lease).push_bind(example.number);
+            values.push_bind(cell).push_bind(example.ordinal % EXAMPLES_PER_CELL).push_bind(example.ordinal);
+            values.push_bind(example.episode_ordinal).push_bind(example.lease).push_bind(example.number);
             values.push_bind(example.agent).push_bind(example.step).push_bind(example.bearing_deg);
             values.push_bind(example.relative_speed).push_bind(example.steps_left);
             values.push_bind(example.avoidable);
@@ -194,15 +194,15 @@ pub async fn profile(
     task: &str,
 ) -> Result<Vec<FailureCell>, StoreError> {
     let rows = query!(
-        "SELECT cell, mode, sector, band, count, avoidable, unavoidable, steps_left, weight, as_of, last_at
-         FROM failure_profile WHERE run = ? AND task = ? ORDER BY mode, sector, band",
+        "SELECT id, mode, sector, band, count, avoidable, unavoidable, steps_left, weight, as_of, last_at
+         FROM failure_cells WHERE run = ? AND task = ? ORDER BY mode, sector, band",
         run,
         task
     )
     .fetch_all(conn)
     .await?;
     let cells = rows.into_iter().map(|r| FailureCell {
-        id: r.cell,
+        id: r.id,
         key: CellKey::from_columns(r.mode, r.sector, r.band),
         counters: CellCounters {
             count: r.count,
@@ -243,15 +243,15 @@ pub async fn newest_episodes(
 ) -> Result<Vec<CellEpisode>, StoreError> {
     Ok(sqlx::query_as!(
         CellEpisode,
-        r#"SELECT p.cell AS "cell!", l.id AS "lease!", l.token AS "token!", x.number AS "number!"
-           FROM failure_profile p
-           JOIN (SELECT cell, lease, number, max(nth) AS nth,
-                        row_number() OVER (PARTITION BY cell ORDER BY max(nth) DESC) AS place
+        r#"SELECT c.id AS "cell!", l.id AS "lease!", l.token AS "token!", x.number AS "number!"
+           FROM failure_cells c
+           JOIN (SELECT cell, lease, number, max(ordinal) AS ordinal,
+                        row_number() OVER (PARTITION BY cell ORDER BY max(ordinal) DESC) AS rank
                  FROM failure_examples
-                 WHERE cell IN (SELECT cell FROM failure_profile WHERE run = ?1 AND task = ?2)
-                 GROUP BY cell, lease, number) x ON x.cell = p.cell AND x.place <= ?3
+                 WHERE cell IN (SELECT id FROM failure_cells WHERE run = ?1 AND task = ?2)
+                 GROUP BY cell, lease, number) x ON x.cell = c.id AND x.rank <= ?3
            JOIN leases l ON l.id = x.lease
-           WHERE p.run = ?1 AND p.task = ?2 ORDER BY p.cell, x.place"#,
+           WHERE c.run = ?1 AND c.task = ?2 ORDER BY c.id, x.rank"#,
         run,
         task,
         limit
@@ -277,11 +277,11 @@ pub struct FailureFilter {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FailureCursor {
     /// Position of the episode among the task's criticised episodes.
-    pub place: i64,
+    pub episode_ordinal: i64,
     /// Number of the cell.
     pub cell: i64,
     /// Position of the failure in its cell.
-    pub nth: i64,
+    pub ordinal: i64,
 }
 
 /// A failure with the cell that it is in.
@@ -308,24 +308,25 @@ pub async fn examples(
     filter: &FailureFilter,
     limit: i64,
 ) -> Result<Vec<ListedFailure>, StoreError> {
-    let end = FailureCursor { place: i64::MAX, cell: i64::MAX, nth: i64::MAX };
-    let FailureCursor { place, cell, nth } = filter.before.unwrap_or(end);
+    let end = FailureCursor { episode_ordinal: i64::MAX, cell: i64::MAX, ordinal: i64::MAX };
+    let FailureCursor { episode_ordinal, cell, ordinal } = filter.before.unwrap_or(end);
     let rows = query!(
-        r#"SELECT p.cell AS "cell!", p.mode AS "mode!", p.sector AS "sector!", p.band AS "band!", l.token AS "token!",
-                  x.nth AS "nth!", x.place AS "place!", x.lease AS "lease!", x.number AS "number!", x.agent AS "agent!",
-                  x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable AS "avoidable: bool"
-           FROM failure_profile p JOIN failure_examples x ON x.cell = p.cell JOIN leases l ON l.id = x.lease
-           WHERE p.run = ?1 AND p.task = ?2 AND (?3 IS NULL OR p.mode = ?3) AND (?4 IS NULL OR p.sector = ?4)
-                 AND (?5 IS NULL OR p.band = ?5) AND (x.place, x.cell, x.nth) < (?6, ?7, ?8)
-           ORDER BY x.place DESC, x.cell DESC, x.nth DESC LIMIT ?9"#,
+        r#"SELECT c.id AS "cell!", c.mode AS "mode!", c.sector AS "sector!", c.band AS "band!", l.token AS "token!",
+                  x.ordinal AS "ordinal!", x.episode_ordinal AS "episode_ordinal!", x.lease AS "lease!", x.number AS "number!",
+                  x.agent AS "agent!", x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left,
+                  x.avoidable AS "avoidable: bool"
+           FROM failure_cells c JOIN failure_examples x ON x.cell = c.id JOIN leases l ON l.id = x.lease
+           WHERE c.run = ?1 AND c.task = ?2 AND (?3 IS NULL OR c.mode = ?3) AND (?4 IS NULL OR c.sector = ?4)
+                 AND (?5 IS NULL OR c.band = ?5) AND (x.episode_ordinal, x.cell, x.ordinal) < (?6, ?7, ?8)
+           ORDER BY x.episode_ordinal DESC, x.cell DESC, x.ordinal DESC LIMIT ?9"#,
         run,
         task,
         filter.mode,
         filter.sector,
         filter.band,
-        place,
+        episode_ordinal,
         cell,
-        nth,
+        ordinal,
         limit
     )
     .fetch_all(conn)
@@ -335,8 +336,8 @@ pub async fn examples(
         key: CellKey::from_columns(r.mode, r.sector, r.band),
         token: r.token,
         example: FailureExample {
-            nth: r.nth,
-            place: r.place,
+            ordinal: r.ordinal,
+            episode_ordinal: r.episode_ordinal,
             lease: r.lease,
             number: r.number,
             agent: r.agent,

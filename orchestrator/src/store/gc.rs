@@ -52,11 +52,11 @@ pub async fn delete_leases(conn: &mut SqliteConnection, leases: &[i64]) -> Resul
         "DELETE FROM column_claims WHERE lease IN (SELECT value FROM json_each(?))",
         "DELETE FROM seed_ranges WHERE lease IN (SELECT value FROM json_each(?))",
         "DELETE FROM rollout_leases WHERE lease IN (SELECT value FROM json_each(?))",
-        "UPDATE leases SET folded = 1 WHERE id IN (SELECT value FROM json_each(?))",
+        "UPDATE leases SET is_compacted = 1 WHERE id IN (SELECT value FROM json_each(?))",
         "DELETE FROM leases WHERE id IN (SELECT value FROM json_each(?))
              AND NOT EXISTS (SELECT 1 FROM groups g WHERE g.lease = leases.id)
              AND NOT EXISTS (SELECT 1 FROM episodes e WHERE e.lease = leases.id)
-             AND NOT EXISTS (SELECT 1 FROM run_marks m WHERE m.lease = leases.id)",
+             AND NOT EXISTS (SELECT 1 FROM run_warnings w WHERE w.lease = leases.id)",
     ] {
         sqlx::query(statement).bind(&leases).execute(&mut *conn).await?;
     }
@@ -75,10 +75,10 @@ pub async fn oldest_needed_proposal(
     Ok(sqlx::query_scalar!(
         r#"SELECT min(seq) AS "seq: i64" FROM (
                SELECT min(g.proposal) AS seq FROM leases l JOIN groups g ON g.lease = l.id
-               WHERE l.run = ?1 AND l.folded = 0
+               WHERE l.run = ?1 AND l.is_compacted = 0
                UNION ALL
                SELECT min(s.proposal) FROM leases l JOIN seed_ranges s ON s.lease = l.id
-               WHERE l.run = ?1 AND l.folded = 0
+               WHERE l.run = ?1 AND l.is_compacted = 0
                UNION ALL
                SELECT min(seq) FROM proposals INDEXED BY proposals_waiting
                WHERE run = ?1 AND state IN ('proposed', 'prepared'))"#,

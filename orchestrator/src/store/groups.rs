@@ -112,8 +112,8 @@ pub async fn insert(conn: &mut SqliteConnection, lease: i64, groups: &[GroupRow]
 /// Appends the statement that adds groups to a lease.
 pub(super) fn push_insert(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
     statement.push(
-        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, contested, state, failed,
-                             evidence, train) ",
+        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, is_contested, state, failed,
+                             is_evidence, is_for_training) ",
     );
     statement.push_values(rows, |mut values, row| {
         values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
@@ -129,8 +129,8 @@ macro_rules! query_groups {
         sqlx::query_as!(
             GroupRow,
             r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
-                      contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
-                      evidence AS "is_evidence: bool", train AS "is_for_training: bool"
+                      is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
+                      is_evidence AS "is_evidence: bool", is_for_training AS "is_for_training: bool"
                FROM groups "# + $rest,
             $($argument),+
         )
@@ -155,8 +155,8 @@ pub async fn of_closed_lease(
 ) -> Result<Vec<ClosedGroupRow>, StoreError> {
     let rows = query!(
         r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
-                  contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
-                  evidence AS "is_evidence: bool", train AS "is_for_training: bool", closed_at
+                  is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
+                  is_evidence AS "is_evidence: bool", is_for_training AS "is_for_training: bool", closed_at
            FROM groups WHERE lease = ? ORDER BY number"#,
         lease
     )
@@ -233,10 +233,10 @@ pub async fn update(
     query!(
         "WITH rows AS MATERIALIZED (
              SELECT value ->> 0 AS number, value ->> 1 AS state, value ->> 2 AS finished, value ->> 3 AS failed,
-                    value ->> 4 AS successes, value ->> 5 AS evidence, value ->> 6 AS closed_at
+                    value ->> 4 AS successes, value ->> 5 AS is_evidence, value ->> 6 AS closed_at
              FROM json_each(?))
          UPDATE groups SET state = rows.state, finished = rows.finished, failed = rows.failed,
-                           successes = rows.successes, evidence = rows.evidence,
+                           successes = rows.successes, is_evidence = rows.is_evidence,
                            closed_at = rows.closed_at
          FROM rows WHERE groups.lease = ? AND groups.number = rows.number
                          AND groups.number IN (SELECT number FROM rows)",
@@ -258,7 +258,7 @@ pub async fn set_contested(
     is_contested: bool,
 ) -> Result<(), StoreError> {
     query!(
-        "UPDATE groups SET contested = ? WHERE lease = ? AND number = ?",
+        "UPDATE groups SET is_contested = ? WHERE lease = ? AND number = ?",
         is_contested,
         group.lease,
         group.number

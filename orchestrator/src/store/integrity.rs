@@ -73,7 +73,7 @@ pub struct RunSize {
     /// Reported episodes that are stored whole.
     pub whole: i64,
     /// Reported episodes of compacted leases.
-    pub folded: i64,
+    pub compacted: i64,
     /// Episodes of accepted claims.
     pub claimed: i64,
     /// Number of level moves.
@@ -94,8 +94,8 @@ pub async fn runs(conn: &mut SqliteConnection) -> Result<Vec<RunSize>, StoreErro
         r#"SELECT r.id AS run, r.status AS "status: RunStatus", r.created_at,
                   (SELECT count(*) FROM leases l WHERE l.run = r.id AND l.status = 'active') AS "active!: i64",
                   (SELECT count(*) FROM leases l JOIN episodes e ON e.lease = l.id WHERE l.run = r.id) AS "whole!: i64",
-                  (SELECT coalesce(sum(episodes), 0) FROM folds f WHERE f.run = r.id) AS "folded!: i64",
-                  (SELECT coalesce(sum(episodes), 0) FROM claimed_sums c WHERE c.run = r.id) AS "claimed!: i64",
+                  (SELECT coalesce(sum(episodes), 0) FROM compacted_leases f WHERE f.run = r.id) AS "compacted!: i64",
+                  (SELECT coalesce(sum(episodes), 0) FROM claim_counters c WHERE c.run = r.id) AS "claimed!: i64",
                   (SELECT count(*) FROM level_moves m WHERE m.run = r.id) AS "moves!: i64",
                   (SELECT count(*) FROM layouts y WHERE y.run = r.id AND y.state <> 'refused') AS "layouts!: i64"
            FROM runs r ORDER BY r.created_at, r.id"#
@@ -132,12 +132,13 @@ pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
     let mut found = Vec::new();
     let logs = query!(
         r#"SELECT e.lease AS "lease!", e.number AS "number!" FROM episodes e
-           WHERE e.flown IS NOT NULL
+           WHERE e.outcome IS NOT NULL
                  AND NOT EXISTS (SELECT 1 FROM action_logs a WHERE a.lease = e.lease AND a.number = e.number)
            LIMIT 20"#
     );
     for row in logs.fetch_all(&mut *conn).await? {
-        found.push(format!("episode {} of lease {} was flown and has no actions", row.number, row.lease));
+        found
+            .push(format!("episode {} of lease {} was rolled out and has no actions", row.number, row.lease));
     }
     let groups = query!(
         r#"SELECT g.lease AS "lease!", g.number AS "number!", g.finished AS "finished!",
@@ -145,7 +146,7 @@ pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
                        AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
                       AS "there!: i64"
            FROM groups g JOIN leases l ON l.id = g.lease
-           WHERE l.form = 'groups' AND l.folded = 0 AND g.finished <> (
+           WHERE l.form = 'groups' AND l.is_compacted = 0 AND g.finished <> (
                SELECT count(*) FROM episodes e WHERE e.lease = g.lease AND e.state = 'finished'
                    AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
            LIMIT 20"#
@@ -177,11 +178,11 @@ pub async fn finished_episodes(
     run: &str,
 ) -> Result<CountedTwice<i64>, StoreError> {
     let row = query!(
-        r#"SELECT (SELECT coalesce(sum(episodes), 0) FROM task_sums WHERE run = ?1) AS "summed!: i64",
+        r#"SELECT (SELECT coalesce(sum(episodes), 0) FROM task_counters WHERE run = ?1) AS "summed!: i64",
                   (SELECT count(*) FROM leases l JOIN episodes e ON e.lease = l.id
                    JOIN groups g ON g.lease = l.id AND g.number = e.number / l.group_size
                    WHERE l.run = ?1 AND e.state = 'finished' AND (g.proposal IS NOT NULL OR g.layout IS NOT NULL)
-                         AND (l.form = 'groups' OR l.folded = 1 OR EXISTS (
+                         AND (l.form = 'groups' OR l.is_compacted = 1 OR EXISTS (
                              SELECT 1 FROM column_claims c WHERE c.lease = l.id AND c.state = 'accepted')))
                       AS "there!: i64""#,
         run
@@ -231,7 +232,7 @@ pub async fn claimed_episodes(
         ClaimedEpisodes,
         r#"SELECT coalesce(sum(episodes), 0) AS "finished!: i64", coalesce(sum(failed), 0) AS "failed!: i64",
                   coalesce(sum(refused), 0) AS "refused!: i64", coalesce(sum(unproven), 0) AS "unproven!: i64"
-           FROM claimed_sums WHERE run = ?"#,
+           FROM claim_counters WHERE run = ?"#,
         run
     )
     .fetch_one(&mut *conn)
@@ -264,7 +265,7 @@ pub struct ScoredEpisode {
 pub async fn sample(conn: &mut SqliteConnection, count: i64) -> Result<Vec<ScoredEpisode>, StoreError> {
     let rows = query!(
         r#"SELECT lease AS "lease!", number AS "number!", score AS "score!: f64" FROM episodes
-           WHERE flown IS NOT NULL ORDER BY random() LIMIT ?"#,
+           WHERE outcome IS NOT NULL ORDER BY random() LIMIT ?"#,
         count
     )
     .fetch_all(conn)

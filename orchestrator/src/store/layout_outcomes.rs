@@ -14,13 +14,13 @@ pub struct LayoutOutcome {
     /// Finished episodes that succeeded.
     pub successes: i64,
     /// Sum of the scores.
-    pub score: f64,
+    pub score_sum: f64,
     /// Sum of the regrets.
-    pub regret: f64,
+    pub regret_sum: f64,
     /// Success rates of the last outcomes, including this one, as JSON.
-    pub recent: String,
+    pub recent_success_rates: String,
     /// Consecutive outcomes without a success, including this one.
-    pub barren: i64,
+    pub barren_streak: i64,
 }
 
 /// Adds an outcome to a layout.
@@ -33,14 +33,14 @@ pub async fn add_outcome(
     outcome: &LayoutOutcome,
 ) -> Result<(), StoreError> {
     query!(
-        "UPDATE layouts SET outcomes = outcomes + 1, episodes = episodes + ?, successes = successes + ?, score = score + ?,
-             regret = regret + ?, recent = ?, barren = ? WHERE id = ?",
+        "UPDATE layouts SET outcomes = outcomes + 1, episodes = episodes + ?, successes = successes + ?,
+             score_sum = score_sum + ?, regret_sum = regret_sum + ?, recent_success_rates = ?, barren_streak = ? WHERE id = ?",
         outcome.episodes,
         outcome.successes,
-        outcome.score,
-        outcome.regret,
-        outcome.recent,
-        outcome.barren,
+        outcome.score_sum,
+        outcome.regret_sum,
+        outcome.recent_success_rates,
+        outcome.barren_streak,
         id
     )
     .execute(conn)
@@ -52,7 +52,7 @@ pub async fn add_outcome(
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a statement fails.
-pub async fn add_faults(
+pub async fn add_failure_episodes(
     conn: &mut SqliteConnection,
     id: i64,
     episodes: &[BTreeSet<&str>],
@@ -60,11 +60,13 @@ pub async fn add_faults(
     let aim =
         sqlx::query_scalar!("SELECT mode FROM layouts WHERE id = ?", id).fetch_optional(&mut *conn).await?;
     let aimed = |modes: &&BTreeSet<&str>| aim.iter().flatten().any(|aim| modes.contains(aim.as_str()));
-    let (faults, as_aimed) = (episodes.len() as i64, episodes.iter().filter(aimed).count() as i64);
+    let (with_failure, with_aimed_failure) =
+        (episodes.len() as i64, episodes.iter().filter(aimed).count() as i64);
     query!(
-        "UPDATE layouts SET faults = faults + ?, as_aimed = as_aimed + ? WHERE id = ?",
-        faults,
-        as_aimed,
+        "UPDATE layouts SET failure_episodes = failure_episodes + ?, aimed_failure_episodes = aimed_failure_episodes + ?
+         WHERE id = ?",
+        with_failure,
+        with_aimed_failure,
         id
     )
     .execute(conn)
@@ -72,11 +74,17 @@ pub async fn add_faults(
     Ok(())
 }
 
-/// Replaces the last outcomes of a layout.
+/// Replaces the success rates of the last outcomes of a layout, as JSON, and ends its barren streak.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn reset_recent(conn: &mut SqliteConnection, id: i64, recent: &str) -> Result<(), StoreError> {
-    query!("UPDATE layouts SET recent = ?, barren = 0 WHERE id = ?", recent, id).execute(conn).await?;
+pub async fn reset_success_rates(
+    conn: &mut SqliteConnection,
+    id: i64,
+    rates: &str,
+) -> Result<(), StoreError> {
+    query!("UPDATE layouts SET recent_success_rates = ?, barren_streak = 0 WHERE id = ?", rates, id)
+        .execute(conn)
+        .await?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Changes of a layout's state, with their history. Tables `layouts` and `layout_turns`.
+//! Changes of a layout's state, with their history. Tables `layouts` and `layout_transitions`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -12,7 +12,7 @@ pub struct LayoutTransition {
     /// State after the transition.
     pub state: LayoutState,
     /// Why the layout is retired.
-    pub why: Option<RetirementReason>,
+    pub retirement_reason: Option<RetirementReason>,
     /// Explanation of the transition as text.
     pub reason: String,
 }
@@ -29,17 +29,17 @@ pub async fn change_state(
 ) -> Result<(), StoreError> {
     let retired_at = (transition.state == LayoutState::Retired).then_some(now);
     query!(
-        "UPDATE layouts SET state = ?, why = ?, retired_at = ? WHERE id = ?",
+        "UPDATE layouts SET state = ?, retirement_reason = ?, retired_at = ? WHERE id = ?",
         transition.state,
-        transition.why,
+        transition.retirement_reason,
         retired_at,
         id
     )
     .execute(&mut *conn)
     .await?;
     query!(
-        "INSERT INTO layout_turns (layout, nth, state, reason, at)
-         SELECT ?1, count(*), ?2, ?3, ?4 FROM layout_turns WHERE layout = ?1",
+        "INSERT INTO layout_transitions (layout, seq, state, reason, at)
+         SELECT ?1, count(*), ?2, ?3, ?4 FROM layout_transitions WHERE layout = ?1",
         id,
         transition.state,
         transition.reason,
@@ -50,7 +50,7 @@ pub async fn change_state(
     Ok(())
 }
 
-/// Row of the `layout_turns` table, without its layout.
+/// Row of the `layout_transitions` table, without its layout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransitionRow {
     /// State after the transition.
@@ -68,7 +68,7 @@ pub struct TransitionRow {
 pub async fn transitions(conn: &mut SqliteConnection, id: i64) -> Result<Vec<TransitionRow>, StoreError> {
     Ok(sqlx::query_as!(
         TransitionRow,
-        r#"SELECT state AS "state: LayoutState", reason, at FROM layout_turns WHERE layout = ? ORDER BY nth"#,
+        r#"SELECT state AS "state: LayoutState", reason, at FROM layout_transitions WHERE layout = ? ORDER BY seq"#,
         id
     )
     .fetch_all(conn)

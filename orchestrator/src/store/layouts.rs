@@ -25,7 +25,7 @@ text_enum! {
         /// The agent never succeeds.
         Hopeless = "hopeless",
         /// A user retired the layout.
-        Hand = "hand",
+        User = "user",
     }
 }
 
@@ -69,11 +69,11 @@ pub struct LayoutRow {
     /// State of the layout.
     pub state: LayoutState,
     /// Why the layout is retired.
-    pub why: Option<RetirementReason>,
+    pub retirement_reason: Option<RetirementReason>,
     /// Check of the gate that refused the layout.
     pub gate_check: Option<String>,
     /// Why the gate refused the layout, in a sentence.
-    pub reason: Option<String>,
+    pub refusal_reason: Option<String>,
     /// Claim of the layout about its scenario.
     pub claim: Option<LayoutClaim>,
     /// Distance to the nearest design that was known then, 0 to 1.
@@ -81,7 +81,7 @@ pub struct LayoutRow {
     /// Id of the scenario.
     pub scenario: Option<Vec<u8>>,
     /// Training groups that the run had leased when the layout was made.
-    pub train_groups_at: i64,
+    pub training_groups_at_creation: i64,
     /// Number of leased groups.
     pub groups: i64,
     /// Groups with an outcome.
@@ -91,17 +91,17 @@ pub struct LayoutRow {
     /// Finished episodes that succeeded.
     pub successes: i64,
     /// Sum of the scores.
-    pub score: f64,
+    pub score_sum: f64,
     /// Sum of the regrets.
-    pub regret: f64,
+    pub regret_sum: f64,
     /// Criticised episodes with a failure.
-    pub faults: i64,
+    pub failure_episodes: i64,
     /// Criticised episodes with the failure mode that the layout aims at.
-    pub as_aimed: i64,
+    pub aimed_failure_episodes: i64,
     /// Success rates of the last outcomes, oldest first, as JSON.
-    pub recent: String,
+    pub recent_success_rates: String,
     /// Consecutive outcomes without a success, up to the last one.
-    pub barren: i64,
+    pub barren_streak: i64,
     /// When a group of the layout was leased last.
     pub served_at: Option<Millis>,
     /// When the layout was made.
@@ -113,8 +113,8 @@ pub struct LayoutRow {
 impl LayoutRow {
     /// Share of the criticised episodes with a failure in which the aimed failure mode occurred.
     #[must_use]
-    pub fn as_aimed_share(&self) -> Option<f64> {
-        (self.faults > 0).then(|| self.as_aimed as f64 / self.faults as f64)
+    pub fn aimed_failure_share(&self) -> Option<f64> {
+        (self.failure_episodes > 0).then(|| self.aimed_failure_episodes as f64 / self.failure_episodes as f64)
     }
 }
 
@@ -148,7 +148,7 @@ pub struct NewLayout {
     /// Check of the gate that refused the layout.
     pub gate_check: Option<String>,
     /// Why the gate refused the layout, in a sentence.
-    pub reason: Option<String>,
+    pub refusal_reason: Option<String>,
     /// Claim of the layout about its scenario.
     pub claim: Option<LayoutClaim>,
     /// Distance to the nearest known design, 0 to 1.
@@ -156,7 +156,7 @@ pub struct NewLayout {
     /// Id of the scenario.
     pub scenario: Option<Vec<u8>>,
     /// Training groups that the run has leased so far.
-    pub train_groups_at: i64,
+    pub training_groups_at_creation: i64,
 }
 
 /// Stores a layout and returns its number.
@@ -165,8 +165,9 @@ pub struct NewLayout {
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"INSERT INTO layouts (ask, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state,
-                                gate_check, reason, claim, novelty, scenario, train_groups_at, created_at)
+        r#"INSERT INTO layouts (request, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state,
+                                gate_check, refusal_reason, claim, novelty, scenario, training_groups_at_creation,
+                                created_at)
            VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS "id!""#,
         new.request,
         new.run,
@@ -181,11 +182,11 @@ pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -
         new.round,
         new.state,
         new.gate_check,
-        new.reason,
+        new.refusal_reason,
         new.claim,
         new.novelty,
         new.scenario,
-        new.train_groups_at,
+        new.training_groups_at_creation,
         now
     )
     .fetch_one(conn)
@@ -197,10 +198,11 @@ macro_rules! query_layouts {
     ($rest:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             LayoutRow,
-            r#"SELECT id, ask AS request, run, task, level, designer, name, design, mode, bearing_deg, frame, round,
-                      state AS "state: LayoutState", why AS "why: RetirementReason", gate_check, reason,
-                      claim AS "claim: LayoutClaim", novelty, scenario, train_groups_at, groups, outcomes, episodes, successes,
-                      score, regret, faults, as_aimed, recent, barren, served_at, created_at, retired_at
+            r#"SELECT id, request, run, task, level, designer, name, design, mode, bearing_deg, frame, round,
+                      state AS "state: LayoutState", retirement_reason AS "retirement_reason: RetirementReason", gate_check,
+                      refusal_reason, claim AS "claim: LayoutClaim", novelty, scenario, training_groups_at_creation, groups,
+                      outcomes, episodes, successes, score_sum, regret_sum, failure_episodes, aimed_failure_episodes,
+                      recent_success_rates, barren_streak, served_at, created_at, retired_at
                FROM layouts "# + $rest,
             $($argument),+
         )
@@ -243,7 +245,7 @@ pub async fn of_run(
 ) -> Result<Vec<LayoutRow>, StoreError> {
     Ok(query_layouts!(
         "WHERE run = ?1 AND id < ?2 AND (?3 IS NULL OR task = ?3) AND (?4 IS NULL OR state = ?4)
-               AND (?5 IS NULL OR mode = ?5) AND (?6 IS NULL OR ask = ?6) AND (?7 OR state != 'refused')
+               AND (?5 IS NULL OR mode = ?5) AND (?6 IS NULL OR request = ?6) AND (?7 OR state != 'refused')
          ORDER BY id DESC LIMIT ?8",
         run,
         before,

@@ -120,7 +120,7 @@ macro_rules! query_leases {
             $crate::store::leases::LeaseRow,
             r#"SELECT id, token, run, purpose AS "purpose: Purpose", form AS "form: LeaseForm",
                       status AS "status: LeaseStatus", groups, group_size, policy_version, ttl_ms, created_at, expires_at,
-                      folded AS "is_compacted: bool", owner
+                      is_compacted AS "is_compacted: bool", owner
                FROM leases "# + $rest,
             $($argument),+
         )
@@ -236,14 +236,14 @@ pub async fn set_expiry(conn: &mut SqliteConnection, id: i64, expires_at: Millis
     Ok(())
 }
 
-/// Ends an active lease that has no open group and is owed none. Returns true if it ended.
+/// Ends an active lease that has no open group and no pending refill. Returns true if it ended.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn end_if_done(conn: &mut SqliteConnection, id: i64) -> Result<bool, StoreError> {
     let done = query!(
         "UPDATE leases SET status = 'done' WHERE id = ?1 AND status = 'active'
-         AND owed = 0 AND NOT EXISTS (SELECT 1 FROM groups WHERE lease = ?1 AND state = 'open')",
+         AND pending_refills = 0 AND NOT EXISTS (SELECT 1 FROM groups WHERE lease = ?1 AND state = 'open')",
         id
     )
     .execute(conn)

@@ -26,7 +26,7 @@ pub async fn of_designs(conn: &mut SqliteConnection) -> Result<Vec<LlmSpendRow>,
         LlmSpendRow,
         r#"SELECT run AS "run!", created_at / 86400000 AS "day!: i64", sum(tokens_in + tokens_out) AS "tokens!: i64",
                   sum(cost) AS "cost!: f64"
-           FROM design_asks WHERE designer = 'llm' GROUP BY run, created_at / 86400000 ORDER BY run"#
+           FROM design_requests WHERE designer = 'llm' GROUP BY run, created_at / 86400000 ORDER BY run"#
     )
     .fetch_all(conn)
     .await?)
@@ -39,7 +39,7 @@ pub async fn of_designs(conn: &mut SqliteConnection) -> Result<Vec<LlmSpendRow>,
 pub async fn of_rollouts(conn: &mut SqliteConnection) -> Result<Vec<LlmSpendRow>, StoreError> {
     Ok(sqlx::query_as!(
         LlmSpendRow,
-        r#"SELECT run, day, tokens_in + tokens_out AS "tokens!: i64", cost FROM rollout_spent ORDER BY run, day"#
+        r#"SELECT run, day, tokens_in + tokens_out AS "tokens!: i64", cost FROM rollout_spend ORDER BY run, day"#
     )
     .fetch_all(conn)
     .await?)
@@ -54,7 +54,7 @@ pub async fn of_judge(conn: &mut SqliteConnection) -> Result<Vec<LlmSpendRow>, S
         LlmSpendRow,
         r#"SELECT coalesce(run, '') AS "run!: String", at / 86400000 AS "day!: i64",
                   sum(tokens_in + tokens_out) AS "tokens!: i64", sum(cost) AS "cost!: f64"
-           FROM judge_verdicts GROUP BY run, at / 86400000 ORDER BY run"#
+           FROM step_verdicts GROUP BY run, at / 86400000 ORDER BY run"#
     )
     .fetch_all(conn)
     .await?)

@@ -1,8 +1,8 @@
 //! The store: all SQL of the service, in one file for each family of tables.
 //!
 //! Functions take a connection and read or write rows; they make no decisions. Transactions are begun and committed by the writer
-//! (`engine`). Rows are typed: words are enums ([`text_enum`](mod@text_enum)), flags are `bool`, keys are [`keys`]. Table and
-//! column names are older than the names of the types; each file says which tables it reads and writes.
+//! (`engine`). Rows are typed: words are enums ([`text_enum`](mod@text_enum)), flags are `bool`, keys are [`keys`]. Columns have
+//! the names of the fields of their row types; each file says which tables it reads and writes.
 //!
 //! Start reading at [`runs`], [`leases`], [`groups`] and [`episodes`]. [`open`](mod@open) opens a database, [`gc`] deletes what is
 //! not needed any more, and the test `query_plans` keeps statements from reading whole tables.
@@ -53,6 +53,8 @@ pub mod run_policies;
 pub mod run_warnings;
 pub mod runs;
 pub mod scenarios;
+#[cfg(test)]
+mod schema_changes;
 pub mod servable_layouts;
 pub mod step_verdicts;
 #[cfg(test)]

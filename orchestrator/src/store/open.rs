@@ -11,6 +11,7 @@ use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 use super::backup::{back_up, schema_version};
 use super::open_error::{OpenError, is_no_file};
 
+/// Schema of this program.
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
 /// Longest time that a statement waits for another process's lock.
@@ -30,6 +31,14 @@ const AUTOCHECKPOINT_PAGES: &str = "8192";
 /// # Errors
 /// Returns the [`OpenError`] that says what is wrong with the file.
 pub async fn open_writer(path: &Path) -> Result<SqliteConnection, OpenError> {
+    open_writer_with(path, &MIGRATIONS).await
+}
+
+/// Opens the writing connection of a database, and migrates it to the schema of these migrations.
+pub(super) async fn open_writer_with(
+    path: &Path,
+    migrations: &Migrator,
+) -> Result<SqliteConnection, OpenError> {
     let fault = |error: sqlx::Error| OpenError::from_sqlx(path, &error);
     if is_foreign_rollback_database(path).await? {
         return Err(OpenError::Foreign(path.display().to_string()));
@@ -42,7 +51,7 @@ pub async fn open_writer(path: &Path) -> Result<SqliteConnection, OpenError> {
     if is_foreign(&mut connection).await.map_err(fault)? {
         return Err(OpenError::Foreign(path.display().to_string()));
     }
-    migrate(&mut connection, path).await?;
+    migrate(&mut connection, path, migrations).await?;
     // An up-to-date migration writes nothing. Fail now, not at the first result, if the file cannot be written.
     sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await.map_err(fault)?;
     sqlx::query("ROLLBACK").execute(&mut connection).await.map_err(fault)?;
@@ -63,6 +72,14 @@ pub async fn open_readers(path: &Path) -> Result<SqlitePool, OpenError> {
 /// Returns [`OpenError::Older`] or [`OpenError::Newer`] for another schema, [`OpenError::Foreign`] for the database of another
 /// application, or the [`OpenError`] that says why the file cannot be opened.
 pub async fn open_current_readers(path: &Path) -> Result<SqlitePool, OpenError> {
+    open_current_readers_with(path, &MIGRATIONS).await
+}
+
+/// Opens connections that only read, if the database has the schema of these migrations.
+pub(super) async fn open_current_readers_with(
+    path: &Path,
+    migrations: &Migrator,
+) -> Result<SqlitePool, OpenError> {
     let name = path.display().to_string();
     let fault = |error: sqlx::Error| OpenError::from_sqlx(path, &error);
     if is_no_file(path) {
@@ -76,7 +93,7 @@ pub async fn open_current_readers(path: &Path) -> Result<SqlitePool, OpenError> 
     if is_foreign(&mut connection).await.map_err(fault)? {
         return Err(OpenError::Foreign(name));
     }
-    let known = newest_schema();
+    let known = newest_schema(migrations);
     match schema_version(&mut connection).await.map_err(fault)? {
         Some(found) if found > known => Err(OpenError::Newer { path: name, found, known }),
         Some(found) if found < known => Err(OpenError::Older { path: name, found, known }),
@@ -115,10 +132,14 @@ pub async fn vacuum(path: &Path) -> Result<(), OpenError> {
     connection.close().await.map_err(fault)
 }
 
-/// Migrates a database to this program's schema, after a copy of it was made.
-async fn migrate(connection: &mut SqliteConnection, path: &Path) -> Result<(), OpenError> {
+/// Migrates a database to the newest schema, after a copy of it was made.
+async fn migrate(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    migrations: &Migrator,
+) -> Result<(), OpenError> {
     let name = path.display().to_string();
-    let known = newest_schema();
+    let known = newest_schema(migrations);
     let stored = schema_version(connection).await.map_err(|error| OpenError::from_sqlx(path, &error))?;
     if let Some(schema) = stored.filter(|stored| *stored < known) {
         let copy = back_up(connection, path, schema).await.map_err(|reason| OpenError::NoCopy {
@@ -131,16 +152,16 @@ async fn migrate(connection: &mut SqliteConnection, path: &Path) -> Result<(), O
             "The database is migrated to a newer schema; a copy of the old one is kept beside it."
         );
     }
-    MIGRATIONS.run(connection).await.map_err(|error| match error {
+    migrations.run(connection).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) => OpenError::Newer { path: name, found, known },
         MigrateError::Execute(error) => OpenError::from_sqlx(path, &error),
         other => OpenError::Other { path: name, reason: other.to_string() },
     })
 }
 
-/// Newest schema version that this program knows.
-fn newest_schema() -> i64 {
-    MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or(0)
+/// Schema version that these migrations lead to.
+fn newest_schema(migrations: &Migrator) -> i64 {
+    migrations.iter().map(|migration| migration.version).max().unwrap_or(0)
 }
 
 fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {

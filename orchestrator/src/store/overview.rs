@@ -24,8 +24,8 @@ pub struct RunCounts {
 pub async fn counts(conn: &mut SqliteConnection, run: &str) -> Result<RunCounts, StoreError> {
     Ok(sqlx::query_as!(
         RunCounts,
-        r#"SELECT (SELECT coalesce(sum(episodes), 0) FROM task_sums WHERE run = ?1)
-                    + (SELECT coalesce(sum(episodes - audited), 0) FROM claimed_sums WHERE run = ?1) AS "episodes!: i64",
+        r#"SELECT (SELECT coalesce(sum(episodes), 0) FROM task_counters WHERE run = ?1)
+                    + (SELECT coalesce(sum(episodes - audited), 0) FROM claim_counters WHERE run = ?1) AS "episodes!: i64",
                   (SELECT count(*) FROM leases WHERE run = ?1 AND status = 'active') AS "leases!: i64",
                   (SELECT count(*) FROM proposals INDEXED BY proposals_waiting
                    WHERE run = ?1 AND state IN ('proposed', 'prepared') AND state = 'prepared') AS "prepared!: i64",

@@ -1,4 +1,4 @@
-//! Versions of a run's policy: their descriptions, and their results. Tables `policy_versions` and `version_sums`.
+//! Versions of a run's policy: their descriptions, and their results. Tables `policy_versions` and `policy_version_counters`.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +35,7 @@ pub struct VersionResult {
     /// Finished episodes that succeeded.
     pub successes: i64,
     /// Sum of the scores.
-    pub score: f64,
+    pub score_sum: f64,
     /// When the first result arrived.
     pub first_at: Millis,
     /// When the last result arrived.
@@ -59,7 +59,7 @@ pub struct VersionCounters {
     /// Finished episodes that succeeded.
     pub successes: i64,
     /// Sum of the scores.
-    pub score: f64,
+    pub score_sum: f64,
 }
 
 /// Writes the description of a version, over an earlier one.
@@ -112,7 +112,7 @@ pub async fn known(
 ) -> Result<Vec<i64>, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"SELECT version AS "version!: i64" FROM policy_versions WHERE run = ?1 AND version < ?2
-           UNION SELECT version FROM version_sums WHERE run = ?1 AND version < ?2
+           UNION SELECT version FROM policy_version_counters WHERE run = ?1 AND version < ?2
            ORDER BY 1 DESC LIMIT ?3"#,
         run,
         before,
@@ -156,7 +156,7 @@ pub async fn results(
 ) -> Result<Vec<VersionResult>, StoreError> {
     Ok(sqlx::query_as!(
         VersionResult,
-        "SELECT version, task, episodes, successes, score, first_at, last_at FROM version_sums
+        "SELECT version, task, episodes, successes, score_sum, first_at, last_at FROM policy_version_counters
          WHERE run = ? AND version BETWEEN ? AND ? ORDER BY version DESC, task",
         run,
         from,
@@ -179,15 +179,16 @@ pub async fn add(
     let all: Vec<_> = added.iter().collect();
     for rows in all.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
-            "INSERT INTO version_sums (run, version, task, episodes, successes, score, first_at, last_at) ",
+            "INSERT INTO policy_version_counters (run, version, task, episodes, successes, score_sum, first_at, last_at) ",
         );
         statement.push_values(rows, |mut values, (key, counters)| {
             values.push_bind(run).push_bind(key.version).push_bind(&key.task).push_bind(counters.episodes);
-            values.push_bind(counters.successes).push_bind(counters.score).push_bind(now).push_bind(now);
+            values.push_bind(counters.successes).push_bind(counters.score_sum).push_bind(now).push_bind(now);
         });
         statement.push(
             " ON CONFLICT (run, version, task) DO UPDATE SET episodes = episodes + excluded.episodes,
-                  successes = successes + excluded.successes, score = score + excluded.score, last_at = excluded.last_at",
+                  successes = successes + excluded.successes, score_sum = score_sum + excluded.score_sum,
+                  last_at = excluded.last_at",
         );
         statement.build().execute(&mut *conn).await?;
     }
@@ -197,7 +198,7 @@ pub async fn add(
         return Ok(());
     }
     query!(
-        "DELETE FROM version_sums WHERE run = ?1 AND version < ?2
+        "DELETE FROM policy_version_counters WHERE run = ?1 AND version < ?2
          AND version NOT IN (SELECT version FROM policy_versions WHERE run = ?1)",
         run,
         before

@@ -1,5 +1,5 @@
 //! Success over time, from groups that were evidence: groups that are stored whole, and spans of compacted ones. Tables `groups`
-//! and `folded_progress`.
+//! and `compacted_progress`.
 
 use std::collections::BTreeMap;
 
@@ -14,13 +14,13 @@ pub struct ProgressSpan {
     /// When the last group closed.
     pub at: Millis,
     /// Lowest level that occurred.
-    pub low: Option<i64>,
+    pub lowest_level: Option<i64>,
     /// Highest level that occurred.
-    pub high: Option<i64>,
+    pub highest_level: Option<i64>,
     /// Number of its groups.
-    pub n: i64,
+    pub groups: i64,
     /// Sum of their success rates.
-    pub sum: f64,
+    pub success_rate_sum: f64,
 }
 
 impl ProgressSpan {
@@ -29,10 +29,10 @@ impl ProgressSpan {
         let lowest = |a: Option<i64>, b: Option<i64>| a.into_iter().chain(b).min();
         *self = Self {
             at: self.at.max(later.at),
-            low: lowest(self.low, later.low),
-            high: self.high.max(later.high),
-            n: self.n + later.n,
-            sum: self.sum + later.sum,
+            lowest_level: lowest(self.lowest_level, later.lowest_level),
+            highest_level: self.highest_level.max(later.highest_level),
+            groups: self.groups + later.groups,
+            success_rate_sum: self.success_rate_sum + later.success_rate_sum,
         };
     }
 }
@@ -72,11 +72,11 @@ fn thin(spans: Vec<ProgressSpan>, limit: usize) -> Vec<ProgressSpan> {
     if spans.len() <= limit {
         return spans;
     }
-    let all: i64 = spans.iter().map(|span| span.n).sum();
+    let all: i64 = spans.iter().map(|span| span.groups).sum();
     let enough = all as f64 / limit as f64;
     let mut thinned = Vec::<ProgressSpan>::with_capacity(limit);
     for span in spans {
-        match thinned.last_mut().filter(|last| (last.n as f64) < enough) {
+        match thinned.last_mut().filter(|last| (last.groups as f64) < enough) {
             Some(last) => last.join(&span),
             None => thinned.push(span),
         }
@@ -88,16 +88,16 @@ fn thin(spans: Vec<ProgressSpan>, limit: usize) -> Vec<ProgressSpan> {
 struct SpanRow {
     task: String,
     at: Millis,
-    low: Option<i64>,
-    high: Option<i64>,
-    n: i64,
-    sum: f64,
+    lowest_level: Option<i64>,
+    highest_level: Option<i64>,
+    groups: i64,
+    success_rate_sum: f64,
 }
 
 impl From<SpanRow> for TaskSpan {
     fn from(row: SpanRow) -> Self {
-        let SpanRow { task, at, low, high, n, sum } = row;
-        Self { task, span: ProgressSpan { at, low, high, n, sum } }
+        let SpanRow { task, at, lowest_level, highest_level, groups, success_rate_sum } = row;
+        Self { task, span: ProgressSpan { at, lowest_level, highest_level, groups, success_rate_sum } }
     }
 }
 
@@ -106,13 +106,14 @@ async fn whole(conn: &mut SqliteConnection, run: &str, parts: usize) -> Result<V
     let parts = parts as i64;
     let rows = sqlx::query_as!(
         SpanRow,
-        r#"SELECT task AS "task!", max(closed_at) AS "at!: i64", min(level) AS "low: i64", max(level) AS "high: i64",
-                  count(*) AS "n!: i64", sum(1.0 * successes / finished) AS "sum!: f64"
+        r#"SELECT task AS "task!", max(closed_at) AS "at!: i64", min(level) AS "lowest_level: i64",
+                  max(level) AS "highest_level: i64", count(*) AS "groups!: i64",
+                  sum(1.0 * successes / finished) AS "success_rate_sum!: f64"
            FROM (
                SELECT g.task, g.level, g.closed_at, g.successes, g.finished,
                       ntile(?2) OVER (PARTITION BY g.task ORDER BY g.closed_at, g.lease, g.number) AS part
                FROM leases l JOIN groups g ON g.lease = l.id
-               WHERE l.run = ?1 AND l.folded = 0 AND g.contested = 1 AND g.evidence = 1 AND g.finished > 0
+               WHERE l.run = ?1 AND l.is_compacted = 0 AND g.is_contested = 1 AND g.is_evidence = 1 AND g.finished > 0
                      AND g.state IN ('complete', 'partial')
                      AND (g.proposal IS NOT NULL OR g.layout IS NOT NULL)
            )
@@ -129,8 +130,8 @@ async fn whole(conn: &mut SqliteConnection, run: &str, parts: usize) -> Result<V
 async fn compacted(conn: &mut SqliteConnection, run: &str) -> Result<Vec<TaskSpan>, StoreError> {
     let rows = sqlx::query_as!(
         SpanRow,
-        r#"SELECT task, at, low, high, n, success AS "sum: f64" FROM folded_progress
-           WHERE run = ? ORDER BY task, nth"#,
+        "SELECT task, at, lowest_level, highest_level, groups, success_rate_sum FROM compacted_progress
+         WHERE run = ? ORDER BY task, seq",
         run
     )
     .fetch_all(conn)
@@ -154,36 +155,45 @@ pub async fn add_compacted(
     span: &ProgressSpan,
 ) -> Result<(), StoreError> {
     let last = query!(
-        r#"SELECT nth, at, low, high, n, success AS "sum: f64",
-                  (SELECT sum(n) FROM folded_progress WHERE run = ?1 AND task = ?2) AS "all!: i64"
-           FROM folded_progress WHERE run = ?1 AND task = ?2 ORDER BY nth DESC LIMIT 1"#,
+        r#"SELECT seq, at, lowest_level, highest_level, groups, success_rate_sum,
+                  (SELECT sum(groups) FROM compacted_progress WHERE run = ?1 AND task = ?2) AS "all_groups!: i64"
+           FROM compacted_progress WHERE run = ?1 AND task = ?2 ORDER BY seq DESC LIMIT 1"#,
         run,
         task
     )
     .fetch_optional(&mut *conn)
     .await?;
-    let (nth, span) = match last {
+    let (seq, span) = match last {
         None => (0, span.clone()),
-        Some(last) if last.n >= MIN_SPAN_GROUPS.max(last.all / SPAN_FRACTION) => (last.nth + 1, span.clone()),
+        Some(last) if last.groups >= MIN_SPAN_GROUPS.max(last.all_groups / SPAN_FRACTION) => {
+            (last.seq + 1, span.clone())
+        }
         Some(last) => {
-            let mut joined =
-                ProgressSpan { at: last.at, low: last.low, high: last.high, n: last.n, sum: last.sum };
+            let mut joined = ProgressSpan {
+                at: last.at,
+                lowest_level: last.lowest_level,
+                highest_level: last.highest_level,
+                groups: last.groups,
+                success_rate_sum: last.success_rate_sum,
+            };
             joined.join(span);
-            (last.nth, joined)
+            (last.seq, joined)
         }
     };
     query!(
-        "INSERT INTO folded_progress (run, task, nth, at, low, high, n, success) VALUES (?, ?, ?, ?, ?, ?, ?, ?)
-         ON CONFLICT (run, task, nth) DO UPDATE SET at = excluded.at, low = excluded.low, high = excluded.high,
-             n = excluded.n, success = excluded.success",
+        "INSERT INTO compacted_progress (run, task, seq, at, lowest_level, highest_level, groups, success_rate_sum)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?)
+         ON CONFLICT (run, task, seq) DO UPDATE SET at = excluded.at, lowest_level = excluded.lowest_level,
+             highest_level = excluded.highest_level, groups = excluded.groups,
+             success_rate_sum = excluded.success_rate_sum",
         run,
         task,
-        nth,
+        seq,
         span.at,
-        span.low,
-        span.high,
-        span.n,
-        span.sum
+        span.lowest_level,
+        span.highest_level,
+        span.groups,
+        span.success_rate_sum
     )
     .execute(conn)
     .await?;
@@ -196,12 +206,21 @@ mod tests {
 
     #[test]
     fn thinning_keeps_order_and_totals() {
-        let span = |at: i64| ProgressSpan { at, low: Some(at), high: Some(at), n: 1 + at % 7, sum: 0.5 };
+        let span = |at: i64| ProgressSpan {
+            at,
+            lowest_level: Some(at),
+            highest_level: Some(at),
+            groups: 1 + at % 7,
+            success_rate_sum: 0.5,
+        };
         for count in [0, 1, 100, 101, 1000] {
             let all: Vec<_> = (0..count).map(span).collect();
             let thinned = thin(all.clone(), 100);
             assert!(thinned.len() <= 100, "{}", thinned.len());
-            assert_eq!(thinned.iter().map(|s| s.n).sum::<i64>(), all.iter().map(|s| s.n).sum::<i64>());
+            assert_eq!(
+                thinned.iter().map(|s| s.groups).sum::<i64>(),
+                all.iter().map(|s| s.groups).sum::<i64>()
+            );
             assert!(thinned.is_sorted_by_key(|s| s.at));
             assert_eq!(thinned.last().map(|s| s.at), all.last().map(|s| s.at));
         }

@@ -139,7 +139,7 @@ pub async fn scenario_of(
     seq: i64,
 ) -> Result<Option<ProposalScenario>, StoreError> {
     let row = query!(
-        r#"SELECT scenario, contested AS "is_contested: bool" FROM proposals WHERE run = ? AND seq = ?"#,
+        r#"SELECT scenario, is_contested AS "is_contested: bool" FROM proposals WHERE run = ? AND seq = ?"#,
         run,
         seq
     )
@@ -177,8 +177,8 @@ pub async fn set_prepared(
         let mut statements = QueryBuilder::new("");
         for row in rows {
             statements.push("UPDATE proposals SET state = 'prepared', scenario = ");
-            statements.push_bind(row.scenario.to_vec()).push(", contested = ").push_bind(row.is_contested);
-            statements.push(", planted = ").push_bind(row.is_planted);
+            statements.push_bind(row.scenario.to_vec()).push(", is_contested = ").push_bind(row.is_contested);
+            statements.push(", is_planted = ").push_bind(row.is_planted);
             statements.push(" WHERE run = ").push_bind(row.run);
             statements.push(" AND seq = ").push_bind(row.seq).push(" AND state = 'proposed'; ");
         }
@@ -214,7 +214,7 @@ pub async fn head(
 ) -> Result<Vec<QueuedProposal>, StoreError> {
     Ok(sqlx::query_as!(
         QueuedProposal,
-        r#"SELECT seq, body, scenario, contested AS "is_contested: bool" FROM proposals INDEXED BY proposals_waiting
+        r#"SELECT seq, body, scenario, is_contested AS "is_contested: bool" FROM proposals INDEXED BY proposals_waiting
            WHERE run = ? AND state IN ('proposed', 'prepared') ORDER BY seq LIMIT ?"#,
         run,
         limit

@@ -1,4 +1,4 @@
-//! Refills: groups that leases are owed in place of groups whose episodes all have the same score. Table `leases`.
+//! Refills: groups that leases are given in place of groups whose episodes all have the same score. Table `leases`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -9,18 +9,19 @@ use super::StoreError;
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn allow(conn: &mut SqliteConnection, lease: i64, limit: i64) -> Result<(), StoreError> {
-    query!("UPDATE leases SET refills = ? WHERE id = ?", limit, lease).execute(conn).await?;
+    query!("UPDATE leases SET remaining_refills = ? WHERE id = ?", limit, lease).execute(conn).await?;
     Ok(())
 }
 
-/// Owes `groups` more groups to an active lease, up to its limit.
+/// Adds up to `groups` pending refills to an active lease, within its limit.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn owe(conn: &mut SqliteConnection, lease: i64, groups: i64) -> Result<(), StoreError> {
+pub async fn add_pending(conn: &mut SqliteConnection, lease: i64, groups: i64) -> Result<(), StoreError> {
     query!(
-        "UPDATE leases SET owed = owed + min(refills, ?1), refills = refills - min(refills, ?1)
-         WHERE id = ?2 AND status = 'active' AND refills > 0",
+        "UPDATE leases SET pending_refills = pending_refills + min(remaining_refills, ?1),
+                           remaining_refills = remaining_refills - min(remaining_refills, ?1)
+         WHERE id = ?2 AND status = 'active' AND remaining_refills > 0",
         groups,
         lease
     )
@@ -29,24 +30,24 @@ pub async fn owe(conn: &mut SqliteConnection, lease: i64, groups: i64) -> Result
     Ok(())
 }
 
-/// A lease that is owed groups.
+/// Pending refills of a lease.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OwedRefill {
+pub struct PendingRefill {
     /// Number of the lease.
     pub lease: i64,
-    /// Groups that it is owed.
+    /// Number of groups that it is to be given.
     pub groups: i64,
 }
 
-/// Reads the active leases of a run that are owed groups, oldest first.
+/// Reads the active leases of a run with pending refills, oldest first.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
-pub async fn owed(conn: &mut SqliteConnection, run: &str) -> Result<Vec<OwedRefill>, StoreError> {
+pub async fn pending(conn: &mut SqliteConnection, run: &str) -> Result<Vec<PendingRefill>, StoreError> {
     Ok(sqlx::query_as!(
-        OwedRefill,
-        "SELECT id AS lease, owed AS groups FROM leases INDEXED BY leases_owed
-         WHERE run = ? AND owed > 0 AND status = 'active' ORDER BY id",
+        PendingRefill,
+        "SELECT id AS lease, pending_refills AS groups FROM leases INDEXED BY leases_pending_refills
+         WHERE run = ? AND pending_refills > 0 AND status = 'active' ORDER BY id",
         run
     )
     .fetch_all(conn)
@@ -57,9 +58,9 @@ pub async fn owed(conn: &mut SqliteConnection, run: &str) -> Result<Vec<OwedRefi
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn add_given(conn: &mut SqliteConnection, given: OwedRefill) -> Result<(), StoreError> {
+pub async fn add_given(conn: &mut SqliteConnection, given: PendingRefill) -> Result<(), StoreError> {
     query!(
-        "UPDATE leases SET owed = owed - ?1, groups = groups + ?1 WHERE id = ?2",
+        "UPDATE leases SET pending_refills = pending_refills - ?1, groups = groups + ?1 WHERE id = ?2",
         given.groups,
         given.lease
     )

@@ -29,11 +29,11 @@ pub async fn retained(conn: &mut SqliteConnection) -> Result<Vec<RetainedEpisode
     Ok(sqlx::query_as!(
         RetainedEpisodes,
         r#"SELECT r.id AS run, r.settings,
-                  coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_fold
-                            WHERE run = r.id AND form = 'groups' AND folded = 0 AND status <> 'active'
+                  coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_compact
+                            WHERE run = r.id AND form = 'groups' AND is_compacted = 0 AND status <> 'active'
                                   AND purpose <> 'eval'), 0) AS "episodes!: i64",
-                  coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_fold
-                            WHERE run = r.id AND form = 'columns' AND folded = 0 AND status <> 'active'
+                  coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_compact
+                            WHERE run = r.id AND form = 'columns' AND is_compacted = 0 AND status <> 'active'
                                   AND purpose <> 'eval'), 0) AS "claimed!: i64"
            FROM runs r"#
     )
@@ -53,8 +53,8 @@ pub async fn oldest_closed(
     limit: i64,
 ) -> Result<Vec<LeaseRow>, StoreError> {
     Ok(query_leases!(
-        "INDEXED BY leases_to_fold
-         WHERE run = ?1 AND form = ?2 AND folded = 0 AND status <> 'active' AND purpose <> 'eval'
+        "INDEXED BY leases_to_compact
+         WHERE run = ?1 AND form = ?2 AND is_compacted = 0 AND status <> 'active' AND purpose <> 'eval'
                AND NOT EXISTS (SELECT 1 FROM critique_queue q WHERE q.lease = leases.id)
                AND NOT EXISTS (SELECT 1 FROM trajectory_groups t WHERE t.lease = leases.id)
                AND id < (SELECT max(id) FROM leases)
@@ -78,7 +78,7 @@ pub async fn partly_compacted(
     limit: i64,
 ) -> Result<Vec<LeaseRow>, StoreError> {
     Ok(query_leases!(
-        "INDEXED BY leases_folded WHERE run = ?1 AND folded = 1 AND id > ?2
+        "INDEXED BY leases_compacted WHERE run = ?1 AND is_compacted = 1 AND id > ?2
                AND NOT EXISTS (SELECT 1 FROM critique_queue q WHERE q.lease = leases.id)
          ORDER BY id LIMIT ?3",
         run,

@@ -1,5 +1,5 @@
 //! Policies that the server's workers roll out for runs: settings, totals, and the leases that workers hold. Tables
-//! `run_policies`, `rollout_spent` and `rollout_leases`.
+//! `run_policies`, `rollout_spend` and `rollout_leases`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -64,9 +64,9 @@ pub struct RunPolicyRow {
     /// Episodes that the infrastructure lost.
     pub failed: i64,
     /// The latest problem, in a sentence.
-    pub trouble: Option<String>,
+    pub error: Option<String>,
     /// When the latest problem occurred.
-    pub trouble_at: Option<Millis>,
+    pub error_at: Option<Millis>,
     /// When the policy was set.
     pub changed_at: Millis,
 }
@@ -98,7 +98,7 @@ pub struct TokenCounts {
 pub async fn get(conn: &mut SqliteConnection, run: &str) -> Result<Option<RunPolicyRow>, StoreError> {
     Ok(sqlx::query_as!(
         RunPolicyRow,
-        "SELECT run, policy, version, settings, groups, episodes, failed, trouble, trouble_at, changed_at
+        "SELECT run, policy, version, settings, groups, episodes, failed, error, error_at, changed_at
          FROM run_policies WHERE run = ?",
         run
     )
@@ -113,8 +113,7 @@ pub async fn get(conn: &mut SqliteConnection, run: &str) -> Result<Option<RunPol
 pub async fn active(conn: &mut SqliteConnection) -> Result<Vec<RunPolicyRow>, StoreError> {
     Ok(sqlx::query_as!(
         RunPolicyRow,
-        "SELECT p.run, p.policy, p.version, p.settings, p.groups, p.episodes, p.failed, p.trouble, p.trouble_at,
-                p.changed_at
+        "SELECT p.run, p.policy, p.version, p.settings, p.groups, p.episodes, p.failed, p.error, p.error_at, p.changed_at
          FROM run_policies AS p JOIN runs AS r ON r.id = p.run
          WHERE p.policy <> 'off' AND r.status = 'active' ORDER BY p.run"
     )
@@ -175,13 +174,13 @@ pub async fn add_rollouts(
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn set_trouble(
+pub async fn set_error(
     conn: &mut SqliteConnection,
     run: &str,
-    words: &str,
+    error: &str,
     now: Millis,
 ) -> Result<(), StoreError> {
-    query!("UPDATE run_policies SET trouble = ?, trouble_at = ? WHERE run = ?", words, now, run)
+    query!("UPDATE run_policies SET error = ?, error_at = ? WHERE run = ?", error, now, run)
         .execute(conn)
         .await?;
     Ok(())
@@ -199,7 +198,7 @@ pub async fn add_spend(
     cost: f64,
 ) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO rollout_spent (run, day, tokens_in, tokens_out, cost) VALUES (?, ?, ?, ?, ?)
+        "INSERT INTO rollout_spend (run, day, tokens_in, tokens_out, cost) VALUES (?, ?, ?, ?, ?)
          ON CONFLICT (run, day) DO UPDATE SET tokens_in = tokens_in + excluded.tokens_in,
                                               tokens_out = tokens_out + excluded.tokens_out,
                                               cost = cost + excluded.cost",
@@ -222,7 +221,7 @@ pub async fn tokens(conn: &mut SqliteConnection, run: &str) -> Result<TokenCount
     Ok(sqlx::query_as!(
         TokenCounts,
         r#"SELECT coalesce(sum(tokens_in), 0) AS "tokens_in!: i64", coalesce(sum(tokens_out), 0) AS "tokens_out!: i64"
-           FROM rollout_spent WHERE run = ?"#,
+           FROM rollout_spend WHERE run = ?"#,
         run
     )
     .fetch_one(conn)

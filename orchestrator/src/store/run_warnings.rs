@@ -1,4 +1,4 @@
-//! Warnings that a user should see before trusting a run. Table `run_marks`.
+//! Warnings that a user should see before trusting a run. Table `run_warnings`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -25,10 +25,10 @@ pub struct NewWarning<'a> {
     /// Number of the lease that the warning is about.
     pub lease: Option<i64>,
     /// The warning in a sentence.
-    pub words: &'a str,
+    pub message: &'a str,
 }
 
-/// Row of the `run_marks` table, with the token of its lease.
+/// Row of the `run_warnings` table, with the token of its lease.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunWarningRow {
     /// Reason of the warning.
@@ -38,7 +38,7 @@ pub struct RunWarningRow {
     /// Token of that lease.
     pub token: Option<String>,
     /// The warning in a sentence.
-    pub words: String,
+    pub message: String,
     /// When the warning was stored.
     pub at: Millis,
 }
@@ -62,11 +62,11 @@ pub async fn insert(
     at: Millis,
 ) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO run_marks (run, kind, lease, words, at) VALUES (?, ?, ?, ?, ?)",
+        "INSERT INTO run_warnings (run, kind, lease, message, at) VALUES (?, ?, ?, ?, ?)",
         warning.run,
         warning.kind,
         warning.lease,
-        warning.words,
+        warning.message,
         at
     )
     .execute(conn)
@@ -79,13 +79,13 @@ pub async fn insert(
 /// # Errors
 /// Returns [`StoreError::Database`] if a query fails.
 pub async fn newest(conn: &mut SqliteConnection, run: &str, limit: i64) -> Result<RunWarnings, StoreError> {
-    let count = sqlx::query_scalar!(r#"SELECT count(*) AS "n!: i64" FROM run_marks WHERE run = ?"#, run)
+    let count = sqlx::query_scalar!(r#"SELECT count(*) AS "n!: i64" FROM run_warnings WHERE run = ?"#, run)
         .fetch_one(&mut *conn)
         .await?;
     let newest = sqlx::query_as!(
         RunWarningRow,
-        r#"SELECT m.kind AS "kind: WarningKind", m.lease, l.token AS "token?", m.words, m.at
-           FROM run_marks m LEFT JOIN leases l ON l.id = m.lease WHERE m.run = ? ORDER BY m.id DESC LIMIT ?"#,
+        r#"SELECT w.kind AS "kind: WarningKind", w.lease, l.token AS "token?", w.message, w.at
+           FROM run_warnings w LEFT JOIN leases l ON l.id = w.lease WHERE w.run = ? ORDER BY w.id DESC LIMIT ?"#,
         run,
         limit
     )

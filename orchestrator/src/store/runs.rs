@@ -49,7 +49,7 @@ pub struct RunCursor<'a> {
 #[derive(Debug, Clone)]
 pub struct SettingsRow {
     /// Number of the change, from 0.
-    pub nth: i64,
+    pub revision: i64,
     /// When the settings came into force.
     pub at: Millis,
     /// The settings as JSON.
@@ -170,9 +170,9 @@ async fn append_settings(
     now: Millis,
 ) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO run_settings (run, nth, at, settings)
-         SELECT ?1, coalesce(max(nth), -1) + 1, ?2, ?3 FROM run_settings WHERE run = ?1
-         HAVING ?3 IS NOT (SELECT settings FROM run_settings WHERE run = ?1 ORDER BY nth DESC LIMIT 1)",
+        "INSERT INTO run_settings (run, revision, at, settings)
+         SELECT ?1, coalesce(max(revision), -1) + 1, ?2, ?3 FROM run_settings WHERE run = ?1
+         HAVING ?3 IS NOT (SELECT settings FROM run_settings WHERE run = ?1 ORDER BY revision DESC LIMIT 1)",
         id,
         now,
         settings
@@ -194,7 +194,7 @@ pub async fn settings_history(
 ) -> Result<Vec<SettingsRow>, StoreError> {
     Ok(sqlx::query_as!(
         SettingsRow,
-        "SELECT nth, at, settings FROM run_settings WHERE run = ? AND nth < ? ORDER BY nth DESC LIMIT ?",
+        "SELECT revision, at, settings FROM run_settings WHERE run = ? AND revision < ? ORDER BY revision DESC LIMIT ?",
         id,
         before,
         limit
@@ -207,8 +207,8 @@ pub async fn settings_history(
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
-pub async fn first_curriculum(conn: &mut SqliteConnection, id: &str) -> Result<Option<String>, StoreError> {
-    let first = sqlx::query_scalar!("SELECT first_curriculum FROM runs WHERE id = ?", id);
+pub async fn initial_curriculum(conn: &mut SqliteConnection, id: &str) -> Result<Option<String>, StoreError> {
+    let first = sqlx::query_scalar!("SELECT initial_curriculum FROM runs WHERE id = ?", id);
     Ok(first.fetch_optional(conn).await?.flatten())
 }
 
@@ -216,14 +216,18 @@ pub async fn first_curriculum(conn: &mut SqliteConnection, id: &str) -> Result<O
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn keep_first_curriculum(
+pub async fn keep_initial_curriculum(
     conn: &mut SqliteConnection,
     id: &str,
     settings: &str,
 ) -> Result<(), StoreError> {
-    query!("UPDATE runs SET first_curriculum = ? WHERE id = ? AND first_curriculum IS NULL", settings, id)
-        .execute(conn)
-        .await?;
+    query!(
+        "UPDATE runs SET initial_curriculum = ? WHERE id = ? AND initial_curriculum IS NULL",
+        settings,
+        id
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }
 

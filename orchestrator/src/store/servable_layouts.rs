@@ -21,7 +21,7 @@ pub struct ServableLayout {
     /// Id of the scenario.
     pub scenario: Vec<u8>,
     /// Training groups that the run had leased when the layout was made.
-    pub train_groups_at: i64,
+    pub training_groups_at_creation: i64,
     /// Number of leased groups.
     pub groups: i64,
 }
@@ -31,7 +31,8 @@ macro_rules! query_servable {
     ($condition:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             ServableLayout,
-            r#"SELECT id, task, level, claim AS "claim!: LayoutClaim", scenario AS "scenario!", train_groups_at, groups
+            r#"SELECT id, task, level, claim AS "claim!: LayoutClaim", scenario AS "scenario!",
+                      training_groups_at_creation, groups
                FROM layouts WHERE "# + $condition,
             $($argument),+
         )
@@ -59,7 +60,7 @@ pub async fn retired(conn: &mut SqliteConnection, run: &str) -> Result<Vec<Level
     Ok(sqlx::query_as!(
         LevelCount,
         r#"SELECT task AS "task!", level AS "level: i64", count(*) AS "count!: i64" FROM layouts
-           WHERE run = ? AND state = 'retired' AND why IN ('mastered', 'hopeless')
+           WHERE run = ? AND state = 'retired' AND retirement_reason IN ('mastered', 'hopeless')
            GROUP BY task, level ORDER BY task, level"#,
         run
     )
@@ -79,7 +80,7 @@ pub async fn nth_retired(
     nth: i64,
 ) -> Result<Option<ServableLayout>, StoreError> {
     Ok(query_servable!(
-        "run = ? AND state = 'retired' AND why IN ('mastered', 'hopeless') AND task = ? AND level IS ?
+        "run = ? AND state = 'retired' AND retirement_reason IN ('mastered', 'hopeless') AND task = ? AND level IS ?
          ORDER BY id LIMIT 1 OFFSET ?",
         run,
         task,

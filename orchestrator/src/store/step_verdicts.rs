@@ -1,11 +1,11 @@
-//! Verdicts of a language model on single steps, beside those of the world's rules. Table `judge_verdicts`.
+//! Verdicts of a language model on single steps, beside those of the world's rules. Table `step_verdicts`.
 
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 use crate::clock::Millis;
 
-/// Row of the `judge_verdicts` table.
+/// Row of the `step_verdicts` table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepVerdictRow {
     /// Id of the run; none if the session does not belong to one.
@@ -21,7 +21,7 @@ pub struct StepVerdictRow {
     /// Name of the model.
     pub model: String,
     /// Version of the model's prompt.
-    pub prompt: String,
+    pub prompt_version: String,
     /// The model's score, −1 to 1; none if the model gave none.
     pub score: Option<f64>,
     /// Explanation that the model gave.
@@ -33,7 +33,7 @@ pub struct StepVerdictRow {
     /// Case of the rules that applied.
     pub rule_case: Option<String>,
     /// True if the same question was asked before.
-    pub cached: bool,
+    pub is_cached: bool,
     /// Number of prompt tokens.
     pub tokens_in: i64,
     /// Number of completion tokens.
@@ -50,8 +50,8 @@ pub struct StepVerdictRow {
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn insert(conn: &mut SqliteConnection, row: &StepVerdictRow, at: Millis) -> Result<(), StoreError> {
     query!(
-        "INSERT INTO judge_verdicts (at, run, episode, scenario, task, step, model, prompt, score, reasoning, error,
-                                     rule_score, rule_case, cached, tokens_in, tokens_out, cost, latency_ms)
+        "INSERT INTO step_verdicts (at, run, episode, scenario, task, step, model, prompt_version, score, reasoning,
+                                    error, rule_score, rule_case, is_cached, tokens_in, tokens_out, cost, latency_ms)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         at,
         row.run,
@@ -60,13 +60,13 @@ pub async fn insert(conn: &mut SqliteConnection, row: &StepVerdictRow, at: Milli
         row.task,
         row.step,
         row.model,
-        row.prompt,
+        row.prompt_version,
         row.score,
         row.reasoning,
         row.error,
         row.rule_score,
         row.rule_case,
-        row.cached,
+        row.is_cached,
         row.tokens_in,
         row.tokens_out,
         row.cost,
@@ -75,17 +75,6 @@ pub async fn insert(conn: &mut SqliteConnection, row: &StepVerdictRow, at: Milli
     .execute(conn)
     .await?;
     Ok(())
-}
-
-/// Returns true if the database has the table of verdicts.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn has_table(conn: &mut SqliteConnection) -> Result<bool, StoreError> {
-    let found = sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM sqlite_schema WHERE type = 'table' AND name = 'judge_verdicts'"#
-    );
-    Ok(found.fetch_one(conn).await? > 0)
 }
 
 /// Scores of a step by the model and by the rules.
@@ -112,7 +101,7 @@ pub struct StepScores {
 pub async fn scores(conn: &mut SqliteConnection, run: Option<&str>) -> Result<Vec<StepScores>, StoreError> {
     Ok(sqlx::query_as!(
         StepScores,
-        r#"SELECT task, model, score, rule_score, rule_case, error FROM judge_verdicts
+        r#"SELECT task, model, score, rule_score, rule_case, error FROM step_verdicts
            WHERE ?1 IS NULL OR run = ?1 ORDER BY id"#,
         run
     )

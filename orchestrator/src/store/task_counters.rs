@@ -1,4 +1,4 @@
-//! Counters of all episodes, by run, task and level; those of designed groups are apart. Table `task_sums`.
+//! Counters of all episodes, by run, task and level; those of designed groups are apart. Table `task_counters`.
 
 use std::collections::BTreeMap;
 
@@ -19,11 +19,11 @@ pub struct TaskCounters {
     /// Episodes whose lease ended before they were reported.
     pub expired: i64,
     /// Sum of the scores.
-    pub score: f64,
+    pub score_sum: f64,
     /// Finished episodes that have a skill.
-    pub skilled: i64,
+    pub episodes_with_skill: i64,
     /// Sum of the skills.
-    pub skill: f64,
+    pub skill_sum: f64,
 }
 
 impl TaskCounters {
@@ -33,9 +33,9 @@ impl TaskCounters {
         self.successes += other.successes;
         self.failed += other.failed;
         self.expired += other.expired;
-        self.score += other.score;
-        self.skilled += other.skilled;
-        self.skill += other.skill;
+        self.score_sum += other.score_sum;
+        self.episodes_with_skill += other.episodes_with_skill;
+        self.skill_sum += other.skill_sum;
     }
 }
 
@@ -70,20 +70,22 @@ pub async fn add(
     let all: Vec<_> = all.iter().collect();
     for rows in all.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
-            "INSERT INTO task_sums (run, task, level, designed, episodes, successes, failed, expired, score, skilled,
-                                    skill) ",
+            "INSERT INTO task_counters (run, task, level, is_designed, episodes, successes, failed, expired, score_sum,
+                                        episodes_with_skill, skill_sum) ",
         );
         statement.push_values(rows, |mut values, (key, counters)| {
             values.push_bind(run).push_bind(&key.task).push_bind(key.level.unwrap_or(-1));
             values.push_bind(key.is_designed).push_bind(counters.episodes).push_bind(counters.successes);
-            values.push_bind(counters.failed).push_bind(counters.expired).push_bind(counters.score);
-            values.push_bind(counters.skilled).push_bind(counters.skill);
+            values.push_bind(counters.failed).push_bind(counters.expired).push_bind(counters.score_sum);
+            values.push_bind(counters.episodes_with_skill).push_bind(counters.skill_sum);
         });
         statement.push(
-            " ON CONFLICT (run, task, level, designed) DO UPDATE SET
+            " ON CONFLICT (run, task, level, is_designed) DO UPDATE SET
              episodes = episodes + excluded.episodes, successes = successes + excluded.successes,
              failed = failed + excluded.failed, expired = expired + excluded.expired,
-             score = score + excluded.score, skilled = skilled + excluded.skilled, skill = skill + excluded.skill",
+             score_sum = score_sum + excluded.score_sum,
+             episodes_with_skill = episodes_with_skill + excluded.episodes_with_skill,
+             skill_sum = skill_sum + excluded.skill_sum",
         );
         statement.build().execute(&mut *conn).await?;
     }
@@ -100,8 +102,8 @@ pub async fn of_run(
     are_designed: bool,
 ) -> Result<BTreeMap<String, TaskCounters>, StoreError> {
     let rows = query!(
-        "SELECT task, episodes, successes, failed, expired, score, skilled, skill FROM task_sums
-         WHERE run = ? AND designed = ? ORDER BY task, level",
+        "SELECT task, episodes, successes, failed, expired, score_sum, episodes_with_skill, skill_sum FROM task_counters
+         WHERE run = ? AND is_designed = ? ORDER BY task, level",
         run,
         are_designed
     )
@@ -114,9 +116,9 @@ pub async fn of_run(
             successes: r.successes,
             failed: r.failed,
             expired: r.expired,
-            score: r.score,
-            skilled: r.skilled,
-            skill: r.skill,
+            score_sum: r.score_sum,
+            episodes_with_skill: r.episodes_with_skill,
+            skill_sum: r.skill_sum,
         });
     }
     Ok(by_task)

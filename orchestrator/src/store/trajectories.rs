@@ -93,7 +93,7 @@ pub async fn deliverable(
     Ok(sqlx::query_as!(
         FeedGroup,
         "SELECT id, deliveries, bytes FROM trajectory_groups
-         WHERE run = ? AND state <> 'acked' AND visible_at <= ? ORDER BY id LIMIT ?",
+         WHERE run = ? AND state <> 'acknowledged' AND visible_at <= ? ORDER BY id LIMIT ?",
         run,
         now,
         limit
@@ -111,7 +111,7 @@ pub async fn next_deliverable_at(
     run: &str,
 ) -> Result<Option<Millis>, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT min(visible_at) AS "at: i64" FROM trajectory_groups WHERE run = ? AND state <> 'acked'"#,
+        r#"SELECT min(visible_at) AS "at: i64" FROM trajectory_groups WHERE run = ? AND state <> 'acknowledged'"#,
         run
     )
     .fetch_one(conn)
@@ -173,9 +173,10 @@ pub async fn body(conn: &mut SqliteConnection, id: i64) -> Result<Option<Vec<u8>
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn ack(conn: &mut SqliteConnection, run: &str, id: i64) -> Result<bool, StoreError> {
-    let done = query!("UPDATE trajectory_groups SET state = 'acked' WHERE id = ? AND run = ?", id, run)
-        .execute(conn)
-        .await?;
+    let done =
+        query!("UPDATE trajectory_groups SET state = 'acknowledged' WHERE id = ? AND run = ?", id, run)
+            .execute(conn)
+            .await?;
     Ok(done.rows_affected() == 1)
 }
 
@@ -188,7 +189,7 @@ pub async fn trim_acked(conn: &mut SqliteConnection, run: &str, limit: AckedLimi
         "DELETE FROM trajectory_groups WHERE id IN (
              SELECT id FROM (
                  SELECT id, row_number() OVER newest AS place, sum(length(body)) OVER newest AS total
-                 FROM trajectory_groups WHERE run = ? AND state = 'acked' WINDOW newest AS (ORDER BY id DESC)
+                 FROM trajectory_groups WHERE run = ? AND state = 'acknowledged' WINDOW newest AS (ORDER BY id DESC)
              ) WHERE place > ? OR total > ?
          )",
         run,
@@ -207,10 +208,10 @@ pub async fn trim_acked(conn: &mut SqliteConnection, run: &str, limit: AckedLimi
 pub async fn counts(conn: &mut SqliteConnection, run: &str, now: Millis) -> Result<FeedCounts, StoreError> {
     Ok(sqlx::query_as!(
         FeedCounts,
-        r#"SELECT coalesce(sum(state <> 'acked' AND visible_at <= ?1), 0) AS "waiting!: i64",
-                  coalesce(sum(state <> 'acked' AND visible_at > ?1), 0) AS "delivered!: i64",
-                  coalesce(sum(state = 'acked'), 0) AS "acked!: i64",
-                  coalesce(sum(CASE WHEN state <> 'acked' THEN length(body) END), 0) AS "bytes!: i64"
+        r#"SELECT coalesce(sum(state <> 'acknowledged' AND visible_at <= ?1), 0) AS "waiting!: i64",
+                  coalesce(sum(state <> 'acknowledged' AND visible_at > ?1), 0) AS "delivered!: i64",
+                  coalesce(sum(state = 'acknowledged'), 0) AS "acked!: i64",
+                  coalesce(sum(CASE WHEN state <> 'acknowledged' THEN length(body) END), 0) AS "bytes!: i64"
            FROM trajectory_groups WHERE run = ?2"#,
         now,
         run

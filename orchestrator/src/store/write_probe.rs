@@ -1,4 +1,4 @@
-//! A row that is written to find out whether the database can be written. Table `pulse`.
+//! A row that is written to find out whether the database can be written. Table `write_probe`.
 
 use sqlx::{SqliteConnection, query};
 
@@ -15,8 +15,8 @@ const LARGE_PROBE_BYTES: i64 = 1 << 20;
 pub async fn write(conn: &mut SqliteConnection, now: Millis, is_large: bool) -> Result<(), StoreError> {
     let bytes = if is_large { LARGE_PROBE_BYTES } else { 0 };
     query!(
-        "INSERT INTO pulse (id, at, room) VALUES (1, ?, zeroblob(?))
-         ON CONFLICT (id) DO UPDATE SET at = excluded.at, room = excluded.room",
+        "INSERT INTO write_probe (id, at, padding) VALUES (1, ?, zeroblob(?))
+         ON CONFLICT (id) DO UPDATE SET at = excluded.at, padding = excluded.padding",
         now,
         bytes
     )

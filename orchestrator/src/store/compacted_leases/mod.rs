@@ -1,4 +1,4 @@
-//! Compacted leases: the results of leases that a run does not keep whole any more. Table `folds`, several leases a row.
+//! Compacted leases: the results of leases that a run does not keep whole any more. Table `compacted_leases`, several leases a row.
 //!
 //! [`packing`] has the contents of a row. A lease may be in several rows, since some of its groups may be compacted later; all
 //! reads of this module join its parts.
@@ -30,7 +30,8 @@ pub async fn insert(
     let episodes = count_episodes(leases);
     let PackedLeases { heads, body } = pack_leases(leases)?;
     query!(
-        "INSERT INTO folds (run, first, last, episodes, at, heads, body) VALUES (?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO compacted_leases (run, first_lease, last_lease, episodes, at, heads, body)
+         VALUES (?, ?, ?, ?, ?, ?, ?)",
         run,
         first,
         last,
@@ -92,7 +93,7 @@ impl CompactedRow {
         let episodes = count_episodes(&self.leases);
         let PackedLeases { heads, body } = pack_leases(&self.leases)?;
         query!(
-            "UPDATE folds SET episodes = ?, heads = ?, body = ? WHERE id = ?",
+            "UPDATE compacted_leases SET episodes = ?, heads = ?, body = ? WHERE id = ?",
             episodes,
             heads,
             body,
@@ -114,26 +115,27 @@ async fn row_of_lease(
     run: &str,
     lease: i64,
 ) -> Result<Option<CompactedRow>, StoreError> {
-    let (mut first, mut id) = (lease, i64::MAX);
+    let (mut first_lease, mut id) = (lease, i64::MAX);
     // Usually the first row holds it: leases are compacted in order.
     loop {
         let row = query!(
-            "SELECT id, first, heads, body FROM folds
-             WHERE run = ? AND (first, id) <= (?, ?) AND last >= ? ORDER BY first DESC, id DESC LIMIT 1",
+            "SELECT id, first_lease, heads, body FROM compacted_leases
+             WHERE run = ? AND (first_lease, id) <= (?, ?) AND last_lease >= ?
+             ORDER BY first_lease DESC, id DESC LIMIT 1",
             run,
-            first,
+            first_lease,
             id,
             lease
         )
         .fetch_optional(&mut *conn)
         .await?;
         let Some(row) = row else { return Ok(None) };
-        let leases = unpack_leases(run, row.heads.as_deref(), Some(&row.body))?;
+        let leases = unpack_leases(run, &row.heads, &row.body)?;
         let found = CompactedRow { id: row.id, leases };
         if found.holds(lease) {
             return Ok(Some(found));
         }
-        (first, id) = (row.first, row.id - 1);
+        (first_lease, id) = (row.first_lease, row.id - 1);
     }
 }
 
@@ -147,7 +149,8 @@ pub async fn get(
     lease: i64,
 ) -> Result<Option<CompactedLease>, StoreError> {
     let rows = query!(
-        "SELECT heads, body FROM folds WHERE run = ?1 AND first <= ?2 AND last >= ?2 ORDER BY first DESC",
+        "SELECT heads, body FROM compacted_leases
+         WHERE run = ?1 AND first_lease <= ?2 AND last_lease >= ?2 ORDER BY first_lease DESC",
         run,
         lease
     )
@@ -155,7 +158,7 @@ pub async fn get(
     .await?;
     let mut found = Vec::new();
     for row in rows {
-        let leases = unpack_leases(run, row.heads.as_deref(), Some(&row.body))?;
+        let leases = unpack_leases(run, &row.heads, &row.body)?;
         found.extend(leases.into_iter().filter(|compacted| compacted.row.id == lease));
     }
     Ok(join_leases(found).pop())
@@ -193,7 +196,8 @@ trait RowPart: Sized {
     /// Rows that are read at a time.
     const ROWS: i64;
 
-    fn unpack(run: &str, heads: Option<&[u8]>, body: Option<&[u8]>) -> Result<Vec<Self>, StoreError>;
+    /// Unpacks a row. `body` is none if bodies are not read.
+    fn unpack(run: &str, heads: &[u8], body: Option<&[u8]>) -> Result<Vec<Self>, StoreError>;
 
     /// Number of the lease.
     fn lease(&self) -> i64;
@@ -206,8 +210,8 @@ impl RowPart for CompactedLease {
     const READS_BODY: bool = true;
     const ROWS: i64 = 2;
 
-    fn unpack(run: &str, heads: Option<&[u8]>, body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
-        unpack_leases(run, heads, body)
+    fn unpack(run: &str, heads: &[u8], body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
+        unpack_leases(run, heads, body.unwrap_or_default())
     }
 
     fn lease(&self) -> i64 {
@@ -223,8 +227,8 @@ impl RowPart for LeaseRow {
     const READS_BODY: bool = false;
     const ROWS: i64 = 128;
 
-    fn unpack(run: &str, heads: Option<&[u8]>, body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
-        unpack_heads(run, heads, body)
+    fn unpack(run: &str, heads: &[u8], _body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
+        unpack_heads(run, heads)
     }
 
     fn lease(&self) -> i64 {
@@ -272,16 +276,16 @@ async fn walk<P: RowPart>(
     enough: i64,
     weight: impl Fn(&P) -> i64,
 ) -> Result<Vec<P>, StoreError> {
-    let (mut found, mut first, mut id) = (Vec::<P>::new(), i64::MIN, i64::MIN);
+    let (mut found, mut first_lease, mut id) = (Vec::<P>::new(), i64::MIN, i64::MIN);
     loop {
         let (reads_body, limit) = (P::READS_BODY, P::ROWS);
         // Several rows may begin with the same lease.
         let rows = query!(
-            r#"SELECT id, first, heads, CASE WHEN ? OR heads IS NULL THEN body END AS "body: Vec<u8>" FROM folds
-               WHERE run = ? AND (first, id) > (?, ?) AND last >= ? ORDER BY first, id LIMIT ?"#,
+            r#"SELECT id, first_lease, heads, CASE WHEN ? THEN body END AS "body: Vec<u8>" FROM compacted_leases
+               WHERE run = ? AND (first_lease, id) > (?, ?) AND last_lease >= ? ORDER BY first_lease, id LIMIT ?"#,
             reads_body,
             run,
-            first,
+            first_lease,
             id,
             lease,
             limit
@@ -289,11 +293,11 @@ async fn walk<P: RowPart>(
         .fetch_all(&mut *conn)
         .await?;
         let Some(last) = rows.last() else { break };
-        (first, id) = (last.first, last.id);
-        // Leases below `first` are complete: a lease that ended late is in a row of its own, which later rows may precede.
-        let is_complete = |part: &&P| part.lease() < first;
+        (first_lease, id) = (last.first_lease, last.id);
+        // Leases below `first_lease` are complete: a lease that ended late is in a row of its own, which later rows may precede.
+        let is_complete = |part: &&P| part.lease() < first_lease;
         for row in &rows {
-            let parts = P::unpack(run, row.heads.as_deref(), row.body.as_deref())?;
+            let parts = P::unpack(run, &row.heads, row.body.as_deref())?;
             found.extend(parts.into_iter().filter(|part| part.lease() >= lease));
         }
         found = P::join(found);
@@ -313,20 +317,21 @@ pub async fn each(
     run: &str,
     mut visit: impl FnMut(CompactedLease),
 ) -> Result<(), StoreError> {
-    let (mut first, mut id) = (i64::MIN, i64::MIN);
+    let (mut first_lease, mut id) = (i64::MIN, i64::MIN);
     loop {
         let rows = query!(
-            "SELECT id, first, heads, body FROM folds WHERE run = ? AND (first, id) > (?, ?) ORDER BY first, id LIMIT 2",
+            "SELECT id, first_lease, heads, body FROM compacted_leases
+             WHERE run = ? AND (first_lease, id) > (?, ?) ORDER BY first_lease, id LIMIT 2",
             run,
-            first,
+            first_lease,
             id
         )
         .fetch_all(&mut *conn)
         .await?;
         let Some(last) = rows.last() else { return Ok(()) };
-        (first, id) = (last.first, last.id);
+        (first_lease, id) = (last.first_lease, last.id);
         for row in &rows {
-            unpack_leases(run, row.heads.as_deref(), Some(&row.body))?.into_iter().for_each(&mut visit);
+            unpack_leases(run, &row.heads, &row.body)?.into_iter().for_each(&mut visit);
         }
     }
 }

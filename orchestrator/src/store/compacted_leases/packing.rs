@@ -1,8 +1,7 @@
 //! Contents of a row of compacted leases, and their packing: heads (the leases themselves), and apart from them a body (their
 //! groups and episodes).
 
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use super::super::StoreError;
 use super::super::columns::ClaimState;
@@ -47,7 +46,6 @@ pub struct CompactedEpisode {
     /// Index of the episode in the lease.
     pub number: i64,
     /// State of the episode.
-    #[serde(deserialize_with = "read_state")]
     pub state: EpisodeState,
     /// Score that the world computed.
     pub score: Option<f64>,
@@ -59,12 +57,6 @@ pub struct CompactedEpisode {
     pub policy_version: i64,
     /// When the result was reported, milliseconds after the lease was granted.
     pub after_ms: i64,
-}
-
-/// Reads the state of an episode. Older versions packed the name of the variant, such as `Finished`.
-fn read_state<'de, D: Deserializer<'de>>(deserializer: D) -> Result<EpisodeState, D::Error> {
-    let word = String::deserialize(deserializer)?;
-    word.to_ascii_lowercase().parse().map_err(Error::custom)
 }
 
 /// A claim of columns, without the columns.
@@ -134,40 +126,22 @@ pub(super) fn pack_leases(leases: &[CompactedLease]) -> Result<PackedLeases, Sto
 /// Name of a row in error messages.
 const ITEM: &str = "a row of compacted leases";
 
-/// Unpacks the heads of a row. Rows of older schemas have no heads: their body holds the leases.
-pub(super) fn unpack_heads(
-    run: &str,
-    heads: Option<&[u8]>,
-    body: Option<&[u8]>,
-) -> Result<Vec<LeaseRow>, StoreError> {
-    let mut rows: Vec<LeaseRow> = match heads {
-        Some(heads) => decode(heads)?,
-        None => unpack_leases(run, None, body)?.into_iter().map(|lease| lease.row).collect(),
-    };
+/// Unpacks the heads of a row.
+pub(super) fn unpack_heads(run: &str, heads: &[u8]) -> Result<Vec<LeaseRow>, StoreError> {
+    let mut rows: Vec<LeaseRow> = decode(heads)?;
     rows.iter_mut().for_each(|row| complete(run, row));
     Ok(rows)
 }
 
 /// Unpacks the leases of a row.
-pub(super) fn unpack_leases(
-    run: &str,
-    heads: Option<&[u8]>,
-    body: Option<&[u8]>,
-) -> Result<Vec<CompactedLease>, StoreError> {
-    let body = body.ok_or_else(|| StoreError::corrupt(ITEM, "it has no body"))?;
-    let mut leases: Vec<CompactedLease> = match heads {
-        None => decode(body)?,
-        Some(heads) => {
-            let (rows, bodies): (Vec<LeaseRow>, Vec<LeaseBody>) = (decode(heads)?, decode(body)?);
-            if rows.len() != bodies.len() {
-                return Err(StoreError::corrupt(ITEM, "its heads do not match its body"));
-            }
-            let leases = rows.into_iter().zip(bodies);
-            leases.map(|(row, LeaseBody { groups, claim })| CompactedLease { row, groups, claim }).collect()
-        }
-    };
-    leases.iter_mut().for_each(|lease| complete(run, &mut lease.row));
-    Ok(leases)
+pub(super) fn unpack_leases(run: &str, heads: &[u8], body: &[u8]) -> Result<Vec<CompactedLease>, StoreError> {
+    let rows = unpack_heads(run, heads)?;
+    let bodies: Vec<LeaseBody> = decode(body)?;
+    if rows.len() != bodies.len() {
+        return Err(StoreError::corrupt(ITEM, "its heads do not match its body"));
+    }
+    let leases = rows.into_iter().zip(bodies);
+    Ok(leases.map(|(row, LeaseBody { groups, claim })| CompactedLease { row, groups, claim }).collect())
 }
 
 fn decode<T: for<'a> Deserialize<'a>>(blob: &[u8]) -> Result<T, StoreError> {

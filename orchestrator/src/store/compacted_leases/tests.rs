@@ -120,10 +120,11 @@ async fn later_parts_are_added_to_the_row_of_their_lease() {
     let more =
         [lease(1, &[4]), lease(3, &[0]), lease(5, &[1, 7]), lease(6, &[0]), lease(7, &[2]), lease(20, &[5])];
     extend(&mut conn, "run", &more, 10).await.expect("the rows are stored");
-    let rows: Vec<(i64, i64, i64)> = sqlx::query_as("SELECT first, last, episodes FROM folds ORDER BY id")
-        .fetch_all(&mut conn)
-        .await
-        .expect("the rows are read");
+    let rows: Vec<(i64, i64, i64)> =
+        sqlx::query_as("SELECT first_lease, last_lease, episodes FROM compacted_leases ORDER BY id")
+            .fetch_all(&mut conn)
+            .await
+            .expect("the rows are read");
     assert_eq!(rows, [(1, 5, 5), (2, 3, 3), (6, 7, 4), (20, 20, 1)]);
     let wanted = [
         lease(1, &[0, 4]),
@@ -139,16 +140,4 @@ async fn later_parts_are_added_to_the_row_of_their_lease() {
         let found = get(&mut conn, "run", wanted.row.id).await.expect("the lease is read");
         assert_eq!(found.as_ref(), Some(wanted));
     }
-}
-
-#[test]
-fn states_packed_by_older_versions_are_read() {
-    let packed = |state: &str| {
-        let episode = (7, state, Some(0.5), None::<f64>, Some(true), 1, 20);
-        rmp_serde::from_slice::<CompactedEpisode>(&rmp_serde::to_vec(&episode).expect("bytes"))
-    };
-    let read = packed("Failed").expect("an episode");
-    assert_eq!((read.number, read.state, read.after_ms), (7, EpisodeState::Failed, 20));
-    assert_eq!(packed("failed").expect("an episode"), read);
-    assert!(packed("gone").is_err());
 }

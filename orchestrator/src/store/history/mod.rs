@@ -1,5 +1,5 @@
 //! History of runs: results by task and time, in buckets of a minute (kept for a week) and of an hour (kept for ever). Tables
-//! `history` and `history_params`.
+//! `task_history` and `task_history_params`.
 //!
 //! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points.
 
@@ -28,33 +28,33 @@ pub struct HistoryBucket {
     /// Finished episodes that succeeded.
     pub successes: i64,
     /// Sum of the scores of finished episodes.
-    pub score: f64,
+    pub score_sum: f64,
     /// Finished episodes that have a skill.
-    pub skilled: i64,
+    pub episodes_with_skill: i64,
     /// Sum of their skills.
-    pub skill: f64,
+    pub skill_sum: f64,
     /// Number of failed episodes.
     pub failed: i64,
     /// Episodes whose lease ended before they were reported.
     pub expired: i64,
     /// Contested groups that are evidence.
-    pub contested: i64,
+    pub contested_groups: i64,
     /// Sum of their success rates.
-    pub solved: f64,
+    pub success_rate_sum: f64,
     /// Contested groups whose blind panel was replayed: a sample.
-    pub panels: i64,
+    pub panel_groups: i64,
     /// Sum of the success rates of the blind plans on these.
-    pub panel: f64,
+    pub panel_success_rate_sum: f64,
     /// Groups of several episodes that counted.
     pub groups: i64,
     /// Groups among these whose episodes all have the same score.
-    pub flat: i64,
+    pub zero_variance_groups: i64,
     /// Episodes of accepted claims.
-    pub claimed: i64,
+    pub claimed_episodes: i64,
     /// Lowest level that occurred.
-    pub low: Option<i64>,
+    pub lowest_level: Option<i64>,
     /// Highest level that occurred.
-    pub high: Option<i64>,
+    pub highest_level: Option<i64>,
     /// Latest mastery estimate in the bucket.
     pub mastery: Option<MasterySample>,
     /// Parameters of the scenarios, by name.
@@ -101,20 +101,20 @@ impl HistoryBucket {
     pub fn join(&mut self, later: &Self) {
         self.episodes += later.episodes;
         self.successes += later.successes;
-        self.score += later.score;
-        self.skilled += later.skilled;
-        self.skill += later.skill;
+        self.score_sum += later.score_sum;
+        self.episodes_with_skill += later.episodes_with_skill;
+        self.skill_sum += later.skill_sum;
         self.failed += later.failed;
         self.expired += later.expired;
-        self.contested += later.contested;
-        self.solved += later.solved;
-        self.panels += later.panels;
-        self.panel += later.panel;
+        self.contested_groups += later.contested_groups;
+        self.success_rate_sum += later.success_rate_sum;
+        self.panel_groups += later.panel_groups;
+        self.panel_success_rate_sum += later.panel_success_rate_sum;
         self.groups += later.groups;
-        self.flat += later.flat;
-        self.claimed += later.claimed;
-        self.low = self.low.into_iter().chain(later.low).min();
-        self.high = self.high.max(later.high);
+        self.zero_variance_groups += later.zero_variance_groups;
+        self.claimed_episodes += later.claimed_episodes;
+        self.lowest_level = self.lowest_level.into_iter().chain(later.lowest_level).min();
+        self.highest_level = self.highest_level.max(later.highest_level);
         self.mastery = later.mastery.or(self.mastery);
         for (name, range) in &later.params {
             self.params.entry(name.clone()).and_modify(|known| known.join(range)).or_insert(*range);
@@ -131,8 +131,8 @@ impl HistoryBucket {
 
     /// Extends the range of levels by one level.
     pub fn add_level(&mut self, level: Option<i64>) {
-        self.low = self.low.into_iter().chain(level).min();
-        self.high = self.high.max(level);
+        self.lowest_level = self.lowest_level.into_iter().chain(level).min();
+        self.highest_level = self.highest_level.max(level);
     }
 }
 

@@ -58,12 +58,15 @@ pub async fn curve(
     let tasks = tasks(&mut *conn, run).await?;
     let rows = query!(
         r#"SELECT task AS "task!", start / ?5 * ?5 AS "bucket!: i64", max(start) AS "last!: i64",
-                  sum(episodes) AS "episodes!: i64", sum(successes) AS "successes!: i64", sum(score) AS "score!: f64",
-                  sum(skilled) AS "skilled!: i64", sum(skill) AS "skill!: f64", sum(failed) AS "failed!: i64",
-                  sum(expired) AS "expired!: i64", sum(contested) AS "contested!: i64", sum(solved) AS "solved!: f64",
-                  sum(panels) AS "panels!: i64", sum(panel) AS "panel!: f64", sum(groups) AS "groups!: i64",
-                  sum(flat) AS "flat!: i64", sum(claimed) AS "claimed!: i64", min(low) AS "low: i64", max(high) AS "high: i64"
-           FROM history WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
+                  sum(episodes) AS "episodes!: i64", sum(successes) AS "successes!: i64", sum(score_sum) AS "score_sum!: f64",
+                  sum(episodes_with_skill) AS "episodes_with_skill!: i64", sum(skill_sum) AS "skill_sum!: f64",
+                  sum(failed) AS "failed!: i64", sum(expired) AS "expired!: i64",
+                  sum(contested_groups) AS "contested_groups!: i64", sum(success_rate_sum) AS "success_rate_sum!: f64",
+                  sum(panel_groups) AS "panel_groups!: i64", sum(panel_success_rate_sum) AS "panel_success_rate_sum!: f64",
+                  sum(groups) AS "groups!: i64", sum(zero_variance_groups) AS "zero_variance_groups!: i64",
+                  sum(claimed_episodes) AS "claimed_episodes!: i64", min(lowest_level) AS "lowest_level: i64",
+                  max(highest_level) AS "highest_level: i64"
+           FROM task_history WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
                 AND width = ?2 AND start >= ?3 AND start < ?4
            GROUP BY 1, 2 ORDER BY 1, 2"#,
         run,
@@ -82,20 +85,20 @@ pub async fn curve(
         let bucket = HistoryBucket {
             episodes: r.episodes,
             successes: r.successes,
-            score: r.score,
-            skilled: r.skilled,
-            skill: r.skill,
+            score_sum: r.score_sum,
+            episodes_with_skill: r.episodes_with_skill,
+            skill_sum: r.skill_sum,
             failed: r.failed,
             expired: r.expired,
-            contested: r.contested,
-            solved: r.solved,
-            panels: r.panels,
-            panel: r.panel,
+            contested_groups: r.contested_groups,
+            success_rate_sum: r.success_rate_sum,
+            panel_groups: r.panel_groups,
+            panel_success_rate_sum: r.panel_success_rate_sum,
             groups: r.groups,
-            flat: r.flat,
-            claimed: r.claimed,
-            low: r.low,
-            high: r.high,
+            zero_variance_groups: r.zero_variance_groups,
+            claimed_episodes: r.claimed_episodes,
+            lowest_level: r.lowest_level,
+            highest_level: r.highest_level,
             mastery: mastery.remove(&key),
             params: params.remove(&key).unwrap_or_default(),
         };
@@ -110,9 +113,9 @@ pub async fn curve(
 pub(super) async fn tasks(conn: &mut SqliteConnection, run: &str) -> Result<String, StoreError> {
     let row = query!(
         r#"WITH RECURSIVE known (task) AS (
-               SELECT min(task) FROM history WHERE run = ?1
+               SELECT min(task) FROM task_history WHERE run = ?1
                UNION ALL
-               SELECT (SELECT min(h.task) FROM history h WHERE h.run = ?1 AND h.task > known.task) FROM known
+               SELECT (SELECT min(h.task) FROM task_history h WHERE h.run = ?1 AND h.task > known.task) FROM known
                WHERE known.task IS NOT NULL
            )
            SELECT json_group_array(task) AS "tasks!: String" FROM known WHERE task IS NOT NULL"#,
@@ -138,7 +141,7 @@ async fn mastery(
     let rows = query!(
         r#"SELECT task AS "task!", start / ?5 * ?5 AS "bucket!: i64", max(start) AS "last!: i64", level, mean AS "mean!: f64",
                   q10 AS "q10!: f64", q90 AS "q90!: f64"
-           FROM history WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
+           FROM task_history WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
                 AND width = ?2 AND start >= ?3 AND start < ?4 AND mean IS NOT NULL
            GROUP BY 1, 2"#,
         run,
@@ -167,7 +170,7 @@ async fn params(
     let rows = query!(
         r#"SELECT task AS "task!", start / ?5 * ?5 AS "bucket!: i64", param AS "param!", sum(n) AS "n!: i64", sum(total) AS "total!: f64",
                   min(low) AS "low!: f64", max(high) AS "high!: f64"
-           FROM history_params WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
+           FROM task_history_params WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
                 AND width = ?2 AND start >= ?3 AND start < ?4
            GROUP BY 1, 2, 3"#,
         run,

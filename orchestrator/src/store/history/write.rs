@@ -9,7 +9,7 @@ use super::read::tasks;
 use super::{HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, ParamRange};
 use crate::clock::Millis;
 
-/// A row of the `history` table to be added to.
+/// A row of the `task_history` table to be added to.
 struct BucketRow<'a> {
     task: &'a str,
     width: Millis,
@@ -17,7 +17,7 @@ struct BucketRow<'a> {
     bucket: &'a HistoryBucket,
 }
 
-/// A row of the `history_params` table to be added to.
+/// A row of the `task_history_params` table to be added to.
 struct ParamRow<'a> {
     task: &'a str,
     width: Millis,
@@ -60,31 +60,47 @@ async fn add_buckets(
     rows: &[BucketRow<'_>],
 ) -> Result<(), StoreError> {
     let mut statement = QueryBuilder::new(
-        "INSERT INTO history (run, task, width, start, episodes, successes, score, skilled, skill, failed, expired, contested,
-                              solved, panels, panel, groups, flat, claimed, low, high, level, mean, q10, q90) ",
+        "INSERT INTO task_history (run, task, width, start, episodes, successes, score_sum, episodes_with_skill, skill_sum, failed,
+                                   expired, contested_groups, success_rate_sum, panel_groups, panel_success_rate_sum, groups,
+                                   zero_variance_groups, claimed_episodes, lowest_level, highest_level, level, mean, q10,
+                                   q90) ",
     );
     statement.push_values(rows, |mut values, BucketRow { task, width, start, bucket }| {
         let mastery = bucket.mastery;
         values.push_bind(run).push_bind(*task).push_bind(*width).push_bind(*start);
-        values.push_bind(bucket.episodes).push_bind(bucket.successes).push_bind(bucket.score);
-        values.push_bind(bucket.skilled).push_bind(bucket.skill).push_bind(bucket.failed);
-        values.push_bind(bucket.expired).push_bind(bucket.contested).push_bind(bucket.solved);
-        values.push_bind(bucket.panels).push_bind(bucket.panel).push_bind(bucket.groups);
-        values.push_bind(bucket.flat).push_bind(bucket.claimed).push_bind(bucket.low).push_bind(bucket.high);
+        values.push_bind(bucket.episodes).push_bind(bucket.successes).push_bind(bucket.score_sum);
+        values.push_bind(bucket.episodes_with_skill).push_bind(bucket.skill_sum).push_bind(bucket.failed);
+        values
+            .push_bind(bucket.expired)
+            .push_bind(bucket.contested_groups)
+            .push_bind(bucket.success_rate_sum);
+        values
+            .push_bind(bucket.panel_groups)
+            .push_bind(bucket.panel_success_rate_sum)
+            .push_bind(bucket.groups);
+        values
+            .push_bind(bucket.zero_variance_groups)
+            .push_bind(bucket.claimed_episodes)
+            .push_bind(bucket.lowest_level)
+            .push_bind(bucket.highest_level);
         values.push_bind(mastery.and_then(|at| at.level)).push_bind(mastery.map(|at| at.mean));
         values.push_bind(mastery.map(|at| at.q10)).push_bind(mastery.map(|at| at.q90));
     });
     statement.push(
         " ON CONFLICT (run, task, width, start) DO UPDATE SET
               episodes = episodes + excluded.episodes, successes = successes + excluded.successes,
-              score = score + excluded.score, skilled = skilled + excluded.skilled, skill = skill + excluded.skill,
-              failed = failed + excluded.failed, expired = expired + excluded.expired,
-              contested = contested + excluded.contested, solved = solved + excluded.solved,
-              panels = panels + excluded.panels, panel = panel + excluded.panel,
-              groups = groups + excluded.groups, flat = flat + excluded.flat,
-              claimed = claimed + excluded.claimed,
-              low = coalesce(min(low, excluded.low), low, excluded.low),
-              high = coalesce(max(high, excluded.high), high, excluded.high),
+              score_sum = score_sum + excluded.score_sum,
+              episodes_with_skill = episodes_with_skill + excluded.episodes_with_skill,
+              skill_sum = skill_sum + excluded.skill_sum, failed = failed + excluded.failed,
+              expired = expired + excluded.expired, contested_groups = contested_groups + excluded.contested_groups,
+              success_rate_sum = success_rate_sum + excluded.success_rate_sum,
+              panel_groups = panel_groups + excluded.panel_groups,
+              panel_success_rate_sum = panel_success_rate_sum + excluded.panel_success_rate_sum,
+              groups = groups + excluded.groups,
+              zero_variance_groups = zero_variance_groups + excluded.zero_variance_groups,
+              claimed_episodes = claimed_episodes + excluded.claimed_episodes,
+              lowest_level = coalesce(min(lowest_level, excluded.lowest_level), lowest_level, excluded.lowest_level),
+              highest_level = coalesce(max(highest_level, excluded.highest_level), highest_level, excluded.highest_level),
               level = iif(excluded.mean IS NULL, level, excluded.level), mean = coalesce(excluded.mean, mean),
               q10 = coalesce(excluded.q10, q10), q90 = coalesce(excluded.q90, q90)",
     );
@@ -94,7 +110,7 @@ async fn add_buckets(
 
 async fn add_params(conn: &mut SqliteConnection, run: &str, rows: &[ParamRow<'_>]) -> Result<(), StoreError> {
     let mut statement = QueryBuilder::new(
-        "INSERT INTO history_params (run, task, width, start, param, n, total, low, high) ",
+        "INSERT INTO task_history_params (run, task, width, start, param, n, total, low, high) ",
     );
     statement.push_values(rows, |mut values, ParamRow { task, width, start, name, range }| {
         values.push_bind(run).push_bind(*task).push_bind(*width).push_bind(*start).push_bind(*name);
@@ -122,8 +138,8 @@ pub async fn delete_old_minutes(
     let before = now - MINUTES_KEPT;
     let tasks = tasks(&mut *conn, run).await?;
     let params = query!(
-        "DELETE FROM history_params WHERE (run, task, width, start, param) IN (
-             SELECT run, task, width, start, param FROM history_params
+        "DELETE FROM task_history_params WHERE (run, task, width, start, param) IN (
+             SELECT run, task, width, start, param FROM task_history_params
              WHERE run = ?1 AND task IN (SELECT value FROM json_each(?2)) AND width = 60000 AND start < ?3 LIMIT ?4)",
         run,
         tasks,
@@ -133,8 +149,8 @@ pub async fn delete_old_minutes(
     .execute(&mut *conn)
     .await?;
     let buckets = query!(
-        "DELETE FROM history WHERE (run, task, width, start) IN (
-             SELECT run, task, width, start FROM history
+        "DELETE FROM task_history WHERE (run, task, width, start) IN (
+             SELECT run, task, width, start FROM task_history
              WHERE run = ?1 AND task IN (SELECT value FROM json_each(?2)) AND width = 60000 AND start < ?3 LIMIT ?4)",
         run,
         tasks,

@@ -1,0 +1,114 @@
+//! Tests of schema changes: a database with an older schema is copied and changed, one with a newer schema is rejected.
+
+use std::path::{Path, PathBuf};
+
+use sqlx::migrate::Migrator;
+use sqlx::{Connection, SqliteConnection};
+
+use super::open::{open_current_readers_with, open_writer_with};
+use super::{OpenError, open_current_readers, open_writer};
+
+/// Schema version of the synthetic migration.
+const FUTURE_SCHEMA: i64 = 9000;
+
+/// Creates the migrations of a future version: those of this version, and a synthetic one.
+async fn future_migrations(folder: &Path) -> Migrator {
+    let migrations = folder.join("migrations");
+    std::fs::create_dir(&migrations).expect("a folder");
+    for file in std::fs::read_dir("../migrations").expect("a folder").map(|file| file.expect("a file")) {
+        std::fs::copy(file.path(), migrations.join(file.file_name())).expect("a copy");
+    }
+    let statements = "ALTER TABLE runs ADD COLUMN note TEXT; UPDATE runs SET note = name || ' (changed)';";
+    std::fs::write(migrations.join(format!("{FUTURE_SCHEMA}_synthetic.sql")), statements).expect("a file");
+    Migrator::new(migrations).await.expect("migrations")
+}
+
+/// Creates a database of this version with one run. Returns its path and its schema version.
+async fn current_database(folder: &Path) -> (PathBuf, i64) {
+    let path = folder.join("db");
+    let mut conn = open_writer(&path).await.expect("a database");
+    let run = "INSERT INTO runs (id, name, seed, status, settings, created_at)
+               VALUES ('run', 'first', 1, 'active', '{}', 0)";
+    sqlx::query(run).execute(&mut conn).await.expect("a run");
+    let schema = schema_of(&mut conn).await;
+    conn.close().await.expect("the database closes");
+    (path, schema)
+}
+
+async fn schema_of(conn: &mut SqliteConnection) -> i64 {
+    sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(conn).await.expect("a version")
+}
+
+fn copy_path(path: &Path, schema: i64, ending: &str) -> PathBuf {
+    path.with_file_name(format!("db.schema-{schema}{ending}"))
+}
+
+#[tokio::test]
+async fn older_database_is_copied_and_changed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let future = future_migrations(folder.path()).await;
+    let (path, schema) = current_database(folder.path()).await;
+    let (copy, unfinished) = (copy_path(&path, schema, ""), copy_path(&path, schema, ".unfinished"));
+    // The rest of an interrupted attempt is overwritten.
+    std::fs::write(&unfinished, "half").expect("a file");
+    let mut conn = open_writer_with(&path, &future).await.expect("the schema is changed");
+    assert_eq!(schema_of(&mut conn).await, FUTURE_SCHEMA);
+    let note = sqlx::query_scalar::<_, String>("SELECT note FROM runs WHERE id = 'run'");
+    assert_eq!(note.fetch_one(&mut conn).await.expect("the run is kept"), "first (changed)");
+    conn.close().await.expect("the database closes");
+    assert!(!unfinished.exists());
+
+    let mut copied = open_writer(&copy).await.expect("this version opens the copy");
+    assert_eq!(schema_of(&mut copied).await, schema);
+    let name = sqlx::query_scalar::<_, String>("SELECT name FROM runs WHERE id = 'run'");
+    assert_eq!(name.fetch_one(&mut copied).await.expect("the run is copied"), "first");
+    copied.close().await.expect("the copy closes");
+
+    // A database with the newest schema is not copied.
+    std::fs::remove_file(&copy).expect("the copy exists");
+    let conn = open_writer_with(&path, &future).await.expect("the database is opened again");
+    conn.close().await.expect("the database closes");
+    assert!(!copy.exists());
+}
+
+#[tokio::test]
+async fn database_is_unchanged_if_its_copy_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let future = future_migrations(folder.path()).await;
+    let (path, schema) = current_database(folder.path()).await;
+    let before = std::fs::read(&path).expect("a file");
+    // A folder with the name of the copy makes the copy fail.
+    std::fs::create_dir_all(copy_path(&path, schema, "").join("full")).expect("a folder");
+    let error = open_writer_with(&path, &future).await.expect_err("an error");
+    assert!(matches!(&error, OpenError::NoCopy { schema: found, .. } if *found == schema), "{error:?}");
+    let message = format!("has an older schema ({schema}), and a copy of it could not be made");
+    assert!(error.to_string().contains(&message), "{error}");
+    assert_eq!(std::fs::read(&path).expect("a file"), before);
+    assert!(!copy_path(&path, schema, ".unfinished").exists());
+}
+
+#[tokio::test]
+async fn readers_reject_an_older_schema() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let future = future_migrations(folder.path()).await;
+    let (path, schema) = current_database(folder.path()).await;
+    let error = open_current_readers_with(&path, &future).await.expect_err("an error");
+    let message = format!("was written by an older Sparring (schema {schema}, this one has {FUTURE_SCHEMA})");
+    assert!(error.to_string().contains(&message), "{error}");
+}
+
+#[tokio::test]
+async fn newer_schema_is_rejected() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let future = future_migrations(folder.path()).await;
+    let (path, schema) = current_database(folder.path()).await;
+    open_writer_with(&path, &future).await.expect("the schema is changed").close().await.expect("it closes");
+    let message =
+        format!("was written by a newer Sparring (schema {FUTURE_SCHEMA}, this one knows {schema})");
+    for error in [
+        open_writer(&path).await.expect_err("an error"),
+        open_current_readers(&path).await.expect_err("an error"),
+    ] {
+        assert!(error.to_string().contains(&message), "{error}");
+    }
+}
