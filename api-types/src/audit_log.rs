@@ -28,8 +28,8 @@ pub struct AuditLogEntry {
 /// Page of the audit log.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct AuditLogPage {
-    /// Entries, newest first.
-    pub lines: Vec<AuditLogEntry>,
+    /// Entries of the page, newest first.
+    pub entries: Vec<AuditLogEntry>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
 }

@@ -11,7 +11,7 @@ pub struct Critique {
     /// Value of each action against the same episode without it, in order of step.
     pub actions: Vec<ActionValue>,
     /// Assessment by the deterministic judge.
-    pub judged: JudgeAssessment,
+    pub assessment: JudgeAssessment,
 }
 
 /// Reason why an episode lost score.
@@ -28,7 +28,7 @@ pub struct CritiqueFailure {
     /// Further measures of the failure mode.
     pub measures: Vec<FailureMeasure>,
     /// Description of the failure in one sentence.
-    pub words: String,
+    pub explanation: String,
 }
 
 /// Measure of a failure.
@@ -64,7 +64,7 @@ pub struct CritiqueEncounter {
     /// True if acting from that step on, with the fuel left, would have avoided the contact; null if the body was never visible.
     pub avoidable: Option<bool>,
     /// Cheapest avoiding action that was found.
-    pub cheapest: Option<AvoidingAction>,
+    pub cheapest_avoidance: Option<AvoidingAction>,
 }
 
 /// Action that would have avoided a failure.
@@ -87,8 +87,8 @@ pub struct ActionValue {
     pub agent: u32,
     /// Cost, in the world's unit of fuel.
     pub cost: f64,
-    /// `needed`, `harmless`, `wasteful` or `harmful`.
-    pub verdict: String,
+    /// Verdict on the action.
+    pub verdict: ActionVerdict,
     /// Score with the action minus the score without it.
     pub gain: f64,
 }
@@ -101,7 +101,7 @@ pub struct JudgeAssessment {
     /// Case of the judge's rules.
     pub case: String,
     /// Description of the assessment in one sentence.
-    pub words: String,
+    pub explanation: String,
 }
 
 /// Critique of one episode of a run.
@@ -114,4 +114,18 @@ pub struct EpisodeCritique {
     /// Critique of the episode.
     #[serde(flatten)]
     pub critique: Critique,
+}
+
+/// Verdict on an action, against the same episode without it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionVerdict {
+    /// The action avoided a loss.
+    Needed,
+    /// The action cost little and changed nothing.
+    Harmless,
+    /// The action cost fuel without a benefit.
+    Wasteful,
+    /// The action lowered the score.
+    Harmful,
 }

@@ -16,7 +16,7 @@ pub enum DesignerChoice {
     Auto,
     /// The language model; the procedural designer fills in for what it does not deliver.
     Llm,
-    /// The procedural designer.
+    /// The procedural designer, without a model.
     Procedural,
     /// No designer: nothing is designed.
     Off,
@@ -28,8 +28,8 @@ pub enum DesignerChoice {
 pub struct CreateDesignRequest {
     /// Task of the run to design for (default: the task whose failures weigh most).
     pub task: Option<String>,
-    /// Number of layouts, from 1 to 32 (default: the run's stock).
-    pub n: Option<u32>,
+    /// Number of layouts, from 1 to 32 (default: the run's reserve).
+    pub count: Option<u32>,
     /// Designer: `auto`, `llm` or `procedural` (default: the run's designer).
     pub designer: Option<DesignerChoice>,
 }
@@ -43,12 +43,12 @@ pub struct DesignRequestSummary {
     pub task: String,
     /// Level to design for; null before the request starts, and under a strategy without levels.
     pub level: Option<i64>,
-    /// Designer: `llm` or `procedural`. The procedural designer fills in for what a language model does not deliver.
-    pub designer: String,
-    /// Origin: `worker` (the stock ran low or the failures changed) or `hand` (an API request).
-    pub asked_by: String,
-    /// `waiting`, `running`, `done` or `failed`.
-    pub state: String,
+    /// Designer. The procedural designer fills in for what a language model does not deliver.
+    pub designer: DesignerKind,
+    /// Origin of the request.
+    pub requested_by: DesignRequestOrigin,
+    /// State of the request.
+    pub state: DesignRequestState,
     /// Number of layouts wanted.
     pub wanted: i64,
     /// Number of layouts that the gate admitted.
@@ -58,7 +58,7 @@ pub struct DesignRequestSummary {
     /// Language model; null for the procedural designer.
     pub model: Option<String>,
     /// Version of the model's prompt.
-    pub prompt: Option<String>,
+    pub prompt_version: Option<String>,
     /// Number of rounds of all designers together.
     pub rounds: i64,
     /// Number of prompt tokens.
@@ -67,12 +67,12 @@ pub struct DesignRequestSummary {
     pub tokens_out: i64,
     /// Cost of the tokens, in the currency of the configured prices.
     pub cost: f64,
-    /// Duration, milliseconds.
+    /// Duration of the request, milliseconds.
     pub latency_ms: i64,
     /// Number of criticised episodes behind the failure profile.
     pub criticised: Option<i64>,
     /// Problems that did not end the request, one sentence each.
-    pub troubles: Vec<String>,
+    pub warnings: Vec<String>,
     /// Reason of a failure.
     pub error: Option<String>,
     /// Time of creation, RFC 3339.
@@ -84,8 +84,8 @@ pub struct DesignRequestSummary {
 /// Page of requests to designers.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct DesignRequestPage {
-    /// Requests, newest first.
-    pub asks: Vec<DesignRequestSummary>,
+    /// Requests of the page, newest first.
+    pub requests: Vec<DesignRequestSummary>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
 }
@@ -130,25 +130,25 @@ pub struct DesignSummary {
     /// Name that the designer gave it.
     pub name: String,
     /// Id of the design request.
-    pub ask: String,
-    /// Designer: `llm` or `procedural`.
-    pub designer: String,
+    pub request: String,
+    /// Designer that made the design.
+    pub designer: DesignerKind,
     /// Round of the request: 1, plus 1 for each repair.
     pub round: i64,
     /// Failure that the design aims at; null if the design could not be read.
     pub aim: Option<DesignAim>,
-    /// Claim of the design: `threat` or `decoy`; null if it was refused.
-    pub claim: Option<String>,
-    /// `active`, `retired` or `refused`.
-    pub state: String,
-    /// Reason of retirement (`mastered`, `hopeless` or `hand`), or the check of the gate that refused the design.
-    pub why: Option<String>,
+    /// Claim of the design about its scenario; null if the design was refused.
+    pub claim: Option<DesignClaim>,
+    /// State of the design.
+    pub state: DesignState,
+    /// Reason of retirement (`mastered`, `hopeless` or `user`), or the check of the gate that refused the design.
+    pub state_reason: Option<String>,
     /// Reason of the refusal in one sentence.
-    pub reason: Option<String>,
+    pub refusal_reason: Option<String>,
     /// Distance to the nearest earlier design, from 0 to 1; null for the first.
     pub novelty: Option<f64>,
     /// Results of the agent on the layout.
-    pub flown: DesignResults,
+    pub results: DesignResults,
     /// Time of creation, RFC 3339.
     pub created_at: String,
     /// Time of the latest lease, RFC 3339.
@@ -191,10 +191,10 @@ pub struct DesignResults {
     pub recent: Vec<f64>,
 }
 
-/// Page of designs.
+/// Page of the list of designs.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct DesignPage {
-    /// Designs, newest first.
+    /// Designs of the page, newest first.
     pub designs: Vec<DesignSummary>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
@@ -212,7 +212,7 @@ pub struct DesignQuery {
     /// Failure mode that the design aims at.
     pub mode: Option<String>,
     /// Id of the design request.
-    pub ask: Option<String>,
+    pub request: Option<String>,
     /// Largest number of designs on a page, from 1 to 500 (default 50).
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
@@ -234,7 +234,7 @@ pub struct Design {
     /// Bracket of the scenario; null if the design was refused.
     pub bracket: Option<ScenarioBracket>,
     /// Changes of state, oldest first.
-    pub turns: Vec<DesignTransition>,
+    pub transitions: Vec<DesignTransition>,
     /// Ids of the newest finished episodes on the layout, newest first, at most 16.
     pub episodes: Vec<String>,
 }
@@ -243,7 +243,7 @@ pub struct Design {
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct DesignTransition {
     /// State after the change.
-    pub state: String,
+    pub state: DesignState,
     /// Reason of the change.
     pub reason: String,
     /// Time of the change, RFC 3339.
@@ -280,7 +280,7 @@ pub struct TaskDesigns {
     pub task: String,
     /// Number of active layouts.
     pub active: i64,
-    /// Numbers of retired layouts by reason: `mastered`, `hopeless`, `hand`.
+    /// Numbers of retired layouts by reason: `mastered`, `hopeless`, `user`.
     pub retired: BTreeMap<String, i64>,
     /// Number of admitted designs.
     pub admitted: i64,
@@ -294,7 +294,7 @@ pub struct GateCheckCount {
     /// Name of the check.
     pub check: String,
     /// Description of the check.
-    pub about: String,
+    pub description: String,
     /// Number of refused designs.
     pub count: i64,
 }
@@ -302,10 +302,10 @@ pub struct GateCheckCount {
 /// Requests to a designer and their cost.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct DesignerUsage {
-    /// Designer: `llm` or `procedural`.
-    pub designer: String,
+    /// Designer that the requests are for.
+    pub designer: DesignerKind,
     /// Number of requests to the designer.
-    pub asks: i64,
+    pub requests: i64,
     /// Number of failed requests.
     pub failed: i64,
     /// Number of prompt tokens.
@@ -314,4 +314,60 @@ pub struct DesignerUsage {
     pub tokens_out: i64,
     /// Cost of the tokens, in the currency of the configured prices.
     pub cost: f64,
+}
+
+/// Kind of a designer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DesignerKind {
+    /// Designer that calls a language model.
+    Llm,
+    /// Designer that samples and edits layouts, without a model.
+    Procedural,
+}
+
+/// Origin of a design request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DesignRequestOrigin {
+    /// The design worker: the reserve ran low, or the failures changed.
+    Worker,
+    /// A user of the API.
+    User,
+}
+
+/// State of a design request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DesignRequestState {
+    /// The request waits for the design worker.
+    Waiting,
+    /// The designer works on the request.
+    Running,
+    /// The designer has finished.
+    Done,
+    /// The designer failed, or the server stopped meanwhile.
+    Failed,
+}
+
+/// State of a design.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DesignState {
+    /// The layout is served.
+    Active,
+    /// The layout is no longer served, except for an occasional probe.
+    Retired,
+    /// The gate refused the design.
+    Refused,
+}
+
+/// Claim of a design about its scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DesignClaim {
+    /// An agent that does nothing loses.
+    Threat,
+    /// An agent that does nothing succeeds, and acting is a waste.
+    Decoy,
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
-use crate::ScenarioBracket;
+use crate::{GroupRole, ScenarioBracket};
 
 /// Availability of an episode's actions for a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -27,12 +27,12 @@ pub struct EpisodeSummary {
     pub task: Option<String>,
     /// Level at which the scenario was drawn.
     pub level: Option<i64>,
-    /// Role of the group in the curriculum (`frontier`, `replay`, `probe`, …), `designed` or `suite`.
-    pub role: String,
+    /// Role of the group.
+    pub role: GroupRole,
     /// Id of the layout, if the group was designed.
     pub layout: Option<String>,
-    /// `leased`, `finished`, `failed`, `late` or `expired`.
-    pub state: String,
+    /// State of the episode.
+    pub state: EpisodeState,
     /// Score of the replay.
     pub score: Option<f64>,
     /// True if the episode is a success by the run's rule.
@@ -42,8 +42,8 @@ pub struct EpisodeSummary {
     /// Policy version that ran the episode.
     pub policy_version: Option<i64>,
     /// Time of the report, RFC 3339.
-    pub at: Option<String>,
-    /// `available`, `expired` (the run no longer keeps the actions) or `none` (the episode has no actions).
+    pub reported_at: Option<String>,
+    /// Availability of the actions for a replay.
     pub replay: ReplayAvailability,
 }
 
@@ -74,11 +74,11 @@ pub struct EpisodeSearchQuery {
     pub mode: Option<String>,
     /// Role of the group.
     #[param(inline)]
-    pub role: Option<GroupRoleFilter>,
+    pub role: Option<GroupRole>,
     /// Id of the layout.
     pub layout: Option<String>,
     /// Policy version that ran the episode.
-    pub version: Option<u32>,
+    pub policy_version: Option<u32>,
     /// Order of the episodes (default `newest`).
     #[serde(default)]
     #[param(inline)]
@@ -89,7 +89,7 @@ pub struct EpisodeSearchQuery {
     pub cursor: Option<String>,
 }
 
-/// State of a reported episode.
+/// State of a reported episode, as a filter of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EpisodeStateFilter {
@@ -101,48 +101,22 @@ pub enum EpisodeStateFilter {
     Late,
 }
 
-/// Role of an episode's group.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum GroupRoleFilter {
-    /// Search for the first level of a new run.
-    Placement,
-    /// Current level.
-    Frontier,
-    /// Level that was passed before.
-    Rehearsal,
-    /// Draw of a strategy without levels.
-    Sample,
-    /// New scenario.
-    Explore,
-    /// Repeated scenario with a learning signal.
-    Replay,
-    /// Edit of such a scenario.
-    Edit,
-    /// Scenario with one param at its bound.
-    Boundary,
-    /// Designed layout.
-    Designed,
-    /// Scenario of an evaluation suite.
-    Suite,
-}
-
 /// Order of the episodes of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EpisodeSortOrder {
-    /// Latest lease first.
+    /// Episodes of the latest lease first.
     #[default]
     Newest,
-    /// Earliest lease first.
+    /// Episodes of the earliest lease first.
     Oldest,
-    /// Lowest score first.
+    /// Episodes with the lowest score first.
     WorstScore,
-    /// Highest score first.
+    /// Episodes with the highest score first.
     BestScore,
-    /// Lowest skill first.
+    /// Episodes with the lowest skill first.
     WorstSkill,
-    /// Highest skill first.
+    /// Episodes with the highest skill first.
     BestSkill,
 }
 
@@ -152,8 +126,8 @@ pub struct EpisodeOutcome {
     /// Score that the world computed.
     pub score: f64,
     /// Sum of the rewards.
-    pub total: f64,
-    /// Number of steps.
+    pub total_reward: f64,
+    /// Number of steps of the episode.
     pub steps: u32,
     /// Number of agents lost.
     pub lost: u32,
@@ -176,7 +150,7 @@ pub struct Episode {
     /// Reference score at the time of the report.
     pub reference: Option<f64>,
     /// Outcome of the replay.
-    pub flown: Option<EpisodeOutcome>,
+    pub outcome: Option<EpisodeOutcome>,
     /// Reason of a failure.
     pub reason: Option<String>,
     /// Metrics that the trainer reported.
@@ -229,8 +203,24 @@ pub enum ReplayPlan {
     /// Reported actions of the agent.
     #[default]
     Agent,
-    /// No actions.
+    /// No actions at all.
     Hold,
     /// Actions of the reference plan.
     Reference,
+}
+
+/// State of an episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EpisodeState {
+    /// The episode was not reported yet.
+    Leased,
+    /// The episode was run to its end.
+    Finished,
+    /// The infrastructure lost the episode.
+    Failed,
+    /// The episode was reported after its lease had ended.
+    Late,
+    /// The episode was not reported before its lease ended.
+    Expired,
 }

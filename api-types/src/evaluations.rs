@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
+use crate::{EvaluationEstimates, SuiteSection};
+
 /// Evaluation without its results.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct EvaluationSummary {
@@ -21,7 +23,7 @@ pub struct EvaluationSummary {
     /// Run whose trainer runs the episodes; null if the server does.
     pub run: Option<String>,
     /// Version of the run's policy.
-    pub version: Option<i64>,
+    pub policy_version: Option<i64>,
     /// Common name of trainings that differ by their seed.
     pub training: Option<String>,
     /// Seed of this training.
@@ -29,18 +31,18 @@ pub struct EvaluationSummary {
     /// Number of episodes of each scenario.
     pub rollouts: i64,
     /// True if the episodes of a scenario differ by chance.
-    pub chance: bool,
-    /// `open` (the trainer leases scenarios), `flying` (the server runs them), `complete` or `failed`.
-    pub state: String,
+    pub stochastic: bool,
+    /// State of the evaluation.
+    pub state: EvaluationState,
     /// Reason of a failure.
-    pub trouble: Option<String>,
+    pub error: Option<String>,
     /// Number of scenarios of the evaluation.
     pub scenarios: i64,
     /// Number of scenarios that are done.
-    pub flown: i64,
+    pub scenarios_done: i64,
     /// Number of times a scenario was offered again because its group lost episodes or its lease ended first. Results of such
     /// groups do not count. If the number is high, check that bad episodes are not the ones that get lost.
-    pub reflown: i64,
+    pub retries: i64,
     /// Time of creation, RFC 3339.
     pub created_at: String,
     /// Time at which the last scenario was done, RFC 3339.
@@ -82,7 +84,7 @@ pub struct EvaluationScenarioPage {
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct EvaluationScenario {
     /// Index of the scenario in the suite, the same in all evaluations of the suite.
-    pub place: i64,
+    pub index: i64,
     /// Id of the scenario.
     pub scenario_id: String,
     /// Id of the task.
@@ -90,7 +92,7 @@ pub struct EvaluationScenario {
     /// Level at which the scenario was drawn.
     pub level: usize,
     /// Part of the suite: `contested` or `as_they_come`.
-    pub part: String,
+    pub part: SuiteSection,
     /// Best score of the blind panel.
     pub floor: f64,
     /// Score of the reference planner.
@@ -107,4 +109,60 @@ pub struct EvaluationScenario {
     pub lost: Option<f64>,
     /// Mean fuel spent by all agents together.
     pub fuel_used: Option<f64>,
+}
+
+/// Request to start an evaluation.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EvaluationRequest {
+    /// Name of a built-in suite (default `kessler-heldout-v2`).
+    #[schema(example = "kessler-heldout-v2")]
+    pub suite: Option<String>,
+    /// Tasks whose scenarios are evaluated (default: all). It needs `run`: the server evaluates whole suites.
+    #[schema(example = json!(["docking/single"]))]
+    pub tasks: Option<Vec<String>>,
+    /// Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: a name of your choice.
+    #[schema(example = "heuristic")]
+    pub policy: String,
+    /// Run whose trainer rolls the policy out, in leases with `purpose: eval` and the id of the evaluation.
+    pub run: Option<String>,
+    /// Version of the run's policy (default: the newest).
+    pub policy_version: Option<u32>,
+    /// Common name of trainings that differ only by their seed.
+    pub training: Option<String>,
+    /// Seed of this training.
+    pub training_seed: Option<u32>,
+    /// Number of episodes of each scenario, from 1 to 1 024 (default 1; 8 if the policy is stochastic).
+    pub rollouts: Option<u32>,
+    /// True if the policy is stochastic (default true; not allowed for a built-in policy).
+    pub stochastic: Option<bool>,
+    /// Seed of a stochastic built-in policy (default 0).
+    pub seed: Option<u32>,
+    /// Name of the evaluation for people (default: the name of the policy).
+    pub name: Option<String>,
+}
+
+/// Evaluation with its results.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct Evaluation {
+    /// The evaluation, as lists show it.
+    #[serde(flatten)]
+    pub summary: EvaluationSummary,
+    /// Results of a complete evaluation and of the blind panel (policy `blind_panel`), one row for each task and part of the suite. Empty
+    /// until the evaluation is complete.
+    pub rows: Vec<EvaluationEstimates>,
+}
+
+/// State of an evaluation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EvaluationState {
+    /// A trainer leases and runs the scenarios.
+    Open,
+    /// The server runs the scenarios.
+    Running,
+    /// All scenarios were run.
+    Complete,
+    /// The evaluation was cancelled, or its policy cannot run.
+    Failed,
 }

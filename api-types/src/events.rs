@@ -1,7 +1,7 @@
 //! Event stream of a run.
 
 use serde::{Deserialize, Serialize};
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
 
 /// Query of the event stream: where it starts.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
@@ -14,4 +14,26 @@ pub struct EventQuery {
     /// Number of past events to start with if `after` is not set, at most 1 000.
     #[param(maximum = 1000)]
     pub last: Option<u32>,
+}
+
+/// Subject of an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    /// The run itself: created, changed, paused or resumed.
+    Run,
+    /// A lease that was granted or ended.
+    Lease,
+    /// A group that closed.
+    Group,
+    /// A level move of a task.
+    Move,
+    /// A claim of columns.
+    Claim,
+    /// Episodes that were criticised.
+    Failures,
+    /// A design request of the run.
+    Design,
+    /// A new warning of the run.
+    Warning,
 }

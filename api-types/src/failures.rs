@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
+use crate::ActionVerdict;
+
 /// Query of the failure profiles.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
@@ -38,7 +40,7 @@ pub struct CritiqueBacklog {
     /// unbiased; counts are not scaled up for skipped episodes.
     pub sampling: bool,
     /// Share of the episodes that is criticised now.
-    pub share: f64,
+    pub sampled_share: f64,
 }
 
 /// Failure profile of a task. A failure has weight 1 when it is added; the weight halves every half-life.
@@ -72,16 +74,16 @@ pub struct FailureProfile {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, ToSchema)]
 pub struct Trend {
     /// Weighted value, over recent episodes.
-    pub now: f64,
+    pub recent: f64,
     /// Value over all criticised episodes.
-    pub all: f64,
+    pub overall: f64,
 }
 
 /// Number of actions with one verdict.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct VerdictCount {
-    /// `needed`, `harmless`, `wasteful` or `harmful`.
-    pub verdict: String,
+    /// Verdict on the actions.
+    pub verdict: ActionVerdict,
     /// Number of actions with the verdict.
     pub count: i64,
     /// Number of actions per episode.
@@ -116,7 +118,7 @@ pub struct FailureModeCounts {
     /// Name of the failure mode.
     pub mode: String,
     /// Description in one sentence.
-    pub about: String,
+    pub description: String,
     /// Number of failures counted here.
     pub count: i64,
     /// Sum of their weights.
@@ -129,7 +131,7 @@ pub struct FailureModeCounts {
     pub cells: Vec<FailureCell>,
     /// The same failures by sector of the inertial frame: sector 0 is centred on +X, 3 on +Y. Empty sectors are left out; empty in
     /// a world without such a frame.
-    pub inertial: Vec<InertialSectorCounts>,
+    pub inertial_sectors: Vec<InertialSectorCounts>,
 }
 
 /// Failures of one mode from one sector of the inertial frame.

@@ -40,5 +40,5 @@ pub struct Layout {
     /// Bracket of the scenario.
     pub bracket: ScenarioBracket,
     /// Outcome of the reference plan, which shows that the layout is solvable.
-    pub witness: EpisodeOutcome,
+    pub reference_outcome: EpisodeOutcome,
 }

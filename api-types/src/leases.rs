@@ -87,12 +87,12 @@ pub struct Lease {
     pub lease: String,
     /// Id of the run.
     pub run: String,
-    /// `train`, `probe` or `eval`.
-    pub purpose: String,
-    /// Form of the results: `groups` or `columns`.
-    pub form: String,
-    /// `active`, `done`, `released` or `expired`.
-    pub status: String,
+    /// Purpose of the lease.
+    pub purpose: LeasePurpose,
+    /// Form of the results.
+    pub form: LeaseForm,
+    /// Status of the lease.
+    pub status: LeaseStatus,
     /// Number of episodes in each group.
     pub group_size: i64,
     /// Policy version of the request.
@@ -119,10 +119,10 @@ pub struct SeedRange {
     pub task: String,
     /// Level of the scenarios.
     pub level: Option<i64>,
-    /// `placement`, `frontier`, `rehearsal` or `sample`.
-    pub role: String,
+    /// Role of the groups: `placement`, `frontier`, `rehearsal` or `sample`.
+    pub role: GroupRole,
     /// Number of the first group in the lease.
-    pub first: i64,
+    pub first_group: i64,
     /// Number of groups in the range.
     pub groups: i64,
     /// Seed of the first group.
@@ -144,16 +144,16 @@ pub struct LeasedGroup {
     pub task: String,
     /// Level of the scenario.
     pub level: Option<i64>,
-    /// `placement`, `frontier`, `rehearsal`, `sample`, `explore`, `replay`, `edit`, `boundary`, `designed` or `suite`.
-    pub role: String,
+    /// Role of the group.
+    pub role: GroupRole,
     /// True if the agent is to learn from the group; some strategies only measure with it.
     pub train: bool,
     /// Id of the layout, if the group was designed.
     pub layout: Option<String>,
     /// True if acting well matters on this scenario.
     pub contested: bool,
-    /// `open`, `complete`, `partial` or `lost`.
-    pub state: String,
+    /// State of the group.
+    pub state: GroupState,
     /// Ids under which to report the episodes.
     pub episodes: Vec<String>,
     /// Bracket of the scenario; null if the group is audited and no log was reported yet.
@@ -164,7 +164,7 @@ pub struct LeasedGroup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ScenarioBracket {
     /// Version of the reference planner.
-    pub planner: u32,
+    pub planner_version: u32,
     /// Best score of the blind panel: plans that do not observe the scenario.
     pub floor: f64,
     /// Score of the `hold` policy, which never acts.
@@ -172,9 +172,9 @@ pub struct ScenarioBracket {
     /// Score of the reference planner, which knows the whole scenario.
     pub reference: f64,
     /// Number of blind plans that succeed.
-    pub panel_success: usize,
+    pub panel_successes: usize,
     /// Number of blind plans.
-    pub panel: usize,
+    pub panel_size: usize,
 }
 
 /// Lease without its groups.
@@ -182,12 +182,12 @@ pub struct ScenarioBracket {
 pub struct LeaseSummary {
     /// Id of the lease.
     pub lease: String,
-    /// `train`, `probe` or `eval`.
-    pub purpose: String,
-    /// Form of the results: `groups` or `columns`.
-    pub form: String,
-    /// `active`, `done`, `released` or `expired`.
-    pub status: String,
+    /// Purpose of the lease.
+    pub purpose: LeasePurpose,
+    /// Form of the results.
+    pub form: LeaseForm,
+    /// Status of the lease.
+    pub status: LeaseStatus,
     /// Number of groups in the lease.
     pub groups: i64,
     /// Number of episodes in each group.
@@ -205,4 +205,58 @@ pub struct LeasePage {
     pub leases: Vec<LeaseSummary>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
+}
+
+/// Status of a lease.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseStatus {
+    /// The lease accepts results until it expires.
+    Active,
+    /// All groups of the lease are closed.
+    Done,
+    /// The client returned the lease before all groups were closed.
+    Released,
+    /// The lease expired before all groups were closed.
+    Expired,
+}
+
+/// Role of a group: the role of its proposal in the curriculum, or its origin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GroupRole {
+    /// Search for the first level of a new run.
+    Placement,
+    /// Scenario at the current level.
+    Frontier,
+    /// Scenario at a level that was passed before.
+    Rehearsal,
+    /// Draw of a strategy without levels, or for an evaluation lease.
+    Sample,
+    /// Scenario that the agent has not seen.
+    Explore,
+    /// Repeated scenario with a learning signal.
+    Replay,
+    /// Edit of a repeated scenario.
+    Edit,
+    /// Scenario with one param at its bound.
+    Boundary,
+    /// Scenario of a designed layout.
+    Designed,
+    /// Scenario of an evaluation suite.
+    Suite,
+}
+
+/// State of a group.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GroupState {
+    /// Episodes of the group are missing.
+    Open,
+    /// All episodes of the group finished.
+    Complete,
+    /// At least `min_group` episodes finished, but not all.
+    Partial,
+    /// Fewer than `min_group` episodes finished.
+    Lost,
 }

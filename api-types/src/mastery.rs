@@ -25,9 +25,9 @@ pub struct TaskMastery {
     /// Current level; null during placement and under a strategy without levels.
     pub level: Option<u32>,
     /// Level that placement probes now.
-    pub probing: Option<u32>,
+    pub probe_level: Option<u32>,
     /// True if the first level is set.
-    pub placed: bool,
+    pub placement_done: bool,
     /// Params in force: of the current level, or of the probed one.
     pub params: BTreeMap<String, f64>,
     /// Posterior of success on contested scenarios at the current level; null under a strategy without levels.
@@ -35,13 +35,13 @@ pub struct TaskMastery {
     /// The same for each level with evidence.
     pub levels: Vec<MasteryEstimate>,
     /// Results of all episodes, contested or not, except those on designed layouts.
-    pub plain: EpisodeCounts,
+    pub results: EpisodeCounts,
     /// Results of the episodes on designed layouts, which aim at the agent's failures.
-    pub designed: EpisodeCounts,
+    pub designed_results: EpisodeCounts,
     /// Claims of columns: statistics only, except for audited groups, which count above.
-    pub claimed: ClaimedEpisodeCounts,
+    pub claimed_results: ClaimedEpisodeCounts,
     /// Ends of groups with several episodes; all zeros if groups have one episode.
-    pub groups: GroupCounts,
+    pub group_counts: GroupCounts,
     /// Progress of the current block, and the conditions of the next level move.
     #[schema(value_type = Object)]
     pub status: TaskStatus,
@@ -52,7 +52,7 @@ pub struct TaskMastery {
 /// Posterior of success: Beta(1, 1) updated by the last 64 contested scenarios.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MasteryEstimate {
-    /// The level.
+    /// Level of the estimate.
     pub level: Option<u32>,
     /// Number of scenarios behind the estimate.
     pub n: u32,
@@ -89,7 +89,7 @@ pub struct GroupCounts {
     pub zero_variance_share: Option<f64>,
 }
 
-/// Results of episodes.
+/// Numbers of episodes and their mean results.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct EpisodeCounts {
     /// Number of finished episodes.
@@ -109,7 +109,7 @@ pub struct EpisodeCounts {
 }
 
 /// Episodes of claims of columns.
-#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 pub struct ClaimedEpisodeCounts {
     /// Number of finished episodes of accepted claims.
     pub episodes: i64,
@@ -159,8 +159,8 @@ pub struct RecordedMove {
     pub seq: i64,
     /// Id of the task.
     pub task: String,
-    /// `placement`, `up` or `down`.
-    pub kind: String,
+    /// Direction of the move.
+    pub kind: LevelMoveKind,
     /// Level before the move; null if placement had not ended.
     pub from: Option<i64>,
     /// Level after the move.
@@ -172,9 +172,21 @@ pub struct RecordedMove {
     pub at: String,
 }
 
-/// Params in force.
+/// Params in force, by task.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunParams {
     /// Params by name, for each task id.
     pub tasks: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// Direction of a level move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LevelMoveKind {
+    /// Placement ended, and the run starts at this level.
+    Placement,
+    /// The task moved one level up.
+    Up,
+    /// The task moved one level down.
+    Down,
 }

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::EventKind;
+
 /// Overview of a run: throughput, leases and levels.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunOverview {
@@ -23,7 +25,7 @@ pub struct RunOverview {
     /// Mean skill of all tasks over the life of the run, in at most 60 parts; null for a part without results.
     pub skill: Vec<Option<f64>>,
     /// Latest event of the run.
-    pub last: Option<LatestEvent>,
+    pub latest_event: Option<LatestEvent>,
 }
 
 /// Level and mastery of a task.
@@ -45,7 +47,7 @@ pub struct TaskOverview {
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct LatestEvent {
     /// Kind of the event.
-    pub kind: String,
+    pub kind: EventKind,
     /// Time of the event, RFC 3339.
     pub at: String,
 }

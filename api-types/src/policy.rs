@@ -1,4 +1,4 @@
-//! State of the policy that the server runs for a run.
+//! Policy that the server runs for a run: its settings, its progress and the fill level of its feed.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -11,7 +11,7 @@ pub struct FeedStatus {
     /// Number of delivered groups whose claim has not expired.
     pub delivered: i64,
     /// Number of acknowledged groups that can still be read again.
-    pub acked: i64,
+    pub acknowledged: i64,
     /// Size of the unacknowledged groups as stored, bytes.
     pub bytes: i64,
     /// True if no more groups are run until some are acknowledged.
@@ -22,7 +22,108 @@ pub struct FeedStatus {
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct PolicyFault {
     /// Description in one sentence.
-    pub words: String,
+    pub message: String,
     /// Time of the error, RFC 3339.
     pub at: String,
+}
+
+/// Request to set the policy of a run. A field that is left out gets its default, except that `version` keeps its value.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyRequest {
+    /// `off`, `chat` (the language model that the server was started with), or a built-in policy that every task of the run
+    /// has (`GET /v1/tasks` lists them).
+    #[schema(example = "heuristic")]
+    pub policy: String,
+    /// Version of the policy, which groups that start later get. Raise it when the endpoint serves new weights; it never decreases.
+    pub version: Option<u32>,
+    /// Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else the endpoint's).
+    pub temperature: Option<f64>,
+    /// Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2).
+    pub history: Option<u32>,
+    /// Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the server's setting).
+    pub max_tokens: Option<u32>,
+    /// Observations in trajectories (default `telemetry`).
+    pub observations: Option<ObservationMode>,
+    /// Largest number of unacknowledged groups in the feed, from 1 to 4 096 (default 32).
+    pub max_unacknowledged_groups: Option<u32>,
+    /// True to replace groups whose episodes all have the same score (default false).
+    pub refill: Option<bool>,
+}
+
+/// Settings of a run's policy, complete, as stored.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PolicySettings {
+    /// Sampling temperature of `chat`; null for the endpoint's default.
+    pub temperature: Option<f64>,
+    /// Number of earlier exchanges in the prompt of `chat`.
+    pub history: u32,
+    /// Largest number of tokens of one reply of `chat`; null for the server's setting.
+    pub max_tokens: Option<u32>,
+    /// Observations that trajectories have.
+    pub observations: ObservationMode,
+    /// Largest number of unacknowledged groups in the feed.
+    pub max_unacknowledged_groups: u32,
+    /// True if groups whose episodes all have the same score are replaced.
+    #[serde(default)]
+    pub refill: bool,
+}
+
+/// Default number of unacknowledged groups in a feed.
+const DEFAULT_MAX_UNACKNOWLEDGED_GROUPS: u32 = 32;
+/// Default number of earlier exchanges in a prompt, the same as in `sparring play`.
+const DEFAULT_HISTORY: u32 = 2;
+
+impl Default for PolicySettings {
+    fn default() -> Self {
+        Self {
+            temperature: None,
+            history: DEFAULT_HISTORY,
+            max_tokens: None,
+            observations: ObservationMode::default(),
+            max_unacknowledged_groups: DEFAULT_MAX_UNACKNOWLEDGED_GROUPS,
+            refill: false,
+        }
+    }
+}
+
+/// Kind of observations in trajectories.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ObservationMode {
+    /// The observation of each step, in the wire form.
+    #[default]
+    Telemetry,
+    /// Trajectories have no observations.
+    None,
+}
+
+/// Policy of a run, with its settings and progress.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct RunPolicyState {
+    /// `off`, `chat`, or the name of a built-in policy.
+    pub policy: String,
+    /// Version of the policy, which new groups get.
+    pub version: i64,
+    /// Settings of the policy.
+    #[serde(flatten)]
+    pub settings: PolicySettings,
+    /// Language model of `chat`. Its endpoint is not disclosed.
+    pub model: Option<String>,
+    /// Time of the latest change, RFC 3339.
+    pub changed_at: Option<String>,
+    /// Number of groups pushed to the feed.
+    pub groups: i64,
+    /// Number of episodes in these groups.
+    pub episodes: i64,
+    /// Number of episodes that the infrastructure lost, usually because of the model's endpoint.
+    pub failed: i64,
+    /// Number of prompt tokens.
+    pub tokens_in: i64,
+    /// Number of completion tokens.
+    pub tokens_out: i64,
+    /// Fill level of the feed.
+    pub feed: FeedStatus,
+    /// Latest error of the policy.
+    pub last_error: Option<PolicyFault>,
 }

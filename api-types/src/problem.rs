@@ -1,32 +1,51 @@
-//! Problem details of an error response (RFC 9457), as clients read them.
+//! Problem details of an error response (RFC 9457).
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
-/// Error response, reduced to the fields that people read.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Problem details of a failed request (RFC 9457).
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(default)]
+#[schema(as = Problem)]
 pub struct ProblemDetails {
-    /// Kind of the problem.
-    pub title: Option<String>,
-    /// Cause of this problem, in one sentence.
-    pub detail: Option<String>,
-    /// Path of the field at fault, with dots between its parts.
+    /// URN of the kind of problem.
+    #[serde(rename = "type")]
+    #[schema(required = true, example = "urn:sparring:problem:invalid")]
+    pub kind: String,
+    /// Reason phrase of the HTTP status.
+    #[schema(required = true)]
+    pub title: String,
+    /// HTTP status of the response.
+    #[schema(required = true)]
+    pub status: u16,
+    /// Sentence that describes this occurrence.
+    #[schema(required = true)]
+    pub detail: String,
+    /// Field that caused the problem, as a dotted path.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
 }
 
 impl ProblemDetails {
-    /// Cause of the problem, without the field at fault.
+    /// Code of the kind of problem, the last part of its URN.
     #[must_use]
-    pub fn message(self) -> String {
-        self.detail.or(self.title).unwrap_or_else(|| "the service does not say why".to_owned())
+    pub fn code(&self) -> &str {
+        self.kind.rsplit(':').next().unwrap_or_default()
     }
 
-    /// Cause of the problem, after the field at fault if there is one.
+    /// Cause of the problem, without the field that caused it.
     #[must_use]
-    pub fn message_with_field(mut self) -> String {
-        match self.field.take() {
+    pub fn message(&self) -> &str {
+        let texts = [self.detail.as_str(), self.title.as_str()];
+        texts.into_iter().find(|text| !text.is_empty()).unwrap_or("the service does not say why")
+    }
+
+    /// Cause of the problem, after the field that caused it if there is one.
+    #[must_use]
+    pub fn message_with_field(&self) -> String {
+        match &self.field {
             Some(field) => format!("{field}: {}", self.message()),
-            None => self.message(),
+            None => self.message().to_owned(),
         }
     }
 }
@@ -41,6 +60,7 @@ mod tests {
             r#"{"type": "urn:x", "title": "Unprocessable", "status": 422, "detail": "it is 0", "field": "groups"}"#,
         )
         .expect("problem details");
+        assert_eq!((problem.code(), problem.status), ("x", 422));
         assert_eq!(problem.message_with_field(), "groups: it is 0");
         assert_eq!(ProblemDetails::default().message_with_field(), "the service does not say why");
     }

@@ -1,11 +1,13 @@
-//! Results of episodes.
+//! Results of episodes and their receipts.
 
 use curriculum::LevelMove;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-/// Batch of results.
+use crate::GroupState;
+
+/// Batch of results of a run.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResultsRequest {
@@ -70,9 +72,9 @@ pub struct EpisodeActions {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionPrecision {
-    /// Single precision.
+    /// Single precision, 32 bits.
     F32,
-    /// Double precision.
+    /// Double precision, 64 bits.
     #[default]
     F64,
 }
@@ -93,7 +95,7 @@ pub enum ActionStopReason {
 #[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EpisodeMetrics {
-    /// Sampling temperature.
+    /// Sampling temperature of the policy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
     /// Number of prompt tokens.
@@ -135,15 +137,11 @@ pub struct ResultsResponse {
 pub struct ResultReceipt {
     /// Episode id, as it was sent.
     pub episode: String,
-    /// `counted` (the group can move the curriculum: mastery, or the state of the strategy), `stored` (kept as a statistic: an
-    /// evaluation, a designed layout, or a policy that is too old), `audited` (the replay agrees with the columns; the episode counts
-    /// once all audited ones are in), `failed`, `late` (the lease was over), `duplicate` (the same result was reported before), `refused`.
-    pub status: String,
-    /// Reason of a refusal: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    /// `conflict`, `other_version` (an evaluation has one policy version), `expired` (never reported, and the run no longer keeps its
-    /// scenario), `not_as_claimed` (the columns of the lease said otherwise and are refused).
+    /// Effect of the report.
+    pub status: ReceiptStatus,
+    /// Reason of a refusal, for programs.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub code: Option<String>,
+    pub code: Option<RefusalCode>,
     /// Reason of a refusal for people, one sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detail: Option<String>,
@@ -165,8 +163,8 @@ pub struct GroupReceipt {
     pub lease: String,
     /// Number of the group in its lease, from 0.
     pub group: i64,
-    /// `complete` (all episodes finished), `partial` (at least `min_group` episodes finished) or `lost`.
-    pub state: String,
+    /// State of the group: `complete`, `partial` or `lost`.
+    pub state: GroupState,
     /// Number of finished episodes.
     pub finished: i64,
     /// Number of failed episodes.
@@ -191,4 +189,106 @@ pub struct GroupRefill {
     pub lease: String,
     /// Numbers of the added groups in the lease.
     pub groups: Vec<i64>,
+}
+
+/// Effect of the report of one episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReceiptStatus {
+    /// The episode counts, and its group can move the curriculum.
+    Counted,
+    /// The episode is a statistic only: an evaluation, a designed layout, or a policy that is too old.
+    Stored,
+    /// The replay agrees with the columns of the lease. The episode counts once all audited ones are reported.
+    Audited,
+    /// The infrastructure lost the episode.
+    Failed,
+    /// The lease had ended.
+    Late,
+    /// The same result was reported before.
+    Duplicate,
+    /// The result was refused.
+    Refused,
+}
+
+impl ReceiptStatus {
+    /// All values, in the order of their declaration.
+    pub const ALL: &[Self] = &[
+        Self::Counted,
+        Self::Stored,
+        Self::Audited,
+        Self::Failed,
+        Self::Late,
+        Self::Duplicate,
+        Self::Refused,
+    ];
+
+    /// Name of the value, as in JSON and in metrics.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Counted => "counted",
+            Self::Stored => "stored",
+            Self::Audited => "audited",
+            Self::Failed => "failed",
+            Self::Late => "late",
+            Self::Duplicate => "duplicate",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// Reason why a reported episode is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RefusalCode {
+    /// The episode id is malformed.
+    BadId,
+    /// The lease has no such episode, or it is not audited.
+    UnknownEpisode,
+    /// The lease belongs to another run.
+    ForeignEpisode,
+    /// The fields of the result are invalid.
+    InvalidResult,
+    /// The action log does not replay.
+    InvalidLog,
+    /// Another result was reported for the episode before.
+    Conflict,
+    /// The result names another policy version than its evaluation.
+    VersionMismatch,
+    /// The run no longer keeps the scenario of the episode, and no result was reported for it.
+    Expired,
+    /// The replay contradicts the columns of the lease, which are refused.
+    ColumnsMismatch,
+}
+
+impl RefusalCode {
+    /// All values, in the order of their declaration.
+    pub const ALL: &[Self] = &[
+        Self::BadId,
+        Self::UnknownEpisode,
+        Self::ForeignEpisode,
+        Self::InvalidResult,
+        Self::InvalidLog,
+        Self::Conflict,
+        Self::VersionMismatch,
+        Self::Expired,
+        Self::ColumnsMismatch,
+    ];
+
+    /// Name of the value, as in JSON and in metrics.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::BadId => "bad_id",
+            Self::UnknownEpisode => "unknown_episode",
+            Self::ForeignEpisode => "foreign_episode",
+            Self::InvalidResult => "invalid_result",
+            Self::InvalidLog => "invalid_log",
+            Self::Conflict => "conflict",
+            Self::VersionMismatch => "version_mismatch",
+            Self::Expired => "expired",
+            Self::ColumnsMismatch => "columns_mismatch",
+        }
+    }
 }

@@ -15,8 +15,8 @@ pub struct RunSummary {
     pub name: String,
     /// Seed of the run's random streams.
     pub seed: u64,
-    /// `active` or `paused`.
-    pub status: String,
+    /// Status of the run.
+    pub status: RunStatus,
     /// Time of creation, RFC 3339.
     pub created_at: String,
     /// Time of archiving, RFC 3339.
@@ -35,15 +35,15 @@ pub struct Run {
     #[serde(flatten)]
     pub summary: RunSummary,
     /// Backlog of the critique.
-    pub critique: CritiqueBacklog,
+    pub critique_backlog: CritiqueBacklog,
     /// Warnings of the run: their number and the newest ones.
-    pub marks: RunWarnings,
+    pub warnings: RunWarnings,
 }
 
 /// Warnings of a run.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunWarnings {
-    /// Number of warnings.
+    /// Number of all warnings.
     pub count: i64,
     /// Newest warnings, newest first, at most 20.
     pub newest: Vec<RunWarning>,
@@ -52,20 +52,20 @@ pub struct RunWarnings {
 /// Warning of a run.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunWarning {
-    /// Kind: `refused_claim` (the columns of a lease contradict its logs).
-    pub kind: String,
+    /// Kind of the warning.
+    pub kind: RunWarningKind,
     /// Id of the lease concerned.
     pub lease: Option<String>,
     /// Description in one sentence.
-    pub words: String,
+    pub message: String,
     /// Time of the warning, RFC 3339.
     pub at: String,
 }
 
-/// Page of runs.
+/// Page of the list of runs.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunPage {
-    /// Runs, oldest first.
+    /// Runs of the page, oldest first.
     pub runs: Vec<RunSummary>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
@@ -96,7 +96,7 @@ pub struct PolicyVersionRequest {
 /// Page of the history of a run's settings.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunSettingsPage {
-    /// Settings, newest first.
+    /// Settings of the page, newest first.
     pub settings: Vec<RunSettingsVersion>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
@@ -106,10 +106,30 @@ pub struct RunSettingsPage {
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunSettingsVersion {
     /// Number of the version, from 0.
-    pub nth: i64,
+    pub revision: i64,
     /// Time from which the settings apply, RFC 3339.
     pub at: String,
     /// Complete settings, as they were stored then.
     #[schema(value_type = Object)]
     pub settings: Value,
+}
+
+/// Status of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RunStatus {
+    /// The run grants leases.
+    Active,
+    /// The run grants no leases. Results of earlier leases are still accepted.
+    Paused,
+}
+
+/// Kind of a warning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RunWarningKind {
+    /// An audited log did not replay as the columns of its lease claim.
+    RefusedClaim,
+    /// Audited logs of a claim were not reported before the lease ended.
+    UnprovenClaim,
 }

@@ -34,7 +34,7 @@ pub struct ScenarioCheck {
     /// True if no agent is lost before it could act.
     pub fair: bool,
     /// Reason why the scenario is not fair.
-    pub unfair_because: Option<String>,
+    pub unfair_reason: Option<String>,
     /// True if the reference planner succeeds.
     pub solvable: bool,
     /// True if the reference planner succeeds and most blind plans do not.
@@ -42,7 +42,7 @@ pub struct ScenarioCheck {
     /// Bracket of the scenario.
     pub bracket: Option<ScenarioBracket>,
     /// Outcome of the actions, if there were any.
-    pub flown: Option<ReplayedOutcome>,
+    pub outcome: Option<ReplayedOutcome>,
     /// Critique of the actions, if there were any.
     pub critique: Option<Critique>,
     /// With `telemetry` and a fair scenario: the start, then one frame for each step, as in the replay of a run's episode, with

@@ -52,17 +52,17 @@ pub struct TaskSeries {
     /// Mean skill, over scenarios that define one.
     pub skill: Vec<Option<f64>>,
     /// Mean success rate on contested scenarios.
-    pub contested: Vec<Option<f64>>,
+    pub contested_success: Vec<Option<f64>>,
     /// Number of these contested scenarios.
-    pub contested_n: Vec<i64>,
+    pub contested_scenarios: Vec<i64>,
     /// Mean success rate of the blind panel on some of these scenarios.
-    pub panel: Vec<Option<f64>>,
+    pub panel_success: Vec<Option<f64>>,
     /// Share of the groups of several episodes whose episodes all have the same score.
-    pub zero_variance: Vec<Option<f64>>,
+    pub zero_variance_share: Vec<Option<f64>>,
     /// Lowest level of the results.
-    pub low: Vec<Option<i64>>,
+    pub level_low: Vec<Option<i64>>,
     /// Highest level of the results.
-    pub high: Vec<Option<i64>>,
+    pub level_high: Vec<Option<i64>>,
     /// Current level at the end of the point.
     pub level: Vec<Option<i64>>,
     /// Mean of the posterior of success on contested scenarios at that level and time.
@@ -78,10 +78,10 @@ pub struct TaskSeries {
 /// Time series of a param.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 pub struct ParamSeries {
-    /// Mean value.
+    /// Mean value of each point.
     pub mean: Vec<Option<f64>>,
-    /// Lowest value.
+    /// Lowest value of each point.
     pub low: Vec<Option<f64>>,
-    /// Highest value.
+    /// Highest value of each point.
     pub high: Vec<Option<f64>>,
 }

@@ -5,7 +5,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::{Object, OneOf, Schema, Type};
 
-/// All strategies.
+/// Strategies of the server.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct StrategyList {
     /// Strategies, the default first.
@@ -18,9 +18,9 @@ pub struct Strategy {
     /// Name of the strategy.
     pub name: String,
     /// Description in a few words.
-    pub about: String,
+    pub description: String,
     /// True if its episodes can be leased as columns; false if it repeats single scenarios.
-    pub columns: bool,
+    pub supports_columns: bool,
     /// Settings of the strategy: `strategy_settings` of a run.
     pub settings: Vec<StrategySetting>,
 }
@@ -31,10 +31,10 @@ pub struct StrategySetting {
     /// Name of the setting.
     pub name: String,
     /// Description of its effect.
-    pub about: String,
+    pub description: String,
     /// Accepted values, in words.
-    pub takes: String,
-    /// Default value.
+    pub accepts: String,
+    /// Default value of the setting.
     #[schema(schema_with = strategy_setting_schema)]
     pub default: Value,
     /// Source of the default.
@@ -50,7 +50,7 @@ fn number_or_string() -> OneOf {
 #[must_use]
 pub fn strategy_setting_schema() -> Schema {
     let mut either = number_or_string();
-    either.description = Some("Default value.".to_owned());
+    either.description = Some("Default value of the setting.".to_owned());
     either.into()
 }
 

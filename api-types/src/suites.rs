@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// All suites.
+/// Suites that the server has.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct SuiteList {
     /// Name of the default suite.
-    pub usual: String,
+    pub default: String,
     /// Suites, the newest of each world first.
     pub suites: Vec<Suite>,
 }
@@ -19,7 +19,7 @@ pub struct Suite {
     pub name: String,
     /// Hash of the suite: evaluations with the same hash are comparable.
     pub hash: String,
-    /// Number of scenarios.
+    /// Number of scenarios in the suite.
     pub scenarios: usize,
     /// Ids of their tasks.
     pub tasks: Vec<String>,

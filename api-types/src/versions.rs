@@ -15,7 +15,7 @@ pub struct PolicyVersion {
     /// Notes of the trainer.
     pub notes: Option<String>,
     /// Time of the description, RFC 3339; null if the version is known from results only.
-    pub told_at: Option<String>,
+    pub described_at: Option<String>,
     /// Results by task, over all episodes except evaluations, contested or not.
     pub tasks: Vec<PolicyVersionResults>,
 }

@@ -60,7 +60,7 @@ struct PhysicsChoice {
 
 fn measure_case(case: &BracketCase, scenarios: u64, physics: Option<PhysicsChoice>) -> anyhow::Result<Row> {
     let BracketCase { task, params, goal_ms } = *case;
-    let spec = env_core::task(task).ok_or_else(|| anyhow::anyhow!("{task} is gone"))?;
+    let spec = env_core::task(task).ok_or_else(|| anyhow::anyhow!("task {task} does not exist"))?;
     let mut recipe = Recipe::with_params(spec, params.iter().copied())?;
     let mut description: Vec<String> = params.iter().map(|(n, v)| format!("{n} {v}")).collect();
     if let Some(PhysicsChoice { option, choice }) = physics {

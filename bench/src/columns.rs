@@ -4,10 +4,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use anyhow::Context;
+use api_types::{
+    ClaimState, ColumnClaim, Lease, LeaseForm, LeaseRequest, ReceiptStatus, ResultsResponse, SeedRange,
+};
 use env_core::{ActionLog, Recipe, Scenario, Seed};
 use rayon::prelude::*;
-use serde_json::{Value, json};
-use system_tests::{ApiClient, Lease, ServerProcess, log_to_json, run_policy};
+use serde_json::json;
+use system_tests::{ApiClient, ServerProcess, log_to_json, run_policy};
 
 use crate::Row;
 use crate::results::{database_bytes, measure_leases};
@@ -80,17 +84,13 @@ async fn run() -> anyhow::Result<Vec<Row>> {
 }
 
 /// Builds the scenario of a group.
-fn group_scenario(lease: &Lease, group: usize) -> anyhow::Result<Scenario> {
-    let unsigned = |value: &Value, key: &str| value[key].as_u64().unwrap_or_default();
-    let ranges = lease.0["ranges"].as_array().map_or(&[][..], Vec::as_slice);
-    let contains_group = |range: &&Value| {
-        (unsigned(range, "first")..unsigned(range, "first") + unsigned(range, "groups"))
-            .contains(&(group as u64))
-    };
-    let range =
-        ranges.iter().find(contains_group).ok_or_else(|| anyhow::anyhow!("no range holds group {group}"))?;
-    let recipe = Recipe::from_json(&lease.0["recipes"][unsigned(range, "recipe") as usize])?;
-    let seed = unsigned(range, "seed") + group as u64 - unsigned(range, "first");
+fn group_scenario(lease: &Lease, group: i64) -> anyhow::Result<Scenario> {
+    let contains_group =
+        |range: &&SeedRange| (range.first_group..range.first_group + range.groups).contains(&group);
+    let range = lease.ranges.iter().flatten().find(contains_group);
+    let range = range.ok_or_else(|| anyhow::anyhow!("no range holds group {group}"))?;
+    let recipe = Recipe::from_json(&lease.recipes[range.recipe])?;
+    let seed = range.seed + u64::try_from(group - range.first_group)?;
     Ok(Scenario::new(Arc::new(recipe), Seed::new(seed)?))
 }
 
@@ -99,22 +99,22 @@ pub(crate) async fn prepare_claim(
     run: &str,
     episodes: usize,
 ) -> anyhow::Result<PreparedClaim> {
-    let request = json!({"form": "columns", "groups": episodes, "ttl_s": 3600});
-    let response = api.post(&format!("/v1/runs/{run}/leases"), request).await;
-    anyhow::ensure!(response.status == 201, "no lease: {}", response.body);
-    let lease = Lease(response.body);
-    let ranges = lease.0["ranges"].as_array().cloned().unwrap_or_default();
-    let scores: Vec<Vec<f32>> = ranges
-        .into_par_iter()
+    let request =
+        LeaseRequest { form: LeaseForm::Columns, ttl_s: 3600, ..LeaseRequest::new(u32::try_from(episodes)?) };
+    let response = api.post(&format!("/v1/runs/{run}/leases"), serde_json::to_value(request)?).await;
+    let lease: Lease = response.parse().context("no lease")?;
+    let scores: Vec<Vec<f32>> = lease
+        .ranges
+        .as_deref()
+        .unwrap_or_default()
+        .par_iter()
         .map(|range| {
-            let recipe = &lease.0["recipes"][range["recipe"].as_u64().unwrap_or_default() as usize];
-            let recipe = Arc::new(Recipe::from_json(recipe)?);
-            let seed = range["seed"].as_u64().unwrap_or_default();
+            let recipe = Arc::new(Recipe::from_json(&lease.recipes[range.recipe])?);
             let score = |group| {
-                let scenario = Scenario::new(Arc::clone(&recipe), Seed::new(seed + group)?);
+                let scenario = Scenario::new(Arc::clone(&recipe), Seed::new(range.seed + group)?);
                 Ok::<_, anyhow::Error>(hold_score(&scenario))
             };
-            (0..range["groups"].as_u64().unwrap_or_default()).map(score).collect()
+            (0..u64::try_from(range.groups)?).map(score).collect()
         })
         .collect::<anyhow::Result<_>>()?;
     let bytes: Vec<u8> = scores.concat().iter().flat_map(|score| score.to_le_bytes()).collect();
@@ -138,21 +138,19 @@ pub(crate) async fn claim_columns(
     run: &str,
     PreparedClaim { lease, body }: &PreparedClaim,
 ) -> anyhow::Result<usize> {
-    let path = format!("/v1/runs/{run}/leases/{}/columns", lease.id());
-    let claim = api.request("POST", &path, "application/msgpack", body.clone()).await;
-    anyhow::ensure!(claim.status == 200, "not taken: {}", claim.body);
+    let path = format!("/v1/runs/{run}/leases/{}/columns", lease.lease);
+    let response = api.request("POST", &path, "application/msgpack", body.clone()).await;
+    let claim: ColumnClaim = response.parse().context("the claim was rejected")?;
     let mut results = Vec::new();
-    for audit in claim.body["audit"].as_array().cloned().unwrap_or_default() {
-        let scenario = group_scenario(lease, audit["group"].as_u64().unwrap_or_default() as usize)?;
-        let log = run_policy(&scenario, "hold").log;
-        results.push(json!({"episode": audit["episodes"][0], "actions": log_to_json(&log)}));
+    for audited in &claim.audited_groups {
+        let log = run_policy(&group_scenario(lease, audited.group)?, "hold").log;
+        results.push(json!({"episode": audited.episodes[0], "actions": log_to_json(&log)}));
     }
     let audited = results.len();
-    let report = api.report(run, results).await;
-    let is_audited =
-        report["results"].as_array().is_some_and(|all| all.iter().all(|r| r["status"] == "audited"));
-    anyhow::ensure!(is_audited, "an audit failed: {report}");
-    let state = api.get(&path).await;
-    anyhow::ensure!(state.body["state"] == "accepted", "not accepted: {}", state.body);
+    let report: ResultsResponse = serde_json::from_value(api.report(run, results).await)?;
+    let is_audited = report.results.iter().all(|receipt| receipt.status == ReceiptStatus::Audited);
+    anyhow::ensure!(is_audited, "an audit failed: {:?}", report.results);
+    let claim: ColumnClaim = api.get(&path).await.parse()?;
+    anyhow::ensure!(claim.state == ClaimState::Accepted, "not accepted: {claim:?}");
     Ok(audited)
 }

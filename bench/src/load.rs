@@ -4,11 +4,13 @@ use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use api_types::ResultsResponse;
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Lease, ServerProcess, episode_result};
 use tokio::task::JoinSet;
 
 use crate::Row;
+use crate::results::is_counted;
 use crate::sockets::process;
 
 const TRAINERS: usize = 64;
@@ -101,13 +103,10 @@ async fn train(api: ApiClient, times: SharedStatistics) -> anyhow::Result<std::c
             let episodes = lease.episodes().into_iter();
             episodes.map(|(id, scenario)| episode_result(&id, &scenario, "hold")).collect::<Vec<Value>>()
         });
-        let receipts =
+        let response =
             request_until_accepted(&api, &times, "results", &json!({"results": results.await?})).await?;
-        let counted = receipts["results"].as_array().map_or(0, |all| {
-            all.iter()
-                .filter(|receipt| matches!(receipt["status"].as_str(), Some("counted" | "stored")))
-                .count()
-        });
+        let response: ResultsResponse = serde_json::from_value(response)?;
+        let counted = response.results.iter().filter(|receipt| is_counted(receipt)).count();
         times.lock().unwrap_or_else(PoisonError::into_inner).counted += counted as u64;
         tokio::time::sleep(LEARNING_PAUSE).await;
     }

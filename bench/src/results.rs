@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use api_types::{ReceiptStatus, ResultReceipt, ResultsResponse};
 use env_core::rollout::roll_out;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -117,31 +118,20 @@ async fn send_all_batches(api: &ApiClient, batches: Vec<String>) -> anyhow::Resu
 /// Sends a batch whose results must all count; returns their number.
 pub(crate) async fn send_batch(api: &ApiClient, run: &str, body: String) -> anyhow::Result<u64> {
     let response = api.request("POST", &format!("/v1/runs/{run}/results"), "application/json", body).await;
-    let counted = response.body["results"]
-        .as_array()
-        .filter(|all| all.iter().all(|r| matches!(r["status"].as_str(), Some("counted" | "stored"))));
-    let Some(counted) = counted else {
-        anyhow::bail!("not every result counted: {} {}", response.status, response.body);
-    };
-    Ok(counted.len() as u64)
+    let ResultsResponse { results, .. } = response.parse()?;
+    let counted = results.iter().filter(|receipt| is_counted(receipt)).count();
+    anyhow::ensure!(counted == results.len(), "not every result counted: {results:?}");
+    Ok(counted as u64)
+}
+
+/// True if the server stored the episode as reported in time.
+pub(crate) fn is_counted(receipt: &ResultReceipt) -> bool {
+    matches!(receipt.status, ReceiptStatus::Counted | ReceiptStatus::Stored)
 }
 
 /// Leases groups and returns batches of results for them.
 pub(crate) async fn lease_and_build_batches(api: &ApiClient, run: &str) -> anyhow::Result<Vec<String>> {
-    build_batches(&lease_groups(api, run).await?)
-}
-
-async fn lease_groups(api: &ApiClient, run: &str) -> anyhow::Result<Lease> {
-    for _ in 0..60 {
-        let settings = json!({"groups": GROUPS, "ttl_s": 3600});
-        let response = api.post(&format!("/v1/runs/{run}/leases"), settings).await;
-        match response.status {
-            201 => return Ok(Lease(response.body)),
-            429 | 503 => tokio::time::sleep(Duration::from_millis(200)).await,
-            _ => anyhow::bail!("no lease: {}", response.body),
-        }
-    }
-    anyhow::bail!("the server prepares too slowly")
+    build_batches(&api.lease(run, json!({"groups": GROUPS, "ttl_s": 3600})).await)
 }
 
 /// Builds batches of results. The `frozen` policy (a reflex with random weights) runs every episode: its actions are varied,

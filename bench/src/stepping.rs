@@ -221,8 +221,10 @@ async fn measure_lease_latency(server: &ServerProcess, shape: Shape) -> anyhow::
     let open_message = json!({"id": "bench", "seed": 1, "placement": false, "design": {"designer": "off"}});
     let created = api.post("/v1/runs", open_message).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
-    // Tests the passing of time: the server fills its queue of prepared scenarios.
-    tokio::time::sleep(Duration::from_secs(2)).await;
+    // The server has prepared scenarios once it grants a lease, and offers those of a released lease again.
+    let warm_up = api.lease("bench", json!({"groups": 64})).await;
+    let released = api.post(&format!("/v1/runs/bench/leases/{}/release", warm_up.id()), json!({})).await;
+    anyhow::ensure!(released.status == 200, "not released: {}", released.body);
     let stop = Arc::new(AtomicBool::new(false));
     let leasing = tokio::spawn(lease_until_stopped(api, Arc::clone(&stop)));
     let clock = measure_rate(server, shape).await?.per_s;

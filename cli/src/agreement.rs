@@ -11,26 +11,27 @@ use super::output::{self, Format};
 use orchestrator::judging::agreement::{Agreement, Band, ScorePair};
 use orchestrator::store::step_verdicts::{self, StepScores};
 
-/// How far a language model that judged steps agrees with the deterministic judge on the same steps.
+/// Measure how well a judging language model agrees with the deterministic judge.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A server with --judge llm (or a run with judge: llm) keeps every verdict beside what the rules say of the same step. Scores are \
-from -1 to 1; bands are blame (below -0.25), neutral and praise (above 0.25). kappa is Cohen's, over the bands, weighted by the \
-square of how far they are apart: 1 is agreement, 0 what chance would do. By case: what the model says where the rules say \
-this. Steps that only one of them judged are counted and compared with nothing. The database may be in use.
+A server with --judge llm (or a run with judge: llm) stores both verdicts of every judged step: the model's and that of the \
+rules. Scores range from -1 to 1; the bands are blame (below -0.25), neutral and praise (above 0.25). kappa is Cohen's kappa \
+over the bands with quadratic weights: 1 is perfect agreement, 0 agreement by chance. The table by case groups the model's \
+scores by the verdict of the rules. Steps that only one judge scored are counted, but not compared. A server may use the \
+database at the same time.
 
 Examples:
   sparring judge-agreement
   sparring judge-agreement --db training.sqlite3 --run run-1a2b3c4d
   sparring judge-agreement --format json")]
 pub struct Args {
-    /// The database of the server that judged.
+    /// Path of the SQLite database of the server that judged
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
-    /// Only what was flown for this run.
+    /// Compare only the steps of this run
     #[arg(long, value_name = "RUN")]
     run: Option<String>,
-    /// How it is printed.
+    /// Set the output format
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
 }
@@ -78,15 +79,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let rows = runtime.block_on(async {
-        let readers = orchestrator::store::open_readers(&args.db).await?;
+        let readers = orchestrator::store::open_current_readers(&args.db).await?;
         let mut connection = readers.acquire().await?;
-        if !step_verdicts::has_table(&mut connection).await? {
-            bail!(
-                "{} keeps no verdicts: it is none of Sparring's, or of one before there were judges",
-                args.db.display()
-            );
-        }
-        Ok(step_verdicts::scores(&mut connection, args.run.as_deref()).await?)
+        anyhow::Ok(step_verdicts::scores(&mut connection, args.run.as_deref()).await?)
     })?;
     if rows.is_empty() {
         let of = args.run.as_ref().map_or_else(String::new, |run| format!(" of {run}"));

@@ -17,51 +17,52 @@ use super::output::{Format, print, print_json, table};
 use orchestrator::frames::{FrameContent, FrameRange, frames};
 use orchestrator::input::{self, InputError};
 
-/// Show why an episode lost score, and what each of its actions was worth.
+/// Explain why an episode lost score, and what each of its actions was worth.
 ///
-/// The episode is a scenario and either the actions that were flown on it or a built-in policy that flies it now. From these
-/// alone follow: why score was lost, with what was met, from which bearing, how fast, when it was first visible and whether
-/// acting then would have avoided it; what every action was worth, against the same episode without it (needed, harmless,
-/// wasteful, harmful); and the word of the deterministic judge, from −1 to 1.
+/// The episode is a scenario together with its recorded actions, or a scenario that a built-in policy runs now. The result
+/// lists each failure: the body that was met, its bearing and speed, when it first became visible, and whether an action at
+/// that time would have avoided it. Each action is compared with the same episode without it (needed, harmless, wasteful or
+/// harmful). The deterministic judge scores each step from −1 to 1.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// The scenario as JSON; or an episode as the server shows it, which brings its actions
+    /// JSON file with a scenario, or with an episode (scenario and actions) as the server returns it
     #[arg(value_name = "FILE")]
     scenario: PathBuf,
-    /// The actions that were flown, as JSON
+    /// JSON file with the recorded actions
     #[arg(long, value_name = "FILE", conflicts_with = "policy")]
     actions: Option<PathBuf>,
-    /// A built-in policy that flies it: hold, random, blind, frozen, heuristic, reference
+    /// Run this built-in policy instead: hold, random, blind, frozen, heuristic or reference
     #[arg(long, value_name = "NAME")]
     policy: Option<String>,
-    /// What a policy with chance in it draws from
+    /// Seed of the policy's random choices
     #[arg(long, default_value_t = 0, requires = "policy")]
     seed: u64,
-    /// Also write the flight to this file, a JSON object a line and step, with what the agents saw
+    /// Also write the telemetry with the observations to this file, one JSON object per step and line
     #[arg(long, value_name = "FILE")]
     telemetry: Option<PathBuf>,
-    /// How the result is printed
+    /// Set the output format
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
 }
 
 const AFTER_HELP: &str = "\
-A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; task and seed are needed, and \
-params, physics and layout stand at their defaults where they are left out. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \"stopped\": null}, as results are reported, \
-or the list of steps alone. What GET /v1/runs/{run}/episodes/{episode} answers is a FILE that needs no more.
+A scenario is {\"task\": \"kessler/survival\", \"params\": {\"debris\": 100}, \"seed\": 7}; task and seed are required, \
+params, physics and layout have defaults. Actions are {\"steps\": [[[0, 0.1, 0.0]], [], …], \"precision\": \"f64\", \
+\"stopped\": null}, the format of reported results, or only the list of steps. A response of \
+GET /v1/runs/{run}/episodes/{episode} is a valid FILE and contains the actions.
 
-Columns: the bearing is where the body was, seen from the agent, min(5, step) steps before (or when it became visible, if \
-that is later), in degrees from radial out towards in-track; left are the steps from then on in which somebody could act; \
-avoidable says whether acting from then on, within what fuel was left, would have helped, and remedy the cheapest such \
-action that was found. An action's gain is the score with it minus the score without it.
+Columns: bearing is the direction of the body seen from the agent min(5, step) steps before the encounter (or when it became \
+visible, if that is later), in degrees from radial out towards in-track; left is the number of steps from then on in which an \
+agent could act; avoidable says whether an action from then on, within the remaining fuel, would have helped; remedy is the \
+cheapest such action that was found. gain is the score with the action minus the score without it.
 
-A line of the telemetry is a frame {step, actions, reward, done, state, observation}: the start, then one a step; state is \
-the whole truth, hidden bodies included, observation what the agents saw. Conjunction warnings are in it where the scenario \
-asks for them: {\"task\": \"kessler/survival\", \"seed\": 7, \"physics\": {\"warnings\": \"exact\"}}.
+Each line of the telemetry is a frame {step, actions, reward, done, state, observation}: first the start, then one frame per \
+step. state is the true state with hidden bodies, observation what the agents observed. Conjunction warnings are included if \
+the scenario enables them: {\"task\": \"kessler/survival\", \"seed\": 7, \"physics\": {\"warnings\": \"exact\"}}.
 
-JSON (--format json): one object {scenario_id, task, flown, skill, success, floor, reference, failures, actions, judged}; \
-skill, success, floor and reference are null where the start is not fair.
+JSON (--format json): one object {scenario_id, task, outcome, skill, success, floor, reference, failures, actions, assessment}; \
+skill, success, floor and reference are null if the start is not fair.
 
 Examples:
   sparring critique scenario.json --policy hold
@@ -88,7 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             let written = path.canonicalize().ok();
             anyhow::ensure!(
                 written.is_none() || written != input.canonicalize().ok(),
-                "--telemetry: {} is what is read; name another file to write",
+                "--telemetry: {} is an input file; choose another file",
                 path.display()
             );
         }
@@ -137,7 +138,7 @@ fn action_log(args: &Args, scenario: &Scenario, embedded: Option<&Value>) -> any
         (Some(path), _) => (read(path)?, path),
         (None, Some(value)) => (value.clone(), &args.scenario),
         (None, None) => {
-            bail!("{} brings no actions: add --actions FILE or --policy NAME", args.scenario.display())
+            bail!("{} contains no actions: add --actions FILE or --policy NAME", args.scenario.display())
         }
     };
     parse_actions(scenario, actions).with_context(|| path.display().to_string())
@@ -194,14 +195,14 @@ impl CritiqueReport {
         json!({
             "scenario_id": self.scenario.id().to_string(),
             "task": self.scenario.task().id(),
-            "flown": orchestrator::store::brackets::StoredOutcome::from(self.flown),
+            "outcome": orchestrator::store::brackets::StoredOutcome::from(self.flown),
             "skill": self.skill(),
             "success": self.success(),
             "floor": self.bracket.as_ref().map(|b| b.floor),
             "reference": self.bracket.as_ref().map(|b| b.reference.score),
             "failures": self.critique.failures,
             "actions": self.critique.actions,
-            "judged": self.critique.judged,
+            "assessment": self.critique.assessment,
         })
     }
 
@@ -213,8 +214,8 @@ impl CritiqueReport {
             parts.push(self.failures());
         }
         parts.push(verdict_tables(&self.critique.actions));
-        let judged = &self.critique.judged;
-        let words = format!("Judge: {:+.2}, {}. {}", judged.value, judged.case, judged.words);
+        let judged = &self.critique.assessment;
+        let words = format!("Judge: {:+.2}, {}. {}", judged.value, judged.case, judged.explanation);
         parts.push(textwrap::fill(words.trim_end(), 100));
         parts.join("\n\n")
     }
@@ -247,7 +248,7 @@ impl CritiqueReport {
         for failure in &self.critique.failures {
             out.add_row(failure_row(failure));
         }
-        let words = self.critique.failures.iter().map(|f| textwrap::fill(&f.words, 100));
+        let words = self.critique.failures.iter().map(|f| textwrap::fill(&f.explanation, 100));
         let words = words.filter(|words| !words.is_empty()).collect::<Vec<_>>().join("\n");
         format!("{out}\n{words}").trim_end().to_owned()
     }
@@ -264,7 +265,7 @@ fn failure_row(failure: &Failure) -> Vec<String> {
         None => measure("avoidable").map_or_else(String::new, |share| yes_or_no(share > 0.0)),
     };
     let remedy = match met {
-        Some(met) => met.cheapest.as_ref().map(|remedy| {
+        Some(met) => met.cheapest_avoidance.as_ref().map(|remedy| {
             let values: Vec<_> = remedy.values.iter().map(|v| format!("{v:.3}")).collect();
             format!("step {}: {} for {:.2}", remedy.step, values.join(" "), remedy.cost)
         }),
@@ -320,7 +321,7 @@ fn verdict_tables(actions: &[ActionVerdict]) -> String {
     let rest = if hidden == 0 {
         String::new()
     } else {
-        format!("\n{hidden} more that mattered less; --format json has all of them.")
+        format!("\n{hidden} more with less effect; --format json lists all of them.")
     };
     format!("{sums}\n\n{out}{rest}")
 }

@@ -4,11 +4,12 @@ use std::env::VarError;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
+use api_types::Judge;
 use llm::{LlmClient, LlmConfig};
+use orchestrator::clock::Clock;
+use orchestrator::judging::{Judges, ModelJudge, parse_judge};
 
 use super::llm_args::{self, LlmArgs};
-use orchestrator::clock::Clock;
-use orchestrator::judging::{Judge, Judges, ModelJudge};
 
 /// Environment variable of the public kessler-env for the endpoint of its judge.
 const UPSTREAM_URL: &str = "API_BASE_URL";
@@ -19,25 +20,25 @@ const UPSTREAM_MODEL: &str = "MODEL_NAME";
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Judge")]
 pub struct JudgeArgs {
-    /// Who judges each step of a session: off, deterministic (by rules) or llm. A judge changes the reward that a client is
-    /// told, reward/1.2·(1 + 0.2·score) with a score from -1 to 1, and adds its words to critical_alerts; what is stored of an
-    /// episode stays the world's. A run may say otherwise (`judge`). As ENABLE_JUDGE, true is llm and false off
-    #[arg(long, value_name = "WHO", default_value = "off", env = "ENABLE_JUDGE", hide_env_values = true, value_parser = Judge::parse)]
+    /// Judge of each session step: off, deterministic (rules) or llm. A judge changes the reward that the client receives to
+    /// reward/1.2·(1 + 0.2·score), with a score from -1 to 1, and adds its comment to critical_alerts. Stored episodes keep
+    /// the world's reward. A run can override this setting (`judge`). In ENABLE_JUDGE, true means llm and false off
+    #[arg(long, value_name = "JUDGE", default_value = "off", env = "ENABLE_JUDGE", hide_env_values = true, value_parser = parse_judge)]
     judge: Judge,
-    /// The OpenAI-compatible API of the model that judges. Left out it is --llm-url, or API_BASE_URL where llm judges
+    /// Base URL of the judge model's OpenAI-compatible API [default: --llm-url, or API_BASE_URL with --judge llm]
     #[arg(long, value_name = "URL")]
     judge_url: Option<String>,
-    /// The model that judges. Left out it is --llm-model, or MODEL_NAME with API_BASE_URL
+    /// Name of the judge model [default: --llm-model, or MODEL_NAME with API_BASE_URL]
     #[arg(long, value_name = "NAME")]
     judge_model: Option<String>,
-    /// The environment variable that holds the judge's key. Left out it is --llm-key-env's with --llm-url, else HF_TOKEN or
-    /// API_KEY
+    /// Environment variable with the judge's API key [default: that of --llm-key-env with --llm-url, otherwise HF_TOKEN or
+    /// API_KEY]
     #[arg(long, value_name = "VARIABLE")]
     judge_key_env: Option<String>,
-    /// Longest time a verdict may take, seconds; without one the reward is the world's
+    /// Timeout of a verdict in seconds; after a timeout the client receives the world's reward
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=600))]
     judge_timeout: u64,
-    /// Verdicts that are asked for at once, at most
+    /// Largest number of concurrent calls of the judge model
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1024))]
     judge_concurrency: u16,
 }
@@ -107,7 +108,7 @@ impl JudgeArgs {
             }
         };
         if let (Some(name), None) = (&self.judge_key_env, &config.key) {
-            bail!("--judge-key-env {name}: the variable holds nothing");
+            bail!("--judge-key-env {name}: the variable is not set or is empty");
         }
         llm_args::set_pace(&mut config, self.judge_timeout, self.judge_concurrency);
         Ok(Some(config))
@@ -170,7 +171,7 @@ mod tests {
         assert!(of("--judge-url http://j/v1", &[]).unwrap_err().to_string().contains("--judge-model"));
         for held in [&[][..], &[("MINE", "")], &[("MINE", "  ")]] {
             let refused = of(&format!("{llm} --judge-key-env MINE"), held).unwrap_err().to_string();
-            assert!(refused.contains("MINE") && refused.contains("holds nothing"), "{refused}");
+            assert!(refused.contains("MINE") && refused.contains("not set or is empty"), "{refused}");
         }
         assert!(of("--judge maybe", &[]).is_err() && of("--judge-timeout 0", &[]).is_err());
     }

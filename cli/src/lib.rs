@@ -42,10 +42,10 @@ use self::logs::LogArgs;
 /// Exit code of bad input or another error; a failed check has exit code 1.
 const ERROR_EXIT_CODE: u8 = 2;
 
-/// Trains agents that fly satellites: the better the agent gets, the harder its sparring partner fights back.
+/// Train agents that control satellites with a curriculum that gets harder as the agent gets better.
 ///
-/// `sparring` remembers what an agent has mastered, picks what it should face next, and judges what it did by replaying
-/// its actions. Every subcommand explains itself: `sparring eval --help`.
+/// `sparring` records which levels an agent has mastered, chooses the next scenarios, and scores results by replaying the
+/// reported actions. Every subcommand has its own help: `sparring eval --help`.
 #[derive(Debug, Parser)]
 #[command(name = "sparring", version, after_help = AFTER_HELP)]
 pub struct Cli {
@@ -56,9 +56,8 @@ pub struct Cli {
 }
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 all is well; 1 a check failed (a replay beyond its tolerance, a suite that differs, an episode \
-that could not be flown to its end); 2 bad input, or \
-anything else that went wrong, in one sentence on stderr.";
+Exit codes: 0 success; 1 a check failed (a replay beyond its tolerance, a suite that differs, an episode that was not run to \
+its end); 2 bad input or another error, with one sentence on stderr.";
 
 /// Subcommand to run. `--help` shows the doc comment of a variant's `Args`.
 #[derive(Debug, Subcommand)]

@@ -20,7 +20,7 @@ pub(super) const UPSTREAM_KEYS: [&str; 2] = ["HF_TOKEN", "API_KEY"];
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Language model")]
 pub struct LlmArgs {
-    /// The base of an OpenAI-compatible API, as http://127.0.0.1:8080/v1. Without it no model is asked.
+    /// Base URL of an OpenAI-compatible API, such as http://127.0.0.1:8080/v1; without it no model is used
     #[arg(
         long,
         value_name = "URL",
@@ -29,37 +29,37 @@ pub struct LlmArgs {
         requires = "llm_model"
     )]
     llm_url: Option<String>,
-    /// The model's name there.
+    /// Name of the model at that API
     #[arg(long, value_name = "NAME", env = "SPARRING_LLM_MODEL", hide_env_values = true)]
     llm_model: Option<String>,
-    /// The environment variable that holds the key; a key itself is never an argument.
+    /// Environment variable with the API key; a key itself is never an argument
     #[arg(long, value_name = "VARIABLE", default_value = "SPARRING_LLM_KEY")]
     llm_key_env: String,
-    /// Longest time one call may take, seconds.
+    /// Timeout of one call in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=3600))]
     llm_timeout: u64,
-    /// Calls at once, at most.
+    /// Largest number of concurrent calls
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     llm_concurrency: u16,
-    /// Further tries of a call that failed in passing.
+    /// Number of retries after a transient failure
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=10))]
     llm_retries: u32,
-    /// Tokens of one answer, at most.
+    /// Largest number of tokens of one response
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(64..=131_072))]
     llm_max_tokens: u32,
-    /// Tokens that one run may use in all.
+    /// Token budget of one run [default: unlimited]
     #[arg(long, value_name = "N")]
     llm_tokens_per_run: Option<u64>,
-    /// Tokens that all runs may use in a day (UTC).
+    /// Token budget of all runs per day (UTC) [default: unlimited]
     #[arg(long, value_name = "N")]
     llm_tokens_per_day: Option<u64>,
-    /// What a day (UTC) may cost, in the currency of the prices.
+    /// Cost budget per day (UTC), in the currency of the prices [default: unlimited]
     #[arg(long, value_name = "COST", requires = "llm_price_in", requires = "llm_price_out")]
     llm_cost_per_day: Option<f64>,
-    /// Price of a million tokens in.
+    /// Price of a million prompt tokens [default: 0]
     #[arg(long, value_name = "PRICE")]
     llm_price_in: Option<f64>,
-    /// Price of a million tokens out.
+    /// Price of a million completion tokens [default: 0]
     #[arg(long, value_name = "PRICE")]
     llm_price_out: Option<f64>,
 }
@@ -136,7 +136,7 @@ pub(super) fn set_pace(config: &mut LlmConfig, timeout_s: u64, concurrency: u16)
 pub(super) fn parse_temperature(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if (0.0..=5.0).contains(&number) => Ok(number),
-        _ => Err("a number from 0 to 5 is wanted".to_owned()),
+        _ => Err("must be a number from 0 to 5".to_owned()),
     }
 }
 
@@ -154,7 +154,7 @@ pub(super) fn read_key(
             Ok(key) => return Ok(Some(key.trim().to_owned().into())),
             Err(VarError::NotPresent) => {}
             // The error itself would show the value of the variable.
-            Err(VarError::NotUnicode(_)) => bail!("the variable {name} holds no text"),
+            Err(VarError::NotUnicode(_)) => bail!("the environment variable {name} is not valid UTF-8"),
         }
     }
     Ok(None)
@@ -191,7 +191,7 @@ mod tests {
             assert!(read(line, &none).unwrap().unwrap().key.is_none());
         }
         let odd = read(line, &Err(VarError::NotUnicode("sk-2".into()))).unwrap_err();
-        assert_eq!(format!("{odd:#}"), "the variable MY_KEY holds no text");
+        assert_eq!(format!("{odd:#}"), "the environment variable MY_KEY is not valid UTF-8");
         let more = format!(
             "{line} --llm-cost-per-day 2.5 --llm-price-in 0.1 --llm-price-out 0.4 --llm-tokens-per-run 9"
         );

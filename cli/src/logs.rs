@@ -10,7 +10,7 @@ use tracing_subscriber::layer::{Filter, Layered, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry};
 
-/// How logs are written.
+/// Format of the logs on stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum LogFormat {
     /// One line for people.
@@ -23,10 +23,11 @@ enum LogFormat {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Logs (to stderr)")]
 pub(super) struct LogArgs {
-    /// How logs are written
+    /// Set the log format
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text")]
     log_format: LogFormat,
-    /// What is logged: error, warn, info (default; demo: warn, play: error), debug or trace, or a list as `info,sqlx=warn`
+    /// Set the log level: error, warn, info, debug or trace, or a list such as `info,sqlx=warn` [default: info; demo: warn;
+    /// play: error]
     #[arg(
         short = 'v',
         long = "log",

@@ -33,7 +33,7 @@ impl std::fmt::Display for ChosenOption {
 /// # Errors
 /// Returns a message if the form, the scope, the name or the choice is unknown.
 pub(super) fn parse(text: &str) -> Result<ChosenOption, String> {
-    let wanted = "an option is NAME=CHOICE, as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE";
+    let wanted = "an option must be NAME=CHOICE, such as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE";
     let (left, choice) = text.split_once('=').ok_or(wanted)?;
     let (of, name) = match left.split_once(':') {
         Some((of, name)) => (Some(of), name),
@@ -88,14 +88,14 @@ pub(super) fn by_task(
         let mut meant = tasks.iter().filter(|task| is_in_scope(**task, option.scope.as_deref())).peekable();
         ensure!(
             meant.peek().is_some(),
-            "option {option}: no task of {} is here",
+            "option {option}: none of the tasks is {}",
             option.scope.as_deref().unwrap_or("")
         );
         for task in meant {
             if !task.options().iter().any(|spec| spec.name == option.name) {
                 let name = &option.name;
                 bail!(
-                    "option {option}: {} has none of that name; say which are meant, as WORLD:{name}=…",
+                    "option {option}: {} has no such option; restrict it to tasks that have it, as WORLD:{name}=…",
                     task.id()
                 );
             }
@@ -156,8 +156,8 @@ pub(super) fn help() -> String {
         }
         for spec in specs {
             let choices = spec.choices.join("|");
-            text.push_str(&format!("\n  {} {}={choices}: {}", world.name(), spec.name, spec.about));
-            for reserved in spec.by_hand {
+            text.push_str(&format!("\n  {} {}={choices}: {}", world.name(), spec.name, spec.description));
+            for reserved in spec.manual_choices {
                 text.push_str(&format!(" ({} for bench and scenarios by hand only)", reserved.choice));
             }
         }

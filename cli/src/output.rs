@@ -50,8 +50,8 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// Returns an error that names the first duplicate.
-pub(super) fn reject_duplicates(flag: &str, asked: &[String]) -> anyhow::Result<()> {
-    let twice = asked.iter().enumerate().find(|(at, name)| asked[..*at].contains(name));
+pub(super) fn reject_duplicates(flag: &str, names: &[String]) -> anyhow::Result<()> {
+    let twice = names.iter().enumerate().find(|(at, name)| names[..*at].contains(name));
     twice.map_or(Ok(()), |(_, name)| Err(anyhow!("{flag} names {name} twice")))
 }
 

@@ -17,8 +17,8 @@ const MAX_TOKEN_BODY_BYTES: usize = 16 << 20;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Policy")]
 pub struct PolicyArgs {
-    /// The OpenAI-compatible API of the model that flies for runs with the policy chat, as http://127.0.0.1:8000/v1. Without it
-    /// such a policy is refused
+    /// Base URL of the OpenAI-compatible API behind the policy `chat`, such as http://127.0.0.1:8000/v1; without it the
+    /// server rejects that policy
     #[arg(
         long,
         value_name = "URL",
@@ -27,26 +27,26 @@ pub struct PolicyArgs {
         requires = "policy_model"
     )]
     policy_url: Option<String>,
-    /// The model's name there
+    /// Name of the model at that API
     #[arg(long, value_name = "NAME", env = "SPARRING_POLICY_MODEL", hide_env_values = true)]
     policy_model: Option<String>,
-    /// The environment variable that holds its key; a key itself is never an argument
+    /// Environment variable with the API key; a key itself is never an argument
     #[arg(long, value_name = "VARIABLE")]
     policy_key_env: Option<String>,
-    /// Its sampling temperature, where a run does not say; left out the endpoint decides
+    /// Sampling temperature of runs that set none, from 0 to 5 [default: that of the API]
     #[arg(long, value_name = "T", value_parser = llm_args::parse_temperature)]
     policy_temperature: Option<f64>,
-    /// Tokens of one answer, at most, where a run does not say
+    /// Largest number of tokens of one response, for runs that set none
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=131_072))]
     policy_max_tokens: u32,
-    /// Calls at once, at most
+    /// Largest number of concurrent calls
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1024))]
     policy_concurrency: u16,
-    /// Longest time one answer may take, seconds
+    /// Timeout of one response in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=3600))]
     policy_timeout: u64,
-    /// Ask for token ids and log-probabilities (return_token_ids and logprobs, as vLLM knows them) and put them into
-    /// trajectories. Other endpoints may refuse to be asked
+    /// Request token ids and log-probabilities (vLLM's return_token_ids and logprobs) and add them to the trajectories;
+    /// other endpoints may reject such requests
     #[arg(long, requires = "policy_url")]
     policy_tokens: bool,
 }
@@ -72,7 +72,7 @@ impl PolicyArgs {
     ) -> anyhow::Result<Option<LlmConfig>> {
         let Some(url) = &self.policy_url else {
             if let Some(name) = &self.policy_key_env {
-                bail!("--policy-key-env {name}: there is no --policy-url it could be the key of");
+                bail!("--policy-key-env {name} needs --policy-url");
             }
             return Ok(None);
         };
@@ -81,7 +81,7 @@ impl PolicyArgs {
         if let Some(name) = &self.policy_key_env {
             config.key = llm_args::read_key(&[name.as_str()], read)?;
             if config.key.is_none() {
-                bail!("--policy-key-env {name}: the variable holds nothing");
+                bail!("--policy-key-env {name}: the variable is not set or is empty");
             }
         }
         config.max_tokens = self.policy_max_tokens;
@@ -137,8 +137,8 @@ mod tests {
         assert_eq!((config.retries, config.tokens_per_run, config.token_details), (1, Some(9), true));
         assert!(!of(there).unwrap().unwrap().token_details, "others refuse what they do not know");
         for (line, words) in [
-            (format!("{there} --policy-key-env EMPTY"), "holds nothing"),
-            ("--policy-key-env MINE".to_owned(), "no --policy-url"),
+            (format!("{there} --policy-key-env EMPTY"), "not set or is empty"),
+            ("--policy-key-env MINE".to_owned(), "needs --policy-url"),
             ("--policy-url http://p/v1".to_owned(), "--policy-model"),
             (format!("{there} --policy-temperature 6"), "from 0 to 5"),
             (format!("{there} --policy-temperature NaN"), "from 0 to 5"),

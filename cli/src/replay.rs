@@ -13,22 +13,22 @@ use serde_json::Value;
 use super::output::{self, Format};
 use super::worlds;
 
-/// Replay recorded episodes and compare them number by number.
+/// Replay recorded episodes and compare every number.
 ///
-/// Each file holds episodes recorded in the public original of one of the worlds, with what was done and drawn and the
-/// state after every step. They are flown again under its arithmetic with the same draws, and everything recorded is
-/// compared: numbers within the tolerance, words to the letter. Exit 1 where a number differs by more than the tolerance
-/// or a word differs at all; differences that a world documents and means are told and do not count.
+/// Each file holds episodes recorded in the public original of a world, with actions, random draws and the state after every
+/// step. The command replays them in the original's arithmetic with the same draws. It compares numbers within the tolerance
+/// and text exactly. The exit code is 1 if a number differs by more than the tolerance or a text differs. Intended
+/// differences that the world documents are listed, but do not count.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Recordings, as .json or .json.gz; each is one world's, which it shows by itself
+    /// Recordings (.json or .json.gz); the world of each file is detected from its contents
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Largest absolute difference of a number that passes, unless its world has a wider one for it
+    /// Largest accepted absolute difference of a number, unless the world defines a larger one for it
     #[arg(long, default_value = "1e-9", value_parser = tolerance)]
     tolerance: f64,
-    /// How the result is printed
+    /// Set the output format
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
 }
@@ -38,9 +38,9 @@ JSON (--format json): one object {tolerance, files}. Each file: {file, world, wi
 documented} and the worst absolute difference of each of the world's quantities under its name (null: not a finite number), \
 which are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
 reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
-differs). allowed has the largest difference that passes, under the same names: the tolerance, or what the precision of the \
-recording leaves, if that is more; worst is what is worst against it. first is the first step that differs as {episode (from 0), step \
-(from 1), what}, or null; documented is a list of sentences.
+differs). allowed has the largest accepted difference under the same names: the tolerance, or the precision of the recording if \
+that is larger. first is the first step that differs, {episode (from 0), step (from 1), what}, or null; documented is a list of \
+sentences.
 
 Example:
   sparring replay env-core/fixtures/kessler-episodes.json.gz --tolerance 1e-12";
@@ -196,8 +196,8 @@ fn read(path: &Path) -> anyhow::Result<Value> {
 /// Formats one table per file with one row per quantity, then the differences of single files.
 fn tables(judged: &[FileComparison], tolerance: f64) -> String {
     let mut text = format!(
-        "Worst differences, and what is allowed of each: the tolerance, {tolerance:e}, or what the precision of the \
-         recording leaves, if that is more.\n"
+        "Largest differences and the allowed ones: the tolerance of {tolerance:e}, or the precision of the recording if \
+         that is larger.\n"
     );
     text = textwrap::fill(text.trim_end(), TEXT_WIDTH) + "\n";
     for file in judged {
@@ -205,7 +205,7 @@ fn tables(judged: &[FileComparison], tolerance: f64) -> String {
         let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
         // A word can differ even if no number does.
         let word = (numbers && !file.is_within_tolerance())
-            .then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("a word", 0.0) });
+            .then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("text", 0.0) });
         let mut table = output::table(&["quantity", "verdict", "worst", "allowed"], 2);
         for WorstDifference { quantity, difference, allowed } in worst.iter().chain(&word) {
             let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
@@ -233,7 +233,7 @@ fn tables(judged: &[FileComparison], tolerance: f64) -> String {
 fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err("a tolerance is a finite number, 0 or more".to_owned()),
+        _ => Err("a tolerance must be a finite number, at least 0".to_owned()),
     }
 }
 
@@ -347,24 +347,24 @@ mod tests {
 
     #[test]
     fn bad_files_are_one_sentence_each() {
-        let tell =
+        let error_of =
             |path: &Path| compare_file(path, 1e-9).map(|_| ()).map_err(|e| format!("{e:#}")).unwrap_err();
         let with = |bytes: &[u8]| {
             let mut file = tempfile::NamedTempFile::new().unwrap();
             file.write_all(bytes).unwrap();
-            tell(file.path())
+            error_of(file.path())
         };
         let cut = tampered(|v| v["episodes"][1]["steps"][4]["satellites"] = serde_json::json!([]));
         let short = tampered(|v| v["episodes"][1]["steps"] = serde_json::json!([]));
         insta::assert_snapshot!([
-            tell(Path::new("/nowhere/at-all.json")),
+            error_of(Path::new("/nowhere/at-all.json")),
             with(b"{"),
             with(b"{\"episodes\": []}"),
             with(&[0x1f, 0x8b, 8, 0]),
             with(b"{\"episodes\": 5}"),
             with(b"[1, 2]"),
-            tell(cut.path()),
-            tell(short.path()),
+            error_of(cut.path()),
+            error_of(short.path()),
         ].join("\n"), @r"
         it cannot be read: No such file or directory (os error 2)
         it is not JSON: EOF while parsing an object at line 1 column 1

@@ -14,11 +14,11 @@ use orchestrator::limits::ClientLimits;
 use orchestrator::service::{Config, Service};
 use orchestrator::sessions::SessionLimits;
 
-/// Serve the curriculum: trainers lease scenarios over HTTP, fly them, and report their actions.
+/// Serve the curriculum over HTTP: trainers lease scenarios, run them and report the actions.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Ctrl-C (or SIGTERM) stops it: requests that run are finished, no result that was acknowledged is lost, and the same \
-command goes on where it stopped; a designer that is being asked is cut off. http://127.0.0.1:8700/docs shows what it answers.
+Ctrl-C (or SIGTERM) stops the server. It finishes running requests, loses no acknowledged result, and aborts calls of a \
+designer. The same command continues where the server stopped. http://127.0.0.1:8700/docs documents the API.
 
 Examples:
   sparring serve
@@ -29,32 +29,32 @@ Examples:
   SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
   curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
 pub struct Args {
-    /// Where to listen. An address that others reach needs a token (`sparring token create`), or --openenv-public
+    /// Address to listen on; one that other machines can reach needs a token (`sparring token create`) or --openenv-public
     #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]
     bind: SocketAddr,
-    /// The SQLite database; made where there is none.
+    /// Path of the SQLite database; it is created if it does not exist
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
-    /// Serve a database in a folder for temporary files, which is removed when the server stops, whatever --db says
+    /// Use a temporary database that is deleted when the server stops; overrides --db
     #[arg(long)]
     temporary: bool,
-    /// Show OpenEnv's routes to anybody, whatever --bind is: nothing of a run is flown there. All else needs a token; where there
-    /// are none when the server starts, it is not shown at all
+    /// Serve the OpenEnv routes without a token, at any --bind address; they do not touch any run. All other routes need a
+    /// token, and are disabled if no token exists when the server starts
     #[arg(long)]
     openenv_public: bool,
-    /// Sessions that may fly on the server at once (of /v1/sessions, and OpenEnv's, over WebSockets and by requests)
+    /// Largest number of concurrent sessions (of /v1/sessions and OpenEnv, over WebSockets and HTTP requests)
     #[arg(long, default_value_t = 256, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions: u32,
-    /// Seconds after which a silent session is closed; 0: never
+    /// Idle time after which a session is closed, in seconds; 0 means never
     #[arg(long, default_value_t = 900, value_name = "SECONDS")]
     session_idle: u32,
-    /// Seconds for which a session of /v1/sessions whose connection dropped may be come back to
+    /// How long a disconnected session of /v1/sessions can be resumed, in seconds
     #[arg(long, default_value_t = 60, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(0..=86_400))]
     session_resume: u32,
-    /// MiB of memory that the environments of all vector sessions of /v1/sessions may take together
+    /// Memory limit of the environments of all vector sessions of /v1/sessions together, in MiB
     #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     session_memory: u32,
-    /// Stop when standard input ends too, as it does when the program that started the server is gone
+    /// Also stop when standard input is closed, for example because the parent process ended
     #[arg(long)]
     while_stdin: bool,
     #[command(flatten)]
@@ -70,22 +70,22 @@ pub struct Args {
 /// Limits of each client.
 #[derive(Debug, clap::Args)]
 #[command(
-    next_help_heading = "What each token may do at most; where there are none, nobody but this machine comes in, and is not held to it"
+    next_help_heading = "Limits of each token (not applied without tokens, when only local clients are accepted)"
 )]
 struct ClientLimitArgs {
-    /// Requests a second of a token; twice as many at once
+    /// Largest request rate of a token per second; bursts of twice as many are accepted
     #[arg(long, default_value_t = ClientLimits::default().requests, value_name = "N")]
     requests_each: NonZeroU32,
-    /// Requests a second of an address without a token
+    /// Largest request rate of an address without a token, per second
     #[arg(long, default_value_t = ClientLimits::default().anonymous, value_name = "N")]
     requests_anonymous: NonZeroU32,
-    /// Sessions that fly at once, of --sessions
+    /// Largest number of concurrent sessions of a token, within --sessions
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions_each: u32,
-    /// Leases of a token that are active
+    /// Largest number of active leases of a token
     #[arg(long, default_value_t = ClientLimits::default().leases, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     leases_each: u32,
-    /// Runs that a token may create
+    /// Largest number of runs that a token may create
     #[arg(long, default_value_t = ClientLimits::default().runs, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     runs_each: u32,
 }
@@ -132,7 +132,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         tokio::select! {
             signal = stop_signal() => signal?,
             () = stdin_ends(), if args.while_stdin => {}
-            () = service.writer_failed() => anyhow::bail!("the writer failed, nothing can be stored any more; the log says why"),
+            () = service.writer_failed() => anyhow::bail!("the database writer failed, so the server stopped; the log has the reason"),
         }
         tracing::info!("The server is stopping.");
         service.stop().await;

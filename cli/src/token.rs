@@ -16,14 +16,15 @@ use orchestrator::store::tokens::{self, NewToken};
 use orchestrator::store::{self, DatabaseLock, OpenError, transactions};
 use orchestrator::tokens::{Role, Token};
 
-/// Make, list and revoke the tokens that a server lets in.
+/// Create, list and revoke the access tokens of a server.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A token is shown once, when it is made; of it only a hash is kept. Whoever comes sends it: `Authorization: Bearer sparring_…`. A \
-viewer reads; a trainer also creates runs, leases, reports and flies; an admin also pauses runs, sets what they keep, asks \
-designers and reads the audit log. As soon as there is a token a server lets nobody in without one, on this machine neither. A \
-running server knows of new and revoked tokens within 5 seconds, and then closes what a revoked or expired one has open. \
-Make the first one before the server is reachable, as the user it runs as: the database is made where there is none, and must be theirs.
+A token is shown once, when it is created; the database stores only its hash. Clients send it as `Authorization: Bearer \
+sparring_…`. A viewer can read. A trainer can also create runs, lease scenarios, report results and open sessions. An admin can \
+also pause runs, change their retention, request designs and read the audit log. As soon as a token exists, the server rejects \
+requests without one, also from its own machine. A running server learns of new and revoked tokens within 5 seconds, and then \
+closes the connections of revoked and expired ones. Create the first token before the server is reachable, as the user that \
+runs the server: the command creates a missing database, and that user must own it.
 
 Examples:
   sparring token create ppo-cluster --role trainer --db training.sqlite3
@@ -40,22 +41,22 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Make a token: it is printed, and kept nowhere
+    /// Create a token and print it; it cannot be shown again
     Create {
-        /// A name for people
+        /// Name of the token, 1 to 100 characters
         name: String,
-        /// What it may do
+        /// Role of the token, which sets its permissions
         #[arg(long, value_enum)]
         role: Role,
-        /// How long it is good for, as `90d`, `12h` or `2 weeks`; or `never`
+        /// Lifetime of the token, such as `90d`, `12h` or `2 weeks`, or `never`
         #[arg(long, default_value = "90d", value_name = "TIME", value_parser = parse_lifetime, allow_hyphen_values = true)]
         expires: TokenLifetime,
     },
-    /// List tokens: names, roles, until when, and when each was used last
+    /// List tokens with name, role, state, expiry and last use
     List,
-    /// Revoke a token, by its number
+    /// Revoke a token by its number
     Revoke {
-        /// Its number: it stands in the token, too
+        /// Number of the token, which is also part of the token itself
         id: i64,
     },
 }
@@ -71,7 +72,7 @@ fn parse_lifetime(text: &str) -> Result<TokenLifetime, String> {
     if text == "never" {
         return Ok(TokenLifetime::Ever);
     }
-    let wanted = || format!("{text:?} is no time: say it as 90d, 12h or 2 weeks, or never");
+    let wanted = || format!("{text:?} is not a lifetime: use a form such as 90d, 12h or 2 weeks, or never");
     let span: Span = text.parse().map_err(|_| wanted())?;
     // A day is 24 hours, regardless of changes of the local clock.
     let time = span.to_duration(jiff::SpanRelativeTo::days_are_24_hours()).map_err(|_| wanted())?;
@@ -94,7 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             Command::Create { name, role, expires } => {
                 check_name(name)?;
                 if !db.exists() {
-                    tracing::info!(db = %db.display(), "There is no such database yet: it is made.");
+                    tracing::info!(db = %db.display(), "The database does not exist yet; it is created.");
                 }
                 create(&mut open(db).await?, name, *role, now, *expires).await
             }
@@ -122,9 +123,9 @@ async fn open(db: &Path) -> Result<SqliteConnection, OpenError> {
 fn check_name(name: &str) -> anyhow::Result<()> {
     ensure!(
         (1..=MAX_NAME_CHARS).contains(&name.chars().count()),
-        "a token's name has 1 to {MAX_NAME_CHARS} characters"
+        "a token's name must have 1 to {MAX_NAME_CHARS} characters"
     );
-    ensure!(!name.chars().any(char::is_control), "a token's name is of one line: no tabs, no line ends");
+    ensure!(!name.chars().any(char::is_control), "a token's name must not contain tabs, line ends or other control characters");
     Ok(())
 }
 
@@ -148,10 +149,10 @@ async fn create(
     audit_log::append(&mut moment, AuditRing::Changes, &command_line_audit_row("create", id, now)).await?;
     // The token is printed before the commit: once a token exists, the server rejects clients without one.
     output::print(token.expose())?;
-    moment.commit().await.context("the token that was shown is none: it could not be written down")?;
-    let until = expires_at.map_or_else(|| "for ever".to_owned(), |at| format!("until {}", rfc3339(at)));
+    moment.commit().await.context("the printed token is invalid, because it could not be stored")?;
+    let until = expires_at.map_or_else(|| "without expiry".to_owned(), |at| format!("until {}", rfc3339(at)));
     tracing::info!(
-        "Token {id}, {name:?}, has the role {role}, {until}. It is shown this once; revoke it by `sparring token revoke {id}`."
+        "Token {id}, {name:?}, has the role {role}, {until}. It cannot be shown again; `sparring token revoke {id}` revokes it."
     );
     Ok(ExitCode::SUCCESS)
 }
@@ -174,10 +175,10 @@ fn command_line_audit_row(what: &str, id: i64, at: Millis) -> AuditRow {
 async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCode> {
     let tokens = tokens::all(conn).await?;
     if tokens.is_empty() {
-        output::print("There are no tokens: the server lets in whoever is on its machine, and nobody else.")?;
+        output::print("There are no tokens: the server accepts only clients on its own machine.")?;
         return Ok(ExitCode::SUCCESS);
     }
-    let mut table = output::table(&["token", "name", "role", "state", "made", "expires", "last used"], 7);
+    let mut table = output::table(&["token", "name", "role", "state", "created", "expires", "last used"], 7);
     let at = |at: Option<Millis>, never: &str| at.map_or_else(|| never.to_owned(), rfc3339);
     for token in tokens {
         let state = token.state(now).as_str().to_owned();
@@ -199,11 +200,11 @@ async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> anyhow::Re
     let mut moment = transactions::begin_write(conn).await?;
     if !tokens::revoke(&mut moment, id, now).await? {
         let there = tokens::get(&mut moment, id).await?.is_some();
-        let why = if there { "was revoked before" } else { "is not there" };
-        bail!("token {id} {why}; `sparring token list` shows them");
+        let why = if there { "was already revoked" } else { "does not exist" };
+        bail!("token {id} {why}; `sparring token list` lists all tokens");
     }
     audit_log::append(&mut moment, AuditRing::Changes, &command_line_audit_row("revoke", id, now)).await?;
     moment.commit().await?;
-    output::print(&format!("Token {id} is revoked; a running server lets it in for 5 seconds at most."))?;
+    output::print(&format!("Token {id} is revoked; a running server rejects it within 5 seconds."))?;
     Ok(ExitCode::SUCCESS)
 }

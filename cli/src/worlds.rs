@@ -47,7 +47,7 @@ fn policy_descriptions(world: &dyn World, name: &str) -> Vec<&'static str> {
         .tasks()
         .iter()
         .flat_map(|task| task.policies().iter().filter(of_name))
-        .map(|spec| spec.about)
+        .map(|spec| spec.description)
         .collect()
 }
 

@@ -12,7 +12,7 @@ use crate::profile::FailureProfile;
 /// Distance in levels, up or down, from which a design may take values of params.
 const LEVEL_REACH: u32 = 2;
 
-/// Request to a designer: the task and its limits, what the agent fails at, and the outcomes of earlier layouts.
+/// Request to a designer: the task and its limits, the agent's failures, and the outcomes of earlier layouts.
 #[derive(Debug, Clone)]
 pub struct DesignBrief {
     /// Number of layouts to design.

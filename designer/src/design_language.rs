@@ -1,4 +1,4 @@
-//! [`DesignLanguage`]: what a world provides so that layouts can be designed for it.
+//! [`DesignLanguage`]: the interface that a world implements so that layouts can be designed for it.
 
 use env_core::bracket::Bracket;
 use env_core::{KeyedRng, Scenario};
@@ -72,7 +72,7 @@ pub trait DesignLanguage: Sync {
     /// Samples a design from the failure profile of the brief; `None` if nothing fits the base scenario.
     fn sample(&self, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Value>;
 
-    /// Changes a few random things of a design; `None` if no change fits the base scenario.
+    /// Applies a few random edits to a design; `None` if no edit fits the base scenario.
     fn edit(&self, design: &Value, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng)
     -> Option<Value>;
 
@@ -86,7 +86,7 @@ pub trait DesignLanguage: Sync {
 /// Design as a table for display.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DesignTable {
-    /// Aim of the design, in a few words.
+    /// Short description of the design's aim.
     pub aim: String,
     /// Column titles of the encounters, with units. All columns but the last hold numbers.
     pub header: Vec<&'static str>,

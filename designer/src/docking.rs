@@ -20,10 +20,10 @@ const POSITION_CHANGE: f64 = 0.15;
 const VELOCITY_CHANGE: f64 = 0.15;
 
 /// Edit of a recipe or of the initial states of the deputies; `None` if it does not apply.
-type Edit = fn(&mut Recipe, &mut [RelativeState], &DesignBrief, &mut KeyedRng) -> Option<()>;
+type ScenarioEdit = fn(&mut Recipe, &mut [RelativeState], &DesignBrief, &mut KeyedRng) -> Option<()>;
 
 /// Edits of a scenario. The names are stored with it.
-const EDITS: [(&str, Edit); 3] =
+const EDITS: [(&str, ScenarioEdit); 3] =
     [("a deputy's place", move_deputy), ("a deputy's velocity", change_velocity), ("a param", change_param)];
 
 /// Returns a scenario after one or two edits; `None` if no attempt succeeds.

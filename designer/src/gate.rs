@@ -99,8 +99,8 @@ impl Gate {
         Err(latest.unwrap_or(Refusal::Harmless)) // no base scenario, no threat
     }
 
-    /// Judges a complete scenario. If the provenance of its layout is a design, the scenario must be what that design
-    /// builds.
+    /// Judges a complete scenario. If the provenance of its layout is a design, the scenario must equal the one that is
+    /// built from the design.
     ///
     /// # Errors
     /// Returns the first refusal.

@@ -1,11 +1,11 @@
 //! Scenario design: designers behind one trait, and the gate that every layout passes before an agent sees it.
 //!
-//! A [`Designer`] receives a [`DesignBrief`] (what the agent fails at, and which limits apply) and the [`Gate`]. It returns
+//! A [`Designer`] receives a [`DesignBrief`] (the agent's failures and the limits of the task) and the [`Gate`]. It returns
 //! the layouts that it made, with the gate's verdict on each.
 //!
 //! - [`procedural`] samples layouts from the failure profile and edits successful ones, [`llm_designer`] asks a language
 //!   model, [`replay`] reads layouts from a file.
-//! - [`DesignLanguage`] is what a world must provide to be designed for; [`kessler`] implements it.
+//! - [`DesignLanguage`] is the interface of a world whose layouts can be designed; [`kessler`] implements it.
 //! - [`mutate`] edits scenarios for a curriculum, without a designer.
 //! - `registry` maps tasks to worlds, and is the only file that names all worlds.
 //!

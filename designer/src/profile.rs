@@ -1,4 +1,4 @@
-//! [`FailureProfile`]: which failures an agent has, and how often. Its JSON is that of `GET /v1/runs/{run}/failures`, so that
+//! [`FailureProfile`]: which failures an agent has, and how often. Its JSON is that of `GET /v1/runs/{run}/failure_profiles`, so that
 //! a saved response can be used as input of a designer.
 
 use env_core::critique::BEARING_SECTORS;
@@ -33,7 +33,7 @@ pub struct ModeProfile {
     pub cells: Vec<FailureCell>,
     /// The same failures by bearing in the inertial frame (sector 0 is centred on +X); empty in a world without this frame.
     #[serde(default)]
-    pub inertial: Vec<SectorWeight>,
+    pub inertial_sectors: Vec<SectorWeight>,
 }
 
 /// Failures of one mode in one bearing sector of the radial/in-track frame and one band of relative speed.
@@ -125,10 +125,10 @@ impl FailureProfile {
     }
 
     fn validate(&self) -> Result<(), ProfileError> {
-        let fault = |what: &str, number: String| ProfileError::Value(format!("{what} cannot be {number}"));
+        let fault = |name: &str, number: String| ProfileError::Value(format!("{name} cannot be {number}"));
         for mode in &self.modes {
             let cells = mode.cells.iter().map(|cell| (cell.weight, cell.sector.unwrap_or(0)));
-            let inertial = mode.inertial.iter().map(|sector| (sector.weight, sector.sector));
+            let inertial = mode.inertial_sectors.iter().map(|sector| (sector.weight, sector.sector));
             for (weight, sector) in cells.chain(inertial).chain([(mode.weight, 0)]) {
                 if !(weight.is_finite() && weight >= 0.0) {
                     return Err(fault("a weight", weight.to_string()));
@@ -197,7 +197,7 @@ impl ModeProfile {
     /// Returns the weights by sector of the inertial frame.
     #[must_use]
     pub fn inertial_sector_weights(&self) -> SectorWeights {
-        sum_by_sector(self.inertial.iter().map(|sector| (sector.sector, sector.weight)))
+        sum_by_sector(self.inertial_sectors.iter().map(|sector| (sector.sector, sector.weight)))
     }
 
     /// Returns the weights of the first `bands` speed bands.

@@ -16,7 +16,7 @@ pub const MIN_NOVELTY: f64 = 0.05;
 pub enum GateCheck {
     /// Fields and numbers are within bounds.
     Schema,
-    /// Bodies can be placed as the encounters say.
+    /// Bodies can be placed as the encounters require.
     Compiles,
     /// Encounters match the aim.
     Aim,
@@ -60,7 +60,7 @@ impl GateCheck {
         }
     }
 
-    /// Returns what a layout must satisfy to pass, as listed in the documentation.
+    /// Returns the condition that a layout must satisfy, as listed in the documentation.
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {

@@ -42,7 +42,7 @@ fn profile_of_blind_agent() -> FailureProfile {
         count: 20,
         weight: 20.0,
         cells: vec![cell(9, 3, 14.0), cell(8, 2, 4.0), cell(1, 3, 2.0)],
-        inertial: vec![SectorWeight { sector: 3, count: 20, weight: 20.0 }],
+        inertial_sectors: vec![SectorWeight { sector: 3, count: 20, weight: 20.0 }],
     };
     FailureProfile { task: "kessler/survival".to_owned(), criticised: 40, weight: 40.0, modes: vec![mode] }
 }

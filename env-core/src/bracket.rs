@@ -8,7 +8,7 @@ pub struct EpisodeOutcome {
     /// Score by the world's rule.
     pub score: f64,
     /// Sum of rewards, as telemetry shows it.
-    pub total: f64,
+    pub total_reward: f64,
     /// Number of steps taken.
     pub steps: u32,
     /// Number of agents lost.

@@ -11,7 +11,7 @@ pub struct Critique {
     /// Verdicts on each action, in order of step; the counterfactual is the same episode without the action.
     pub actions: Vec<ActionVerdict>,
     /// Judgement of the episode by fixed rules.
-    pub judged: Judgement,
+    pub assessment: Judgement,
 }
 
 /// One reason why an episode lost score.
@@ -28,7 +28,7 @@ pub struct Failure {
     /// Further values that belong to the mode.
     pub measures: Vec<Measure>,
     /// Description in one sentence.
-    pub words: String,
+    pub explanation: String,
 }
 
 /// A number with its name and unit.
@@ -69,7 +69,7 @@ pub struct Encounter {
     /// visible.
     pub avoidable: Option<bool>,
     /// Cheapest such action that was found.
-    pub cheapest: Option<Remedy>,
+    pub cheapest_avoidance: Option<Remedy>,
 }
 
 /// An action that would have avoided a failure.
@@ -121,7 +121,7 @@ pub struct Judgement {
     /// Name of the rule that applied, such as `no_action_needed`.
     pub case: &'static str,
     /// Description in one sentence.
-    pub words: String,
+    pub explanation: String,
 }
 
 /// One failure mode of a task, as data.
@@ -130,7 +130,7 @@ pub struct FailureModeSpec {
     /// Name of the mode.
     pub name: &'static str,
     /// Description in one sentence.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// Bands of relative speed in reports: the upper edges of all bands but the last.

@@ -34,7 +34,7 @@ pub struct ParamSpec {
     /// Direction in which the task becomes harder.
     pub harder: Harder,
     /// Description of the param.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 impl ParamSpec {
@@ -68,9 +68,9 @@ pub struct OptionSpec {
     /// Names of the choices; the first is the default.
     pub choices: &'static [&'static str],
     /// Description of the option.
-    pub about: &'static str,
+    pub description: &'static str,
     /// Choices that are reserved for scenarios made by hand; runs and suites reject them.
-    pub by_hand: &'static [ManualChoice],
+    pub manual_choices: &'static [ManualChoice],
 }
 
 /// A choice that is reserved for scenarios made by hand.
@@ -79,7 +79,7 @@ pub struct ManualChoice {
     /// Name of the choice.
     pub choice: &'static str,
     /// Reason, as the end of a sentence.
-    pub why: &'static str,
+    pub reason: &'static str,
 }
 
 impl OptionSpec {
@@ -99,8 +99,8 @@ impl Serialize for OptionSpec {
         out.serialize_field("type", "choice")?;
         out.serialize_field("choices", self.choices)?;
         out.serialize_field("default", self.default_choice())?;
-        out.serialize_field("about", self.about)?;
-        out.serialize_field("by_hand", self.by_hand)?;
+        out.serialize_field("description", self.description)?;
+        out.serialize_field("manual_choices", self.manual_choices)?;
         out.end()
     }
 }
@@ -218,7 +218,7 @@ pub struct ActionGrid {
     /// Values of each action; the first action is hold.
     pub rows: Vec<Vec<f32>>,
     /// Description in one sentence.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// Range of a task's score.

@@ -36,7 +36,7 @@ pub(crate) fn final_states(
                 task.id(),
                 &scenario.id().to_string()[..16],
                 episode.steps(),
-                episode.outcome().total,
+                episode.outcome().total_reward,
                 &hash[..16]
             ));
         }

@@ -107,7 +107,7 @@ impl Budget {
         Ok(Reservation { budget, run, day, reserved, minimum, is_settled: false })
     }
 
-    /// Adds what `run` spent on `day` before this process started. Days are counted since 1970 UTC.
+    /// Adds the spending of `run` on `day` before this process started. Days are counted since 1970 UTC.
     pub(crate) fn restore(&self, run: &str, spending: Spending, day: i64, today: i64) {
         let mut accounts = self.lock();
         accounts.start_day(today);
@@ -117,14 +117,14 @@ impl Budget {
         }
     }
 
-    /// Returns what all runs spent on `today`.
+    /// Returns the spending of all runs on `today`.
     pub(crate) fn spent_today(&self, today: i64) -> Spending {
         let mut accounts = self.lock();
         accounts.start_day(today);
         accounts.today.spent
     }
 
-    /// Returns what a run spent in all.
+    /// Returns the total spending of a run.
     pub(crate) fn spent_by_run(&self, run: &str) -> Spending {
         self.lock().runs.get(run).map(|account| account.spent).unwrap_or_default()
     }
@@ -179,12 +179,12 @@ impl Account {
 }
 
 impl Reservation {
-    /// Replaces the reservation by what the call really cost.
+    /// Replaces the reservation by the actual cost of the call.
     pub(crate) fn settle(mut self, spending: Spending) {
-        self.book(spending);
+        self.record(spending);
     }
 
-    fn book(&mut self, spending: Spending) {
+    fn record(&mut self, spending: Spending) {
         self.is_settled = true;
         let mut accounts = self.budget.lock();
         accounts.today.reserved.subtract(self.reserved);
@@ -201,7 +201,7 @@ impl Drop for Reservation {
     fn drop(&mut self) {
         if !self.is_settled {
             let minimum = self.minimum;
-            self.book(minimum);
+            self.record(minimum);
         }
     }
 }

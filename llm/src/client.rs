@@ -66,14 +66,14 @@ impl LlmClient {
         &self.0.endpoint.config
     }
 
-    /// Adds what a run spent on a day (days since 1970 UTC) before this process started, so that budgets survive restarts.
+    /// Adds the spending of a run on a day (days since 1970 UTC) before this process started, so that budgets survive restarts.
     /// Call it once for each run and day on record.
     pub fn restore_spending(&self, run: &str, spending: Spending, day: i64) {
         let Endpoint { budget, config, .. } = &self.0.endpoint;
         budget.restore(run, spending, day, config.clock.day());
     }
 
-    /// Returns what a run has spent in all.
+    /// Returns the total spending of a run.
     #[must_use]
     pub fn spending(&self, run: &str) -> Spending {
         self.0.endpoint.budget.spent_by_run(run)
@@ -89,10 +89,10 @@ impl LlmClient {
             host: host.unwrap_or_default(),
             model: config.model.clone(),
             breaker: breaker.state,
-            why: breaker.reason,
+            breaker_error: breaker.reason,
             retry_in_s: breaker.retry_in.map(|left| left.as_secs_f64()),
-            failures_in_a_row: breaker.failures_in_a_row,
-            mode: backend.response_format(),
+            consecutive_failures: breaker.failures_in_a_row,
+            response_format: backend.response_format(),
             today: budget.spent_today(config.clock.day()),
             tokens_per_day: config.tokens_per_day,
             cost_per_day: config.cost_per_day,

@@ -56,7 +56,7 @@ pub enum LlmError {
         limit: f64,
     },
     /// The circuit breaker is open after repeated failures, so that no request was sent.
-    #[error("the model is not asked for another {:.0} s after repeated failures: {last_error}", .retry_in.as_secs_f64())]
+    #[error("calls of the model are paused for {:.0} s after repeated failures: {last_error}", .retry_in.as_secs_f64())]
     CircuitOpen {
         /// Time until the next trial call.
         retry_in: Duration,

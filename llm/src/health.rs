@@ -22,13 +22,13 @@ pub struct Health {
     /// State of the circuit breaker.
     pub breaker: BreakerState,
     /// Message of the failure that opened the breaker; `None` if closed.
-    pub why: Option<String>,
+    pub breaker_error: Option<String>,
     /// Seconds until the next trial call; `None` if the breaker is closed.
     pub retry_in_s: Option<f64>,
     /// Number of consecutive failed calls.
-    pub failures_in_a_row: u32,
+    pub consecutive_failures: u32,
     /// Response format that the endpoint is known to accept.
-    pub mode: ResponseFormat,
+    pub response_format: ResponseFormat,
     /// Spending of today (UTC).
     pub today: Spending,
     /// Token limit per day; `None` is unlimited.
@@ -55,7 +55,7 @@ pub struct LastError {
     /// Kind of the error, see [`LlmError::kind`].
     pub kind: &'static str,
     /// Message of the error.
-    pub words: String,
+    pub message: String,
     /// Time of the failure, in milliseconds since 1970 UTC.
     pub at_ms: i64,
 }
@@ -114,7 +114,7 @@ impl CallMetrics {
         let mut counters = self.lock();
         counters.calls += 1;
         counters.failed += 1;
-        counters.last_error = Some(LastError { kind: error.kind(), words: error.to_string(), at_ms });
+        counters.last_error = Some(LastError { kind: error.kind(), message: error.to_string(), at_ms });
     }
 
     /// Returns true if a call succeeded within `period` before now.

@@ -16,11 +16,11 @@ use crate::{
 /// 2026-01-01 00:00 UTC, the time of [`test_config`]'s clock, in milliseconds since 1970.
 pub const NEW_YEAR_MS: i64 = 1_767_225_600_000;
 
-/// Returns a configuration with short timeouts and a fixed clock.
+/// Returns a configuration with a short backoff, a timeout that no response on a busy machine exceeds, and a fixed clock.
 #[must_use]
 pub fn test_config(url: &str) -> LlmConfig {
     let mut config = LlmConfig::new(format!("{url}/v1"), "small", WallClock::new(|| NEW_YEAR_MS));
-    config.timeout = Duration::from_millis(1500);
+    config.timeout = Duration::from_secs(60);
     config.backoff = Duration::from_millis(5);
     config
 }

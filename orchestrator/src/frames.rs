@@ -155,8 +155,8 @@ mod tests {
         let scenario = json!({"task": "kessler/survival", "seed": 5, "params": params,
                               "physics": {"warnings": "exact"}});
         let scenario = Scenario::from_json(&scenario).unwrap();
-        let mut pilot = scenario.task().policy("heuristic", &scenario, 0).unwrap();
-        let log = roll_out(&scenario, &mut *pilot).unwrap().log;
+        let mut policy = scenario.task().policy("heuristic", &scenario, 0).unwrap();
+        let log = roll_out(&scenario, &mut *policy).unwrap().log;
         (scenario, log)
     }
 

@@ -150,7 +150,7 @@ impl FromStr for DesignRequestId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "ask");
-        number.map(Self).ok_or(InvalidId("an ask's id is ask- and a number, as ask-7"))
+        number.map(Self).ok_or(InvalidId("the id of a design request is `ask-` and a number, such as ask-7"))
     }
 }
 

@@ -11,6 +11,7 @@
 //!
 //! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, the command line in `cli`.
 
+mod api_enums;
 pub mod clock;
 pub mod critiques;
 pub mod designs;

@@ -3,19 +3,18 @@
 
 use std::time::Duration;
 
+use api_types::{ReceiptStatus, RefusalCode};
 use axum::http::{Method, StatusCode};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use serde::Serialize;
 
-use crate::results::receipt_status::ReceiptStatus;
-use crate::results::refusal::RefusalCode;
 
 /// Event in the life of a lease: the `state` of its events, and the label of `sparring_leases_total`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LeaseEvent {
-    /// A client took the lease.
-    Taken,
+    /// The lease was created.
+    Created,
     /// The client renewed the lease.
     Renewed,
     /// All groups of the lease are closed.
@@ -28,13 +27,13 @@ pub enum LeaseEvent {
 
 impl LeaseEvent {
     /// All values, in the order of their declaration.
-    pub const ALL: [Self; 5] = [Self::Taken, Self::Renewed, Self::Done, Self::Released, Self::Expired];
+    pub const ALL: [Self; 5] = [Self::Created, Self::Renewed, Self::Done, Self::Released, Self::Expired];
 
     /// The word that events and metrics show.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
-            Self::Taken => "taken",
+            Self::Created => "created",
             Self::Renewed => "renewed",
             Self::Done => "done",
             Self::Released => "released",
@@ -87,7 +86,7 @@ fn register_zeros() {
     for event in LeaseEvent::ALL {
         counter!("sparring_leases_total", "state" => event.as_str()).absolute(0);
     }
-    for status in ReceiptStatus::ALL {
+    for status in ReceiptStatus::ALL.iter().copied() {
         counter!("sparring_results_total", "status" => status.as_str(), "code" => "").absolute(0);
     }
     counter!("sparring_mismatches_total").absolute(0);
@@ -118,7 +117,7 @@ pub fn record_lease(event: LeaseEvent) {
 /// Counts a reported episode, by the status and code of its receipt.
 pub fn record_result(status: ReceiptStatus, code: Option<RefusalCode>) {
     counter!("sparring_results_total", "status" => status.as_str(), "code" => code.map_or("", RefusalCode::as_str)).increment(1);
-    if code == Some(RefusalCode::NotAsClaimed) {
+    if code == Some(RefusalCode::ColumnsMismatch) {
         counter!("sparring_mismatches_total").increment(1);
     }
 }
@@ -252,7 +251,7 @@ mod tests {
         metrics::with_local_recorder(&recorder, register);
         let rendered = recorder.handle().render();
         let count = |name: &str| rendered.lines().filter(|line| line.starts_with(name)).count();
-        for status in ReceiptStatus::ALL {
+        for status in ReceiptStatus::ALL.iter().copied() {
             let line = format!("sparring_results_total{{status=\"{}\",code=\"\"}} 0", status.as_str());
             assert!(rendered.lines().any(|shown| shown == line), "{line} is missing in\n{rendered}");
         }

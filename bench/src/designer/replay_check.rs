@@ -44,11 +44,11 @@ pub(super) fn measure() -> anyhow::Result<Vec<Row>> {
     let output = Command::new(std::env::current_exe()?).arg("--replay-check").arg(&file).output()?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let result: Value = serde_json::from_slice(&output.stdout)?;
-    let (flown, unfair) = (result["flown"].as_u64(), result["unfair"].as_u64());
-    ensure!(flown == Some(admitted.len() as u64), "only {flown:?} of {} were flown again", admitted.len());
+    let (replayed, unfair) = (result["replayed"].as_u64(), result["unfair"].as_u64());
+    ensure!(replayed == Some(admitted.len() as u64), "only {replayed:?} of {} were replayed", admitted.len());
     Ok(vec![Row {
         label: format!(
-            "unfair layouts let through ({} of threats, {} of decoys, {} tasks × {LEVELS} levels), flown again",
+            "unfair layouts let through ({} of threats, {} of decoys, {} tasks × {LEVELS} levels), replayed",
             admitted.iter().filter(|layout| layout.kind() == designer::LayoutKind::Threat).count(),
             admitted.iter().filter(|layout| layout.kind() == designer::LayoutKind::Decoy).count(),
             tasks.len(),
@@ -105,7 +105,7 @@ fn layout_to_json(layout: &AdmittedLayout) -> Value {
         "claim": layout.kind().as_str(),
         "floor": bracket.floor,
         "reference": bracket.reference.score,
-        "witness": bracket.reference_plan.encode(),
+        "reference_plan": bracket.reference_plan.encode(),
     })
 }
 
@@ -118,28 +118,28 @@ pub(crate) fn check_layouts(file: &Path) -> anyhow::Result<Value> {
     let verdicts: Vec<_> = lines.par_iter().map(|line| check_layout(line)).collect();
     let reasons: Vec<String> =
         verdicts.iter().filter_map(|v| v.as_ref().err()).map(|e| format!("{e:#}")).collect();
-    Ok(json!({"flown": lines.len(), "unfair": reasons.len(), "reasons": reasons}))
+    Ok(json!({"replayed": lines.len(), "unfair": reasons.len(), "reasons": reasons}))
 }
 
 fn check_layout(line: &str) -> anyhow::Result<()> {
     let layout: Value = serde_json::from_str(line)?;
     let scenario = Scenario::from_json(&layout["scenario"])?;
-    let bytes: Vec<u8> = serde_json::from_value(layout["witness"].clone())?;
-    let witness = ActionLog::decode(&bytes)?;
-    let flown = replay(&scenario, &witness)?;
+    let bytes: Vec<u8> = serde_json::from_value(layout["reference_plan"].clone())?;
+    let reference_plan = ActionLog::decode(&bytes)?;
+    let replayed = replay(&scenario, &reference_plan)?;
     let reference = layout["reference"].as_f64().context("a reference")?;
     ensure!(
-        flown.score.to_bits() == reference.to_bits(),
-        "the witness earns {}, not {reference}",
-        flown.score
+        replayed.score.to_bits() == reference.to_bits(),
+        "the reference plan scores {}, not {reference}",
+        replayed.score
     );
     let floor = layout["floor"].as_f64().context("a floor")?;
     let gap = reference - floor;
     let skill = (gap >= env_core::bracket::MIN_GAP).then_some(1.0);
-    ensure!(scenario.task().is_success(&flown, skill), "the witness does not succeed");
+    ensure!(scenario.task().is_success(&replayed, skill), "the reference plan does not succeed");
     let fuel = scenario.recipe().param("fuel").context("fuel")?
         * f64::from(scenario.task().agents(scenario.recipe()));
-    ensure!(flown.fuel_used <= fuel + 1e-9, "the witness spends {} of {fuel}", flown.fuel_used);
+    ensure!(replayed.fuel_used <= fuel + 1e-9, "the reference plan spends {} of {fuel}", replayed.fuel_used);
     let mut hold_log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
     hold_log.stopped = Some(StopReason::TooLate); // the remaining steps hold
     let held = replay(&scenario, &hold_log)?;

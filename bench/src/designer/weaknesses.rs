@@ -5,7 +5,6 @@
 //! by round, the results of its layouts. A second measurement gives it the profile only.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use designer::brief::{DesignBrief, LayoutOutcome, PastLayout};
@@ -22,7 +21,7 @@ use env_core::rollout::{Rollout, roll_out};
 use env_core::{EpisodeOutcome, Recipe, Scenario, TaskSpec};
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Lease, ServerProcess, log_to_json};
+use system_tests::{ServerProcess, log_to_json, wait_for};
 
 use crate::Row;
 
@@ -91,7 +90,7 @@ async fn collect_profile(&Agent { task, weakness, .. }: &Agent) -> anyhow::Resul
         )
         .await;
     ensure!(created.status == 201, "no run: {}", created.body);
-    let lease = lease_groups(&api).await?;
+    let lease = api.lease("weaknesses", json!({"groups": SCENARIOS, "ttl_s": 3600})).await;
     let results: Vec<(Value, bool)> = lease
         .episodes()
         .into_par_iter()
@@ -110,32 +109,13 @@ async fn collect_profile(&Agent { task, weakness, .. }: &Agent) -> anyhow::Resul
         let results: Vec<_> = batch.iter().map(|(result, _)| result.clone()).collect();
         api.report("weaknesses", results).await;
     }
-    loop {
-        let response = api.get("/v1/runs/weaknesses/failures").await;
-        if response.body["waiting"] == 0 {
-            let profile = FailureProfile::parse(&response.body.to_string(), Some(task.id()))?;
-            ensure!(
-                profile.criticised == SCENARIOS as u64,
-                "{} episodes have a critique",
-                profile.criticised
-            );
-            return Ok(CollectedProfile { profile, failures });
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-}
-
-async fn lease_groups(api: &ApiClient) -> anyhow::Result<Lease> {
-    for _ in 0..300 {
-        let response =
-            api.post("/v1/runs/weaknesses/leases", json!({"groups": SCENARIOS, "ttl_s": 3600})).await;
-        match response.status {
-            201 => return Ok(Lease(response.body)),
-            429 | 503 => tokio::time::sleep(Duration::from_millis(200)).await,
-            _ => anyhow::bail!("no lease: {}", response.body),
-        }
-    }
-    anyhow::bail!("the server prepares too slowly")
+    let profiles = wait_for("every episode has its critique", async || {
+        let response = api.get("/v1/runs/weaknesses/failure_profiles").await;
+        (response.body["waiting"] == 0).then_some(response.body)
+    });
+    let profile = FailureProfile::parse(&profiles.await.to_string(), Some(task.id()))?;
+    ensure!(profile.criticised == SCENARIOS as u64, "{} episodes have a critique", profile.criticised);
+    Ok(CollectedProfile { profile, failures })
 }
 
 fn run_agent(

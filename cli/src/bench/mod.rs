@@ -28,31 +28,31 @@ const TRACKS: ObservationMode = ObservationMode::Tracks { threats: 8, look_ahead
 /// Steps of the batch between two readings of the clock.
 const STEPS_PER_CLOCK_READING: u32 = 16;
 
-/// Measure how many environment steps a second one thread does.
+/// Measure the environment steps per second of one thread.
 ///
-/// Steps a batch of environments of a world in this process, at the task and params that the world names for it
-/// (kessler: survival with 50 debris): small actions by about half of the agents in every step, a fresh seed for every
-/// episode, f32 observations of everything written after every step and reset, resets included. The time is cut into 20 slices; their median is told, and the 5th and
-/// 95th percentile as its spread.
+/// Steps a batch of environments of one world in this process, with the task and params of the world's benchmark
+/// (kessler: survival with 50 debris). In every step about half of the agents take a small action. Every episode has a
+/// new seed, and full f32 observations are written after every step and reset. Resets count as part of the measured
+/// time. The time is divided into 20 slices; the result is their median, with the 5th and 95th percentile as its spread.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// The world; the first unless told
+    /// World to measure [default: the first world]
     #[arg(long, value_name = "WORLD", value_parser = PossibleValuesParser::new(worlds::names()))]
     env: Option<String>,
-    /// Step under this physics option; repeat it for more
+    /// Set a physics option; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<ChosenOption>,
-    /// Environments of the batch
+    /// Number of environments in the batch
     #[arg(long, value_name = "N", default_value_t = DEFAULT_ENVS, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     envs: u32,
-    /// Observe by tracks, as neural policies do, where the world has them
+    /// Write observations as tracks, the format for neural policies, where the world has them
     #[arg(long)]
     tracks: bool,
-    /// How long to measure, seconds
+    /// Length of the measurement in seconds
     #[arg(long, value_name = "S", default_value = "3", value_parser = parse_seconds)]
     seconds: f64,
-    /// Print one JSON object
+    /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
 }
@@ -64,8 +64,9 @@ fn after_help() -> String {
 const AFTER_HELP: &str = "\
 JSON (--json): one object {env, envs, tracks, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
 resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
-debris is null in worlds without it. What a step of the public original costs in Python is a stated constant (kessler: \
-125 µs), measured elsewhere, and null where it was not measured; bench/ measures both here.
+debris is null in worlds without debris. python_env_us_per_step, the time of a step of the public original in Python, is a \
+constant (kessler: 125 µs) that was measured on another machine; it is null if it was not measured. The scripts in bench/ \
+measure both on this machine.
 
 Examples:
   sparring bench
@@ -110,7 +111,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         None => env_core::worlds().next(),
     };
     let world = world.context("there is no such world")?;
-    let task = env_core::task(world.bench_spec().task).context("its benchmark's task is gone")?;
+    let task = env_core::task(world.bench_spec().task).context("the task of the benchmark does not exist")?;
     let options = options::by_task(&args.options, &[task])?.remove(task.id()).unwrap_or_default();
     let options: Vec<_> = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str())).collect();
     let batch = BatchSettings { envs: args.envs as usize, tracks: args.tracks };
@@ -149,7 +150,7 @@ pub fn measure(
     seconds: f64,
 ) -> anyhow::Result<Measurement> {
     let spec = world.bench_spec();
-    let task = env_core::task(spec.task).with_context(|| format!("{} is gone", spec.task))?;
+    let task = env_core::task(spec.task).with_context(|| format!("task {} does not exist", spec.task))?;
     let recipe =
         Recipe::with_params(task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
     let options = recipe.chosen_options();
@@ -194,7 +195,7 @@ pub fn measure(
 impl Measurement {
     fn sentences(&self) -> String {
         let mut text = format!(
-            "{}, one thread, observations made, resets included ({} slices in {} s)\n\
+            "{}, one thread, observations and resets included ({} slices in {} s)\n\
              {:.0} env-steps/s ({:.0} to {:.0}), {:.3} µs a step, {:.0} resets/s",
             self.description,
             self.slices,
@@ -239,7 +240,7 @@ fn step_for(stepped_batch: &mut SteppedBatch, time: Duration) -> anyhow::Result<
 fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.05..=3600.0).contains(&value) => Ok(value),
-        _ => Err("measure for 0.05 to 3600 seconds".to_owned()),
+        _ => Err("must be 0.05 to 3600 seconds".to_owned()),
     }
 }
 

@@ -28,7 +28,7 @@ impl SteppedBatch {
     /// # Errors
     /// Returns an error if the task does not exist or a param is out of range.
     pub fn new(task: &str, params: &[(&str, f64)], envs: usize, size: f64) -> anyhow::Result<Self> {
-        let spec = env_core::task(task).with_context(|| format!("{task} is gone"))?;
+        let spec = env_core::task(task).with_context(|| format!("task {task} does not exist"))?;
         let recipe = Recipe::with_params(spec, params.iter().copied())?;
         Self::from_recipe(recipe, envs, size, ObservationMode::All { bodies: None })
     }

@@ -34,23 +34,23 @@ fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
             first_visible_step: Some(0),
             steps_left: 16,
             avoidable: Some(true),
-            cheapest: Some(Remedy { step: 14, values: vec![0.1, -0.05], cost: 0.559 }),
+            cheapest_avoidance: Some(Remedy { step: 14, values: vec![0.1, -0.05], cost: 0.559 }),
         }),
         measures: Vec::new(),
-        words: "debris 4 hit satellite 1 at step 17, from ahead; a burn at step 14 would have saved it"
+        explanation: "debris 4 hit satellite 1 at step 17, from ahead; a burn at step 14 would have saved it"
             .to_owned(),
     };
     let unseen = Encounter {
         avoidable: None,
         first_visible_step: None,
-        cheapest: None,
+        cheapest_avoidance: None,
         ..hit.encounter.clone().unwrap()
     };
     let fragment = Failure {
         mode: "fragment",
         step: 18,
         encounter: Some(Encounter { steps_left: 0, ..unseen }),
-        words: "a fragment hit satellite 2".to_owned(),
+        explanation: "a fragment hit satellite 2".to_owned(),
         agent: 2,
         ..hit.clone()
     };
@@ -62,19 +62,19 @@ fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
         step: 40,
         encounter: None,
         measures: remedy,
-        words: String::new(),
+        explanation: String::new(),
         ..hit.clone()
     };
     let critique = Critique {
         failures: vec![hit, fragment, decay],
         actions,
-        judged: Judgement {
+        assessment: Judgement {
             value: -0.75,
             case: "missed",
-            words: "Debris that was seen hit a satellite.".to_owned(),
+            explanation: "Debris that was seen hit a satellite.".to_owned(),
         },
     };
-    let flown = EpisodeOutcome { score: 0.441, total: 0.44, steps: 50, lost: 2, goal: None, fuel_used: 3.5 };
+    let flown = EpisodeOutcome { score: 0.441, total_reward: 0.44, steps: 50, lost: 2, goal: None, fuel_used: 3.5 };
     CritiqueReport { scenario: scenario(), flown, bracket: None, critique }
 }
 
@@ -96,12 +96,12 @@ fn people_read_a_table() {
 #[test]
 fn machines_read_an_object() {
     let told = shown(vec![action(1, Verdict::Needed, 0.31)]).json();
-    assert_eq!(told["failures"][0]["encounter"]["cheapest"]["step"], 14);
+    assert_eq!(told["failures"][0]["encounter"]["cheapest_avoidance"]["step"], 14);
     assert_eq!(
-        (&told["actions"][0]["verdict"], &told["judged"]["case"]),
+        (&told["actions"][0]["verdict"], &told["assessment"]["case"]),
         (&json!("needed"), &json!("missed"))
     );
-    assert_eq!((&told["skill"], &told["flown"]["lost"]), (&Value::Null, &json!(2)));
+    assert_eq!((&told["skill"], &told["outcome"]["lost"]), (&Value::Null, &json!(2)));
 }
 
 #[test]

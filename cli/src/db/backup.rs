@@ -9,13 +9,13 @@ use super::super::output;
 use super::{format_bytes, open_readers};
 use orchestrator::store;
 
-/// Copy a database, as it stands at one moment, while a server uses it.
+/// Copy a database to a new file, also while a server uses it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The copy is whole or not there at all: it is written beside its place, synced, and only then \
-given its name. It has no free room in it, and is often smaller than the database.")]
+The copy is a consistent snapshot and appears atomically: it is written to a temporary file beside its path, synced, and then \
+renamed. It contains no free pages, so it is often smaller than the database.")]
 pub(super) struct Args {
-    /// Where the copy goes: a file that does not exist yet
+    /// Path of the copy; the file must not exist
     #[arg(value_name = "COPY")]
     to: PathBuf,
 }
@@ -23,13 +23,13 @@ pub(super) struct Args {
 pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     let to = &args.to;
     if to.exists() {
-        bail!("{} exists already: name another file, or move it away", to.display());
+        bail!("{} already exists; choose another file, or move it away", to.display());
     }
     open_readers(db).await?.close().await;
     let mut conn = store::open_maintenance(db).await?;
     store::copy(&mut conn, to)
         .await
-        .map_err(|reason| anyhow::anyhow!("no copy was made at {}: {reason}", to.display()))?;
+        .map_err(|reason| anyhow::anyhow!("the copy {} could not be written: {reason}", to.display()))?;
     let bytes = std::fs::metadata(to).with_context(|| to.display().to_string())?.len();
     output::print(&format!(
         "{} is a copy of {}, {}",

@@ -16,13 +16,16 @@ use orchestrator::store::keys::EpisodeKey;
 use orchestrator::store::scenarios::ScenarioLoader;
 use orchestrator::store::{OpenError, compacted_leases, groups, leases};
 
-/// Whether a database is whole: its pages, what refers to what, that each run's curriculum can be brought back, that sums agree
-/// with episodes, and that actions replay to their scores.
+/// Check that a database is intact and consistent.
+///
+/// Checks the pages of the file, the references between rows, that the curriculum of each run can be restored, that counters
+/// agree with the episodes, and that recorded actions replay to their scores.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Exit code 1 where something is wrong, with a sentence for each. It reads everything there is: some seconds a GiB.")]
+Prints one sentence per problem; the exit code is 1 if there is one. The check reads the whole database, which takes some \
+seconds per GiB.")]
 pub(super) struct Args {
-    /// Episodes, drawn at random, that are replayed
+    /// Number of randomly chosen episodes to replay
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     replay: u32,
 }
@@ -54,7 +57,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
         found.extend(check_scores(conn, args.replay).await?);
     }
     if found.is_empty() {
-        output::print(&format!("{} is whole; {} episodes were replayed at most", db.display(), args.replay))?;
+        output::print(&format!("{} is intact; up to {} episodes were replayed", db.display(), args.replay))?;
         return Ok(ExitCode::SUCCESS);
     }
     output::print(&found.join("\n"))?;
@@ -65,11 +68,11 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
 async fn check_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<String>> {
     let mut found = Vec::new();
     if let Err(error) = RunState::load(conn, run).await {
-        found.push(format!("run {run} cannot be brought back: {error}"));
+        found.push(format!("run {run} cannot be loaded: {error}"));
     }
     let CountedTwice { counters: claimed, rows: mut claims } = integrity::claimed_episodes(conn, run).await?;
     let mut counted = 0;
-    let folded = compacted_leases::each(conn, run, |lease| {
+    let compacted = compacted_leases::each(conn, run, |lease| {
         let accepted = lease.claim.as_ref().is_none_or(|claim| claim.state == ClaimState::Accepted);
         if let Some(claim) = &lease.claim {
             claims.add(claim.state, claim.episodes, claim.failed);
@@ -77,16 +80,16 @@ async fn check_run(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec
         let finished = lease.episodes().filter(|(_, episode)| episode.state == EpisodeState::Finished);
         counted += if accepted { finished.count() as i64 } else { 0 };
     });
-    if let Err(error) = folded.await {
-        found.push(format!("what was folded of run {run} cannot be read: {error}"));
+    if let Err(error) = compacted.await {
+        found.push(format!("the compacted leases of run {run} cannot be read: {error}"));
         return Ok(found);
     }
     let CountedTwice { counters: summed, rows: whole } = integrity::finished_episodes(conn, run).await?;
     if summed != whole + counted {
-        found.push(format!("run {run} sums up {summed} finished episodes, and has {}", whole + counted));
+        found.push(format!("run {run} counts {summed} finished episodes, but has {}", whole + counted));
     }
     if claimed != claims {
-        found.push(format!("run {run} sums up columns as {claimed:?}, and its claims say {claims:?}"));
+        found.push(format!("run {run} counts claims as {claimed:?}, but has {claims:?}"));
     }
     Ok(found)
 }
@@ -115,11 +118,11 @@ async fn replay_score(
     loader: &mut ScenarioLoader,
     EpisodeKey { lease, number }: EpisodeKey,
 ) -> anyhow::Result<f64> {
-    let row = leases::get(conn, lease).await?.ok_or_else(|| anyhow::anyhow!("its lease is gone"))?;
+    let row = leases::get(conn, lease).await?.ok_or_else(|| anyhow::anyhow!("its lease does not exist"))?;
     let group = groups::get(conn, lease, number / row.group_size.max(1)).await?;
-    let group = group.ok_or_else(|| anyhow::anyhow!("its group is gone"))?;
+    let group = group.ok_or_else(|| anyhow::anyhow!("its group does not exist"))?;
     let scenario = loader.get(conn, &group.scenario).await?;
     let log = episodes::log(conn, lease, number).await?;
-    let log = log.ok_or_else(|| anyhow::anyhow!("its actions are gone"))?;
+    let log = log.ok_or_else(|| anyhow::anyhow!("its actions are not stored"))?;
     Ok(replay(&scenario, &log)?.score)
 }

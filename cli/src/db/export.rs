@@ -14,24 +14,24 @@ use orchestrator::store::layouts::{self, LayoutFilter};
 use orchestrator::store::scenarios::ScenarioLoader;
 use orchestrator::store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 
-/// Write what a database has as lines of JSON (NDJSON), each with its kind: run, move, layout, claim, episode.
+/// Export a database as JSON lines (NDJSON), each with its kind: run, move, layout, claim or episode.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A run comes first, then its level moves with their evidence, its layouts, and what was leased of it in order: the episodes \
-that were reported, claims in columns. Episodes past what a run keeps whole have `replay: expired`, and neither actions nor \
-scenario. The file is whole or not there at all.
+Each run is followed by its level moves with their evidence, its layouts, and the contents of its leases in order: reported \
+episodes, and claims in columns. Episodes older than the run's retention have `replay: expired`, without actions and \
+scenario. The file is written completely or not at all.
 
 Examples:
   sparring db export --run run-1a2b3c4d > run.ndjson
   sparring db export --actions --out everything.ndjson")]
 pub(super) struct Args {
-    /// Only this run
+    /// Export only the run with this id
     #[arg(long, value_name = "RUN")]
     run: Option<String>,
-    /// Also the scenario and the actions of each episode that is kept whole: they are most of a database
+    /// Include the scenario and the actions of each episode that has not expired; they are most of a database
     #[arg(long)]
     actions: bool,
-    /// A file that does not exist yet; stdout if it is left out
+    /// Path of the output file, which must not exist [default: stdout]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -47,7 +47,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(run) = &args.run {
         ids.retain(|id| id == run);
         if ids.is_empty() {
-            bail!("there is no run {run:?} in {}; `sparring db info` lists them", db.display());
+            bail!("there is no run {run:?} in {}; `sparring db info` lists the runs", db.display());
         }
     }
     match &args.out {
@@ -60,7 +60,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
         }
         Some(file) => {
             if file.exists() {
-                bail!("{} exists already: name another file, or move it away", file.display());
+                bail!("{} already exists; choose another file, or move it away", file.display());
             }
             let folder =
                 file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -115,7 +115,7 @@ async fn write_all(
         if sink.is_closed {
             break;
         }
-        let row = runs::get(conn, run).await?.with_context(|| format!("run {run} is gone"))?;
+        let row = runs::get(conn, run).await?.with_context(|| format!("run {run} does not exist any more"))?;
         sink.write(&ExportLine::run(row)?)?;
         let mut after = -1;
         loop {
@@ -150,8 +150,8 @@ async fn write_leases(
     sink: &mut LineSink,
 ) -> anyhow::Result<()> {
     let mut failed = Ok(());
-    compacted_leases::each(conn, run, |folded| {
-        for line in lines::compacted_lines(run, &folded) {
+    compacted_leases::each(conn, run, |lease| {
+        for line in lines::compacted_lines(run, &lease) {
             if failed.is_ok() {
                 failed = sink.write(&line);
             }

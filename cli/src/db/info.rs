@@ -10,10 +10,10 @@ use super::{format_bytes, open_readers};
 use orchestrator::clock::rfc3339;
 use orchestrator::store::integrity::{self, DatabaseSize, RunSize};
 
-/// How large a database is, what takes the room, and what each run has.
+/// Show the size of a database by table, and the contents of each run.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// How it is printed
+    /// Set the output format
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
 }
@@ -64,14 +64,14 @@ fn words(info: &Info) -> String {
         "since",
         "active leases",
         "episodes",
-        "of them folded",
+        "of them compacted",
         "claimed",
         "moves",
         "layouts",
     ];
     let mut runs = output::table(&header, 3);
     for run in &info.runs {
-        let counts = [run.active, run.whole + run.folded, run.folded, run.claimed, run.moves, run.layouts];
+        let counts = [run.active, run.whole + run.compacted, run.compacted, run.claimed, run.moves, run.layouts];
         let words = [run.run.clone(), run.status.to_string(), rfc3339(run.created_at)];
         runs.add_row(words.into_iter().chain(counts.map(|count| count.to_string())));
     }

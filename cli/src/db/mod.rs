@@ -17,11 +17,11 @@ use sqlx::SqlitePool;
 
 use orchestrator::store;
 
-/// Look after a database: how large it is, whether it is whole, copies of it, and what it has as text.
+/// Inspect, check, back up, compact or export a database.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-All but vacuum may be run while a server uses the database. A copy that `backup` made is a database like any other: \
-`sparring serve --db COPY` goes on from it.
+All subcommands except vacuum can run while a server uses the database. A copy made by `backup` is a complete database: \
+`sparring serve --db COPY` continues from it.
 
 Examples:
   sparring db info
@@ -39,7 +39,7 @@ pub struct Args {
 /// Path of the database on the command line.
 #[derive(Debug, clap::Args)]
 pub(super) struct DatabaseArgs {
-    /// The SQLite database
+    /// Path of the SQLite database
     #[arg(long, global = true, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     pub(super) db: PathBuf,
 }

@@ -7,7 +7,9 @@ use super::super::output;
 use super::{format_bytes, open_readers};
 use orchestrator::store::{self, DatabaseLock};
 
-/// Give room that is free in the file back to the disk. No server may use the database, and the disk needs room for as much again.
+/// Return free pages of the database file to the file system.
+///
+/// No server may use the database meanwhile. The disk needs free space for a second copy of the database.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {}
 
@@ -19,6 +21,6 @@ pub(super) async fn run(db: &Path, _: &Args) -> anyhow::Result<ExitCode> {
     let after = std::fs::metadata(db)?.len();
     drop(lock);
     let [before, after] = [before, after].map(|bytes| format_bytes(bytes.cast_signed()));
-    output::print(&format!("{} has {after}; before it had {before}", db.display()))?;
+    output::print(&format!("{} has {after}, before {before}", db.display()))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -2,47 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use api_types::{DesignState, DesignSummary};
 use env_core::critique::bearing_sector;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Layouts that designers made for the run.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Designs {
     /// Share of training groups that came from designs; `None` before the first group.
     pub(super) share: Option<f64>,
     /// Admitted and refused designs, the newest first.
-    pub(super) all: Vec<Design>,
-}
-
-/// Layout or refused design, as the service lists it.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub(super) struct Design {
-    pub(super) id: String,
-    pub(super) task: String,
-    /// `active`, `retired` or `refused`.
-    pub(super) state: String,
-    pub(super) aim: Option<Aim>,
-    /// Reason of the retirement, or the check of the gate that refused the design.
-    pub(super) why: Option<String>,
-    pub(super) flown: Flown,
-}
-
-/// Failure mode and bearing that a design aims at.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub(super) struct Aim {
-    pub(super) mode: String,
-    pub(super) bearing_deg: Option<f64>,
-    pub(super) frame: Option<String>,
-}
-
-/// Results of the learner on the layout.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub(super) struct Flown {
-    pub(super) episodes: u64,
-    pub(super) successes: u64,
+    pub(super) all: Vec<DesignSummary>,
 }
 
 /// Results of the designs for one task.
@@ -55,7 +25,7 @@ pub(super) struct TaskDesignSummary {
     /// Retired layouts, counted by reason.
     pub(super) retired: BTreeMap<String, usize>,
     /// Episodes run on the admitted layouts.
-    pub(super) episodes: u64,
+    pub(super) episodes: i64,
     /// Share of these episodes that succeeded; `None` if there are no episodes.
     pub(super) success: Option<f64>,
     /// Aims of the admitted layouts, with their counts.
@@ -66,33 +36,32 @@ impl Designs {
     /// Summarises the designs of one task.
     pub(super) fn summarize_task(&self, task: &str) -> TaskDesignSummary {
         let mut sums = TaskDesignSummary::default();
-        let mut flown = Flown::default();
+        let mut successes = 0;
         for design in self.all.iter().filter(|design| design.task == task) {
-            let why = || design.why.clone().unwrap_or_default();
-            match design.state.as_str() {
-                "refused" => {
+            let why = || design.state_reason.clone().unwrap_or_default();
+            match design.state {
+                DesignState::Refused => {
                     *sums.refused.entry(why()).or_default() += 1;
                     continue;
                 }
-                "retired" => *sums.retired.entry(why()).or_default() += 1,
-                _ => {}
+                DesignState::Retired => *sums.retired.entry(why()).or_default() += 1,
+                DesignState::Active => {}
             }
             sums.admitted += 1;
-            *sums.aims.entry(design.describe_aim()).or_default() += 1;
-            flown.episodes += design.flown.episodes;
-            flown.successes += design.flown.successes;
+            *sums.aims.entry(describe_aim(design)).or_default() += 1;
+            sums.episodes += design.results.episodes;
+            successes += design.results.successes;
         }
-        sums.episodes = flown.episodes;
-        sums.success = (flown.episodes > 0).then(|| flown.successes as f64 / flown.episodes as f64);
+        sums.success = (sums.episodes > 0).then(|| successes as f64 / sums.episodes as f64);
         sums
     }
 
     /// Describes new layouts in one sentence per task. `seen` holds the ids of known layouts and receives the new ones.
     pub(super) fn describe_new(&self, seen: &mut BTreeSet<String>) -> Vec<String> {
         let mut fresh: BTreeMap<&str, BTreeMap<String, usize>> = BTreeMap::new();
-        for design in self.all.iter().filter(|design| design.state != "refused") {
+        for design in self.all.iter().filter(|design| design.state != DesignState::Refused) {
             if seen.insert(design.id.clone()) {
-                *fresh.entry(&design.task).or_default().entry(design.describe_aim()).or_default() += 1;
+                *fresh.entry(&design.task).or_default().entry(describe_aim(design)).or_default() += 1;
             }
         }
         let describe = |(task, aims): (&str, BTreeMap<String, usize>)| {
@@ -118,7 +87,7 @@ impl TaskDesignSummary {
             words += &format!("; the gate refused {count} more ({})", list_counts(&self.refused));
         }
         if let Some(success) = self.success {
-            words += &format!("; it flew them {} times and succeeded in {success:.2}", self.episodes);
+            words += &format!("; success rate {success:.2} over {} episodes", self.episodes);
         }
         if !self.retired.is_empty() {
             words += &format!("; retired: {}", list_counts(&self.retired));
@@ -141,64 +110,68 @@ fn list_counts(counts: &BTreeMap<String, usize>) -> String {
     if listed.is_empty() { "none".to_owned() } else { listed.join(", ") }
 }
 
-impl Design {
-    /// Describes the aim, as "collision from +Y" or "collision from behind".
-    fn describe_aim(&self) -> String {
-        const ORBIT: [&str; 4] = ["outside", "ahead", "inside", "behind"];
-        const SKY: [&str; 4] = ["+X", "+Y", "-X", "-Y"];
-        let Some(aim) = &self.aim else { return "unknown".to_owned() };
-        let mode = aim.mode.replace('_', " ");
-        let inertial = aim.frame.as_deref() == Some("inertial");
-        let axes = if inertial { SKY } else { ORBIT };
-        let Some(sector) = aim.bearing_deg.map(bearing_sector) else { return mode };
-        let axis = |number: u32| axes[(number / 3 % 4) as usize];
-        // Every third sector is centred on an axis. The two sectors between them lie between two axes.
-        let from = match sector % 3 {
-            0 => axis(sector).to_owned(),
-            _ if inertial => format!("{}/{}", axis(sector), axis(sector + 3)),
-            _ => format!("{} and {}", axis(sector), axis(sector + 3)),
-        };
-        format!("{mode} from {from}")
-    }
+/// Describes the aim, as "collision from +Y" or "collision from behind".
+fn describe_aim(design: &DesignSummary) -> String {
+    const ORBIT: [&str; 4] = ["outside", "ahead", "inside", "behind"];
+    const SKY: [&str; 4] = ["+X", "+Y", "-X", "-Y"];
+    let Some(aim) = &design.aim else { return "unknown".to_owned() };
+    let mode = aim.mode.replace('_', " ");
+    let inertial = aim.frame.as_deref() == Some("inertial");
+    let axes = if inertial { SKY } else { ORBIT };
+    let Some(sector) = aim.bearing_deg.map(|bearing| bearing_sector(bearing as f64)) else { return mode };
+    let axis = |number: u32| axes[(number / 3 % 4) as usize];
+    // Every third sector is centred on an axis. The two sectors between them lie between two axes.
+    let from = match sector % 3 {
+        0 => axis(sector).to_owned(),
+        _ if inertial => format!("{}/{}", axis(sector), axis(sector + 3)),
+        _ => format!("{} and {}", axis(sector), axis(sector + 3)),
+    };
+    format!("{mode} from {from}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn design(id: &str, state: &str, why: Option<&str>, bearing: Option<f64>, frame: &str) -> Design {
-        Design {
-            id: id.to_owned(),
-            task: "kessler/survival".to_owned(),
-            state: state.to_owned(),
-            aim: Some(Aim {
-                mode: "collision".to_owned(),
-                bearing_deg: bearing,
-                frame: Some(frame.to_owned()),
-            }),
-            why: why.map(str::to_owned),
-            flown: Flown { episodes: 24, successes: 6 },
-        }
+    fn design(
+        id: &str,
+        state: DesignState,
+        reason: Option<&str>,
+        bearing_deg: Option<i64>,
+        frame: &str,
+    ) -> DesignSummary {
+        let aim = serde_json::json!({"mode": "collision", "bearing_deg": bearing_deg, "frame": frame});
+        let results = serde_json::json!({
+            "groups": 2, "outcomes": 2, "episodes": 24, "successes": 6, "success": 0.25, "score": 0.5, "regret": 0.5,
+            "as_aimed": null, "recent": [0.25, 0.25],
+        });
+        serde_json::from_value(serde_json::json!({
+            "id": id, "run": "r", "task": "kessler/survival", "level": 1, "name": "n", "request": "request-1",
+            "designer": "procedural", "round": 1, "aim": aim, "claim": "threat", "state": state, "state_reason": reason,
+            "explanation": null, "novelty": null, "results": results, "created_at": "2026-01-01T00:00:00Z",
+            "served_at": null, "retired_at": null,
+        }))
+        .unwrap()
     }
 
     #[test]
     fn bearings_are_described_by_axes() {
-        let words = |bearing, frame| design("", "active", None, bearing, frame).describe_aim();
-        assert_eq!(words(Some(85.0), "inertial"), "collision from +Y");
-        assert_eq!(words(Some(330.0), "inertial"), "collision from -Y/+X");
-        assert_eq!(words(Some(270.0), "radial_in_track"), "collision from behind");
-        assert_eq!(words(Some(350.0), "radial_in_track"), "collision from outside");
-        assert_eq!(words(Some(130.0), "radial_in_track"), "collision from ahead and inside");
+        let words = |bearing, frame| describe_aim(&design("", DesignState::Active, None, bearing, frame));
+        assert_eq!(words(Some(85), "inertial"), "collision from +Y");
+        assert_eq!(words(Some(330), "inertial"), "collision from -Y/+X");
+        assert_eq!(words(Some(270), "radial_in_track"), "collision from behind");
+        assert_eq!(words(Some(350), "radial_in_track"), "collision from outside");
+        assert_eq!(words(Some(130), "radial_in_track"), "collision from ahead and inside");
         assert_eq!(words(None, "radial_in_track"), "collision");
     }
 
     #[test]
     fn new_layouts_are_reported_once_and_counts_add_up() {
         let all = vec![
-            design("4", "active", None, Some(91.0), "inertial"),
-            design("3", "refused", Some("solvable"), None, "inertial"),
-            design("2", "retired", Some("mastered"), Some(88.0), "inertial"),
-            design("1", "active", None, Some(180.0), "inertial"),
+            design("4", DesignState::Active, None, Some(91), "inertial"),
+            design("3", DesignState::Refused, Some("solvable"), None, "inertial"),
+            design("2", DesignState::Retired, Some("mastered"), Some(88), "inertial"),
+            design("1", DesignState::Active, None, Some(180), "inertial"),
         ];
         let designs = Designs { share: Some(0.2), all };
         let mut seen = BTreeSet::new();
@@ -210,7 +183,7 @@ mod tests {
         assert_eq!(
             sums.describe().unwrap(),
             "Designed for its failures: 3 layouts (2 collision from +Y, 1 collision from -X); the gate refused 1 more \
-             (1 solvable); it flew them 72 times and succeeded in 0.25; retired: 1 mastered."
+             (1 solvable); success rate 0.25 over 72 episodes; retired: 1 mastered."
         );
         assert_eq!(designs.summarize_task("kessler/formation").describe(), None);
     }

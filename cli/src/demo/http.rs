@@ -1,73 +1,48 @@
-//! The service over HTTP, as any trainer meets it.
+//! Client of the service over HTTP, like that of any trainer.
 
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use api_types::{LeaseRequest, ProblemDetails, RunSummary};
+use api_types::{
+    DesignPage, DesignStatistics, Lease, LeaseRequest, ProblemDetails, ResultsRequest, ResultsResponse,
+    RunMastery, RunRequest, RunSummary, TaskMastery,
+};
 use reqwest::header::RETRY_AFTER;
 use reqwest::{Client, Method, StatusCode};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
-use super::designs::{Design, Designs};
-use super::feed::{Feed, Finished, Lease, Receipts, TaskMastery};
+use super::designs::Designs;
+use super::feed::{Feed, FinishedEpisode};
 
-/// How long a lease holds: many times what a batch takes.
+/// Lifetime of a lease in seconds: many times the duration of a batch.
 const TTL_S: u32 = 120;
-/// How long a busy service is asked again before the demo gives up.
-const PATIENCE: Duration = Duration::from_secs(120);
-/// Longest pause between two tries, whatever Retry-After says.
+/// How long requests to a busy service are retried.
+const RETRY_TIMEOUT: Duration = Duration::from_secs(120);
+/// Longest pause between two attempts; caps Retry-After.
 const MAX_PAUSE: Duration = Duration::from_secs(10);
-/// Designs that are looked through: far more than a demo gets.
+/// Largest number of designs that are read: far more than a demo gets.
 const MAX_DESIGNS: usize = 20_000;
-/// Longest time one request may take.
+/// Timeout of one request.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A run on a service.
+/// Run on a service, with the client that reaches it.
 #[derive(Debug)]
 pub(super) struct HttpFeed {
     client: Client,
-    /// `http://…/v1/runs/{run}`.
+    /// URL of the run: `http://…/v1/runs/{run}`.
     url: String,
     run: String,
 }
 
-/// The run a trainer asks for.
-#[derive(Debug, Serialize)]
-pub(super) struct RunWish<'a> {
-    pub(super) name: &'a str,
-    pub(super) seed: u64,
-    pub(super) strategy: &'a str,
-    pub(super) target: &'a str,
-    pub(super) placement: bool,
-    pub(super) group_size: usize,
-    pub(super) tasks: &'a [String],
-    pub(super) design: DesignWish,
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub(super) task_settings: BTreeMap<&'static str, TaskWish<'a>>,
-}
-
-/// What it wants of designs.
-#[derive(Debug, Serialize)]
-pub(super) struct DesignWish {
-    pub(super) designer: &'static str,
-}
-
-/// What is special about one of its tasks.
-#[derive(Debug, Serialize)]
-pub(super) struct TaskWish<'a> {
-    pub(super) physics: &'a BTreeMap<String, String>,
-}
-
 impl HttpFeed {
     /// Creates a run on the service at this URL.
-    pub(super) async fn create(service: &str, wish: &RunWish<'_>) -> anyhow::Result<Self> {
+    pub(super) async fn create(service: &str, request: &RunRequest) -> anyhow::Result<Self> {
         let plain = llm::http_client_builder(false).map_err(anyhow::Error::msg)?;
         let client = plain.timeout(TIMEOUT).build()?;
         let runs = format!("{}/v1/runs", service.trim_end_matches('/'));
         let created: RunSummary =
-            send(&client, Method::POST, &runs, Some(wish)).await.context("no run was created")?;
+            send(&client, Method::POST, &runs, Some(request)).await.context("no run was created")?;
         Ok(Self { client, url: format!("{runs}/{}", created.id), run: created.id })
     }
 
@@ -87,45 +62,33 @@ impl HttpFeed {
 
 impl Feed for HttpFeed {
     async fn lease(&self, groups: usize, policy_version: u32) -> anyhow::Result<Lease> {
-        let wish = LeaseRequest {
+        let request = LeaseRequest {
             policy_version,
             ttl_s: TTL_S,
             ..LeaseRequest::new(u32::try_from(groups).unwrap_or(u32::MAX))
         };
-        self.post("leases", &wish).await
+        self.post("leases", &request).await
     }
 
-    async fn report(&self, policy_version: u32, results: Vec<Finished>) -> anyhow::Result<Receipts> {
-        #[derive(Serialize)]
-        struct Results {
-            policy_version: u32,
-            results: Vec<Finished>,
-        }
-        self.post("results", &Results { policy_version, results }).await
+    async fn report(
+        &self,
+        policy_version: u32,
+        episodes: Vec<FinishedEpisode>,
+    ) -> anyhow::Result<ResultsResponse> {
+        let results = episodes.into_iter().map(|episode| serde_json::to_value(episode.into_result()));
+        let results = results.collect::<Result<_, _>>()?;
+        self.post("results", &ResultsRequest { policy_version: Some(policy_version), results }).await
     }
 
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>> {
-        #[derive(Deserialize)]
-        struct Masteries {
-            tasks: Vec<TaskMastery>,
-        }
-        let masteries: Masteries = self.get("mastery").await?;
-        Ok(masteries.tasks)
+        let mastery: RunMastery = self.get("mastery").await?;
+        Ok(mastery.tasks)
     }
 
     async fn designs(&self) -> anyhow::Result<Designs> {
-        #[derive(Deserialize)]
-        struct Summary {
-            share: Option<f64>,
-        }
-        #[derive(Deserialize)]
-        struct Page {
-            designs: Vec<Design>,
-            next: Option<String>,
-        }
-        let Summary { share } = self.get("designs/summary").await?;
+        let DesignStatistics { share, .. } = self.get("designs/summary").await?;
         let mut designs = Designs { share, all: Vec::new() };
-        let mut page: Page = self.get("designs?limit=500").await?;
+        let mut page: DesignPage = self.get("designs?limit=500").await?;
         loop {
             designs.all.append(&mut page.designs);
             let Some(next) = page.next.filter(|_| designs.all.len() < MAX_DESIGNS) else {
@@ -136,15 +99,18 @@ impl Feed for HttpFeed {
     }
 }
 
-/// Sends a request; where the service says it is busy, waits as long as it asks for and sends it again. Everything the
-/// demo sends may be sent twice: results are idempotent, a lease too many expires.
+/// Sends a request. If the service is busy, waits as long as Retry-After says and retries. Every request of the demo may be
+/// repeated: reports are idempotent, and an unused lease expires.
+///
+/// # Errors
+/// Returns an error if the service cannot be reached, rejects the request, or stays busy for [`RETRY_TIMEOUT`].
 async fn send<A: DeserializeOwned>(
     client: &Client,
     method: Method,
     url: &str,
     body: Option<&impl Serialize>,
 ) -> anyhow::Result<A> {
-    let until = Instant::now() + PATIENCE;
+    let until = Instant::now() + RETRY_TIMEOUT;
     loop {
         let mut request = client.request(method.clone(), url);
         if let Some(body) = body {
@@ -167,7 +133,7 @@ async fn send<A: DeserializeOwned>(
     }
 }
 
-/// How long to wait, by Retry-After in seconds; a second where it says nothing that is understood.
+/// Returns the pause before the next attempt: Retry-After in seconds, or one second if the header is missing or invalid.
 fn pause(retry_after: Option<&str>) -> Duration {
     let seconds = retry_after.and_then(|text| text.trim().parse().ok()).unwrap_or(1);
     Duration::from_secs(seconds).clamp(Duration::from_millis(100), MAX_PAUSE)

@@ -1,6 +1,6 @@
 //! The learner: the cross-entropy method (Rubinstein 1999) over the numbers of a task's reflex, each in [0, 1].
 //!
-//! [`CrossEntropy::ask`] samples a population. All members run the same scenarios, and [`CrossEntropy::tell`] receives their
+//! [`CrossEntropy::sample`] samples a population. All members run the same scenarios, and [`CrossEntropy::update`] receives their
 //! fitness. The fittest third gives the mean and spread from which the next population is drawn. Only the order of the
 //! fitness values counts.
 
@@ -56,7 +56,7 @@ impl CrossEntropy {
     }
 
     /// Samples a population of this size.
-    pub(super) fn ask(&mut self, size: usize) -> Vec<Vec<f64>> {
+    pub(super) fn sample(&mut self, size: usize) -> Vec<Vec<f64>> {
         let numbers = self.mean.len();
         (0..size).map(|_| (0..numbers).map(|i| self.draw(i)).collect()).collect()
     }
@@ -76,23 +76,23 @@ impl CrossEntropy {
     }
 
     /// Updates the distribution by a population's fitness (higher is better). Returns the indices of the elite, best first.
-    pub(super) fn tell(&mut self, population: &[Vec<f64>], fitness: &[f64]) -> Vec<usize> {
-        let mut places: Vec<usize> = (0..population.len().min(fitness.len())).collect();
-        places.sort_by(|&a, &b| fitness[b].total_cmp(&fitness[a]));
-        places.truncate(elite_size(places.len()));
+    pub(super) fn update(&mut self, population: &[Vec<f64>], fitness: &[f64]) -> Vec<usize> {
+        let mut elite: Vec<usize> = (0..population.len().min(fitness.len())).collect();
+        elite.sort_by(|&a, &b| fitness[b].total_cmp(&fitness[a]));
+        elite.truncate(elite_size(elite.len()));
         let pull = if self.generation == 0 { 1.0 } else { PULL };
         self.generation += 1;
         self.floor = FINAL_FLOOR + FLOOR_DECAY * (self.floor - FINAL_FLOOR);
-        let count = places.len() as f64;
+        let count = elite.len() as f64;
         for (i, (centre, spread)) in self.mean.iter_mut().zip(&mut self.spread).enumerate() {
-            let of_elite = || places.iter().map(|&place| population[place][i]);
+            let of_elite = || elite.iter().map(|&member| population[member][i]);
             let mean = of_elite().sum::<f64>() / count;
             let variance = of_elite().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count;
             *centre += pull * (mean - *centre);
             *spread += RELAX * (variance.sqrt() - *spread);
             *spread = spread.max(self.floor);
         }
-        places
+        elite
     }
 }
 
@@ -118,10 +118,10 @@ mod tests {
             let mut method = CrossEntropy::new(TARGET.len(), seed);
             let mut means = Vec::new();
             for _ in 0..80 {
-                let population = method.ask(12);
+                let population = method.sample(12);
                 let scores: Vec<f64> = population.iter().map(|p| fitness(p)).collect();
                 means.push(scores.iter().sum::<f64>() / 12.0);
-                method.tell(&population, &scores);
+                method.update(&population, &scores);
             }
             // A uniform population is 1.9 away on average; one about the target at the floor's spread 12·0.025² = 0.01.
             assert!(means[0] < -1.0 && means[79] > -0.1, "seed {seed}: {} to {}", means[0], means[79]);
@@ -133,9 +133,9 @@ mod tests {
         let run = |scale: f64| {
             let mut method = CrossEntropy::new(TARGET.len(), 7);
             for _ in 0..5 {
-                let population = method.ask(9);
+                let population = method.sample(9);
                 let scores: Vec<f64> = population.iter().map(|p| scale * fitness(p)).collect();
-                assert_eq!(method.tell(&population, &scores).len(), 3);
+                assert_eq!(method.update(&population, &scores).len(), 3);
             }
             method.mean().to_vec()
         };
@@ -145,10 +145,10 @@ mod tests {
     #[test]
     fn population_stays_in_range() {
         let mut method = CrossEntropy::new(6, 1);
-        let population = method.ask(50);
+        let population = method.sample(50);
         let scores: Vec<f64> = population.iter().map(|p| p[0]).collect();
-        method.tell(&population, &scores);
-        assert!(method.ask(200).iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+        method.update(&population, &scores);
+        assert!(method.sample(200).iter().flatten().all(|x| (0.0..=1.0).contains(x)));
         assert_eq!(elite_size(1), 1);
     }
 }

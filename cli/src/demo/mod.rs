@@ -16,62 +16,65 @@ mod tests;
 mod train;
 mod trainee;
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use api_types::{DesignSettingsRequest, DesignerChoice, RunRequest, TaskSettingsRequest};
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
+use curriculum::{StrategyKind, Target};
 use env_core::{Recipe, TaskSpec, World};
+use orchestrator::service::{Config, Service};
 
-use self::http::{DesignWish, HttpFeed, RunWish, TaskWish};
+use self::http::HttpFeed;
 use self::show::ProgressScreen;
-use self::summary::Summary;
+use self::summary::DemoSummary;
 use self::train::{MEMBERS, Progress, TrainingPlan, train};
 use self::trainee::LearnerMode;
 use super::llm_args::LlmArgs;
 use super::options::{self, ChosenOption};
 use super::{output, worlds};
-use orchestrator::service::{Config, Service};
 
 /// Train a built-in learner against the service, over HTTP as any trainer would.
 ///
-/// The service runs on a free port of this machine. The learner is the task's own reflex, a policy with a few numbers and
-/// nothing that searches (in kessler how far to look ahead, what to dodge, when, how hard, and in which direction),
-/// improved by the cross-entropy method from the scores that come back: a population of 12 flies every scenario. It starts
-/// at level 0 of every task and climbs as it masters them. The controls show what the levels are worth: `hold`, `blind`
-/// and, for the luck of a first draw, `frozen`.
+/// The service listens on a free port of this machine. The learner is the task's reflex policy: a rule with a few numeric
+/// parameters and no search (in kessler: how far to look ahead, what to dodge, when, how hard, and in which direction).
+/// The cross-entropy method improves the parameters from the reported scores; a population of 12 runs every scenario. The
+/// learner starts at level 0 of every task and climbs as it masters them. The controls `hold`, `blind` and `frozen` (random
+/// parameters) show how far a run gets without learning.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// How many episodes to fly, over all tasks; unless told, 60 000, and fewer where they are long
+    /// Number of episodes over all tasks [default: 60 000, fewer for tasks with long episodes]
     #[arg(long, value_name = "N", value_parser = parse_episodes)]
     episodes: Option<usize>,
-    /// Keep the run in this database; else it is forgotten
+    /// Store the run in this database [default: a temporary one]
     #[arg(long, value_name = "PATH", conflicts_with = "url")]
     db: Option<PathBuf>,
-    /// What the run's scenarios and the learner's chance are drawn from
+    /// Seed of the run's scenarios and of the learner
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 53))]
     seed: u64,
-    /// Who flies
+    /// Learner or control that runs the episodes
     #[arg(long, value_enum, default_value = "learn")]
     learner: LearnerMode,
-    /// Who designs layouts for what the learner fails at
+    /// Designer of layouts for the learner's weaknesses
     #[arg(long, value_enum, default_value = "auto")]
-    designer: DesignerChoice,
-    /// This task, of any world; repeat the option for more. All tasks of the first world unless told
+    designer: DesignerArg,
+    /// Task to train on, of any world; repeat the flag for several [default: all tasks of the first world]
     #[arg(long = "task", value_name = "TASK",
           value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
     tasks: Vec<String>,
-    /// Fly under this physics option, in all tasks or those named; repeat it for more
+    /// Set a physics option, for all tasks or the named ones; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<ChosenOption>,
-    /// Train against a running service instead of starting one, as http://127.0.0.1:8700
+    /// Base URL of a running service to train against, such as http://127.0.0.1:8700 [default: start one]
     #[arg(long, value_name = "URL")]
     url: Option<String>,
-    /// Print one JSON object last, and words to stderr
+    /// Print the result as one JSON object to stdout, and text to stderr
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -80,21 +83,21 @@ pub struct Args {
 
 /// Designer of the run, under the names that the API uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum DesignerChoice {
-    /// The service's language model, where it has one, else the procedural designer
+enum DesignerArg {
+    /// The service's language model if it has one, otherwise the procedural designer
     Auto,
     /// Samples from the failure profile and edits what worked
     Procedural,
-    /// Nobody: the curriculum alone decides
+    /// No designer: only the curriculum chooses scenarios
     Off,
 }
 
-impl DesignerChoice {
-    const fn word(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Procedural => "procedural",
-            Self::Off => "off",
+impl From<DesignerArg> for DesignerChoice {
+    fn from(designer: DesignerArg) -> Self {
+        match designer {
+            DesignerArg::Auto => Self::Auto,
+            DesignerArg::Procedural => Self::Procedural,
+            DesignerArg::Off => Self::Off,
         }
     }
 }
@@ -112,8 +115,8 @@ fn after_help() -> String {
 Controls:
 {}
 
-Episodes, unless told: {STEP_BUDGET} steps' worth at the longest horizon of the tasks, but at least {MIN_EPISODES} and at \
-most {MAX_EPISODES}: {}.
+Default of --episodes: as many as fit {STEP_BUDGET} steps at the longest horizon of the tasks, but at least {MIN_EPISODES} \
+and at most {MAX_EPISODES}: {}.
 
 {}
 
@@ -134,15 +137,14 @@ fn describe_default_episodes() -> String {
 }
 
 const AFTER_HELP: &str = "\
-Progress goes to stderr: a live table on a terminal, else a line every five seconds and one per change of level. Ctrl-C \
-stops after the batch under way; the summary comes all the same.
+Progress goes to stderr: a live table on a terminal, otherwise a line every five seconds and one per change of level. Ctrl-C \
+stops after the current batch; the summary is still printed.
 
-JSON (--json), the last thing on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, designed, \
-tasks}; physics are the options asked for, by task; designed is the share of groups that flew designed layouts. Each of \
-tasks, by id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
-last_generation, generations, params, learnt, numbers, designs, moves, \
-warnings}; success is mastery's mean at the current level, over \
-the last success_scenarios contested scenarios (0.5 of none); plain_success is over all episodes.
+JSON (--json), the last output on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, designed, \
+tasks}; physics has the requested options by task; designed is the share of groups with designed layouts. tasks has one \
+object per task id: {level, episodes, success, success_q10, success_q90, success_scenarios, plain_success, score, skill, \
+last_generation, generations, params, learnt, numbers, designs, moves, warnings}; success is the mean of the mastery estimate \
+at the current level, over the last success_scenarios contested scenarios (0.5 without any); plain_success is over all episodes.
 
 Examples:
   sparring demo
@@ -170,7 +172,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.json {
         // A closed stderr must not suppress the JSON object.
         let _ = writeln!(std::io::stderr().lock(), "{}", text.trim_end());
-        output::print_json(&Summary::new(&progress, &run, db))?;
+        output::print_json(&DemoSummary::new(&progress, &run, db))?;
     } else {
         output::print(&text)?;
     }
@@ -207,20 +209,25 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         options::apply(Recipe::new(task)?, options.get(task.id()))?;
     }
     let episodes = args.episodes.unwrap_or_else(|| default_episodes(&tasks));
-    let wish = RunWish {
-        name: "sparring demo",
-        seed: args.seed,
-        strategy: "ladder",
-        target: "mastery",
+    let physics = |options: &BTreeMap<String, String>| TaskSettingsRequest {
+        physics: Some(options.clone()),
+        ..Default::default()
+    };
+    let request = RunRequest {
+        name: Some("sparring demo".to_owned()),
+        seed: Some(args.seed),
+        strategy: Some(StrategyKind::Ladder),
+        target: Some(Target::Mastery),
         // Placement finds the level at which a trained agent should start. This learner is untrained: a probe of 16
         // scenarios would measure only its luck, and the luck of the controls.
-        placement: false,
-        group_size: MEMBERS,
-        tasks: &tasks,
-        design: DesignWish { designer: args.designer.word() },
-        task_settings: options.iter().map(|(&task, options)| (task, TaskWish { physics: options })).collect(),
+        placement: Some(false),
+        group_size: Some(MEMBERS as u32),
+        tasks: Some(tasks.clone()),
+        design: DesignSettingsRequest { designer: Some(args.designer.into()), ..Default::default() },
+        task_settings: options.iter().map(|(&task, options)| (task.to_owned(), physics(options))).collect(),
+        ..RunRequest::default()
     };
-    let feed = HttpFeed::create(url, &wish).await?;
+    let feed = HttpFeed::create(url, &request).await?;
     let plan = TrainingPlan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };
     let mut screen = ProgressScreen::new(episodes)?;
     let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
+use api_types::{Lease, LeasedGroup, ReceiptStatus, ResultReceipt};
 use env_core::{Recipe, Scenario, Seed, rollout};
 use rayon::prelude::*;
 
-use super::feed::{Finished, Lease, Receipt};
+use super::feed::FinishedEpisode;
 use super::trainee::{Member, MemberOutcome, Trainee};
 
 /// Leased group with the population member that runs each of its episodes.
@@ -36,8 +37,10 @@ pub(super) fn assign_groups(
 ) -> anyhow::Result<Vec<GroupAssignment>> {
     let recipes = lease.recipes.iter().map(|recipe| Recipe::from_json(recipe).map(Arc::new));
     let recipes: Vec<Arc<Recipe>> = recipes.collect::<Result<_, _>>().context("a leased recipe")?;
-    let assign = |group: &super::feed::LeasedGroup| {
-        let recipe = recipes.get(group.recipe).context("a leased group names a recipe that is not there")?;
+    let assign = |group: &LeasedGroup| {
+        let recipe = recipes
+            .get(group.recipe)
+            .context("a leased group names a recipe that the lease does not have")?;
         let trainee = trainees.get(&group.task).with_context(|| format!("nobody trains {}", group.task))?;
         let members = trainee.members();
         ensure!(
@@ -65,7 +68,7 @@ pub(super) fn assign_groups(
 ///
 /// # Errors
 /// Returns an error if a policy or scenario cannot start.
-pub(super) fn roll_out_groups(assignments: &[GroupAssignment]) -> anyhow::Result<Vec<Finished>> {
+pub(super) fn roll_out_groups(assignments: &[GroupAssignment]) -> anyhow::Result<Vec<FinishedEpisode>> {
     let episodes: Vec<(&Scenario, &AssignedEpisode)> = assignments
         .iter()
         .flat_map(|group| group.episodes.iter().map(|episode| (&group.scenario, episode)))
@@ -75,7 +78,7 @@ pub(super) fn roll_out_groups(assignments: &[GroupAssignment]) -> anyhow::Result
         .map(|(scenario, AssignedEpisode { id, member })| {
             let mut policy = member.policy(scenario)?;
             let log = rollout::roll_out(scenario, &mut *policy)?.log;
-            Ok(Finished::new(id.clone(), log))
+            Ok(FinishedEpisode { id: id.clone(), log })
         })
         .collect()
 }
@@ -86,16 +89,16 @@ pub(super) fn roll_out_groups(assignments: &[GroupAssignment]) -> anyhow::Result
 /// Returns an error if the service refused an episode.
 pub(super) fn group_outcomes(
     assignments: &[GroupAssignment],
-    receipts: Vec<Receipt>,
+    receipts: Vec<ResultReceipt>,
 ) -> anyhow::Result<Vec<Vec<MemberOutcome>>> {
     let mut known = HashMap::with_capacity(receipts.len());
     for receipt in receipts {
-        if receipt.status == "refused" {
+        if receipt.status == ReceiptStatus::Refused {
             let why = receipt.detail.unwrap_or_default();
             bail!("the service refused episode {}: {why}", receipt.episode);
         }
-        if let ("counted" | "stored", Some(score), Some(success)) =
-            (receipt.status.as_str(), receipt.score, receipt.success)
+        if let (ReceiptStatus::Counted | ReceiptStatus::Stored, Some(score), Some(success)) =
+            (receipt.status, receipt.score, receipt.success)
         {
             known.insert(receipt.episode, MemberOutcome { score, skill: receipt.skill, success });
         }

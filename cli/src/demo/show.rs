@@ -3,12 +3,13 @@
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
+use api_types::TaskMastery;
 use comfy_table::{Cell, ColumnConstraint, Table};
 use env_core::space::Harder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::super::{output, worlds};
-use super::feed::TaskMastery;
+use super::feed::mastery_evidence;
 use super::train::{LevelChange, Progress, ProgressObserver};
 use super::trainee::Trainee;
 
@@ -102,7 +103,7 @@ fn line(progress: &Progress) -> String {
         format!(
             "  {} level {level} ({})",
             short_task_name(&task.task),
-            share(task.evidence().map(|m| m.mean))
+            share(mastery_evidence(task).map(|m| m.mean))
         )
     });
     format!(
@@ -150,18 +151,18 @@ pub(super) fn table(progress: &Progress) -> Table {
     }
     for task in &progress.mastery {
         let generation = progress.trainees.get(&task.task).and_then(Trainee::last_success);
-        let rate = task.plain.episodes as f64 / progress.elapsed.as_secs_f64().max(1e-3);
-        let contested = task.evidence().map(|m| format!("{:.2} ({:.2}–{:.2})", m.mean, m.q10, m.q90));
+        let rate = task.results.episodes as f64 / progress.elapsed.as_secs_f64().max(1e-3);
+        let contested = mastery_evidence(task).map(|m| format!("{:.2} ({:.2}–{:.2})", m.mean, m.q10, m.q90));
         let cells = [
             task.task.clone(),
             harder_params(task),
             task.level.map_or_else(|| DASH.to_owned(), |level| level.to_string()),
             contested.unwrap_or_else(|| DASH.to_owned()),
-            share(task.plain.success),
-            share(task.plain.skill),
+            share(task.results.success),
+            share(task.results.skill),
             share(generation.map(|success| success.population)),
             share(generation.map(|success| success.elite)),
-            task.plain.episodes.to_string(),
+            task.results.episodes.to_string(),
             format!("{rate:.0}"),
         ];
         table.add_row(cells.into_iter().map(Cell::new).collect::<Vec<_>>());

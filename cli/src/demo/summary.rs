@@ -1,16 +1,17 @@
-//! Summary of a finished demo run: text for people and one JSON object for programs.
+//! DemoSummary of a finished demo run: text for people and one JSON object for programs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
+use api_types::{MasteryEstimate, TaskMastery};
 use env_core::reflex::ParameterMeaning;
 use serde::Serialize;
 
 use super::super::options::{self, TaskOptions};
 use super::super::worlds;
 use super::designs::TaskDesignSummary;
-use super::feed::{Posterior, TaskMastery};
+use super::feed::mastery_evidence;
 use super::show::{episodes_per_second, share, table};
 use super::train::{LevelChange, Progress};
 use super::trainee::{GenerationSuccess, LearnerMode, Trainee};
@@ -21,12 +22,9 @@ const CHART_WIDTH: usize = 48;
 const TEXT_WIDTH: usize = 100;
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// Posterior of a level without results: mean and quantiles of Beta(1, 1).
-const NO_EVIDENCE: Posterior = Posterior { n: 0, mean: 0.5, q10: 0.1, q90: 0.9 };
-
-/// Summary of a run, printed as one JSON object.
+/// DemoSummary of a run, printed as one JSON object.
 #[derive(Debug, Serialize)]
-pub(super) struct Summary<'a> {
+pub(super) struct DemoSummary<'a> {
     learner: LearnerMode,
     seed: u64,
     episodes: usize,
@@ -44,7 +42,7 @@ pub(super) struct Summary<'a> {
 #[derive(Debug, Serialize)]
 struct TaskSummary<'a> {
     level: Option<u32>,
-    episodes: u64,
+    episodes: i64,
     /// Mean mastery of the current level: the share of successes on contested scenarios.
     success: f64,
     success_q10: f64,
@@ -71,7 +69,7 @@ struct MoveSummary {
     to: u32,
 }
 
-impl<'a> Summary<'a> {
+impl<'a> DemoSummary<'a> {
     /// Creates the summary of a run. `db` is the database path from the command line, if one was given.
     pub(super) fn new(progress: &'a Progress, run: &'a str, db: Option<&'a Path>) -> Self {
         let task = |task: &'a TaskMastery| (task.task.as_str(), TaskSummary::new(progress, task));
@@ -93,17 +91,17 @@ impl<'a> Summary<'a> {
 impl<'a> TaskSummary<'a> {
     fn new(progress: &'a Progress, task: &'a TaskMastery) -> Self {
         let trainee = progress.trainees.get(&task.task);
-        let mastery = task.evidence().unwrap_or(NO_EVIDENCE);
+        let mastery = mastery_evidence(task).unwrap_or(MasteryEstimate::without_evidence(0));
         Self {
             level: task.level,
-            episodes: task.plain.episodes,
+            episodes: task.results.episodes,
             success: mastery.mean,
             success_q10: mastery.q10,
             success_q90: mastery.q90,
             success_scenarios: mastery.n,
-            plain_success: task.plain.success,
-            score: task.plain.score,
-            skill: task.plain.skill,
+            plain_success: task.results.success,
+            score: task.results.score,
+            skill: task.results.skill,
             last_generation: trainee.and_then(Trainee::last_success),
             generations: trainee.map_or(0, Trainee::generation),
             params: &task.params,
@@ -126,13 +124,13 @@ fn moves<'a>(progress: &'a Progress, task: &'a str) -> impl Iterator<Item = &'a 
 pub(super) fn text(progress: &Progress, run: &str, db: Option<&Path>) -> String {
     let learner = match progress.plan.kind {
         LearnerMode::Learn => "The learner",
-        LearnerMode::Hold => "Holding (a control: it does nothing)",
-        LearnerMode::Blind => "The blind plan (a control: it looks at nothing)",
-        LearnerMode::Frozen => "The frozen learner (a control: random numbers, never updated)",
+        LearnerMode::Hold => "Holding (a control that takes no action)",
+        LearnerMode::Blind => "The blind plan (a control that ignores all observations)",
+        LearnerMode::Frozen => "The frozen learner (a control with random parameters, never updated)",
     };
     let seconds = progress.elapsed.as_secs_f64();
     let mut out = format!(
-        "\n{learner} flew {} episodes in {seconds:.0} s ({:.0}/s), seed {}{}.\n\n{}\n",
+        "\n{learner} ran {} episodes in {seconds:.0} s ({:.0}/s), seed {}{}.\n\n{}\n",
         progress.flown,
         episodes_per_second(progress),
         progress.plan.seed,
@@ -150,18 +148,21 @@ pub(super) fn text(progress: &Progress, run: &str, db: Option<&Path>) -> String 
     if let Some(share) = progress.designs.share.filter(|share| *share > 0.0) {
         let _ = writeln!(
             out,
-            "\n{:.0} % of all groups flew designed layouts; these move no level.",
+            "\n{:.0} % of all groups had designed layouts; these do not move levels.",
             100.0 * share
         );
     }
     if progress.late > 0 {
-        let _ =
-            writeln!(out, "\n{} results came after their lease was over and did not count.", progress.late);
+        let _ = writeln!(
+            out,
+            "\n{} results arrived after their lease had ended and did not count.",
+            progress.late
+        );
     }
     if let Some(db) = db {
         let _ = writeln!(
             out,
-            "\nEverything is in {0}, as run {run}: `sparring serve --db {0}` shows it at /dashboard.",
+            "\nThe run is stored in {0} as {run}; `sparring serve --db {0}` shows it at /dashboard.",
             db.display()
         );
     }
@@ -185,7 +186,7 @@ fn task_paragraph(progress: &Progress, task: &TaskMastery) -> String {
         None => "Mastered: nothing.".to_owned(),
     });
     if let Some(last) = of_task.last() {
-        line(format!("Moved last, after {} episodes: {}.", last.at, last.why.trim_end_matches('.')));
+        line(format!("Last move, after {} episodes: {}.", last.at, last.why.trim_end_matches('.')));
     }
     line(describe_frontier(task, level, top));
     if let Some(designs) = progress.designs.summarize_task(&task.task).describe() {
@@ -219,8 +220,8 @@ fn mastered_levels(moves: &[&LevelChange]) -> Option<String> {
 
 /// Describes the level that is not mastered yet and the params that make it harder than the level below.
 fn describe_frontier(task: &TaskMastery, level: u32, top: usize) -> String {
-    let bounds = task.evidence().map_or_else(
-        || "no contested scenario of it has counted yet".to_owned(),
+    let bounds = mastery_evidence(task).map_or_else(
+        || "no contested scenario has counted yet".to_owned(),
         |m| {
             format!(
                 "it succeeds on {:.2} of contested scenarios ({:.2} to {:.2}, n {})",
@@ -228,11 +229,11 @@ fn describe_frontier(task: &TaskMastery, level: u32, top: usize) -> String {
             )
         },
     );
-    let plain = share(task.plain.success);
+    let plain = share(task.results.success);
     let what = if level as usize == top { "At the top" } else { "Not mastered yet" };
     let harder = changed_params(&task.task, level);
     let harder = if harder.is_empty() { harder } else { format!(" (harder than {}: {harder})", level - 1) };
-    format!("{what}: level {level}{harder}: {bounds}. Over all its episodes, easy ones too: {plain}.")
+    format!("{what}: level {level}{harder}: {bounds}. Success over all episodes of the level: {plain}.")
 }
 
 /// Lists the params that differ from the level below.

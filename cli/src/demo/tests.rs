@@ -4,23 +4,25 @@ use std::collections::HashMap;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use env_core::admission::{is_contested, is_success};
-use env_core::log::Precision;
-use env_core::{Bracket, Scenario, SeedSpace, SuccessRule, rollout};
-
-use super::designs::Designs;
-use super::feed::{
-    Evidence, Feed, Finished, Lease, LeasedGroup, Move, Plain, Posterior, Receipt, Receipts, TaskMastery,
+use api_types::{
+    ClaimedEpisodeCounts, EpisodeCounts, GroupCounts, GroupRole, GroupState, Lease, LeaseForm, LeasePurpose,
+    LeaseStatus, LeasedGroup, MasteryEstimate, ReceiptStatus, ResultReceipt, ResultsResponse, TaskMastery,
 };
-use super::train::{LevelChange, MEMBERS, Progress, ProgressObserver, TrainingPlan, train};
-use super::trainee::{LearnerMode, Member, Trainee};
-use crate::options::TaskOptions;
 use curriculum::{
     Curriculum, GroupOutcome, LearningSignals, ObservedOutcome, Proposal, ScenarioSource, SequencedProposal,
     Settings, TaskPlan,
 };
+use env_core::admission::{is_contested, is_success};
+use env_core::log::Precision;
+use env_core::{Bracket, Scenario, SeedSpace, SuccessRule, rollout};
 use orchestrator::leases::prepare::unsolvable::UnsolvableParams;
 use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare};
+
+use super::designs::Designs;
+use super::feed::{Feed, FinishedEpisode};
+use super::train::{LevelChange, MEMBERS, Progress, ProgressObserver, TrainingPlan, train};
+use super::trainee::{LearnerMode, Member, Trainee};
+use crate::options::TaskOptions;
 
 struct LocalFeed {
     seed: u64,
@@ -30,7 +32,7 @@ struct LocalFeed {
 struct LocalState {
     curriculum: Curriculum,
     open: HashMap<String, OpenGroup>,
-    flown: HashMap<String, u64>,
+    flown: HashMap<String, i64>,
 }
 
 /// Leased group, stored under the id of its first episode.
@@ -57,7 +59,19 @@ impl LocalFeed {
 impl Feed for LocalFeed {
     async fn lease(&self, groups: usize, _: u32) -> anyhow::Result<Lease> {
         let mut state = self.state.lock().unwrap();
-        let mut lease = Lease { recipes: Vec::new(), groups: Vec::new() };
+        let mut lease = Lease {
+            lease: "1-abcdef".to_owned(),
+            run: "r".to_owned(),
+            purpose: LeasePurpose::Train,
+            form: LeaseForm::Groups,
+            status: LeaseStatus::Active,
+            group_size: MEMBERS as i64,
+            policy_version: 0,
+            expires_at: String::new(),
+            recipes: Vec::new(),
+            groups: Vec::new(),
+            ranges: None,
+        };
         for index in 0..groups {
             let SequencedProposal { seq, proposal } = state.curriculum.propose();
             let prepared = prepare(
@@ -69,11 +83,19 @@ impl Feed for LocalFeed {
             let episodes: Vec<String> = (0..MEMBERS).map(|i| format!("ep_{seq}_{i}")).collect();
             lease.recipes.push(prepared.scenario.recipe().to_json());
             lease.groups.push(LeasedGroup {
+                group: index as i64,
                 recipe: index,
                 seed: prepared.scenario.seed().get(),
+                scenario: prepared.scenario.id().to_string(),
                 task: proposal.task.clone(),
+                level: proposal.level.map(i64::from),
+                role: GroupRole::Frontier,
+                train: true,
+                layout: None,
                 contested: prepared.is_contested,
+                state: GroupState::Open,
                 episodes: episodes.clone(),
+                bracket: None,
             });
             let open = OpenGroup { seq, proposal, scenario: prepared.scenario, bracket: prepared.bracket };
             state.open.insert(episodes[0].clone(), open);
@@ -81,24 +103,19 @@ impl Feed for LocalFeed {
         Ok(lease)
     }
 
-    async fn report(&self, _: u32, results: Vec<Finished>) -> anyhow::Result<Receipts> {
+    async fn report(&self, _: u32, results: Vec<FinishedEpisode>) -> anyhow::Result<ResultsResponse> {
         let mut state = self.state.lock().unwrap();
-        let mut receipts = Receipts { results: Vec::new(), moves: Vec::new() };
+        let (mut receipts, mut all_moves) = (Vec::new(), Vec::new());
         for group in results.chunks(MEMBERS) {
-            let open = state.open.remove(&group[0].episode).unwrap();
-            let judged: Vec<Receipt> = group.iter().map(|finished| judge(&open, finished)).collect();
+            let open = state.open.remove(&group[0].id).unwrap();
+            let judged: Vec<ResultReceipt> = group.iter().map(|finished| judge(&open, finished)).collect();
             let successes = judged.iter().filter(|receipt| receipt.success == Some(true)).count();
             let ObservedOutcome { moves, .. } = state.curriculum.observe(&outcome(&open, successes));
-            *state.flown.entry(open.proposal.task.clone()).or_default() += MEMBERS as u64;
-            receipts.results.extend(judged);
-            receipts.moves.extend(moves.into_iter().map(|made| Move {
-                task: made.task,
-                from: made.from,
-                to: made.to,
-                evidence: Evidence { sentence: made.evidence.sentence },
-            }));
+            *state.flown.entry(open.proposal.task.clone()).or_default() += MEMBERS as i64;
+            receipts.extend(judged);
+            all_moves.extend(moves);
         }
-        Ok(receipts)
+        Ok(ResultsResponse { results: receipts, moves: all_moves, groups: Vec::new(), refills: Vec::new() })
     }
 
     async fn designs(&self) -> anyhow::Result<Designs> {
@@ -108,36 +125,49 @@ impl Feed for LocalFeed {
     async fn mastery(&self) -> anyhow::Result<Vec<TaskMastery>> {
         let state = self.state.lock().unwrap();
         let mastery = state.curriculum.mastery();
-        let task = |status: curriculum::TaskStatus| TaskMastery {
-            mastery: mastery
-                .iter()
-                .find(|m| m.task == status.task && m.level == status.level)
-                .map(|m| Posterior { n: m.n, mean: m.mean, q10: m.q10, q90: m.q90 }),
-            plain: Plain {
-                episodes: state.flown.get(&status.task).copied().unwrap_or(0),
-                ..Plain::default()
-            },
-            task: status.task,
-            level: status.level,
-            params: status.params.into_iter().collect(),
-            warnings: status.warnings,
+        let task = |status: curriculum::TaskStatus| {
+            let estimate = mastery.iter().find(|m| m.task == status.task && m.level == status.level);
+            let episodes = state.flown.get(&status.task).copied().unwrap_or(0);
+            TaskMastery {
+                task: status.task.clone(),
+                level: status.level,
+                probe_level: status.probe_level,
+                placement_done: status.placement_done,
+                params: status.params.iter().cloned().collect(),
+                mastery: estimate.map(|m| MasteryEstimate {
+                    level: m.level,
+                    n: m.n,
+                    mean: m.mean,
+                    q10: m.q10,
+                    q90: m.q90,
+                    seen: u64::from(m.n),
+                }),
+                levels: Vec::new(),
+                results: EpisodeCounts { episodes, ..EpisodeCounts::default() },
+                designed_results: EpisodeCounts::default(),
+                claimed_results: ClaimedEpisodeCounts::default(),
+                group_counts: GroupCounts::default(),
+                warnings: status.warnings.clone(),
+                status,
+            }
         };
         Ok(state.curriculum.status().into_iter().map(task).collect())
     }
 }
 
-fn judge(open: &OpenGroup, finished: &Finished) -> Receipt {
-    let sent = serde_json::to_value(finished).unwrap();
-    let steps = sent["actions"]["steps"].as_array().unwrap();
-    let log = rollout::read_log(&open.scenario, steps, Precision::F64, None).unwrap();
-    let flown = rollout::replay(&open.scenario, &log).unwrap();
-    Receipt {
-        episode: finished.episode.clone(),
-        status: "counted".to_owned(),
+fn judge(open: &OpenGroup, finished: &FinishedEpisode) -> ResultReceipt {
+    let result = finished.clone().into_result();
+    let steps = result.actions.unwrap().steps;
+    let log = rollout::read_log(&open.scenario, &steps, Precision::F64, None).unwrap();
+    let outcome = rollout::replay(&open.scenario, &log).unwrap();
+    ResultReceipt {
+        episode: result.episode,
+        status: ReceiptStatus::Counted,
+        code: None,
         detail: None,
-        score: Some(flown.score),
-        skill: open.bracket.skill(flown.score),
-        success: Some(is_success(&open.scenario, SuccessRule::Task, &open.bracket, &flown)),
+        score: Some(outcome.score),
+        skill: open.bracket.skill(outcome.score),
+        success: Some(is_success(&open.scenario, SuccessRule::Task, &open.bracket, &outcome)),
     }
 }
 
@@ -282,11 +312,11 @@ fn the_summary_says_what_happened() {
     let progress = trained(LearnerMode::Learn, 5, 3000);
     let words = super::summary::text(&progress, "r", Some(std::path::Path::new("x.sqlite3")));
     for part in
-        ["The learner flew 3000 episodes", TASK, "Mastered:", "look ahead", "sparring serve --db x.sqlite3"]
+        ["The learner ran 3000 episodes", TASK, "Mastered:", "look ahead", "sparring serve --db x.sqlite3"]
     {
         assert!(words.contains(part), "{part} is missing in\n{words}");
     }
-    let summary = serde_json::to_value(super::summary::Summary::new(&progress, "r", None)).unwrap();
+    let summary = serde_json::to_value(super::summary::DemoSummary::new(&progress, "r", None)).unwrap();
     assert_eq!((&summary["learner"], &summary["episodes"]), (&"learn".into(), &3000.into()));
     let task = &summary["tasks"][TASK];
     assert!(task["level"].is_u64() && task["success"].is_f64() && task["episodes"] == 3000, "{summary}");
@@ -318,13 +348,13 @@ fn same_seed_over_http(line: &str, episodes: usize) {
     let (one, _) = runtime.block_on(super::demo(&args)).unwrap();
     let (other, _) = runtime.block_on(super::demo(&args)).unwrap();
     assert_eq!((one.flown, one.late, one.stopped), (episodes, 0, false));
-    assert_eq!(one.mastery.iter().map(|task| task.plain.episodes).sum::<u64>(), episodes as u64);
+    assert_eq!(one.mastery.iter().map(|task| task.results.episodes).sum::<i64>(), episodes as i64);
     for (task, trainee) in &one.trainees {
         assert!(trainee.generation() > 0);
         assert_eq!(trainee.members(), other.trainees[task].members(), "{task}");
     }
     for (one, other) in one.mastery.iter().zip(&other.mastery) {
-        assert_eq!((one.level, one.mastery, one.plain), (other.level, other.mastery, other.plain));
+        assert_eq!((one.level, one.mastery, &one.results), (other.level, other.mastery, &other.results));
     }
 }
 
@@ -344,13 +374,13 @@ fn options_are_the_runs_physics() {
     let (swept, run) = demo(&format!("{plain} --physics contact=swept --physics gravity=j2")).unwrap();
     let (other, _) = demo(plain).unwrap();
     assert_eq!((swept.flown, swept.late), (240, 0));
-    assert_ne!(swept.mastery[0].plain.score, other.mastery[0].plain.score, "another physics");
+    assert_ne!(swept.mastery[0].results.score, other.mastery[0].results.score, "another physics");
     let words = super::summary::text(&swept, &run, None);
     assert!(words.contains("\nPhysics: kessler/survival: contact swept, gravity j2.\n"), "{words}");
-    let summary = serde_json::to_value(super::summary::Summary::new(&swept, &run, None)).unwrap();
+    let summary = serde_json::to_value(super::summary::DemoSummary::new(&swept, &run, None)).unwrap();
     assert_eq!(summary["physics"]["kessler/survival"]["contact"], "swept");
     let refuse = |options: &str| format!("{:#}", demo(&format!("{plain} {options}")).unwrap_err());
     assert!(refuse("--physics contact=swept --physics risk=pc").contains("cannot be combined"));
     assert!(refuse("--physics compat=upstream").contains("is for scenarios by hand"));
-    assert!(refuse("--physics kessler/formation:risk=pc").contains("no task of kessler/formation is here"));
+    assert!(refuse("--physics kessler/formation:risk=pc").contains("none of the tasks is kessler/formation"));
 }

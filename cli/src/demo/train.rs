@@ -5,8 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use api_types::{Lease, ReceiptStatus, ResultsResponse, TaskMastery};
+use curriculum::LevelMove;
+
 use super::designs::Designs;
-use super::feed::{Feed, Finished, Lease, MAX_RESULTS, Move, Receipts, TaskMastery, batches};
+use super::feed::{Feed, FinishedEpisode, MAX_RESULTS, batches};
 use super::rollouts::{assign_groups, group_outcomes, roll_out_groups};
 use super::trainee::{LearnerMode, Trainee};
 use crate::options::TaskOptions;
@@ -173,9 +176,9 @@ impl<'a, F: Feed> Training<'a, F> {
         let next = self.lease().await?;
         let finished = rollouts.await??;
         let flown = finished.len();
-        let Receipts { results, moves } = self.report(finished).await?;
+        let ResultsResponse { results, moves, .. } = self.report(finished).await?;
         self.progress.flown += flown;
-        self.progress.late += results.iter().filter(|receipt| receipt.status == "late").count();
+        self.progress.late += results.iter().filter(|receipt| receipt.status == ReceiptStatus::Late).count();
         for (sortie, outcomes) in assignments.iter().zip(group_outcomes(&assignments, results)?) {
             if let Some(trainee) = self.progress.trainees.get_mut(&sortie.task) {
                 trainee.record(&outcomes, sortie.contested);
@@ -189,19 +192,20 @@ impl<'a, F: Feed> Training<'a, F> {
     }
 
     /// Reports finished episodes in as few requests as the service's limits allow.
-    async fn report(&self, finished: Vec<Finished>) -> anyhow::Result<Receipts> {
-        let mut all = Receipts { results: Vec::with_capacity(finished.len()), moves: Vec::new() };
+    async fn report(&self, finished: Vec<FinishedEpisode>) -> anyhow::Result<ResultsResponse> {
+        let results = Vec::with_capacity(finished.len());
+        let mut all = ResultsResponse { results, moves: Vec::new(), groups: Vec::new(), refills: Vec::new() };
         for batch in batches(finished, MEMBERS) {
-            let Receipts { results, moves } = self.feed.report(self.policy_version, batch).await?;
-            all.results.extend(results);
-            all.moves.extend(moves);
+            let response = self.feed.report(self.policy_version, batch).await?;
+            all.results.extend(response.results);
+            all.moves.extend(response.moves);
         }
         Ok(all)
     }
 
-    fn record_moves(&mut self, moves: Vec<Move>, observer: &mut impl ProgressObserver) {
+    fn record_moves(&mut self, moves: Vec<LevelMove>, observer: &mut impl ProgressObserver) {
         let at = self.progress.flown;
-        for Move { task, from, to, evidence } in moves {
+        for LevelMove { task, from, to, evidence, .. } in moves {
             let change = LevelChange { task, at, from, to, why: evidence.sentence };
             observer.level_changed(&change);
             self.progress.moves.push(change);

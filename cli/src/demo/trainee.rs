@@ -14,13 +14,13 @@ const SCENARIOS_PER_GENERATION: usize = 12;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum LearnerMode {
-    /// Learns from the scores that come back
+    /// Learns from the reported scores
     Learn,
-    /// Does nothing
+    /// Holds: takes no action at all
     Hold,
-    /// Acts by one fixed plan that looks at nothing
+    /// Follows one fixed plan and ignores all observations
     Blind,
-    /// The learner's reflex at random numbers, never updated
+    /// Acts by the learner's reflex with random parameters that are never updated
     Frozen,
 }
 
@@ -89,9 +89,9 @@ impl Trainee {
     pub(super) fn new(kind: LearnerMode, size: usize, numbers: usize, seed: u64) -> Self {
         let mut method = CrossEntropy::new(numbers, seed);
         let members = match kind {
-            LearnerMode::Learn => reflexes(method.ask(size)),
+            LearnerMode::Learn => reflexes(method.sample(size)),
             // One draw from the learner's initial distribution, shared by all siblings.
-            LearnerMode::Frozen => reflexes(method.ask(1).into_iter().cycle().take(size).collect()),
+            LearnerMode::Frozen => reflexes(method.sample(1).into_iter().cycle().take(size).collect()),
             LearnerMode::Hold => vec![Member::Named("hold"); size],
             LearnerMode::Blind => vec![Member::Named("blind"); size],
         };
@@ -149,18 +149,18 @@ impl Trainee {
         let all: Vec<usize> = (0..scores.len()).collect();
         let elite = match &mut self.method {
             Some(method) => {
-                let asked: Vec<Vec<f64>> = self.members.iter().filter_map(reflex).collect();
+                let population: Vec<Vec<f64>> = self.members.iter().filter_map(reflex).collect();
                 let fitness: Vec<f64> = scores.iter().map(|e| e.fitness).collect();
-                let elite = method.tell(&asked, &fitness);
-                self.members = reflexes(method.ask(asked.len()));
+                let elite = method.update(&population, &fitness);
+                self.members = reflexes(method.sample(population.len()));
                 elite
             }
             None => all.clone(),
         };
         if self.contested > 0 {
-            let share = |places: &[usize]| {
-                let successes: u32 = places.iter().map(|&place| scores[place].successes).sum();
-                f64::from(successes) / f64::from(self.contested) / places.len() as f64
+            let share = |members: &[usize]| {
+                let successes: u32 = members.iter().map(|&member| scores[member].successes).sum();
+                f64::from(successes) / f64::from(self.contested) / members.len() as f64
             };
             self.last_success = Some(GenerationSuccess { population: share(&all), elite: share(&elite) });
         }

@@ -45,13 +45,13 @@ pub(super) struct TaskSnapshot {
 /// # Errors
 /// Returns a message if there is no `=` or the value is no finite number.
 pub(super) fn parse_param(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.split_once('=').ok_or("a param is NAME=VALUE, as fuel=20")?;
+    let (name, value) = text.split_once('=').ok_or("a param must be NAME=VALUE, such as fuel=20")?;
     let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
-    let number = number.ok_or_else(|| format!("{name} is {value:?}; a number is wanted"))?;
+    let number = number.ok_or_else(|| format!("{name} must be a number, got {value:?}"))?;
     Ok((name.to_owned(), number))
 }
 
-/// Builds the brief that the arguments ask for.
+/// Builds the brief from the arguments and the run.
 ///
 /// # Errors
 /// Returns an error if a profile cannot be read, or a task, level, param or option is invalid.
@@ -118,7 +118,7 @@ fn task_of_run(
     };
     let none = || match wanted {
         Some(wanted) => anyhow!("--task: run {run} does not have {wanted:?}; its tasks are {held}"),
-        None => anyhow!("--run: nobody designs for a task of {run} yet; its tasks are {held}"),
+        None => anyhow!("--run: no task of {run} has a design language; its tasks are {held}"),
     };
     at.map(|at| tasks.swap_remove(at)).ok_or_else(none)
 }
@@ -133,7 +133,7 @@ fn read_profile(path: &Path, task: Option<&str>) -> anyhow::Result<FailureProfil
         .with_context(|| format!("--profile: {} cannot be read", path.display()))?;
     FailureProfile::parse(&text, task).map_err(|error| match error {
         ProfileError::Json(fault) => anyhow!(
-            "--profile: {} is no failure profile ({fault}); what GET /v1/runs/{{run}}/failures answers is one, or one task of it",
+            "--profile: {} is no failure profile ({fault}); what GET /v1/runs/{{run}}/failure_profiles answers is one, or one task of it",
             path.display()
         ),
         other => anyhow!("--profile: {}: {other}", path.display()),

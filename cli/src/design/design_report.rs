@@ -15,7 +15,7 @@ pub(super) struct DesignReport {
     pub(super) rows: Vec<LayoutResult>,
     pub(super) usage: DesignUsage,
     /// Warnings that did not end the command.
-    pub(super) troubles: Vec<String>,
+    pub(super) warnings: Vec<String>,
     /// Time of designing, including the gate.
     pub(super) elapsed: Duration,
 }
@@ -90,10 +90,10 @@ impl DesignReport {
                 "tokens_out": usage.tokens_out,
                 "cost": usage.cost,
                 "model": usage.model,
-                "prompt": usage.prompt,
+                "prompt_version": usage.prompt,
                 "seconds": self.elapsed.as_secs_f64(),
             },
-            "troubles": self.troubles,
+            "warnings": self.warnings,
         })
     }
 }
@@ -143,7 +143,7 @@ impl LayoutResult {
             "hold": passed.map(|passed| passed.bracket.hold_score()),
             "floor": passed.map(|passed| passed.bracket.floor),
             "reference": passed.map(|passed| passed.bracket.reference.score),
-            "panel_success": succeed,
+            "panel_successes": succeed,
             "novelty": passed.and_then(|passed| passed.novelty),
         })
     }

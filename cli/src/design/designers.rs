@@ -20,11 +20,11 @@ use orchestrator::clock::Clock;
 /// Designer selected by `--designer`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum DesignerKind {
-    /// Samples from the failure profile; needs no network and no model
+    /// Sample from the failure profile; needs neither network nor model
     Procedural,
-    /// A language model
+    /// Ask a language model (--llm-url)
     Llm,
-    /// Layouts from a file
+    /// Read layouts from a file (--layouts)
     Replay,
 }
 
@@ -40,7 +40,7 @@ pub(super) fn create_designer(args: &Args) -> anyhow::Result<Box<dyn Designer>> 
             let config = config.context("no language model is configured: give --llm-url")?;
             Ok(Box::new(LlmDesigner::new(LlmClient::new(config)?, args.run.as_deref().unwrap_or_default())))
         }
-        DesignerKind::Replay => bail!("--designer replay: say which file with --layouts"),
+        DesignerKind::Replay => bail!("--designer replay needs --layouts FILE"),
     }
 }
 
@@ -65,7 +65,7 @@ pub(super) fn model_request(brief: &DesignBrief, language: &dyn DesignLanguage) 
 /// # Errors
 /// Returns an error if the file cannot be read or holds no layouts.
 pub(super) fn judge_file(args: &Args) -> anyhow::Result<DesignReport> {
-    let Some(path) = &args.layouts else { bail!("--layouts: a file is wanted") };
+    let Some(path) = &args.layouts else { bail!("the designer replay needs --layouts FILE") };
     let mut replay = ReplayDesigner::new(path.clone());
     let drafts = replay.next_layouts(args.task.as_deref(), args.n as usize).context("--layouts")?;
     let started = std::time::Instant::now();
@@ -108,7 +108,7 @@ pub(super) fn judge_file(args: &Args) -> anyhow::Result<DesignReport> {
         designer: "replay",
         rows,
         usage,
-        troubles: left.into_iter().collect(),
+        warnings: left.into_iter().collect(),
         elapsed: started.elapsed(),
     })
 }

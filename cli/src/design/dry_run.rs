@@ -66,7 +66,7 @@ fn heading(brief: &DesignBrief) -> String {
     let mut text = format!("{} layouts of {}{level}: {params}.", brief.count, task.id());
     if let Some(s) = brief.mastery {
         text += &format!(
-            " There the agent succeeds in {:.2} ({:.2} to {:.2}) of {} contested scenarios.",
+            " At this level the agent succeeds in {:.2} ({:.2} to {:.2}) of {} contested scenarios.",
             s.mean, s.q10, s.q90, s.n
         );
     }
@@ -74,7 +74,7 @@ fn heading(brief: &DesignBrief) -> String {
 }
 
 fn limits(brief: &DesignBrief) -> String {
-    let mut table = output::table(&["param", "a layout may choose"], 2);
+    let mut table = output::table(&["param", "allowed values"], 2);
     for limit in &brief.param_choices {
         let values = limit.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         table.add_row([limit.param.clone(), values]);
@@ -87,7 +87,7 @@ fn profile(brief: &DesignBrief) -> String {
     let profile = &brief.profile;
     let all = profile.total_weight();
     if all <= 0.0 {
-        return "Nothing is known of the agent: debris comes from everywhere.".to_owned();
+        return "There are no failures to design for: debris comes from all directions.".to_owned();
     }
     let mut table = output::table(&["failure mode", "share", "count", "radial/in-track", "inertial"], 1);
     for mode in profile.modes.iter().filter(|mode| mode.weight > 0.0) {
@@ -99,10 +99,7 @@ fn profile(brief: &DesignBrief) -> String {
             heaviest_sectors(&mode.inertial_sector_weights()),
         ]);
     }
-    format!(
-        "What it fails at, over {} episodes, and from where most of it comes:\n{table}",
-        profile.criticised
-    )
+    format!("Failures over {} episodes, and the bearings of most of them:\n{table}", profile.criticised)
 }
 
 /// Lists the three heaviest sectors of a rose with their centres and shares.
@@ -110,11 +107,11 @@ fn heaviest_sectors(rose: &[f64]) -> String {
     let all: f64 = rose.iter().sum();
     let mut sectors: Vec<_> = rose.iter().enumerate().filter(|(_, weight)| **weight > 0.0).collect();
     sectors.sort_by(|a, b| b.1.total_cmp(a.1));
-    let told = sectors.iter().take(3).map(|(sector, weight)| {
+    let heaviest = sectors.iter().take(3).map(|(sector, weight)| {
         let centre = sector * 360 / rose.len();
         format!("{centre}° {:.0} %", 100.0 * **weight / all)
     });
-    told.collect::<Vec<_>>().join(", ")
+    heaviest.collect::<Vec<_>>().join(", ")
 }
 
 fn ideas(brief: &DesignBrief, language: &dyn DesignLanguage) -> String {

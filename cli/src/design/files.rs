@@ -32,7 +32,7 @@ pub(super) fn write_pictures(folder: &Path, outcome: &DesignReport) -> anyhow::R
     }
     std::fs::write(folder.join("index.html"), index_page(&drawn)).with_context(context)?;
     let path = folder.display();
-    Ok(format!("{} pictures are in {path}; look at {path}/index.html.", drawn.len()))
+    Ok(format!("Wrote {} pictures to {path}; open {path}/index.html.", drawn.len()))
 }
 
 /// Picture file of a layout.
@@ -89,7 +89,7 @@ pub(super) fn write_layouts(path: &Path, outcome: &DesignReport) -> anyhow::Resu
     let context = || format!("--out: {} cannot be written", path.display());
     let text = serde_json::to_string(&json!({ "layouts": admitted }))?;
     std::fs::write(path, text + "\n").with_context(context)?;
-    Ok(format!("{} layouts are in {}; --layouts reads them.", admitted.len(), path.display()))
+    Ok(format!("Wrote {} layouts to {}, in the format of --layouts.", admitted.len(), path.display()))
 }
 
 #[cfg(test)]

@@ -31,65 +31,68 @@ use super::llm_args::LlmArgs;
 use super::options::{self, ChosenOption};
 use super::output::{Format, print, print_json};
 
-/// Design layouts that defeat an agent and can be solved, and pass them through the gate.
+/// Design solvable layouts that defeat an agent, and check them at the gate.
 ///
-/// A layout is explicit bodies: debris that meets satellites from where, and as fast as, what takes the agent came. What the
-/// agent fails at is read from a run on a server (--run) or from a saved answer of GET /v1/runs/{run}/failures (--profile);
-/// with neither, nothing is known of it and debris comes from everywhere. Every layout passes the gate: its numbers are
-/// within bounds, its bodies can be where it says, its aim is kept, nothing touches before anybody could act, the reference
-/// planner succeeds within fuel, and acting blindly does not (a threat), or holding succeeds and a nervous agent wastes fuel
-/// (a decoy); and it is not like another of the same call, or like the newest of the run. Refused layouts are told with a sentence each.
+/// A layout places bodies explicitly: debris that meets satellites with the bearings and speeds of the agent's failures. The
+/// failures are read from a run on a server (--run) or from a saved response of GET /v1/runs/{run}/failure_profiles (--profile).
+/// Without either, debris comes from all directions.
 ///
-/// With --layouts nothing is designed: the layouts of a file, of any world, pass through the gate.
+/// The gate admits a layout if its numbers are within bounds, its bodies are physically possible, it does what its design
+/// aims at, and nothing collides before an agent can act. For a threat, the reference planner must succeed within fuel and
+/// the blind plans must fail. For a decoy, holding must succeed while a nervous agent wastes fuel. A layout must also differ
+/// from the others of the same call and from the newest ones of the run. Each refused layout is listed with its reason.
+///
+/// With --layouts the command designs nothing: it checks the layouts of a file, of any world, at the gate.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// A run whose agent's failures to design for: its task, level, params and physics hold unless told otherwise
+    /// Run whose failures to design for; it also sets the defaults of task, level, params and physics
     #[arg(long, value_name = "RUN", conflicts_with_all = ["profile", "layouts"])]
     run: Option<String>,
-    /// Where the service listens that knows the run
+    /// Base URL of the service that has the run
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8700", requires = "run")]
     url: String,
-    /// A failure profile to design for: a saved answer of GET /v1/runs/{run}/failures, or one task of it
+    /// File with a failure profile: a saved response of GET /v1/runs/{run}/failure_profiles, or one task of it
     #[arg(long, value_name = "FILE", conflicts_with = "layouts")]
     profile: Option<PathBuf>,
-    /// The task; of a run or a profile with several the one with the most failures, else kessler/survival; of --layouts
-    /// all that are of this one
+    /// Task to design for; with --layouts, check only the layouts of this task [default: the task with the most failures
+    /// of the run or profile, otherwise kessler/survival]
     #[arg(long, value_name = "TASK")]
     task: Option<String>,
-    /// The level to design for: the run's own, or 3 without a run. Layouts may take params from two levels to either side
+    /// Level to design for; layouts may use params from two levels below to two above [default: the run's level, or 3
+    /// without a run]
     #[arg(long, value_name = "LEVEL", conflicts_with = "layouts")]
     level: Option<u32>,
-    /// This param has this value in every layout, whatever the level says; repeat it for more
+    /// Fix a param to a value in every layout, overriding the level; repeat the flag to fix several
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = brief::parse_param, conflicts_with = "layouts")]
     params: Vec<(String, f64)>,
-    /// Design under this physics option; repeat it for more
+    /// Set a physics option; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse,
           conflicts_with = "layouts")]
     options: Vec<ChosenOption>,
-    /// Who designs: procedural, or replay where --layouts is given
+    /// Designer of the layouts [default: replay with --layouts, otherwise procedural]
     #[arg(long, value_enum)]
     designer: Option<DesignerKind>,
-    /// A file of layouts to pass through the gate
+    /// File of layouts to check at the gate
     #[arg(long, value_name = "FILE")]
     layouts: Option<PathBuf>,
-    /// How many layouts are wanted; of --layouts, how many are read at most (1000)
+    /// Number of layouts to design; with --layouts, the largest number to read (default 1000)
     #[arg(long, value_name = "N", default_value = "8", default_value_if("layouts", clap::builder::ArgPredicate::IsPresent, "1000"),
           value_parser = clap::value_parser!(u32).range(1..=1000))]
     n: u32,
-    /// What is drawn follows from this: the same profile and seed make the same layouts, where no language model takes part
+    /// Seed of the designer: the same profile and seed give the same layouts, unless a language model designs
     #[arg(long, default_value_t = 0, conflicts_with = "layouts")]
     seed: u64,
-    /// Design nothing; show what the designer would be told: profile, limits and first ideas, or prompt and schema (llm)
+    /// Print the designer's input and design nothing: profile, limits and first ideas, or prompt and schema (llm)
     #[arg(long, conflicts_with_all = ["layouts", "svg", "out"])]
     dry_run: bool,
-    /// Draw every admitted layout into this folder, with an index.html
+    /// Write a picture of every admitted layout to this folder, with an index.html
     #[arg(long, value_name = "DIR")]
     svg: Option<PathBuf>,
-    /// Write the admitted layouts to this file, as --layouts reads them
+    /// Write the admitted layouts to this file, in the format of --layouts
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// How the result is printed
+    /// Set the output format
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
     #[command(flatten)]
@@ -101,25 +104,25 @@ fn after_help() -> String {
 }
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 at least one layout was admitted (--layouts: none was refused); 1 none was (--layouts: one was refused); 2 bad \
-input.
+Exit codes: 0 at least one layout was admitted (--layouts: all were admitted); 1 no layout was admitted (--layouts: at least \
+one was refused); 2 bad input.
 
-Encounters are counted from 0, as refusals name them: encounters.2.step is the step of the third. Bearings are where the \
-debris is, seen from the satellite, five steps before; docs/designer.md tells the language with pictures.
+Refusals count encounters from 0: encounters.2.step is the step of the third encounter. A bearing is the direction of the \
+debris seen from the satellite, five steps before the encounter; docs/designer.md explains the design language with pictures.
 
 A file of layouts is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\": {\"task\": \"kessler/survival\", \"params\": \
 {\"debris\": 0, \"fuel\": 20}, \"seed\": 5, \"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[15, -85.9, 2.3, \
-4.4]]}}}}]}. A body is x, y, vx, vy. A layout whose provenance is a design must be what that design comes to.
+4.4]]}}}}]}. A body is x, y, vx, vy. A layout whose provenance is a design must equal the result of that design.
 
-JSON (--format json): one object {designer, layouts, summary, troubles}. Each layout: {name, designer, round, task, design, \
-claim, admitted, check, refusal, scenario, scenario_id, hold, floor, reference, panel_success, novelty}; what the gate did not \
-come to is null. summary is {admitted, refused: {check: count}, rounds, tokens_in, tokens_out, cost, model, prompt, seconds}.";
+JSON (--format json): one object {designer, layouts, summary, warnings}. Each layout: {name, designer, round, task, design, \
+claim, admitted, check, refusal, scenario, scenario_id, hold, floor, reference, panel_successes, novelty}; values that the gate \
+did not compute are null. summary is {admitted, refused: {check: count}, rounds, tokens_in, tokens_out, cost, model, prompt_version, seconds}.";
 
 const EXAMPLES: &str = "\
 Examples:
   sparring design --task kessler/survival --level 4 --n 4
   sparring design --run my-run --svg pictures --out mine.json
-  curl -s http://127.0.0.1:8700/v1/runs/my-run/failures > profile.json && sparring design --profile profile.json
+  curl -s http://127.0.0.1:8700/v1/runs/my-run/failure_profiles > profile.json && sparring design --profile profile.json
   sparring design --profile profile.json --task kessler/eco_station --dry-run
   sparring design --run my-run --designer llm --llm-url http://127.0.0.1:8080/v1 --llm-model name
   sparring design --layouts mine.json --format json";
@@ -177,8 +180,8 @@ fn design_layouts(args: &Args) -> anyhow::Result<DesignReport> {
             more.judged.into_iter().map(|judged| LayoutResult::new(ProceduralDesigner.name(), task, judged)),
         );
     }
-    let DesignOutcome { usage, warnings: troubles, .. } = designed;
-    Ok(DesignReport { designer: name, rows, usage, troubles, elapsed: started.elapsed() })
+    let DesignOutcome { usage, warnings, .. } = designed;
+    Ok(DesignReport { designer: name, rows, usage, warnings, elapsed: started.elapsed() })
 }
 
 fn runtime() -> anyhow::Result<Runtime> {
@@ -188,9 +191,9 @@ fn runtime() -> anyhow::Result<Runtime> {
 /// Builds the brief from the arguments, and from the service if `--run` is given.
 fn build_brief(args: &Args, runtime: &Runtime) -> anyhow::Result<DesignBrief> {
     let Some(run) = &args.run else { return brief::build(args, RunSnapshot::default()) };
-    let mut brief = brief::build(args, runtime.block_on(service::ask(&args.url, run))?)?;
+    let mut brief = brief::build(args, runtime.block_on(service::fetch_run(&args.url, run))?)?;
     let task = brief.recipe.task().id();
-    brief.past_layouts = runtime.block_on(service::past(&args.url, run, task))?;
+    brief.past_layouts = runtime.block_on(service::past_layouts(&args.url, run, task))?;
     Ok(brief)
 }
 
@@ -198,32 +201,26 @@ impl Args {
     /// Checks rules that clap cannot express.
     fn check(&self) -> anyhow::Result<()> {
         match (self.designer, &self.layouts) {
-            (Some(DesignerKind::Replay), None) => {
-                Err(anyhow!("--designer replay: say which file with --layouts"))
-            }
-            (Some(DesignerKind::Procedural | DesignerKind::Llm), Some(_)) => {
-                Err(anyhow!("--layouts: these are read, not designed; leave --designer out"))
-            }
+            (Some(DesignerKind::Replay), None) => Err(anyhow!("--designer replay needs --layouts FILE")),
+            (Some(DesignerKind::Procedural | DesignerKind::Llm), Some(_)) => Err(anyhow!(
+                "--layouts cannot be combined with this --designer: the layouts come from the file"
+            )),
             _ => Ok(()),
         }?;
         // Checked before any design, since model calls may cost money.
         if let Some(out) = &self.out {
             let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
             let fine = folder.is_none_or(std::path::Path::is_dir) && !out.is_dir();
-            ensure!(
-                fine,
-                "--out: {} cannot be written; name a file in a folder that is there",
-                out.display()
-            );
+            ensure!(fine, "--out: {} cannot be written; choose a file in an existing folder", out.display());
         }
         if let Some(folder) = self.svg.as_ref().filter(|folder| folder.exists() && !folder.is_dir()) {
-            return Err(anyhow!("--svg: {} is no folder", folder.display()));
+            return Err(anyhow!("--svg: {} is not a folder", folder.display()));
         }
         if let (Some(read), Some(out)) = (&self.layouts, &self.out) {
             let written = out.canonicalize().ok();
             ensure!(
                 written.is_none() || written != read.canonicalize().ok(),
-                "--out: {} is what is read; name another file to write",
+                "--out: {} is the input file; choose another file",
                 out.display()
             );
         }
@@ -238,7 +235,7 @@ fn language_of(brief: &DesignBrief) -> anyhow::Result<&'static dyn DesignLanguag
         let known = env_core::tasks().filter(|task| design_language(*task).is_some()).map(env_core::TaskSpec::id);
         let known = known.collect::<Vec<_>>().join(", ");
         anyhow!(
-            "--task: nobody designs for {} yet; choose one of {known}, or pass layouts through the gate with --layouts",
+            "--task: {} has no design language; choose one of {known}, or check existing layouts with --layouts",
             task.id()
         )
     })

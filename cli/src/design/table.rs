@@ -32,7 +32,7 @@ pub(super) fn text(outcome: &DesignReport) -> String {
 fn admitted(row: &LayoutResult, passed: &GateReport) -> String {
     let listing = row.listing();
     let aim =
-        listing.as_ref().map_or_else(|| "laid out by hand".to_owned(), |l| format!("aimed at {}", l.aim));
+        listing.as_ref().map_or_else(|| "without a design".to_owned(), |l| format!("aimed at {}", l.aim));
     let name = one_line(&row.name);
     let mut text =
         textwrap::fill(&format!("{name} ({}): {}, {aim}", row.task, passed.claim.as_str()), TEXT_WIDTH);
@@ -103,8 +103,8 @@ fn summary(outcome: &DesignReport) -> String {
             write!(text, ", {} {} tokens in and {} out", one_line(model), usage.tokens_in, usage.tokens_out);
     }
     text.push('.');
-    let troubles = outcome.troubles.iter().map(|trouble| textwrap::fill(&one_line(trouble), TEXT_WIDTH));
-    std::iter::once(textwrap::fill(&text, TEXT_WIDTH)).chain(troubles).collect::<Vec<_>>().join("\n")
+    let warnings = outcome.warnings.iter().map(|warning| textwrap::fill(&one_line(warning), TEXT_WIDTH));
+    std::iter::once(textwrap::fill(&text, TEXT_WIDTH)).chain(warnings).collect::<Vec<_>>().join("\n")
 }
 
 /// Replaces control characters of foreign text, so that it cannot move the cursor or change colours.

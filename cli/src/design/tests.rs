@@ -42,7 +42,7 @@ fn profiles() -> tempfile::NamedTempFile {
                 {"mode": "wasted_fuel", "count": 9, "weight": 8.5, "cells": [cell(3, 8.5)]}]},
             {"task": "kessler/survival", "criticised": 400, "weight": 390.0, "judge": null, "modes": [
                 {"mode": "collision", "count": 40, "weight": 36.0, "cells": [cell(9, 32.0), cell(2, 4.0)],
-                 "inertial": [{"sector": 3, "count": 20, "weight": 18.0}, {"sector": 7, "count": 20, "weight": 18.0}]},
+                 "inertial_sectors": [{"sector": 3, "count": 20, "weight": 18.0}, {"sector": 7, "count": 20, "weight": 18.0}]},
                 {"mode": "fuel_starvation", "count": 4, "weight": 4.0}, {"mode": "decay", "count": 0, "weight": 0.0}]},
         ]})
         .to_string(),
@@ -79,8 +79,8 @@ fn outcome() -> DesignReport {
         ..designer::DesignUsage::default()
     };
     (usage.tokens_in, usage.tokens_out) = (1200, 340);
-    let troubles = vec!["the model was asked again\u{1b}[2J: it answered in prose".to_owned()];
-    DesignReport { designer: "llm", rows, usage, troubles, elapsed: Duration::from_millis(1234) }
+    let warnings = vec!["the model was asked again\u{1b}[2J: it answered in prose".to_owned()];
+    DesignReport { designer: "llm", rows, usage, warnings, elapsed: Duration::from_millis(1234) }
 }
 
 #[test]

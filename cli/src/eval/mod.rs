@@ -25,49 +25,50 @@ use orchestrator::evaluation::suite::file::{self, LoadedSuite};
 use orchestrator::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 use orchestrator::evaluation::{EvaluationReport, PolicyResults};
 
-/// Fly policies over a frozen suite: one table, with 95 % intervals.
+/// Evaluate policies on a frozen suite, with 95 % confidence intervals.
 ///
-/// Every policy flies every scenario of the suite, whose seeds no training run is ever given. Two rows stand beside
-/// those asked for: `frozen`, the task's trainable reflex at random numbers, and `blind_panel`, the mean of the plans
-/// that look at nothing, from the suite's brackets. A policy that does not beat both has learnt nothing.
+/// Every policy runs every scenario of the suite; no training run gets the seeds of a suite. The table has two more rows for
+/// comparison: `frozen`, the task's trainable reflex with random parameters, and `blind_panel`, the mean of the blind plans
+/// from the suite's brackets. A policy that does not beat both has learnt nothing.
 ///
-/// Columns are means over scenarios: the world's score; the share of successes by the task's own rule; skill, (score −
-/// floor)/(reference − floor) within −1 to 1, over the scenarios where it is defined; the share of agents lost; and
-/// fuel used by all agents together, in the world's unit. Intervals are 95 % percentile bootstrap intervals over scenarios, of 2 000
-/// resamples; for successes on none or on all of them, the exact binomial interval, since there a resample can show no doubt. Contested scenarios (acting well matters on them) and those drawn as they come are told apart, then
-/// together; there the suite decides how many are of which kind. All tasks together stand first where they are of one
-/// world; scores and fuel of several have no common mean.
+/// Columns are means over scenarios: the world's score; the share of successes by the task's rule; skill, (score −
+/// floor)/(reference − floor) clamped to −1 to 1, over the scenarios where it is defined; the share of agents lost; and the
+/// fuel used by all agents together, in the world's unit. Intervals are 95 % percentile bootstrap intervals over scenarios
+/// with 2 000 resamples. If all scenarios or none are successes, resampling shows no variance, and the exact binomial
+/// interval is used. Contested scenarios (on which acting well matters) and unselected ones are listed separately, then
+/// together in the suite's proportion. If all tasks are of one world, the rows over all tasks come first; scores and fuel of
+/// different worlds have no common mean.
 ///
-/// The worst tenth is the mean score over the tenth of the scenarios on which the policy does worst (CVaR). Where a policy has chance
-/// in it these are found by one half of its episodes and told by the other, so that bad luck is not taken for weakness: that takes
-/// --rollouts 8 or more. Below stand differences from one of the policies on the same scenarios, which say far more than two
-/// intervals side by side.
+/// The worst tenth is the mean score over the tenth of the scenarios with the lowest scores (CVaR). For a stochastic policy,
+/// one half of its episodes selects these scenarios and the other half scores them, which avoids selection bias; this
+/// needs --rollouts 8 or more. The last table lists paired differences from one policy on the same scenarios, which are far
+/// more precise than the comparison of two intervals.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// A built-in suite by its name, or a suite file
+    /// Name of a built-in suite, or path of a suite file
     #[arg(long, value_name = "NAME|FILE", default_value = file::DEFAULT_SUITE)]
     suite: String,
-    /// The policies, each once: repeat the option, or separate them by commas
+    /// Policies to evaluate, each once; repeat the flag or separate them by commas
     #[arg(long = "policy", value_name = "POLICY", required = true, value_delimiter = ',',
           value_parser = PossibleValuesParser::new(worlds::policy_names()))]
     policies: Vec<String>,
-    /// What policies with chance in them and the resamples draw from
+    /// Seed of stochastic policies and of the resampling
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// How often policies with chance in them fly each scenario: their mean counts as one
+    /// Number of episodes of a stochastic policy per scenario; their mean is one value
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rollouts: u32,
-    /// The policy that the others are compared with (the first of --policy; frozen where there is one alone)
+    /// Policy to compare the others with [default: the first of --policy; frozen if there is only one]
     #[arg(long, value_name = "POLICY", value_parser = PossibleValuesParser::new(against_names()))]
     against: Option<String>,
-    /// Draw the shares of successes, too: an SVG file
+    /// Also write a chart of the success rates to this SVG file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Fly it under this physics option instead of the suite's, for all its tasks or those named; repeat it for more
+    /// Override a physics option of the suite, for all its tasks or the named ones; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<ChosenOption>,
-    /// How the result is printed
+    /// Set the output format
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
 }
@@ -91,16 +92,16 @@ fn after_help() -> String {
 }
 
 const AFTER_HELP: &str = "\
-Under other options than the suite's, floors and references are worked out anew, so that skill and success are fair, and \
-parts stay what they are in the suite. Such a report does not compare with one of the suite, and says so.
+With overridden physics options, floors and references are recomputed, so skill and success stay valid; the parts stay those of \
+the suite. Such a report is not comparable with one of the unmodified suite, and says so.
 
 JSON (--format json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
-resamples, scenarios, rows, against, comparisons}. physics are the options that were flown under instead of the suite's, by task; comparable is false \
-where there are any, and note then says so in words. \
-Each row: {task (an id, or \"all\" where the suite is of one world), part (\"contested\", \"as_they_come\" or \"all\"), policy, scenarios, score, success, \
-skill, lost, fuel_used, cvar10}, the last six as {mean, low, high, scenarios}; skill is null where it is nowhere defined, cvar10 where \
-there were too few rollouts. Each comparison: {task, part, policy, scenarios, score, success, skill, improvement}, the last four as \
-before: mean differences from the policy against, and how likely an episode scores higher.
+resamples, scenarios, rows, against, comparisons}. physics has the overridden options by task; comparable is false if there \
+are any, and note then explains it. Each row: {task (an id, or \"all\" if the suite is of one world), part (\"contested\", \
+\"as_they_come\" or \"all\"), policy, scenarios, score, success, skill, lost, fuel_used, cvar10}, the last six as {mean, low, \
+high, scenarios}; skill is null if it is defined on no scenario, cvar10 if there are too few rollouts. Each comparison: {task, \
+part, policy, scenarios, score, success, skill, improvement}, the last four in the same format: mean differences from the \
+policy against, and the probability that an episode scores higher.
 
 Examples:
   sparring eval --policy heuristic

@@ -26,8 +26,8 @@ impl ChangedPhysics {
     /// Describes the change and its effect on the comparison.
     pub(super) fn note(&self) -> String {
         format!(
-            "Flown under other physics than the suite's ({}): floors and references were worked out anew; of its {} \
-             contested scenarios {} are contested so, too. These numbers do not compare with those of the suite.",
+            "Evaluated with other physics than the suite's ({}), with recomputed floors and references. Of the suite's {} \
+             contested scenarios, {} remain contested. These numbers are not comparable with those of the suite.",
             options::describe(&self.options),
             self.contested,
             self.still_contested
@@ -76,7 +76,7 @@ pub(super) fn change_physics(
 fn rebuild_entry(entry: &SuiteEntry, recipe: &Arc<Recipe>) -> anyhow::Result<SuiteEntry> {
     let scenario = Scenario::new(Arc::clone(recipe), entry.scenario.seed());
     let admission = admit(&scenario);
-    let context = || format!("scenario {} cannot be flown under these options", entry.scenario.id());
+    let context = || format!("scenario {} cannot run with these options", entry.scenario.id());
     admission.fair.with_context(context)?;
     let mut bracket = admission.bracket.with_context(context)?;
     bracket.reference_plan = ActionLog::new(bracket.reference_plan.dim(), bracket.reference_plan.precision());

@@ -1,12 +1,12 @@
 //! Draws the shares of successes of an evaluation with their intervals, one panel per task.
 
+use api_types::{Estimate, EvaluationEstimates, SuiteSection};
+use orchestrator::evaluation::EvaluationReport;
+use orchestrator::evaluation::report::ALL_LABEL;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::plot::{DrawResult, SvgArea};
-use orchestrator::evaluation::EvaluationReport;
-use orchestrator::evaluation::bootstrap::Estimate;
-use orchestrator::evaluation::report::{ALL_LABEL, ReportRow};
 
 /// Width of a panel in pixels.
 const PANEL_WIDTH: u32 = 300;
@@ -22,8 +22,8 @@ const FOOT: u32 = 40;
 const INK: RGBColor = RGBColor(60, 60, 60);
 const PALE: RGBColor = RGBColor(225, 225, 225);
 /// Parts of a suite with their colours: contested scenarios, then those drawn without selection.
-const PARTS: [(&str, RGBColor); 2] =
-    [("contested", RGBColor(214, 39, 40)), ("as_they_come", RGBColor(31, 119, 180))];
+const PARTS: [(SuiteSection, RGBColor); 2] =
+    [(SuiteSection::Contested, RGBColor(214, 39, 40)), (SuiteSection::AsTheyCome, RGBColor(31, 119, 180))];
 
 /// Draws an SVG document with one panel per task and one row per policy. Each row shows the share of successes with its
 /// interval, on contested scenarios and on those drawn without selection.
@@ -64,7 +64,8 @@ pub(super) fn draw(report: &EvaluationReport) -> Result<String, String> {
             }
         }
         for (task, area) in tasks.iter().zip(parts.split_evenly((high as usize, wide as usize))) {
-            let rows: Vec<&ReportRow> = report.rows.iter().filter(|row| row.task == *task).collect();
+            let rows: Vec<&EvaluationEstimates> =
+                report.rows.iter().filter(|row| row.task == *task).collect();
             draw_task(task, &rows, &policies, &area).map_err(message)?;
         }
         root.present().map_err(message)?;
@@ -79,13 +80,14 @@ fn legend(area: &SvgArea<'_>, report: &EvaluationReport) -> DrawResult {
     let mut x = 24 + 7 * i32::try_from(words.chars().count()).unwrap_or(0);
     for (part, color) in PARTS {
         area.draw(&Circle::new((x, 13), 4, color.filled()))?;
-        area.draw(&Text::new(part.replace('_', " "), (x + 10, 13), style()))?;
-        x += 40 + 7 * i32::try_from(part.len()).unwrap_or(0);
+        let label = part.as_str().replace('_', " ");
+        area.draw(&Text::new(label.clone(), (x + 10, 13), style()))?;
+        x += 40 + 7 * i32::try_from(label.len()).unwrap_or(0);
     }
     Ok(())
 }
 
-fn draw_task(task: &str, rows: &[&ReportRow], policies: &[&str], area: &SvgArea<'_>) -> DrawResult {
+fn draw_task(task: &str, rows: &[&EvaluationEstimates], policies: &[&str], area: &SvgArea<'_>) -> DrawResult {
     let count = policies.len().max(1) as f64;
     let mut chart = ChartBuilder::on(area)
         .margin_right(10)

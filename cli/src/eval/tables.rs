@@ -1,9 +1,10 @@
 //! Formats an evaluation report as text tables.
 
-use crate::output;
+use api_types::{ComparisonEstimates, Estimate, EvaluationEstimates, SuiteSection};
 use orchestrator::evaluation::EvaluationReport;
-use orchestrator::evaluation::bootstrap::Estimate;
-use orchestrator::evaluation::report::{ALL_LABEL, ComparisonRow, ReportRow};
+use orchestrator::evaluation::report::ALL_LABEL;
+
+use crate::output;
 
 /// Formats one table per task, then the comparisons. If all tasks belong to one world, a joint table comes first.
 pub(super) fn tables(report: &EvaluationReport) -> String {
@@ -55,12 +56,12 @@ fn wrapping() -> textwrap::Options<'static> {
 }
 
 /// Returns the label of a part for its first row, and an empty string for the others.
-fn part_label(at: usize, scenarios: usize, part: &str) -> String {
-    if at == 0 { format!("{scenarios} {}", part.replace('_', " ")) } else { String::new() }
+fn part_label(at: usize, scenarios: usize, part: SuiteSection) -> String {
+    if at == 0 { format!("{scenarios} {}", part.as_str().replace('_', " ")) } else { String::new() }
 }
 
-fn part_cells(rows: &[ReportRow]) -> Vec<[String; 8]> {
-    let cells = |(at, row): (usize, &ReportRow)| {
+fn part_cells(rows: &[EvaluationEstimates]) -> Vec<[String; 8]> {
+    let cells = |(at, row): (usize, &EvaluationEstimates)| {
         [
             part_label(at, row.scenarios, row.part),
             row.policy.clone(),
@@ -75,8 +76,8 @@ fn part_cells(rows: &[ReportRow]) -> Vec<[String; 8]> {
     rows.iter().enumerate().map(cells).collect()
 }
 
-fn comparison_cells(rows: &[ComparisonRow]) -> Vec<[String; 6]> {
-    let cells = |(at, row): (usize, &ComparisonRow)| {
+fn comparison_cells(rows: &[ComparisonEstimates]) -> Vec<[String; 6]> {
+    let cells = |(at, row): (usize, &ComparisonEstimates)| {
         let of = &row.comparison;
         [
             part_label(at, row.scenarios, row.part),

@@ -41,11 +41,11 @@ pub(super) enum EpisodeFault {
     Session(#[from] SessionError),
     #[error(transparent)]
     Policy(#[from] PolicyFault),
-    #[error("the environment flies no {wanted}: after {MAX_RESETS} resets its goals were {goals}")]
+    #[error("the environment does not offer {wanted}: in {MAX_RESETS} resets its goals were {goals}")]
     OtherTask { wanted: String, goals: String },
     #[error("the episode has not ended after {steps} steps")]
     Endless { steps: u32 },
-    #[error("it was told to stop")]
+    #[error("it was stopped")]
     Stopped,
     #[error(transparent)]
     Transcript(#[from] anyhow::Error),
@@ -74,7 +74,7 @@ pub(super) async fn run_episode(
     writer: &mut TranscriptWriter<'_>,
     stop: &mut watch::Receiver<bool>,
 ) -> EpisodeResult {
-    let mut flown = EpisodeResult::default();
+    let mut result = EpisodeResult::default();
     let begun = tokio::select! {
         begun = begin(job) => begun,
         () = stopped(stop) => Err(EpisodeFault::Stopped),
@@ -82,33 +82,33 @@ pub(super) async fn run_episode(
     let ended = match begun {
         Ok((mut session, seen)) => {
             let ended = tokio::select! {
-                ended = roll_out_steps(job, &mut session, seen, &mut policy, writer, &mut flown) => ended,
+                ended = roll_out_steps(job, &mut session, seen, &mut policy, writer, &mut result) => ended,
                 () = stopped(stop) => Err(EpisodeFault::Stopped),
             };
             session.close().await;
             ended
         }
         Err(fault) => {
-            flown.fault = Some(fault);
-            return flown;
+            result.fault = Some(fault);
+            return result;
         }
     };
     let range = job.task.spec.score_range();
-    flown.score = flown.rewards.iter().sum::<f64>().clamp(range.min, range.max);
-    flown.fault = ended.err();
-    let words = flown.fault.as_ref().map(ToString::to_string);
-    let told = writer.push(&TranscriptRecord::End {
+    result.score = result.rewards.iter().sum::<f64>().clamp(range.min, range.max);
+    result.fault = ended.err();
+    let words = result.fault.as_ref().map(ToString::to_string);
+    let written = writer.push(&TranscriptRecord::End {
         episode: job.number,
-        success: flown.fault.is_none() && flown.score >= SUCCESS_SCORE,
-        steps: flown.rewards.len(),
-        score: flown.score,
-        rewards: &flown.rewards,
+        success: result.fault.is_none() && result.score >= SUCCESS_SCORE,
+        steps: result.rewards.len(),
+        score: result.score,
+        rewards: &result.rewards,
         fault: words.as_deref(),
     });
-    if let Err(error) = told.and_then(|()| writer.flush()) {
-        flown.fault.get_or_insert(EpisodeFault::Transcript(error));
+    if let Err(error) = written.and_then(|()| writer.flush()) {
+        result.fault.get_or_insert(EpisodeFault::Transcript(error));
     }
-    flown
+    result
 }
 
 /// Waits for the stop signal.
@@ -154,7 +154,7 @@ async fn roll_out_steps(
     mut seen: TimeStep,
     policy: &mut EpisodePolicy,
     writer: &mut TranscriptWriter<'_>,
-    flown: &mut EpisodeResult,
+    result: &mut EpisodeResult,
 ) -> Result<(), EpisodeFault> {
     writer.push(&TranscriptRecord::Start {
         episode: job.number,
@@ -175,11 +175,11 @@ async fn roll_out_steps(
             return Err(EpisodeFault::Endless { steps: most });
         }
         let decision = policy.decide(&seen).await?;
-        add_usage(&decision, flown);
+        add_usage(&decision, result);
         let StepDecision { action, error, turn } = decision;
         let (next, action, error) = step_or_hold(session, action, error, policy).await?;
-        flown.rewards.push(next.reward);
-        flown.held += u64::from(error.is_some());
+        result.rewards.push(next.reward);
+        result.held += u64::from(error.is_some());
         seen = next;
         writer.push(&TranscriptRecord::Step {
             episode: job.number,
@@ -196,14 +196,14 @@ async fn roll_out_steps(
     Ok(())
 }
 
-fn add_usage(decision: &StepDecision, flown: &mut EpisodeResult) {
+fn add_usage(decision: &StepDecision, result: &mut EpisodeResult) {
     let Some(turn) = &decision.turn else { return };
     let usage = turn.usage();
-    flown.invalid += u64::from(turn.invalid);
-    flown.calls += turn.completions.len() as u64;
-    flown.tokens_in = flown.tokens_in.saturating_add(usage.tokens_in);
-    flown.tokens_out = flown.tokens_out.saturating_add(usage.tokens_out);
-    flown.waited = flown.waited.saturating_add(usage.latency);
+    result.invalid += u64::from(turn.invalid);
+    result.calls += turn.completions.len() as u64;
+    result.tokens_in = result.tokens_in.saturating_add(usage.tokens_in);
+    result.tokens_out = result.tokens_out.saturating_add(usage.tokens_out);
+    result.waited = result.waited.saturating_add(usage.latency);
 }
 
 /// Steps the environment. If it refuses the action, steps it again with the hold action, so that the episode continues.

@@ -76,7 +76,7 @@ impl PolicySource {
         let Self::BuiltIn { name, .. } = self else { return Ok(()) };
         if name == HINDSIGHT_POLICY {
             bail!(
-                "--policy {name}: it plans on the scenario itself, which a server does not tell; it flies in `sparring eval`"
+                "--policy {name}: it needs the scenario itself, which a server does not send; use it in `sparring eval`"
             );
         }
         built_in(name, task, 0).map(|_| ())
@@ -155,7 +155,7 @@ impl EpisodePolicy {
             }
             Self::BuiltIn { policy, task, actions } => {
                 let observed = task.spec.read_observation(&seen.with_reward_and_done()).map_err(|error| {
-                    PolicyFault::World(format!("the observation is none of {}: {error}", task.spec.id()))
+                    PolicyFault::World(format!("the observation is not one of {}: {error}", task.spec.id()))
                 })?;
                 let dim = task.spec.action_space().columns.len();
                 let mut log = ActionLog::new(dim, Precision::F64);

@@ -34,18 +34,18 @@ use self::transcript::{Transcript, TranscriptFormat};
 use super::{llm_args, worlds};
 use orchestrator::policy::{ActionCodec, ChatSettings, ObservationFormat};
 
-/// Let a language model fly episodes on an OpenEnv server, this project's or the public kessler-env.
+/// Run a language model as the policy on an OpenEnv server: this project's or the public kessler-env.
 ///
-/// The model is behind any OpenAI-compatible API, held to the action's JSON schema where that can be done. In every step it is
-/// told what is seen and answers with an action; an answer that is none is repaired once, then nothing is done in that step.
-/// With --policy a built-in policy flies the same way, and no model is asked.
+/// The model is reached over any OpenAI-compatible API, and is held to the JSON schema of the action where the API supports it.
+/// In every step the model receives the observation and answers with an action. An invalid answer gets one repair attempt;
+/// if that fails too, the agent does nothing in that step. With --policy a built-in policy runs instead of a model.
 ///
-/// A server that can be asked for a task flies it; on the public kessler-env, which flies its three in turn, the task is reset
-/// until it is the one. Stdout has that project's lines, stderr everything else.
+/// The task is requested from the server where it supports that. The public kessler-env cycles through its three tasks, so the
+/// command resets it until the wanted task comes up. The lines on stdout are those of that project; all else goes to stderr.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// The OpenEnv server
+    /// Base URL of the OpenEnv server
     #[arg(
         long,
         value_name = "URL",
@@ -54,32 +54,32 @@ pub struct Args {
         default_value = "http://127.0.0.1:8700"
     )]
     env_url: String,
-    /// A task: survival, eco_station, rendezvous, or any by its id, as docking/single; repeat it for more. Those three
-    /// unless told
+    /// Task to run: survival, eco_station, rendezvous, or an id such as docking/single; repeat the flag for several
+    /// [default: those three]
     #[arg(long = "task", value_name = "TASK", value_parser = OpenEnvTask::parse)]
     tasks: Vec<OpenEnvTask>,
-    /// Episodes of each task
+    /// Number of episodes of each task
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     episodes: u64,
-    /// Episodes at once, at most; the lines of one stay together
+    /// Largest number of concurrent episodes; the lines of one episode stay together
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     concurrency: u16,
-    /// The first episode of each task has this seed, the next one more, and so on; without it the server draws
+    /// Seed of the first episode of each task; each further episode adds 1 [default: the server draws the seeds]
     #[arg(long, value_name = "SEED", value_parser = clap::value_parser!(u64).range(..1 << 51))]
     seed: Option<u64>,
-    /// Fly this built-in policy instead of asking a model
+    /// Run this built-in policy instead of a model
     #[arg(long, value_name = "POLICY", value_parser = PossibleValuesParser::new(worlds::policy_names()))]
     policy: Option<String>,
-    /// Longest time that one answer may take, of the model or the server, seconds
+    /// Timeout of one response of the model or the server in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=3600))]
     timeout: u64,
-    /// What stands on stdout
+    /// Set the format of stdout
     #[arg(long, value_enum, default_value = "lines")]
     format: TranscriptFormat,
-    /// Write the transcript to this file: one JSON object a line, with all that was said
+    /// Write the complete transcript to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// The base of the model's API, as http://127.0.0.1:8080/v1
+    /// Base URL of the model's API, such as http://127.0.0.1:8080/v1
     #[arg(
         long,
         value_name = "URL",
@@ -88,7 +88,7 @@ pub struct Args {
         help_heading = "Language model"
     )]
     api_base_url: Option<String>,
-    /// The model's name there
+    /// Name of the model at that API
     #[arg(
         long,
         value_name = "NAME",
@@ -97,25 +97,25 @@ pub struct Args {
         help_heading = "Language model"
     )]
     model: Option<String>,
-    /// The environment variable that holds the key: HF_TOKEN or else API_KEY unless told. A key itself is never an argument
+    /// Environment variable with the API key; a key itself is never an argument [default: HF_TOKEN, or else API_KEY]
     #[arg(long, value_name = "VARIABLE", help_heading = "Language model")]
     key_env: Option<String>,
-    /// How freely the model chooses its words; the API decides unless told
+    /// Sampling temperature, from 0 to 5 [default: that of the API]
     #[arg(long, value_name = "T", value_parser = llm_args::parse_temperature, help_heading = "Language model")]
     temperature: Option<f64>,
-    /// Tokens of one answer, at most
+    /// Largest number of tokens of one response
     #[arg(long, value_name = "N", default_value_t = 1024, help_heading = "Language model",
           value_parser = clap::value_parser!(u32).range(16..=131_072))]
     max_tokens: u32,
-    /// Further tries of a call that failed in passing
+    /// Number of retries after a transient failure
     #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Language model",
           value_parser = clap::value_parser!(u32).range(0..=10))]
     retries: u32,
-    /// Exchanges that the model is told again in each step
+    /// Number of earlier steps that each prompt repeats
     #[arg(long, value_name = "N", default_value_t = 2, help_heading = "Language model",
           value_parser = clap::value_parser!(u16).range(0..=1000))]
     history: u16,
-    /// How the model is told what is seen
+    /// Set the format of the observations in the prompt
     #[arg(long, value_enum, default_value = "compact", help_heading = "Language model")]
     telemetry: TelemetryFormat,
 }
@@ -123,38 +123,40 @@ pub struct Args {
 /// Format of the observations in the model's prompt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum TelemetryFormat {
-    /// As tables of what matters: of debris, what comes near each satellite
+    /// Tables of the relevant values: of debris, only the bodies that come near a satellite
     Compact,
-    /// As the JSON that the server says
+    /// JSON as the server returns it
     Raw,
 }
 
 fn after_help() -> String {
     format!(
-        "Policies:\n{}\nreference cannot fly here: it plans on the scenario itself.\n\n{AFTER_HELP}",
+        "Policies:\n{}\nreference is not available here: it needs the scenario itself.\n\n{AFTER_HELP}",
         worlds::describe_policies(&worlds::policy_names())
     )
 }
 
 const AFTER_HELP: &str = "\
-Lines on stdout (--format lines), one [STEP] a step; rewards has all of them, and a success is a score of at least 0.1:
+Lines on stdout (--format lines); rewards lists those of all steps, and success means a score of at least 0.1:
   [START] task=survival env=kessler-env model=name
   [STEP] step=1 action={\"burns\":[]} reward=0.02 done=false error=null
   [END] success=true steps=50 score=0.998 rewards=0.02,0.02,...
 
-error says why nothing was done instead of what the model said, or what the server refused. A model that is too late, or \
-whose answers make no sense, does nothing in those steps. An endpoint that cannot be reached, refuses or limits for longer \
-than it is tried again breaks the episode off: [END] then has what was earned, and success=false.
+error says why the model's answer was replaced by no action, or what the server refused. A model that times out or returns \
+invalid answers takes no action in those steps. If all retries fail because the endpoint is unreachable, refuses requests or \
+limits their rate, the episode is aborted: [END] then has the rewards so far and success=false.
 
 Transcript (--format jsonl, --out FILE): objects with type start {episode, task, env, model, prompt, seed, observation}, \
 step {episode, step, action, reward, done, error, observation, model} and end {episode, success, steps, score, rewards, \
-fault}. model is {step, action, error, invalid, completions}, null for a built-in policy; each of completions: {messages, text, cut, \
-error, tokens_in, tokens_out, latency_ms}, to the letter what the model was told and said. prompt is the version of the words.
+fault}. model is {step, action, error, invalid, completions}, null for a built-in policy; each of completions is {messages, text, \
+cut, error, tokens_in, tokens_out, latency_ms}, with the exact text of the prompt and the response. prompt is the version of \
+the prompt.
 
-Ctrl-C (or SIGTERM) breaks off what flies: [END] and the summary are told all the same. Where nobody reads stdout any more \
-nothing more is flown, unless there is --out. On a server that judges, rewards and score are the judge's.
+Ctrl-C (or SIGTERM) aborts the running episodes; [END] and the summary are still printed. If stdout is closed, no further \
+episode starts, unless --out is given. On a server with a judge, rewards and score are the judge's.
 
-Exit codes: 0 all episodes were flown to their end; 1 some were not; 2 bad input, or nobody there, in one sentence on stderr.
+Exit codes: 0 all episodes were run to their end; 1 some were not; 2 bad input or an unreachable server, with one sentence on \
+stderr.
 
 Examples:
   sparring play --policy heuristic
@@ -187,7 +189,7 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
         && Seed::user(last).is_err()
     {
         bail!(
-            "--seed: the last of {} episodes would have the seed {last}; {SEED_REQUIREMENT} is wanted",
+            "--seed: the last of {} episodes would have the seed {last}; it must be {SEED_REQUIREMENT}",
             args.episodes
         );
     }

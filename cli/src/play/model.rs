@@ -27,7 +27,7 @@ fn config(args: &Args, read: impl Fn(&str) -> Result<String, VarError>) -> anyho
     config.key =
         llm_args::read_key(named.as_ref().map_or(&llm_args::UPSTREAM_KEYS[..], std::slice::from_ref), read)?;
     if let (Some(name), None) = (named, &config.key) {
-        bail!("--key-env {name}: the variable holds nothing");
+        bail!("--key-env {name}: the variable is not set or is empty");
     }
     llm_args::set_pace(&mut config, args.timeout, args.concurrency);
     config.retries = args.retries;
@@ -69,7 +69,7 @@ mod tests {
         assert_eq!(key("--key-env MINE", &both).unwrap().as_deref(), Some("me"));
         assert_eq!(
             key("--key-env YOURS", &both).unwrap_err().to_string(),
-            "--key-env YOURS: the variable holds nothing"
+            "--key-env YOURS: the variable is not set or is empty"
         );
         let config = of("--retries 1 --timeout 7 --concurrency 3 --max-tokens 99", &both).unwrap();
         assert_eq!((config.retries, config.timeout.as_secs(), config.concurrency), (1, 7, 3));

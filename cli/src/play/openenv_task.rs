@@ -40,7 +40,7 @@ impl OpenEnvTask {
             (Some(spec), None) => Ok(Self { name: name.to_owned(), spec }),
             _ => {
                 let known: Vec<&str> = env_core::tasks().map(TaskSpec::id).collect();
-                Err(format!("no task is called so; there are {}", known.join(", ")))
+                Err(format!("there is no such task; the tasks are {}", known.join(", ")))
             }
         }
     }

@@ -48,18 +48,18 @@ pub(super) async fn run_episodes(
             let policy =
                 policy_source.episode_policy(planned.job.task, planned.actions, planned.job.number)?;
             let mut writer = output.writer();
-            let flown = episode::run_episode(&planned.job, policy, &mut writer, &mut stop).await;
-            if monitor.observe(&flown) {
-                log_result(&planned.job, &flown);
+            let result = episode::run_episode(&planned.job, policy, &mut writer, &mut stop).await;
+            if monitor.observe(&result) {
+                log_result(&planned.job, &result);
             }
-            Ok((place, Some(flown)))
+            Ok((place, Some(result)))
         }
     });
     let mut all: Vec<Option<EpisodeResult>> = planned.iter().map(|_| None).collect();
     let mut running = futures_util::stream::iter(episodes).buffer_unordered(concurrency);
-    while let Some(flown) = running.next().await {
-        let (place, flown) = flown?;
-        all[place] = flown;
+    while let Some(result) = running.next().await {
+        let (place, result) = result?;
+        all[place] = result;
     }
     Ok(all)
 }
@@ -79,22 +79,22 @@ struct FailureMonitor {
 impl FailureMonitor {
     /// Records an episode. Returns true if any episode has taken a step so far; until then the command reports nothing but
     /// the first fault.
-    fn observe(&self, flown: &EpisodeResult) -> bool {
-        let steps = flown.rewards.len() as u64;
+    fn observe(&self, result: &EpisodeResult) -> bool {
+        let steps = result.rewards.len() as u64;
         let before = self.steps.fetch_add(steps, Ordering::Relaxed);
         let closed = matches!(
-            &flown.fault,
+            &result.fault,
             Some(EpisodeFault::Policy(PolicyFault::Model(LlmError::CircuitOpen { .. })))
         );
-        let output = matches!(&flown.fault, Some(EpisodeFault::Transcript(_)));
-        let failed_starts = if steps == 0 && flown.fault.is_some() {
+        let output = matches!(&result.fault, Some(EpisodeFault::Transcript(_)));
+        let failed_starts = if steps == 0 && result.fault.is_some() {
             self.failed_starts.fetch_add(1, Ordering::Relaxed) + 1
         } else {
             self.failed_starts.store(0, Ordering::Relaxed);
             0
         };
         // The server is unreachable, or the circuit breaker is open: further episodes would fail in the same way.
-        if flown.fault.is_some()
+        if result.fault.is_some()
             && (before + steps == 0 || failed_starts >= self.max_failed_starts || closed || output)
         {
             self.has_given_up.store(true, Ordering::Relaxed);
@@ -104,14 +104,14 @@ impl FailureMonitor {
 }
 
 /// Prints the result of an episode as one line on stderr.
-fn log_result(job: &EpisodeJob<'_>, flown: &EpisodeResult) {
+fn log_result(job: &EpisodeJob<'_>, result: &EpisodeResult) {
     let EpisodeJob { number, task, .. } = job;
-    let steps = flown.rewards.len();
+    let steps = result.rewards.len();
     let held =
-        if flown.held > 0 { format!(", {} of them without an action", flown.held) } else { String::new() };
-    let how = match &flown.fault {
-        None => format!("score {:.3} after {steps} steps{held}", flown.score),
-        Some(fault) => format!("not flown to its end ({steps} steps{held}): {fault}"),
+        if result.held > 0 { format!(", {} of them without an action", result.held) } else { String::new() };
+    let how = match &result.fault {
+        None => format!("score {:.3} after {steps} steps{held}", result.score),
+        Some(fault) => format!("aborted ({steps} steps{held}): {fault}"),
     };
     // A closed stderr is no failure.
     let _ = writeln!(std::io::stderr().lock(), "Episode {number}, {}: {how}", task.name);
@@ -130,8 +130,8 @@ mod tests {
             fault: Some(SessionError::Late { after_s: 1 }.into()),
             ..EpisodeResult::default()
         };
-        let flown = || EpisodeResult { rewards: vec![0.0], ..EpisodeResult::default() };
-        for episode in [flown(), late(), late(), flown(), late(), late()] {
+        let result = || EpisodeResult { rewards: vec![0.0], ..EpisodeResult::default() };
+        for episode in [result(), late(), late(), result(), late(), late()] {
             monitor.observe(&episode);
             assert!(!monitor.has_given_up.load(Ordering::Relaxed));
         }

@@ -43,16 +43,16 @@ pub(super) enum SessionError {
     #[error("the environment at {at} cannot be reached: {reason}")]
     Unreachable { at: String, reason: String },
     /// The connection was closed.
-    #[error("the environment broke the connection off: {reason}")]
+    #[error("the environment closed the connection: {reason}")]
     Broken { reason: String },
     /// The response did not arrive in time.
     #[error("the environment did not answer within {after_s} s")]
     Late { after_s: u64 },
     /// The server returned an error; the session continues.
-    #[error("the environment refused: {message} ({code})")]
+    #[error("the environment rejected the request: {message} ({code})")]
     Refused { code: String, message: String },
     /// The response is no observation.
-    #[error("the environment's answer makes no sense: {reason}")]
+    #[error("the environment's response is invalid: {reason}")]
     Nonsense { reason: String },
 }
 
@@ -63,15 +63,15 @@ impl ServerAddress {
     /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment.
     pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
         let base =
-            Url::parse(text).with_context(|| "an address as http://127.0.0.1:8700 is wanted".to_owned())?;
+            Url::parse(text).with_context(|| "it must be an address such as http://127.0.0.1:8700".to_owned())?;
         let secure = match base.scheme() {
             "http" | "ws" => false,
             "https" | "wss" => true,
-            other => bail!("http, https, ws or wss is wanted, not {other}"),
+            other => bail!("the scheme must be http, https, ws or wss, not {other}"),
         };
         let plain = base.username().is_empty() && base.password().is_none();
         if !plain || base.query().is_some() || base.fragment().is_some() || base.host_str().is_none() {
-            bail!("a host, a port and a path are wanted: no user, password, query or fragment");
+            bail!("it must be only a host, a port and a path: no user, password, query or fragment");
         }
         let with = |secure: &str, plain: &str, base: &Url| {
             let scheme = if matches!(base.scheme(), "https" | "wss") { secure } else { plain };
@@ -225,8 +225,8 @@ fn parse_response(text: &str) -> Result<TimeStep, SessionError> {
             let message = format!("{}{}", word("message"), first.unwrap_or_default());
             Err(SessionError::Refused { code: word("code"), message: sanitize_line(&message) })
         }
-        Some(other) => Err(nonsense(&format!("an observation is wanted, not {other}"))),
-        None => Err(nonsense("it says no type")),
+        Some(other) => Err(nonsense(&format!("its type is {other}, not observation"))),
+        None => Err(nonsense("it has no type")),
     }
 }
 
@@ -245,7 +245,7 @@ mod tests {
         assert_eq!(of("ws://http/x").unwrap(), pair("http://http/x", "ws://http/x/ws"));
         for bad in ["localhost:8000", "ftp://h", "http://me:key@h", "http://h?token=key", "h", "http://"] {
             let said = format!("{:#}", of(bad).unwrap_err());
-            assert!(said.contains("wanted") && !said.contains("key"), "{said}");
+            assert!(said.contains("must be") && !said.contains("key"), "{said}");
         }
     }
 

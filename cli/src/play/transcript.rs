@@ -17,9 +17,9 @@ use orchestrator::policy::ChatTurn;
 /// Format of the records on stdout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum TranscriptFormat {
-    /// The public kessler-env's lines
+    /// Lines in the format of the public kessler-env
     Lines,
-    /// The transcript: one JSON object a line
+    /// Transcript with one JSON object per line
     Jsonl,
 }
 
@@ -144,7 +144,7 @@ impl TranscriptWriter<'_> {
             let is_open = output::print_unless_closed(&std::mem::take(&mut self.printed))?;
             // Model calls cost money, so episodes without any reader end here.
             if !is_open && self.output.file.is_none() {
-                bail!("nobody reads stdout any more, and there is no --out");
+                bail!("stdout is closed, and there is no --out");
             }
         }
         if let Some(file) = &self.output.file {

@@ -2,17 +2,17 @@
 
 use std::ops::Range;
 
+use api_types::EvaluationEstimates;
 use anyhow::{Context, bail};
 use env_core::TaskSpec;
 use sqlx::{Acquire, SqliteConnection};
 
 use ::curriculum::{Explanation, Mastery, TaskStatus};
 use orchestrator::clock::Millis;
-use orchestrator::engine::task_history::standings;
+use orchestrator::engine::task_history::mastery_samples;
 use orchestrator::evaluation::read;
-use orchestrator::evaluation::report::ReportRow;
 use orchestrator::queries::run_progress::RunProgress;
-use orchestrator::queries::standing::update_last_points;
+use orchestrator::queries::current_mastery::update_last_points;
 use orchestrator::store::curriculum::{self, LevelMoveRow};
 use orchestrator::store::evaluations::{self, EvaluationRow, EvaluationState};
 use orchestrator::store::failures::{self, FailureCell};
@@ -56,7 +56,7 @@ pub(super) struct EvaluationResult {
     /// Row of the evaluation.
     pub(super) evaluation: EvaluationRow,
     /// Results by task, part and policy.
-    pub(super) rows: Vec<ReportRow>,
+    pub(super) rows: Vec<EvaluationEstimates>,
 }
 
 /// Contents of the report for one task.
@@ -84,11 +84,11 @@ pub(super) struct TaskReport {
 pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) -> anyhow::Result<RunReport> {
     let mut conn = conn.begin().await?;
     let Some(row) = runs::get(&mut conn, run).await? else { bail!("there is no run {run}") };
-    let standing = RunProgress::stored(&mut conn, run).await.context("the run's curriculum")?;
-    let RunProgress { status, mastery, explanation, sums: plain, .. } = standing;
+    let progress = RunProgress::stored(&mut conn, run).await.context("the run's curriculum")?;
+    let RunProgress { status, mastery, explanation, sums: plain, .. } = progress;
     let window = HistoryWindow::new(row.created_at, now, CURVE_POINTS, now);
     let mut points = history::curve(&mut conn, run, window).await?;
-    update_last_points(&mut points, &standings(&status, &mastery));
+    update_last_points(&mut points, &mastery_samples(&status, &mastery));
     let moves = all_moves(&mut conn, run).await?;
     let mut tasks = Vec::new();
     for status in status {
@@ -135,12 +135,12 @@ async fn all_moves(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec
 
 /// Returns the newest layouts with episodes, sorted by the agent's share of successes.
 async fn hardest_layouts(conn: &mut SqliteConnection, run: &str) -> anyhow::Result<Vec<LayoutRow>> {
-    let mut flown = layouts::of_run(conn, run, &LayoutFilter::default(), i64::MAX, PAGE_SIZE).await?;
-    flown.retain(|row| row.episodes > 0);
+    let mut hardest = layouts::of_run(conn, run, &LayoutFilter::default(), i64::MAX, PAGE_SIZE).await?;
+    hardest.retain(|row| row.episodes > 0);
     let share = |row: &LayoutRow| row.successes as f64 / row.episodes as f64;
-    flown.sort_by(|a, b| share(a).total_cmp(&share(b)).then(b.episodes.cmp(&a.episodes)));
-    flown.truncate(MAX_LAYOUTS);
-    Ok(flown)
+    hardest.sort_by(|a, b| share(a).total_cmp(&share(b)).then(b.episodes.cmp(&a.episodes)));
+    hardest.truncate(MAX_LAYOUTS);
+    Ok(hardest)
 }
 
 async fn complete_evaluations(
@@ -150,8 +150,8 @@ async fn complete_evaluations(
     let mut found = Vec::new();
     for row in evaluations::page(conn, i64::MAX, PAGE_SIZE).await? {
         if row.run.as_deref() == Some(run) && row.state == EvaluationState::Complete {
-            let flown = read::load_evaluation(conn, row.id).await?;
-            let rows = read::report_evaluation(&flown)?.rows;
+            let evaluation = read::load_evaluation(conn, row.id).await?;
+            let rows = read::report_evaluation(&evaluation)?.rows;
             found.push(EvaluationResult { evaluation: row, rows });
         }
     }

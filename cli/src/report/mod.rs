@@ -17,21 +17,21 @@ use super::output;
 use orchestrator::clock::Clock;
 use orchestrator::ids::RunId;
 
-/// Write a run's report: one HTML file with its pictures in it, that needs nothing else.
+/// Write the report of a run as one self-contained HTML file.
 ///
-/// It tells what the agent mastered and on what evidence, what defeats it and from where, what was designed against it, how it fared in
-/// evaluations, and by which rules all this was decided. The database may be in use by a server meanwhile.
+/// The report shows which levels the agent mastered and on which evidence, its failures and their bearings, the layouts that
+/// were designed for it, its evaluations, and the rules behind all decisions. A server may use the database at the same time.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   sparring report run-1a2b3c4d --out report.html
   sparring report mine --db /var/lib/sparring/sparring.sqlite3 --out /srv/www/mine.html")]
 pub struct Args {
-    /// The run's id, as `sparring db info` lists them
+    /// Id of the run; `sparring db info` lists them
     run: RunId,
     #[command(flatten)]
     database: DatabaseArgs,
-    /// The file that is written; what was there before is replaced
+    /// Path of the report; an existing file is overwritten
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
 }

@@ -1,18 +1,18 @@
 //! HTML page of a report. The template escapes all text that users and models wrote.
 
-use orchestrator::store::curriculum::LevelMoveKind;
 use std::collections::BTreeMap;
 
+use api_types::Estimate;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use orchestrator::clock::{Millis, rfc3339};
+use orchestrator::store::curriculum::LevelMoveKind;
+use orchestrator::store::from_json;
+use orchestrator::store::history::{HistoryBucket, HistoryPoint};
 use serde_json::Value;
 
 use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
 use super::gather::{EvaluationResult, RunReport, TaskReport};
 use super::rose::rose;
-use orchestrator::clock::{Millis, rfc3339};
-use orchestrator::evaluation::bootstrap::Estimate;
-use orchestrator::store::from_json;
-use orchestrator::store::history::{HistoryBucket, HistoryPoint};
 
 const STYLE: &str = "\
 :root{color-scheme:light;font:15px/1.45 system-ui,'Segoe UI',Roboto,sans-serif;color:#1b2430}\
@@ -21,16 +21,17 @@ table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.5rem 0}
 border-bottom:1px solid #d9dee6;vertical-align:top}th{color:#566273;font-size:.85rem}.n{text-align:right}.soft{color:#566273}\
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(32rem,100%),1fr));gap:1rem}figure{margin:0}\
 figcaption{font-size:.9rem;color:#566273}.say{min-width:14rem}svg{max-width:100%;height:auto}svg text{font-size:12px;fill:#566273}\
-.told{unicode-bidi:isolate;overflow-wrap:anywhere}pre{overflow-x:auto;background:#eef1f5;padding:.6rem}\
+.foreign{unicode-bidi:isolate;overflow-wrap:anywhere}pre{overflow-x:auto;background:#eef1f5;padding:.6rem}\
 .wide{overflow-x:auto}b.key{display:inline-block;width:.8em;height:.8em;margin:0 .3em 0 .8em}@media print{h2{break-after:avoid}figure{break-inside:avoid}}";
 
 /// Renders the whole page.
 ///
 /// # Errors
 /// Returns an error if the run's settings are no JSON or a chart cannot be drawn.
-pub(super) fn render(told: &RunReport) -> anyhow::Result<String> {
-    let settings: Value = from_json("a run's settings", &told.row.settings)?;
-    let tasks = told.tasks.iter().map(|task| task_section(told, task)).collect::<anyhow::Result<Vec<_>>>()?;
+pub(super) fn render(report: &RunReport) -> anyhow::Result<String> {
+    let settings: Value = from_json("a run's settings", &report.row.settings)?;
+    let tasks =
+        report.tasks.iter().map(|task| task_section(report, task)).collect::<anyhow::Result<Vec<_>>>()?;
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -38,17 +39,17 @@ pub(super) fn render(told: &RunReport) -> anyhow::Result<String> {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
-                title { (told.row.name) " · Sparring" }
+                title { (report.row.name) " · Sparring" }
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                (head(told))
+                (head(report))
                 @for task in tasks { (task) }
-                (layouts(told))
-                (evaluations(told))
-                h2 { "By which rules" }
-                p { (told.explanation.summary) }
-                ul { @for rule in &told.explanation.rules { li { (rule) } } }
+                (layouts(report))
+                (evaluations(report))
+                h2 { "Rules of the curriculum" }
+                p { (report.explanation.summary) }
+                ul { @for rule in &report.explanation.rules { li { (rule) } } }
                 details { summary { "All settings" } pre { (serde_json::to_string_pretty(&settings)?) } }
             }
         }
@@ -56,28 +57,28 @@ pub(super) fn render(told: &RunReport) -> anyhow::Result<String> {
     Ok(page.into_string())
 }
 
-fn head(told: &RunReport) -> Markup {
-    let standing = if told.row.archived_at.is_some() { "archived" } else { told.row.status.as_str() };
+fn head(report: &RunReport) -> Markup {
+    let status = if report.row.archived_at.is_some() { "archived" } else { report.row.status.as_str() };
     html! {
-        h1 .told { (told.row.name) }
+        h1 .foreign { (report.row.name) }
         p .soft {
-            "Run " (told.row.id) ", " (standing) ", under " (told.explanation.strategy) ", made " (rfc3339(told.row.created_at))
-            ", version " (told.row.policy_version) " of its policy; " (told.episodes) " episodes. As of " (rfc3339(told.now)) "; all times are UTC."
+            "Run " (report.row.id) ", " (status) ", strategy " (report.explanation.strategy) ", created " (rfc3339(report.row.created_at))
+            ", policy version " (report.row.policy_version) "; " (report.episodes) " episodes. As of " (rfc3339(report.now)) "; all times are UTC."
         }
         div .wide { table {
-            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery there, 10 % to 90 %" } th .n { "Episodes drawn" } th .n { "Success" }
-                th .n { "Score" } th .n { "Skill" } th { "Where it stands" } } }
+            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery of the level, 10 % to 90 %" } th .n { "Training episodes" } th .n { "Success" }
+                th .n { "Score" } th .n { "Skill" } th { "Current state" } } }
             tbody {
-                @for task in &told.tasks {
+                @for task in &report.tasks {
                     tr {
                         td { (task.spec.id()) }
                         td .n { @if let Some(level) = task.status.level { (level) } @else { "–" } }
                         td .say { (posterior(task)) }
                         td .n { (task.sums.episodes) }
                         td .n { (percent(ratio(task.sums.successes as f64, task.sums.episodes))) }
-                        td .n { (number(ratio(task.sums.score, task.sums.episodes))) }
-                        td .n { (number(ratio(task.sums.skill, task.sums.skilled))) }
-                        td .say { @for now in told.explanation.tasks.iter().filter(|of| of.task == task.spec.id()) { (now.now) } }
+                        td .n { (number(ratio(task.sums.score_sum, task.sums.episodes))) }
+                        td .n { (number(ratio(task.sums.skill_sum, task.sums.episodes_with_skill))) }
+                        td .say { @for now in report.explanation.tasks.iter().filter(|of| of.task == task.spec.id()) { (now.current_state) } }
                     }
                 }
             }
@@ -94,12 +95,12 @@ fn posterior(task: &TaskReport) -> String {
     }
 }
 
-fn task_section(told: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
-    let times: Vec<Millis> = task.points.iter().map(|point| point.start + told.point_width / 2).collect();
+fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
+    let times: Vec<Millis> = task.points.iter().map(|point| point.start + report.point_width / 2).collect();
     let marks: Vec<LevelMark> = task
         .moves
         .iter()
-        .filter(|row| row.at >= told.range.start)
+        .filter(|row| row.at >= report.range.start)
         .map(|row| LevelMark { at: row.at, is_upward: row.kind != LevelMoveKind::Down })
         .collect();
     let of = |value: &dyn Fn(&HistoryBucket) -> Option<f64>| {
@@ -107,10 +108,10 @@ fn task_section(told: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
     };
     let plain = |name, colour, values| Curve { name, colour, values, intervals: None };
     let draw = |limits, thresholds: &[f64], marks: &[_], curves: &[Curve]| {
-        Chart { times: &times, range: told.range.clone(), limits, thresholds, marks, curves }.draw()
+        Chart { times: &times, range: report.range.clone(), limits, thresholds, marks, curves }.draw()
     };
     // Only the ladder moves by these thresholds.
-    let thresholds: &[f64] = if told.explanation.strategy == "ladder" { &[0.3, 0.7] } else { &[] };
+    let thresholds: &[f64] = if report.explanation.strategy == "ladder" { &[0.3, 0.7] } else { &[] };
     let interval = |point: &HistoryPoint| point.bucket.mastery.map(|s| Interval { low: s.q10, high: s.q90 });
     let intervals = task.points.iter().map(interval).collect();
     let mastery = [
@@ -120,14 +121,14 @@ fn task_section(told: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
             values: of(&|p| p.mastery.map(|s| s.mean)),
             intervals: Some(intervals),
         },
-        plain("contested", GREEN, of(&|p| ratio(p.solved, p.contested))),
+        plain("contested", GREEN, of(&|p| ratio(p.success_rate_sum, p.contested_groups))),
         plain("all episodes", ORANGE, of(&|p| ratio(p.successes as f64, p.episodes))),
-        plain("blind panel", MAUVE, of(&|p| ratio(p.panel, p.panels))),
+        plain("blind panel", MAUVE, of(&|p| ratio(p.panel_success_rate_sum, p.panel_groups))),
     ];
     let level = [plain("level", BLUE, of(&|p| p.mastery.and_then(|s| s.level).map(|level| level as f64)))];
     let skill = [
-        plain("skill", BLUE, of(&|p| ratio(p.skill, p.skilled))),
-        plain("score", ORANGE, of(&|p| ratio(p.score, p.episodes))),
+        plain("skill", BLUE, of(&|p| ratio(p.skill_sum, p.episodes_with_skill))),
+        plain("score", ORANGE, of(&|p| ratio(p.score_sum, p.episodes))),
     ];
     let mut pictures = vec![
         (
@@ -135,7 +136,7 @@ fn task_section(told: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
             legend(&mastery),
             draw(Some(Interval { low: 0.0, high: 1.0 }), thresholds, &marks, &mastery)?,
         ),
-        ("Level, and when it moved", legend(&level), draw(None, &[], &marks, &level)?),
+        ("Level and its moves", legend(&level), draw(None, &[], &marks, &level)?),
         ("Skill and score", legend(&skill), draw(None, &[], &[], &skill)?),
     ];
     let params = param_curves(task);
@@ -144,7 +145,7 @@ fn task_section(told: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
     }
     Ok(html! {
         h2 { (task.spec.id()) }
-        @if task.points.is_empty() { p .soft { "Nothing came back yet." } }
+        @if task.points.is_empty() { p .soft { "No results yet." } }
         @else {
             div .pictures {
                 @for (title, legend, picture) in &pictures {
@@ -180,7 +181,7 @@ fn param_curves(task: &TaskReport) -> Vec<(&str, Curve)> {
 fn level_moves(task: &TaskReport) -> Markup {
     html! {
         @if !task.moves.is_empty() {
-            details { summary { "How its level moved, and on what evidence: " (task.moves.len()) " moves" }
+            details { summary { "Level moves and their evidence (" (task.moves.len()) ")" }
                 ol { @for row in &task.moves { li { (rfc3339(row.at)) ": " (row.kind) " to level " (row.to_level) ". " (evidence_sentence(&row.evidence)) } } }
             }
         }
@@ -212,11 +213,11 @@ fn failure_modes(task: &TaskReport) -> Markup {
     };
     html! {
         @if !modes.is_empty() {
-            h3 { "What defeats it" }
+            h3 { "Failure modes" }
             div .wide { table {
-                thead { tr { th { "Failure" } th .n { "Times" } th .n { "Avoidable" } th { "What it is" } } }
+                thead { tr { th { "Failure" } th .n { "Count" } th .n { "Avoidable" } th { "Description" } } }
                 tbody { @for (mode, n) in &modes {
-                    tr { td { (mode.name.replace('_', " ")) } td .n { (n) } td .n { (percent(avoidable(mode.name))) } td .say { (mode.about) } }
+                    tr { td { (mode.name.replace('_', " ")) } td .n { (n) } td .n { (percent(avoidable(mode.name))) } td .say { (mode.description) } }
                 } }
             } }
             div .pictures { @for (mode, _) in &modes { (rose(mode.name, &task.failures, &task.spec.speed_bands())) } }
@@ -224,16 +225,16 @@ fn failure_modes(task: &TaskReport) -> Markup {
     }
 }
 
-fn layouts(told: &RunReport) -> Markup {
+fn layouts(report: &RunReport) -> Markup {
     html! {
-        @if !told.layouts.is_empty() {
-            h2 { "What was designed against it" }
-            p .soft { "Of the newest layouts that it flew, those that it fails most." }
+        @if !report.layouts.is_empty() {
+            h2 { "Designed layouts" }
+            p .soft { "The layouts with the lowest success rates, of the newest ones with episodes." }
             div .wide { table {
-                thead { tr { th { "Layout" } th { "Task" } th { "Goes for" } th { "Designer" } th { "State" } th .n { "Episodes" } th .n { "Success" } } }
-                tbody { @for row in &told.layouts {
+                thead { tr { th { "Layout" } th { "Task" } th { "Aim" } th { "Designer" } th { "State" } th .n { "Episodes" } th .n { "Success" } } }
+                tbody { @for row in &report.layouts {
                     tr {
-                        td .told { (row.name) } td { (row.task) }
+                        td .foreign { (row.name) } td { (row.task) }
                         td { (row.mode.as_deref().unwrap_or("–").replace('_', " ")) @if let Some(from) = row.bearing_deg { " from " (from) "°" } }
                         td { (row.designer) } td { (row.state) } td .n { (row.episodes) }
                         td .n { (percent(ratio(row.successes as f64, row.episodes))) }
@@ -244,18 +245,18 @@ fn layouts(told: &RunReport) -> Markup {
     }
 }
 
-fn evaluations(told: &RunReport) -> Markup {
+fn evaluations(report: &RunReport) -> Markup {
     html! {
-        @if !told.evaluations.is_empty() {
+        @if !report.evaluations.is_empty() {
             h2 { "Evaluations" }
-            p .soft { "On frozen suites, with 95 % intervals over scenarios. Beside it, plans that look at nothing." }
-            @for EvaluationResult { evaluation, rows } in &told.evaluations {
-                h3 .told { (evaluation.name) }
-                p .soft { (evaluation.suite) @if let Some(version) = evaluation.version { ", version " (version) } ", " (evaluation.rollouts) " episodes of each scenario" }
+            p .soft { "On frozen suites, with 95 % intervals over scenarios, compared with the blind panel." }
+            @for EvaluationResult { evaluation, rows } in &report.evaluations {
+                h3 .foreign { (evaluation.name) }
+                p .soft { (evaluation.suite) @if let Some(version) = evaluation.policy_version { ", version " (version) } ", " (evaluation.rollouts) " episodes of each scenario" }
                 div .wide { table {
                     thead { tr { th { "Task" } th { "Scenarios" } th { "Policy" } th { "Success" } th { "Score" } th { "Skill" } } }
                     tbody { @for of in rows {
-                        tr { td { (of.task) } td { (of.scenarios) " " (of.part.replace('_', " ")) } td .told { @if of.policy == "blind_panel" { "plans that look at nothing" } @else { (of.policy) } }
+                        tr { td { (of.task) } td { (of.scenarios) " " (of.part.as_str().replace('_', " ")) } td .foreign { @if of.policy == "blind_panel" { "blind panel" } @else { (of.policy) } }
                             td { (format_estimate(of.success)) } td { (format_estimate(of.score)) } td { (format_estimate(of.skill)) } }
                     } }
                 } }

@@ -18,7 +18,7 @@ pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Mar
         .filter(|cell| cell.key.mode == mode)
         .filter_map(|cell| Some((cell.key.encounter?, cell.counters.count)))
         .collect();
-    let Some(most) = met.iter().map(|(_, count)| *count).max() else { return html! {} };
+    let Some(highest) = met.iter().map(|(_, count)| *count).max() else { return html! {} };
     let rings = bands.edges.len() + 1;
     let words = format!("{mode}, by bearing and relative speed");
     html! {
@@ -28,7 +28,7 @@ pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Mar
                     @for sector in 0..BEARING_SECTORS {
                         @for band in 0..rings {
                             @let count = count_of(&met, sector, band);
-                            path d=(wedge(sector, band, rings)) fill=(shade(count, most)) stroke="#d9dee6" {
+                            path d=(wedge(sector, band, rings)) fill=(shade(count, highest)) stroke="#d9dee6" {
                                 title { (count) " from " (sector * 30) "°, " (speed(band, bands)) }
                             }
                         }
@@ -37,8 +37,8 @@ pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Mar
                     text x=(OUTER + 4.0) y="4" { "in-track" }
                 }
             }
-            figcaption { (mode.replace('_', " ")) ": from where, and how fast (the middle slowest, of " (rings) " bands up to "
-                (bands.edges.last().copied().unwrap_or_default()) " " (bands.unit) " and more)" }
+            figcaption { (mode.replace('_', " ")) ": bearing and relative speed (" (rings) " bands from the centre outwards, the last from "
+                (bands.edges.last().copied().unwrap_or_default()) " " (bands.unit) ")" }
         }
     }
 }
@@ -48,9 +48,9 @@ fn count_of(met: &[(EncounterBin, i64)], sector: u32, band: usize) -> i64 {
     here.map_or(0, |(_, count)| *count)
 }
 
-/// Returns a colour between white (0) and orange (`most`).
-fn shade(count: i64, most: i64) -> String {
-    let share = count as f64 / most.max(1) as f64;
+/// Returns a colour between white (0) and orange (`highest`).
+fn shade(count: i64, highest: i64) -> String {
+    let share = count as f64 / highest.max(1) as f64;
     let mix = |from: f64, to: f64| from + (to - from) * share;
     format!("rgb({:.0},{:.0},{:.0})", mix(246.0, 213.0), mix(247.0, 94.0), mix(249.0, 0.0))
 }

@@ -24,53 +24,53 @@ use curriculum::{Hyperparameters, Settings, StrategyKind, Target, TaskPlan};
 
 const ALL: &str = "all";
 
-/// Let a curriculum loose on learners whose ability is known, and see what it proposes and when it moves.
+/// Simulate a curriculum with learners of known ability.
 ///
-/// No world is flown: a scenario is how hard it is, in rows of its task's table of levels, and a learner succeeds on contested ones
-/// with a probability that falls from one to zero around its own ability. Everything else is what the service does: the same
-/// strategies, fold, settings and rules. A simulation of 20 000 episodes takes a fraction of a second.
+/// No world is stepped: a scenario is only a difficulty, in rows of its task's table of levels. A learner succeeds on contested
+/// scenarios with a probability that falls from one to zero around its ability: with skill 4 it succeeds on half of the
+/// contested scenarios of level 4. Strategies, event fold, settings and rules are those of the service. A simulation of
+/// 20 000 episodes takes a fraction of a second.
 ///
-/// One strategy with one learner prints how it went; several print a line each. Rows are of the tables of levels: a learner of skill 4
-/// succeeds on half of the contested scenarios of level 4.
+/// One strategy with one learner prints its course; several print one line each.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// Strategies, each once, or all
+    /// Strategies to simulate, each once, or `all`
     #[arg(long = "strategy", value_name = "STRATEGY", value_delimiter = ',', default_value = "ladder",
           value_parser = PossibleValuesParser::new(strategy_names()))]
     strategies: Vec<String>,
-    /// Learners, each once, or all
+    /// Learners to simulate, each once, or `all`
     #[arg(long = "learner", value_name = "LEARNER", value_delimiter = ',', default_value = ALL,
           value_parser = PossibleValuesParser::new(learner_names()))]
     learners: Vec<String>,
-    /// The tasks whose tables of levels are climbed
-    #[arg(long = "task", value_name = "TASK", value_delimiter = ',', default_values_t = usual_tasks())]
+    /// Tasks whose tables of levels are used
+    #[arg(long = "task", value_name = "TASK", value_delimiter = ',', default_values_t = default_tasks())]
     tasks: Vec<String>,
-    /// Episodes of each simulation
+    /// Number of episodes of each simulation
     #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     episodes: u64,
-    /// Episodes of one scenario in a group
+    /// Number of episodes of a group
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1024))]
     group_size: u32,
-    /// What the ladder climbs by (half where groups have more than one episode)
+    /// Target of the ladder [default: half if groups have more than one episode, otherwise mastery]
     #[arg(long, value_parser = ["mastery", "half"])]
     target: Option<String>,
-    /// Begin at level 0 instead of finding a level first
+    /// Start at level 0 and skip the placement
     #[arg(long)]
     no_placement: bool,
-    /// A setting of the strategy, as replay=0.5; repeat it for more
+    /// Set a setting of the strategy, such as replay=0.5; repeat the flag to set several
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
     set: Vec<(String, Value)>,
-    /// Proposals that wait while one is flown
+    /// Number of proposals that are queued ahead
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=10_000))]
     ahead: u32,
-    /// What everything is drawn from
+    /// Seed of the simulation
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Draw it, too: an SVG file
+    /// Also write a chart to this SVG file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// How the result is printed
+    /// Set the output format
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
 }
@@ -83,18 +83,18 @@ fn learner_names() -> Vec<&'static str> {
     [ALL].into_iter().chain(LearnerKind::ALL.map(LearnerKind::name)).collect()
 }
 
-fn usual_tasks() -> Vec<String> {
+fn default_tasks() -> Vec<String> {
     env_core::default_tasks().iter().map(|task| task.id().to_owned()).collect()
 }
 
 fn setting(text: &str) -> Result<(String, Value), String> {
-    let (name, value) = text.split_once('=').ok_or("a setting is NAME=VALUE, as replay=0.5")?;
+    let (name, value) = text.split_once('=').ok_or("a setting must be NAME=VALUE, such as replay=0.5")?;
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
     Ok((name.to_owned(), value))
 }
 
 fn after_help() -> String {
-    let mut text = "Strategies, with their settings and what these are unless told:".to_owned();
+    let mut text = "Strategies, with their settings and defaults:".to_owned();
     for kind in StrategyKind::ALL {
         text.push_str(&format!("\n  {}: {}", kind.name(), kind.description()));
         let settings = kind.hyperparameters().iter().map(|hyper| match hyper.range.default_json() {
@@ -115,9 +115,10 @@ fn after_help() -> String {
 
 const AFTER_HELP: &str = "
 
-Columns: skill of the learner at the end and the rows it faced over the last tenth, both on the mean of the tasks; success over the \
-second half of what was learnt from, then of the contested scenarios in it; the share of those groups whose episodes all came to the \
-same; the share of groups that were learnt from; levels up and down; and when every task had found its level.
+Columns: skill is the learner's final skill and faced the mean row of its scenarios over the last tenth, both averaged over the \
+tasks. success, contested (success on contested scenarios) and zero variance (share of zero-variance groups) are of the second half \
+of the groups that the learner learnt from. learnt from is the share of those groups among all, up and down count level moves, and \
+placed after is the episode after which every task was placed.
 
 JSON (--format json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, summary, moves}.
 
@@ -135,20 +136,20 @@ pub(super) struct CompletedSimulation {
     summary: SimulationSummary,
 }
 
-/// Simulates and prints what came of it.
+/// Runs the simulations and prints their results.
 ///
 /// # Errors
-/// Settings that cannot be, or a file that cannot be written.
+/// Returns an error if a setting is invalid or a file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::reject_duplicates("--strategy", &args.strategies)?;
     output::reject_duplicates("--learner", &args.learners)?;
     output::check_folder_exists(args.svg.as_deref())?;
     let bar = output::progress_bar(pairs(args).len(), "simulations")?;
-    let simulated = simulated(args, &|| bar.inc(1))?;
+    let simulated = simulate_all(args, &|| bar.inc(1))?;
     bar.finish_and_clear();
     match args.format {
         Format::Table => output::print(&table::tables(&simulated, args.episodes))?,
-        Format::Json => output::print_json(&told(args, &simulated))?,
+        Format::Json => output::print_json(&report(args, &simulated))?,
     }
     if let Some(path) = &args.svg {
         let drawn = picture::draw(&simulated, args.episodes).map_err(|error| anyhow!("{error}"))?;
@@ -168,7 +169,7 @@ fn pairs(args: &Args) -> Vec<(StrategyKind, LearnerKind)> {
 }
 
 /// Runs all requested simulations in parallel; `done` is called after each.
-fn simulated(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<CompletedSimulation>> {
+fn simulate_all(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<CompletedSimulation>> {
     let one = |(strategy, learner)| {
         let plan = plan(args, strategy)?;
         let track =
@@ -180,14 +181,14 @@ fn simulated(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<Comple
 }
 
 /// Returns the requested kinds, each once.
-fn kinds<K: Copy, const N: usize>(asked: &[String], all: [K; N], word: fn(K) -> &'static str) -> Vec<K> {
-    let every = asked.iter().any(|name| name == ALL);
-    all.into_iter().filter(|kind| every || asked.iter().any(|name| name == word(*kind))).collect()
+fn kinds<K: Copy, const N: usize>(names: &[String], all: [K; N], name_of: fn(K) -> &'static str) -> Vec<K> {
+    let every = names.iter().any(|name| name == ALL);
+    all.into_iter().filter(|kind| every || names.iter().any(|name| name == name_of(*kind))).collect()
 }
 
 fn plan(args: &Args, strategy: StrategyKind) -> anyhow::Result<SimulationPlan> {
     let tasks = args.tasks.iter().map(|task| TaskPlan::standard(task)).collect::<Result<Vec<_>, _>>();
-    let told: BTreeMap<String, Value> = args.set.iter().cloned().collect();
+    let hyperparameters: BTreeMap<String, Value> = args.set.iter().cloned().collect();
     let target = match args.target.as_deref() {
         Some("mastery") => Target::Mastery,
         Some(_) => Target::Half,
@@ -196,7 +197,7 @@ fn plan(args: &Args, strategy: StrategyKind) -> anyhow::Result<SimulationPlan> {
     let settings = Settings {
         target,
         placement: !args.no_placement,
-        hyperparameters: Hyperparameters::parse(strategy, &told)?,
+        hyperparameters: Hyperparameters::parse(strategy, &hyperparameters)?,
         ..Settings::ladder(tasks?).with_strategy(strategy)
     };
     let (episodes, group_size, seed) = (args.episodes, args.group_size, args.seed);
@@ -220,7 +221,7 @@ struct SimulationEntry<'a> {
     moves: Vec<Value>,
 }
 
-fn told<'a>(args: &'a Args, simulated: &'a [CompletedSimulation]) -> SimulationReport<'a> {
+fn report<'a>(args: &'a Args, simulated: &'a [CompletedSimulation]) -> SimulationReport<'a> {
     let one = |of: &'a CompletedSimulation| SimulationEntry {
         strategy: of.strategy,
         learner: of.learner.name(),

@@ -10,7 +10,7 @@ fn args(strategy: &str, learners: &[&str]) -> Args {
     Args {
         strategies: vec![strategy.to_owned()],
         learners: learners.iter().map(|&name| name.to_owned()).collect(),
-        tasks: usual_tasks(),
+        tasks: default_tasks(),
         episodes: 40_000,
         group_size: 8,
         target: None,
@@ -33,7 +33,7 @@ fn the_documents_pictures_are_what_is_drawn() {
     let write = std::env::var("SPARRING_PICTURES").is_ok_and(|what| what == "write");
     StrategyKind::ALL.into_par_iter().for_each(|strategy| {
         let args = args(strategy.name(), &["slow", "fast", "forgetful", "hold"]);
-        let drawn = picture::draw(&simulated(&args, &|| ()).unwrap(), args.episodes).unwrap();
+        let drawn = picture::draw(&simulate_all(&args, &|| ()).unwrap(), args.episodes).unwrap();
         let path = pictures().join(format!("{}.svg", strategy.name()));
         assert!(
             DOCUMENT.contains(&format!("(pictures/curricula/{}.svg)", strategy.name())),
@@ -88,10 +88,10 @@ fn document_lists_the_hyperparameters_of_every_strategy() {
 #[test]
 fn one_is_told_in_full_and_several_in_a_line_each() {
     let one = args("ladder", &["fast"]);
-    insta::assert_snapshot!("in_full", table::tables(&simulated(&one, &|| ()).unwrap(), one.episodes));
+    insta::assert_snapshot!("in_full", table::tables(&simulate_all(&one, &|| ()).unwrap(), one.episodes));
     let several =
         Args { strategies: vec![ALL.to_owned()], episodes: 8000, ..args("all", &["fast", "drops"]) };
-    insta::assert_snapshot!("lines", table::tables(&simulated(&several, &|| ()).unwrap(), several.episodes));
+    insta::assert_snapshot!("lines", table::tables(&simulate_all(&several, &|| ()).unwrap(), several.episodes));
 }
 
 #[test]
@@ -100,8 +100,8 @@ fn settings_are_read_and_refused() {
     assert_eq!(setting("score=max_mc").unwrap().1, serde_json::json!("max_mc"));
     assert!(setting("replay").is_err());
     let wrong = Args { set: vec![setting("beta=0").unwrap()], ..args("plr", &["fast"]) };
-    let error = simulated(&wrong, &|| ()).unwrap_err().to_string();
+    let error = simulate_all(&wrong, &|| ()).unwrap_err().to_string();
     assert!(error.contains("strategy_settings.beta is 0"), "{error}");
     let wrong = Args { tasks: vec!["golf/driving".to_owned()], ..args("plr", &["fast"]) };
-    assert!(simulated(&wrong, &|| ()).unwrap_err().to_string().contains("golf/driving"));
+    assert!(simulate_all(&wrong, &|| ()).unwrap_err().to_string().contains("golf/driving"));
 }

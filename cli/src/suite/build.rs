@@ -23,33 +23,33 @@ const DEFAULT_LEVELS: [usize; 8] = [0, 2, 4, 5, 6, 7, 8, 9];
 /// Smallest number of draws that are judged in parallel. It does not affect which scenarios are kept.
 const MIN_BATCH: usize = 8;
 
-/// Draw scenarios and their brackets, and write them to a file.
+/// Build a suite: draw scenarios, compute their brackets and write them to a file.
 ///
-/// For each task and level: scenarios drawn until they are contested (the reference succeeds, at most half of the blind
-/// plans do), and some as they come. Nothing is planted. Seeds come from the evaluation space, which no run and no
-/// caller of the service can be given, and are a function of the suite's name: the same name and the same options build the same suite.
+/// For each task and level the suite gets contested scenarios (the reference succeeds, at most half of the blind plans do)
+/// and unselected ones. No threats are placed. Seeds come from the evaluation space, which is reserved: the service never
+/// hands them out. They depend only on the suite's name: the same name and options build the same suite.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// What the suite is called; its seeds follow from it
+    /// Name of the suite, from which its seeds are derived
     #[arg(long, value_parser = parse_name)]
     name: String,
-    /// The file to write
+    /// Path of the suite file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The tasks, or a world's name for all of its; those of the first world unless told
+    /// Tasks, or the name of a world for all its tasks [default: all tasks of the first world]
     #[arg(long, value_name = "TASK|WORLD", value_delimiter = ',')]
     tasks: Vec<String>,
-    /// The levels of each task; 0, 2, 4 to 9 unless told, as far as there are
+    /// Levels of each task [default: those of 0, 2 and 4 to 9 that exist]
     #[arg(long, value_name = "LEVEL", value_delimiter = ',')]
     levels: Vec<usize>,
-    /// Contested scenarios per task and level
+    /// Number of contested scenarios per task and level
     #[arg(long, value_name = "N", default_value_t = 16)]
     contested: usize,
-    /// Scenarios as they come per task and level
+    /// Number of unselected scenarios per task and level
     #[arg(long, value_name = "N", default_value_t = 8)]
     as_they_come: usize,
-    /// A physics option of the suite, for all its tasks or those named; repeat it for more
+    /// Set a physics option of the suite, for all its tasks or the named ones; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<ChosenOption>,
 }
@@ -112,7 +112,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let suite = build(&plan, &bar)?;
     bar.finish_and_clear();
     let text = file::write_suite(&suite)?;
-    let hash = file::parse_suite(text.as_bytes()).context("what was built does not read back")?.hash;
+    let hash = file::parse_suite(text.as_bytes()).context("the suite that was built cannot be read back")?.hash;
     std::fs::write(&args.out, &text).with_context(|| format!("{} cannot be written", args.out.display()))?;
     output::print(&format!(
         "{}: {} scenarios, {} bytes, hash {hash}",
@@ -208,25 +208,26 @@ fn draw(
 ) -> anyhow::Result<Vec<SuiteEntry>> {
     let wanted = if part == SuitePart::Contested { plan.contested } else { plan.as_they_come };
     let mut seeds = seeds(&plan.name, recipe.task().id(), level, part);
-    let mut kept = Vec::with_capacity(wanted);
+    let mut entries = Vec::with_capacity(wanted);
     let mut draws = 0;
-    while kept.len() < wanted {
+    while entries.len() < wanted {
         if draws >= MAX_DRAWS {
-            let found = kept.len();
+            let found = entries.len();
             bail!("{} level {level}: {found} of {wanted} found in {draws} draws", recipe.task().id());
         }
-        let missing = wanted - kept.len();
+        let missing = wanted - entries.len();
         let batch = if part == SuitePart::Contested { missing.max(MIN_BATCH) } else { missing };
         let drawn: Vec<Scenario> = (0..batch).map(|_| Scenario::new(Arc::clone(recipe), seeds())).collect();
         draws += batch;
-        let judged: Vec<Option<SuiteEntry>> =
-            drawn.into_par_iter().map(|scenario| keep(scenario, part)).collect();
-        kept.extend(judged.into_iter().flatten().take(missing));
+        let selected: Vec<Option<SuiteEntry>> =
+            drawn.into_par_iter().map(|scenario| select(scenario, part)).collect();
+        entries.extend(selected.into_iter().flatten().take(missing));
     }
-    Ok(kept)
+    Ok(entries)
 }
 
-fn keep(scenario: Scenario, part: SuitePart) -> Option<SuiteEntry> {
+/// Returns the entry of a scenario, or `None` if the scenario does not belong to this part of the suite.
+fn select(scenario: Scenario, part: SuitePart) -> Option<SuiteEntry> {
     let admission = admit(&scenario);
     let wanted = part == SuitePart::AsTheyCome || admission.contested;
     let mut bracket = admission.bracket.filter(|_| wanted)?;
@@ -251,7 +252,7 @@ fn seeds(suite: &str, task: &str, level: usize, part: SuitePart) -> impl FnMut()
 fn parse_name(name: &str) -> Result<String, String> {
     let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if name.is_empty() || name.len() > 64 || !name.chars().all(good) {
-        return Err("a name is 1 to 64 small letters, digits and hyphens".to_owned());
+        return Err("a name must have 1 to 64 lowercase letters, digits and hyphens".to_owned());
     }
     Ok(name.to_owned())
 }

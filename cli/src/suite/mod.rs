@@ -10,11 +10,11 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
-/// Build a suite of held-out scenarios, or verify one.
+/// Build or verify a suite of held-out scenarios.
 ///
-/// A suite is a JSON file of scenarios whose seeds no training run can be given, each with its canonical bytes, its id
-/// and its bracket (blind panel, floor, reference), under one hash: two people who name the same suite compare the same
-/// thing.
+/// A suite is a JSON file of scenarios with seeds that no training run gets. Each has its canonical bytes, its id and its
+/// bracket (blind panel, floor, reference). One hash covers all of them, so results on suites with the same hash are
+/// comparable.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {

@@ -14,14 +14,14 @@ use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
 /// Largest number of listed differences.
 const MAX_LISTED_DIFFERENCES: usize = 10;
 
-/// Recompute every id, every bracket and the hash of a suite; exit 1 on any difference.
+/// Recompute every id, every bracket and the hash of a suite, and compare them with the file.
 ///
-/// A difference means that the file was altered, or that this build's worlds or planners are not those that built it:
-/// its numbers would not compare with those of others.
+/// The exit code is 1 on any difference. A difference means that the file was changed, or that the worlds or planners of this
+/// build differ from those that built the suite: scores of this build would not be comparable.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// A built-in suite by its name, or a suite file
+    /// Name of a built-in suite, or path of a suite file
     #[arg(value_name = "NAME|FILE", default_value = file::DEFAULT_SUITE)]
     suite: String,
 }
@@ -103,14 +103,14 @@ fn difference(entry: &SuiteEntry) -> Option<String> {
     let planners = (found.planner_version, stored.planner_version);
     let numbers = |b: &Bracket| format!("floor {}, reference {}", b.floor, b.reference.score);
     if planners.0 != planners.1 {
-        Some(format!("planner {} here, {} stored", planners.0, planners.1))
+        Some(format!("planner {} in this build, {} stored", planners.0, planners.1))
     } else if found != *stored {
-        let (here, kept) = (numbers(&found), numbers(stored));
-        let same = here == kept;
+        let (computed, stored) = (numbers(&found), numbers(stored));
+        let same = computed == stored;
         Some(if same {
-            format!("{here} as stored, other plans")
+            format!("{computed} as stored, but with other plans")
         } else {
-            format!("{here} here; {kept} stored")
+            format!("{computed} computed, {stored} stored")
         })
     } else if entry.part == SuitePart::Contested
         && !env_core::admission::is_contested(&entry.scenario, stored)

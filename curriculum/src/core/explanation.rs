@@ -13,9 +13,9 @@ pub struct TaskStatus {
     /// Current level, 0 during placement; `None` under a strategy without a current level.
     pub level: Option<u32>,
     /// True if the first level is set; false during placement.
-    pub placed: bool,
+    pub placement_done: bool,
     /// Level being probed, during placement.
-    pub probing: Option<u32>,
+    pub probe_level: Option<u32>,
     /// Number of moves of the task so far, steps of placement included.
     pub epoch: u32,
     /// Params in force: of the current level, of the probed level, at the bounds, or the task's defaults. Empty if
@@ -30,7 +30,7 @@ pub struct TaskStatus {
     /// Problems that the user should know about, one sentence each.
     pub warnings: Vec<String>,
     /// Conditions for the next move; `None` under a strategy without a current level.
-    pub next: Option<MoveThresholds>,
+    pub move_conditions: Option<MoveThresholds>,
     /// Seq of the earliest proposal behind the evidence that is gathering; its records must be kept.
     #[serde(skip)]
     pub earliest_proposal: Option<u64>,
@@ -42,15 +42,15 @@ impl TaskStatus {
         Self {
             task: task.to_owned(),
             level: None,
-            placed: true,
-            probing: None,
+            placement_done: true,
+            probe_level: None,
             epoch: 0,
             params,
             block: None,
             blocks: 0,
             discarded: 0,
             warnings: Vec::new(),
-            next: None,
+            move_conditions: None,
             earliest_proposal: None,
         }
     }
@@ -62,7 +62,7 @@ pub struct BlockProgress {
     /// Number of contested scenarios in the block.
     pub n: u32,
     /// Number of contested scenarios in a full block.
-    pub of: u32,
+    pub size: u32,
     /// Sum of their success rates.
     pub sum: f64,
     /// Mean of their success rates; `None` while the block is empty.
@@ -106,9 +106,13 @@ impl Explanation {
         describe_task: impl Fn(&TaskPlan) -> String,
     ) -> Self {
         rules.extend(settings.hyperparameters.describe());
-        let tasks = settings.tasks.iter().zip(shares::task_shares(settings)).map(|(plan, share)| {
-            TaskExplanation { task: plan.task.clone(), share, now: describe_task(plan), last_move: None }
-        });
+        let tasks =
+            settings.tasks.iter().zip(shares::task_shares(settings)).map(|(plan, share)| TaskExplanation {
+                task: plan.task.clone(),
+                share,
+                current_state: describe_task(plan),
+                last_move: None,
+            });
         Self {
             strategy: settings.strategy.to_string(),
             version,
@@ -127,7 +131,7 @@ pub struct TaskExplanation {
     /// Share of the proposals, 0 to 1.
     pub share: f64,
     /// Current state in one sentence.
-    pub now: String,
+    pub current_state: String,
     /// Evidence of the last move in one sentence.
     pub last_move: Option<String>,
 }

@@ -3,7 +3,7 @@
 //! Nothing here knows a single strategy's rules; those live in `strategies/`, one file or folder each. Start with
 //! `proposal` and `outcome` (what the curriculum returns and receives), then read the trait in `strategy`.
 //!
-//! - `proposal`, `outcome`, `event`: what leaves the curriculum, what returns, and what is stored.
+//! - `proposal` leaves the curriculum, `outcome` returns to it, and `event` is what is stored of both.
 //! - `evidence`: blocks of outcomes, the posterior over success, and the level moves that rest on them.
 //! - `mastery`: the success rate per task and level, as far as contested scenarios show it.
 //! - `settings`: tasks, level tables, the strategy and its hyperparameters.

@@ -1,4 +1,4 @@
-//! Proposals: what a trainer should run next.
+//! Proposals: the scenarios that trainers run next.
 
 use std::collections::BTreeMap;
 

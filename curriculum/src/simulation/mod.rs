@@ -1,4 +1,4 @@
-//! Simulation of curricula against learners of known ability: what a strategy proposes and when it moves, without a
+//! Simulation of curricula against learners of known ability: the proposals and level moves of a strategy, without a
 //! world, a trainer or a day's wait.
 //!
 //! Start with [`runner`]. One simulation runs on one thread; callers run several in parallel.

@@ -144,7 +144,7 @@ impl Simulator<'_> {
         let group_size = self.plan.group_size;
         let result =
             self.learner.run_group(&proposal.task, &scenario, group_size, proposal.train, &mut self.rng);
-        let placed = self.curriculum.status().get(task_index).is_some_and(|status| status.placed);
+        let placed = self.curriculum.status().get(task_index).is_some_and(|status| status.placement_done);
         self.groups.push(SimulatedGroup {
             episodes_before,
             task_index,

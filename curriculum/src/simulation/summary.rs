@@ -64,7 +64,7 @@ impl SimulationSummary {
 }
 
 fn placed_after(trace: &SimulationTrace) -> Option<u64> {
-    if trace.status.iter().any(|status| !status.placed) {
+    if trace.status.iter().any(|status| !status.placement_done) {
         return None;
     }
     let placements = trace.moves.iter().filter(|made| made.level_move.kind == MoveKind::Placement);

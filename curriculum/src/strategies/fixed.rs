@@ -39,7 +39,7 @@ impl Strategy for Fixed {
         let tasks = settings.tasks.iter().map(|plan| TaskExplanation {
             task: plan.task.clone(),
             share,
-            now: "at its default params".to_owned(),
+            current_state: "at its default params".to_owned(),
             last_move: None,
         });
         Explanation {

@@ -158,7 +158,7 @@ fn long_run_is_restored_at_every_stage() {
         .collect();
     let RecordedRun { curriculum: original, events, snapshots } = run_steps(4, 0, &steps);
     let status = original.status();
-    assert!(status.iter().all(|task| task.placed && task.epoch > 8), "{status:?}");
+    assert!(status.iter().all(|task| task.placement_done && task.epoch > 8), "{status:?}");
     for cut in (0..snapshots.len()).step_by(997) {
         let mut restored = Curriculum::restore(4, snapshots[cut].clone()).unwrap();
         replay_from(&mut restored, &events, cut);

@@ -67,7 +67,7 @@ fn levels_stop_at_the_ends_of_the_table() {
         assert_eq!(fill_block(&mut curriculum, 0), []);
     }
     assert_eq!(survival_status(&curriculum).blocks, 4);
-    assert_eq!(survival_status(&curriculum).next.unwrap().down, None);
+    assert_eq!(survival_status(&curriculum).move_conditions.unwrap().down, None);
     for level in 1..=9 {
         let moves = [fill_block(&mut curriculum, 32), fill_block(&mut curriculum, 32)].concat();
         assert_eq!(moves.last().map(|made| made.to), Some(level));
@@ -77,7 +77,7 @@ fn levels_stop_at_the_ends_of_the_table() {
     }
     let status = survival_status(&curriculum);
     assert_eq!((status.level, status.epoch, status.blocks), (Some(9), 9, 4));
-    assert_eq!(status.next.unwrap().up, None);
+    assert_eq!(status.move_conditions.unwrap().up, None);
 }
 
 #[test]
@@ -180,18 +180,21 @@ fn placement_proposes_contested_scenarios_of_its_probe() {
     let mut epochs = Vec::new();
     while run.moves.is_empty() {
         let status = run.status(SURVIVAL);
-        assert_eq!((status.level, status.placed), (Some(0), false));
+        assert_eq!((status.level, status.placement_done), (Some(0), false));
         let outcome = run.step(&mut |_, _| 1.0).unwrap();
         assert_eq!(
             (outcome.role, outcome.contested, outcome.level),
-            (ProposalRole::Placement, true, status.probing)
+            (ProposalRole::Placement, true, status.probe_level)
         );
         epochs.push((outcome.epoch, outcome.level.unwrap()));
     }
     epochs.dedup();
     assert_eq!(epochs, [(0, 4), (1, 7), (2, 8), (3, 9)]);
     let status = run.status(SURVIVAL);
-    assert_eq!((status.level, status.placed, status.probing, status.epoch), (Some(9), true, None, 4));
+    assert_eq!(
+        (status.level, status.placement_done, status.probe_level, status.epoch),
+        (Some(9), true, None, 4)
+    );
     let evidence = &run.moves[0].evidence;
     assert_eq!((evidence.probes.len(), evidence.blocks.len()), (4, 0));
 }
@@ -205,7 +208,7 @@ fn proposals_leased_beyond_a_probe_count_for_mastery_only() {
         curriculum.observe(&outcome_of(proposed, 1, 0));
     }
     let status = survival_status(&curriculum);
-    assert_eq!((status.probing, status.epoch, status.blocks), (Some(1), 1, 1));
+    assert_eq!((status.probe_level, status.epoch, status.blocks), (Some(1), 1, 1));
     assert_eq!((curriculum.mastery()[0].seen, curriculum.mastery().len()), (40, 1));
     assert!(!curriculum.is_current(leased[39].seq, &leased[39].proposal));
     let next = curriculum.propose();
@@ -354,7 +357,10 @@ fn explanation_covers_every_strategy() {
         let other =
             Curriculum::new(1, with_placement(&[SURVIVAL, ECO]).with_strategy(strategy)).unwrap().explain();
         assert_eq!((other.strategy, other.tasks.len()), (strategy.to_string(), 2));
-        assert!(!other.rules.is_empty() && other.tasks.iter().all(|task| !task.now.is_empty()), "{strategy}");
+        assert!(
+            !other.rules.is_empty() && other.tasks.iter().all(|task| !task.current_state.is_empty()),
+            "{strategy}"
+        );
         let shares: f64 = other.tasks.iter().map(|task| task.share).sum();
         assert!((shares - 1.0).abs() < 1e-9, "{strategy}");
     }

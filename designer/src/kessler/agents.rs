@@ -77,7 +77,7 @@ impl Policy for BlinkeredAgent {
         for satellite in telemetry.satellites.iter().filter(|s| s.is_active()) {
             let mut restricted = telemetry.clone();
             restricted.radar_debris.retain(|debris| {
-                let bearing = self.frame.bearing_deg(&satellite.body(), (debris.x, debris.y));
+                let bearing = self.frame.bearing_deg(&satellite.body(), [debris.x, debris.y]);
                 angle_between(self.centre_deg, bearing).abs() > self.half_width_deg
             });
             let mut own_log = ActionLog::new(2, log.precision());
@@ -172,7 +172,7 @@ impl Policy for NervousAgent {
     }
 }
 
-/// Returns a burn away from the debris that will come nearest, if that is alarming and the fuel is enough.
+/// Returns a burn away from the debris that will come nearest, if it comes within the alarm distance and the fuel suffices.
 fn nervous_burn(satellite: &SatelliteTelemetry, telemetry: &KesslerTelemetry) -> Option<[f64; 2]> {
     let passes = telemetry
         .radar_debris

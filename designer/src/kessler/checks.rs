@@ -18,7 +18,7 @@ const MIN_WASTED_FUEL: f64 = 1.0;
 /// it. Fragments of an earlier collision are ignored.
 ///
 /// # Errors
-/// Returns the satellite that is hit, the step, and what would help.
+/// Returns an error with the satellite that is hit, the step, and a way to fix the layout.
 pub(super) fn check_visibility(scenario: &Scenario) -> Result<(), FieldError> {
     let mut hold = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
     hold.stopped = Some(StopReason::TooLate);

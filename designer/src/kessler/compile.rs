@@ -34,7 +34,7 @@ pub struct CompiledDesign {
 /// satellites and background; its layout is ignored.
 ///
 /// # Errors
-/// Returns the field of the first impossible encounter or param, and what would help.
+/// Returns an error with the field of the first impossible encounter or param, and a way to fix it.
 pub fn compile(design: &Design, base: &Scenario) -> Result<CompiledDesign, FieldError> {
     let mut recipe = base.recipe().as_ref().clone().with_layout(None).map_err(field_error)?;
     for (name, value) in &design.params {
@@ -47,7 +47,7 @@ pub fn compile(design: &Design, base: &Scenario) -> Result<CompiledDesign, Field
 
     let debris: Vec<Body> = placed.iter().filter(|p| p.arrives.is_none()).map(|p| p.body).collect();
     let debris_param = recipe.param("debris").unwrap_or(0.0) as usize;
-    let Some(room) = debris_param.checked_sub(debris.len()) else {
+    let Some(background_count) = debris_param.checked_sub(debris.len()) else {
         return Err(FieldError::new(
             "encounters",
             format!(
@@ -56,7 +56,7 @@ pub fn compile(design: &Design, base: &Scenario) -> Result<CompiledDesign, Field
             ),
         ));
     };
-    let background = draw_background(&setup, base.seed(), start, room, &coast);
+    let background = draw_background(&setup, base.seed(), start, background_count, &coast);
     let debris: Vec<Body> = debris.into_iter().chain(background.debris).collect();
     let placed_rogues =
         placed.iter().filter_map(|p| p.arrives.map(|step| RogueArrival { step, body: p.body }));
@@ -99,24 +99,24 @@ fn place_all(design: &Design, coast: &CoastPaths) -> Result<Vec<PlacedBody>, Fie
     Ok(placed)
 }
 
-/// Draws up to `room` pieces of debris, and rogues, that keep away from coasting satellites, so that only the encounters of the
-/// design matter.
+/// Draws up to `max_debris` debris bodies, and rogues, that keep away from coasting satellites, so that only the encounters of
+/// the design matter.
 fn draw_background(
     setup: &KesslerSetup,
     seed: Seed,
     start: InitialState,
-    room: usize,
+    max_debris: usize,
     coast: &CoastPaths,
 ) -> InitialState {
-    let mut background = InitialState { debris: Vec::with_capacity(room), ..start.clone() };
+    let mut background = InitialState { debris: Vec::with_capacity(max_debris), ..start.clone() };
     let mut next = Some(start);
     for attempt in 1..=MAX_BACKGROUND_DRAWS {
         let Some(drawn) = next.take() else { break };
         let distances = coast.min_distances(0, &drawn.debris);
         let clear =
             drawn.debris.iter().zip(distances).filter(|(_, distance)| *distance >= MIN_BACKGROUND_DISTANCE);
-        background.debris.extend(clear.map(|(body, _)| *body).take(room - background.debris.len()));
-        if background.debris.len() < room {
+        background.debris.extend(clear.map(|(body, _)| *body).take(max_debris - background.debris.len()));
+        if background.debris.len() < max_debris {
             let other = Seed::in_space(SeedSpace::User, seed.get().wrapping_mul(31).wrapping_add(attempt));
             next = setup.draw_initial_state(&mut SeededRng::new(other)).ok();
         }
@@ -132,7 +132,7 @@ fn field_error(error: ScenarioError) -> FieldError {
     FieldError::new(error.field().to_owned(), error.to_string())
 }
 
-/// Returns the message of a placement error: the problem, and what would help. Messages are part of repair prompts.
+/// Returns the message of a placement error: the problem and a way to fix it. Messages are part of repair prompts.
 fn describe(encounter: &Encounter, design: &Design, error: PlacementError) -> String {
     let pass = format!(
         "a {} of satellite {} at step {} at {:.1} LU/TU from {} degrees ({})",

@@ -125,7 +125,7 @@ impl Encounter {
                 ));
             }
         }
-        let KindSpec { name, min_miss, max_miss, about, .. } = self.kind.spec();
+        let KindSpec { name, min_miss, max_miss, description: about, .. } = self.kind.spec();
         if (*min_miss..=*max_miss).contains(&self.miss_distance) {
             Ok(())
         } else {

@@ -13,10 +13,10 @@ use crate::brief::DesignBrief;
 const MAX_ATTEMPTS: u32 = 12;
 
 /// Edit of a design. Returns false if it does not apply.
-type Edit = fn(&mut Design, &DesignBrief, &mut KeyedRng) -> bool;
+type DesignEdit = fn(&mut Design, &DesignBrief, &mut KeyedRng) -> bool;
 
 /// Edits of a design, each as likely as the others.
-const EDITS: [Edit; 9] = [
+const EDITS: [DesignEdit; 9] = [
     rotate_all,
     shift_one,
     shift_all,

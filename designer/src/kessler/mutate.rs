@@ -28,10 +28,10 @@ const MAX_ATTEMPTS: u32 = 12;
 const FRAME: BearingFrame = BearingFrame::RadialInTrack;
 
 /// Edit of the encounters. Returns false if it does not apply.
-type Edit = fn(&mut Design, &DesignBrief, &mut KeyedRng) -> bool;
+type EncounterEdit = fn(&mut Design, &DesignBrief, &mut KeyedRng) -> bool;
 
 /// Edits of the encounters. The names are stored with the scenario.
-const EDITS: [(&str, Edit); 8] = [
+const EDITS: [(&str, EncounterEdit); 8] = [
     ("one passes at another time", edit::shift_one),
     ("all pass earlier or later", edit::shift_all),
     ("one has another speed", edit::change_speed),
@@ -177,7 +177,7 @@ fn read_encounter(coast: &CoastPaths, arrives: u32, body: Body) -> Option<Encoun
         *then < step && *then + BEARING_STEPS >= step && coast.is_visible(*then, body)
     });
     let (seen_step, seen) = visible.next().copied().unwrap_or((step, body));
-    let bearing_deg = FRAME.bearing_deg(coast.satellite(satellite, seen_step), (seen.x, seen.y));
+    let bearing_deg = FRAME.bearing_deg(coast.satellite(satellite, seen_step), [seen.x, seen.y]);
     let encounter = Encounter {
         satellite: u32::try_from(satellite).ok()?,
         step,

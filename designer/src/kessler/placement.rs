@@ -163,7 +163,7 @@ impl Solver<'_> {
         }
         let (back, body) = earliest;
         let satellite = self.coast.satellite(self.satellite(), step - back);
-        self.frame.bearing_deg(satellite, (body.x, body.y))
+        self.frame.bearing_deg(satellite, [body.x, body.y])
     }
 
     /// Finds the heading with the requested bearing. Turning the heading turns the bearing nearly one to one, so that adding

@@ -30,7 +30,7 @@ const PROFILE_WEIGHT: f64 = 4.0;
 /// Number of steps from the first radar contact that an agent needs to avoid a threat.
 const REACTION_STEPS: f64 = 3.0;
 
-/// Failure that a sampled design goes for.
+/// Failure that a sampled design aims at.
 struct Target {
     aim: Aim,
     frame: BearingFrame,
@@ -45,8 +45,8 @@ pub(super) fn sample_design(brief: &DesignBrief, base: &Scenario, rng: &mut Keye
     let target = Target::sample(brief, rng)?;
     let coast = CoastPaths::of_scenario(base)?;
     let (min, max) = if target.kind == EncounterKind::Decoy { DECOY_COUNT } else { THREAT_COUNT };
-    let room = (brief.param("debris") as u32).min(MAX_ENCOUNTERS as u32).max(1);
-    let count = rng.range_inclusive(min, max).min(room);
+    let max_count = (brief.param("debris") as u32).min(MAX_ENCOUNTERS as u32).max(1);
+    let count = rng.range_inclusive(min, max).min(max_count);
     // Repeated avoidance of one satellite uses up its fuel.
     let starved =
         (target.aim.mode == "fuel_starvation").then(|| rng.range_inclusive(SATELLITE.min, SATELLITE.max));

@@ -63,18 +63,21 @@ pub(super) fn rules(brief: &DesignBrief) -> String {
         BEARING.name
     ));
     for frame in FRAMES {
-        text.push_str(&format!("  - {}: {}\n", frame.name, frame.about));
+        text.push_str(&format!("  - {}: {}\n", frame.name, frame.description));
     }
     if !brief.param_choices.is_empty() {
         text.push_str("- params: params of the task, among the values that the brief allows\n");
     }
     text.push_str(&format!("- encounters: 1 to {MAX_REQUESTED_ENCOUNTERS} of them, each with\n"));
     text.push_str("  - kind: what it is for. One of:\n");
-    for KindSpec { name, min_miss, max_miss, about, .. } in KINDS {
+    for KindSpec { name, min_miss, max_miss, description: about, .. } in KINDS {
         text.push_str(&format!("    - {name}: {about}; {} {min_miss} to {max_miss}\n", MISS.name));
     }
     for bound in [SATELLITE, STEP, BEARING, SPEED, MISS] {
-        text.push_str(&format!("  - {}: {} to {}: {}\n", bound.name, bound.min, bound.max, bound.about));
+        text.push_str(&format!(
+            "  - {}: {} to {}: {}\n",
+            bound.name, bound.min, bound.max, bound.description
+        ));
     }
     if allows_rogues(brief) {
         text.push_str("  - rogue: true if it appears a few steps before, out of nothing; false if it is there from the start\n");

@@ -29,7 +29,7 @@ pub struct Bound {
     /// Unit of the quantity; empty for an index.
     pub unit: &'static str,
     /// Meaning of the number, in one sentence.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// Index of the satellite.
@@ -39,7 +39,7 @@ pub const SATELLITE: Bound = Bound {
     max: SATELLITES as u32 - 1,
     scale: 1.0,
     unit: "",
-    about: "the satellite it is about",
+    description: "the satellite it is about",
 };
 /// Step of the encounter. No contact may happen before step 3.
 pub const STEP: Bound = Bound {
@@ -48,7 +48,7 @@ pub const STEP: Bound = Bound {
     max: HORIZON - 2,
     scale: 1.0,
     unit: "TU",
-    about: "the step at whose end the debris is closest to the satellite, if nobody burns",
+    description: "the step at whose end the debris is closest to the satellite, if nobody burns",
 };
 /// Bearing from which the debris comes.
 pub const BEARING: Bound = Bound {
@@ -57,7 +57,7 @@ pub const BEARING: Bound = Bound {
     max: 359,
     scale: 1.0,
     unit: "degrees",
-    about: "where the debris is, seen from the satellite, five steps before that, or when it first becomes visible if that \
+    description: "where the debris is, seen from the satellite, five steps before that, or when it first becomes visible if that \
             is later",
 };
 /// Speed relative to the satellite.
@@ -67,7 +67,7 @@ pub const SPEED: Bound = Bound {
     max: 120,
     scale: 0.1,
     unit: "LU/TU",
-    about: "the debris' speed relative to the satellite at that step, in tenths of LU/TU",
+    description: "the debris' speed relative to the satellite at that step, in tenths of LU/TU",
 };
 /// Least distance to the satellite.
 pub const MISS: Bound = Bound {
@@ -76,7 +76,7 @@ pub const MISS: Bound = Bound {
     max: 200,
     scale: 0.1,
     unit: "LU",
-    about: "how far from the satellite the debris passes, in tenths of LU; below 20 it hits",
+    description: "how far from the satellite the debris passes, in tenths of LU; below 20 it hits",
 };
 
 impl Bound {
@@ -130,7 +130,7 @@ pub struct KindSpec {
     /// Largest miss distance, in the unit of [`MISS`].
     pub max_miss: u32,
     /// Meaning of the kind, in a few words.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// All kinds of encounters, in the order of [`EncounterKind`].
@@ -140,21 +140,21 @@ pub const KINDS: [KindSpec; 3] = [
         name: "threat",
         min_miss: 0,
         max_miss: 19,
-        about: "hits a satellite that does nothing",
+        description: "hits a satellite that does nothing",
     },
     KindSpec {
         kind: EncounterKind::Decoy,
         name: "decoy",
         min_miss: 22,
         max_miss: 80,
-        about: "comes close and misses, if nobody burns",
+        description: "comes close and misses, if nobody burns",
     },
     KindSpec {
         kind: EncounterKind::Screen,
         name: "screen",
         min_miss: 60,
         max_miss: 200,
-        about: "passes wide, as something more to look at",
+        description: "passes wide, as something more to look at",
     },
 ];
 
@@ -180,7 +180,7 @@ pub struct FrameSpec {
     /// Name of the frame in JSON.
     pub name: &'static str,
     /// Meaning of its angles, in a few words.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// All frames; the first is the default.
@@ -188,12 +188,12 @@ pub const FRAMES: [FrameSpec; 2] = [
     FrameSpec {
         frame: BearingFrame::RadialInTrack,
         name: "radial_in_track",
-        about: "0 is away from the Earth, 90 ahead (prograde), 180 towards the Earth, 270 behind",
+        description: "0 is away from the Earth, 90 ahead (prograde), 180 towards the Earth, 270 behind",
     },
     FrameSpec {
         frame: BearingFrame::Inertial,
         name: "inertial",
-        about: "0 is +X, 90 is +Y, 180 is -X, 270 is -Y",
+        description: "0 is +X, 90 is +Y, 180 is -X, 270 is -Y",
     },
 ];
 

@@ -60,7 +60,7 @@ pub fn opening(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize)
         &[
             ("task", task.id().to_owned()),
             ("level", brief.level.map_or_else(String::new, |level| format!(", level {level}"))),
-            ("about", task.about().to_owned()),
+            ("about", task.description().to_owned()),
             ("params", params_text(brief)),
             ("limits", choices_text(brief)),
             ("standing", mastery_text(brief)),

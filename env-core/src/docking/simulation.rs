@@ -290,7 +290,7 @@ impl DockingSim {
         let left = count(|status| status != DeputyStatus::Active);
         EpisodeOutcome {
             score: self.total,
-            total: self.total,
+            total_reward: self.total,
             steps: self.step,
             lost: (left - docked) as u32,
             goal: Some(docked as f64 / self.deputy_count as f64),

@@ -14,7 +14,7 @@ const DEPUTIES: ParamSpec = ParamSpec {
     whole: true,
     default: 3.0,
     harder: Harder::Up,
-    about: "deputies, each an agent",
+    description: "deputies, each an agent",
 };
 
 const START_RADIUS: ParamSpec = ParamSpec {
@@ -26,7 +26,7 @@ const START_RADIUS: ParamSpec = ParamSpec {
     whole: false,
     default: 150.0,
     harder: Harder::Up,
-    about: "deputies start between two thirds of this distance of the chief and all of it",
+    description: "deputies start between two thirds of this distance of the chief and all of it",
 };
 
 const SPEED_RATIO: ParamSpec = ParamSpec {
@@ -38,7 +38,7 @@ const SPEED_RATIO: ParamSpec = ParamSpec {
     whole: false,
     default: 0.8,
     harder: Harder::Up,
-    about: "speeds at the start are U(0, this) times the speed limit there, in any direction",
+    description: "speeds at the start are U(0, this) times the speed limit there, in any direction",
 };
 
 const TIME_LIMIT: ParamSpec = ParamSpec {
@@ -50,7 +50,7 @@ const TIME_LIMIT: ParamSpec = ParamSpec {
     whole: true,
     default: TIME_LIMIT_S,
     harder: Harder::Down,
-    about: "time after which a deputy that has not docked has failed",
+    description: "time after which a deputy that has not docked has failed",
 };
 
 const THRUST_BOUND: ParamSpec = ParamSpec {
@@ -62,7 +62,7 @@ const THRUST_BOUND: ParamSpec = ParamSpec {
     whole: false,
     default: MAX_THRUST_N,
     harder: Harder::Down,
-    about: "thrust on each axis is clamped to plus and minus this",
+    description: "thrust on each axis is clamped to plus and minus this",
 };
 
 /// Parameter space of `docking/single`.
@@ -109,7 +109,7 @@ pub(super) fn choices() -> ActionGrid {
     ActionGrid {
         axes: Axes::World,
         rows: thrusts.collect(),
-        about: "coasting, then every combination of 0, 1 and -1 N along x, y and z, z changing first; more than the bound is \
+        description: "coasting, then every combination of 0, 1 and -1 N along x, y and z, z changing first; more than the bound is \
                 clamped to it",
     }
 }

@@ -39,11 +39,11 @@ pub struct DockingTask {
 
 const fn card(
     id: &'static str,
-    about: &'static str,
+    description: &'static str,
     params: &'static [ParamSpec],
     levels: &'static LazyLock<Levels>,
 ) -> TaskMetadata {
-    TaskMetadata { id, world: WORLD_ID, about, params, options: &[], levels }
+    TaskMetadata { id, world: WORLD_ID, description, params, options: &[], levels }
 }
 
 /// The tasks of docking.

@@ -13,10 +13,10 @@ pub enum BearingFrame {
 }
 
 impl BearingFrame {
-    /// Bearing of the point `at` (LU) seen from the satellite `of`, degrees in [0, 360).
+    /// Bearing of a position (x and y in LU) seen from the satellite `of`, degrees in [0, 360).
     #[must_use]
-    pub fn bearing_deg(self, of: &Body, at: (f64, f64)) -> f64 {
-        let (dx, dy) = (at.0 - of.x, at.1 - of.y);
+    pub fn bearing_deg(self, of: &Body, position: [f64; 2]) -> f64 {
+        let (dx, dy) = (position[0] - of.x, position[1] - of.y);
         match self {
             Self::Inertial => angle_deg(dx, dy),
             Self::RadialInTrack => {
@@ -44,13 +44,13 @@ mod tests {
     fn bearings_turn_from_radial_out_to_in_track() {
         let satellite = Body { x: 0.0, y: 50.0, vx: -4.0, vy: 0.0 };
         // Above the satellite, ahead of it (prograde is −x there), below it, behind it.
-        let around = [(0.0, 60.0), (-10.0, 50.0), (0.0, 40.0), (10.0, 50.0)];
-        for (at, expected) in around.into_iter().zip([0.0, 90.0, 180.0, 270.0]) {
-            let bearing = BearingFrame::RadialInTrack.bearing_deg(&satellite, at);
+        let positions = [[0.0, 60.0], [-10.0, 50.0], [0.0, 40.0], [10.0, 50.0]];
+        for (position, expected) in positions.into_iter().zip([0.0, 90.0, 180.0, 270.0]) {
+            let bearing = BearingFrame::RadialInTrack.bearing_deg(&satellite, position);
             // Bound: one rounding of atan2 and one of the conversion to degrees.
             assert!((bearing - expected).abs() < 1e-9, "{bearing} {expected}");
             let direction = BearingFrame::RadialInTrack.direction_deg(&satellite, bearing);
-            let inertial = BearingFrame::Inertial.bearing_deg(&satellite, at);
+            let inertial = BearingFrame::Inertial.bearing_deg(&satellite, position);
             assert!((direction - inertial).abs() % 360.0 < 1e-9, "{direction} {inertial}");
         }
     }

@@ -66,9 +66,9 @@ mod tests {
                 &Recipe::with_params(&KESSLER_TASKS[0], params.into_iter()).unwrap(),
             )
             .unwrap();
-            let mut chance = SeededRng::new(Seed::user(4).unwrap());
-            let start = setup.draw_initial_state(&mut chance).unwrap();
-            let sim = KesslerSim::new(KESSLER_TASKS[0].objective(), setup, &start, chance);
+            let mut rng = SeededRng::new(Seed::user(4).unwrap());
+            let start = setup.draw_initial_state(&mut rng).unwrap();
+            let sim = KesslerSim::new(KESSLER_TASKS[0].objective(), setup, &start, rng);
             for slots in 0..20 {
                 let mut out = vec![f32::NAN; 18 + 5 * slots];
                 sim.observe_into(&mut out, slots);

@@ -33,7 +33,7 @@ pub const RENDEZVOUS_STEPS: u32 = 20;
 /// Number of last steps over which the formation goal is averaged.
 pub const FORMATION_STEPS: u32 = 25;
 /// Mean proximity (or formation quality) over those steps from which an episode is a success.
-pub const GOAL: f64 = 0.9;
+pub const GOAL_THRESHOLD: f64 = 0.9;
 /// Side of the formation triangle, LU.
 pub const FORMATION_SIDE: f64 = 20.0;
 /// Deviation of a pair's distance from the side at which its quality reaches zero, LU.
@@ -44,7 +44,7 @@ pub const FORMATION_RADII: (f64, f64) = (55.0, 75.0);
 /// −4.84165371736e-4, J₂ = −√5·C₂₀).
 pub const J2: f64 = 1.082_626_68e-3;
 /// Cumulative survival probability below which a satellite counts as lost under `risk: pc`.
-pub const SURVIVED: f64 = 0.9;
+pub const SURVIVAL_THRESHOLD: f64 = 0.9;
 /// Radar range that hides nothing, LU (0 in telemetry).
 pub const RADAR_NONE: f64 = 300.0;
 /// Steps within which a fair start has no contact under hold.

@@ -25,12 +25,12 @@ pub(super) fn body_from_draws([radius, angle, vx, vy]: [f64; DRAWS_PER_BODY], sp
 
 /// Draws `count` bodies and appends them to `blocks`. Each has the bits that [`body_from_draws`] gives for
 /// its draws.
-pub(super) fn draw_bodies(chance: &mut impl EpisodeRng, spread: f64, count: usize, blocks: &mut BodyBlocks) {
+pub(super) fn draw_bodies(rng: &mut impl EpisodeRng, spread: f64, count: usize, blocks: &mut BodyBlocks) {
     let arch = Arch::new();
     let mut draws = [0.5; BLOCK_LEN * DRAWS_PER_BODY];
     for first in (0..count).step_by(BLOCK_LEN) {
         let drawn = BLOCK_LEN.min(count - first);
-        chance.fill(RngStream::Bodies, &mut draws[..drawn * DRAWS_PER_BODY]);
+        rng.fill(RngStream::Bodies, &mut draws[..drawn * DRAWS_PER_BODY]);
         blocks.push_block(arch.dispatch(BlockFromDraws { draws: &draws, spread }), drawn);
     }
 }

@@ -177,7 +177,7 @@ fn closest_approaches<S: Simd, const OBLATE: bool>(
     let infinite = simd.splat_f32s(f32::INFINITY);
     let start = ApproachFraction { numerator: infinite, denominator: one, along: zero, end: zero };
     let mut nearest = [start; SATELLITES];
-    let mut before = [(zero, zero); SATELLITES];
+    let mut before = [[zero, zero]; SATELLITES];
     let now = paths.next().unwrap_or([ABSENT_POSITION; SATELLITES]);
     for s in 0..SATELLITES {
         before[s] = relative_position(simd, now[s], bodies);
@@ -188,14 +188,14 @@ fn closest_approaches<S: Simd, const OBLATE: bool>(
         bodies = step_debris::<S, OBLATE>(simd, bodies, upstream);
         end = simd.add_f32s(end, one);
         for s in 0..SATELLITES {
-            let (dx, dy) = relative_position(simd, positions[s], bodies);
-            let (wx, wy) = (simd.sub_f32s(dx, before[s].0), simd.sub_f32s(dy, before[s].1));
-            before[s] = (dx, dy);
-            let (along, speed_2) = (dot(simd, (dx, dy), (wx, wy)), dot(simd, (wx, wy), (wx, wy)));
+            let [dx, dy] = relative_position(simd, positions[s], bodies);
+            let [wx, wy] = [simd.sub_f32s(dx, before[s][0]), simd.sub_f32s(dy, before[s][1])];
+            before[s] = [dx, dy];
+            let (along, speed_2) = (dot(simd, [dx, dy], [wx, wy]), dot(simd, [wx, wy], [wx, wy]));
             // True if they approach at the start of the step and separate at its end.
             let turns = simd.and_m32s(simd.less_than_f32s(zero, along), simd.less_than_f32s(along, speed_2));
             let cross = simd.sub_f32s(simd.mul_f32s(dx, wy), simd.mul_f32s(dy, wx));
-            let at_end = dot(simd, (dx, dy), (dx, dy));
+            let at_end = dot(simd, [dx, dy], [dx, dy]);
             let numerator = simd.select_f32s(turns, simd.mul_f32s(cross, cross), at_end);
             let denominator = simd.select_f32s(turns, speed_2, one);
             let best = &mut nearest[s];
@@ -233,7 +233,7 @@ fn group_columns(blocks: &[BodyBlock]) -> [[f32; GROUP_LEN]; 4] {
 #[inline(always)]
 fn step_debris<S: Simd, const OBLATE: bool>(simd: S, bodies: [S::f32s; 4], upstream: bool) -> [S::f32s; 4] {
     let [x, y, vx, vy] = bodies;
-    let r2 = dot(simd, (x, y), (x, y));
+    let r2 = dot(simd, [x, y], [x, y]);
     let inside = simd.less_than_f32s(r2, simd.splat_f32s(single(EARTH_RADIUS_2)));
     let mut k = simd.div_f32s(simd.splat_f32s(single(GM)), simd.mul_f32s(r2, simd.sqrt_f32s(r2)));
     if OBLATE {
@@ -253,14 +253,15 @@ fn step_debris<S: Simd, const OBLATE: bool>(simd: S, bodies: [S::f32s; 4], upstr
 
 /// Position of a satellite relative to a vector of bodies.
 #[inline(always)]
-fn relative_position<S: Simd>(simd: S, position: (f32, f32), bodies: [S::f32s; 4]) -> (S::f32s, S::f32s) {
+fn relative_position<S: Simd>(simd: S, position: (f32, f32), bodies: [S::f32s; 4]) -> [S::f32s; 2] {
     let (x, y) = position;
-    (simd.sub_f32s(simd.splat_f32s(x), bodies[0]), simd.sub_f32s(simd.splat_f32s(y), bodies[1]))
+    [simd.sub_f32s(simd.splat_f32s(x), bodies[0]), simd.sub_f32s(simd.splat_f32s(y), bodies[1])]
 }
 
+/// Dot products of two vectors of plane vectors.
 #[inline(always)]
-fn dot<S: Simd>(simd: S, a: (S::f32s, S::f32s), b: (S::f32s, S::f32s)) -> S::f32s {
-    simd.add_f32s(simd.mul_f32s(a.0, b.0), simd.mul_f32s(a.1, b.1))
+fn dot<S: Simd>(simd: S, a: [S::f32s; 2], b: [S::f32s; 2]) -> S::f32s {
+    simd.add_f32s(simd.mul_f32s(a[0], b[0]), simd.mul_f32s(a[1], b[1]))
 }
 
 #[inline(always)]

@@ -3,8 +3,7 @@
 use std::sync::LazyLock;
 
 use super::constants::RADAR_NONE;
-use crate::space::Axes;
-use crate::space::{ActionGrid, Harder, Levels, ManualChoice, OptionSpec, ParamSpec};
+use crate::space::{ActionGrid, Axes, Harder, Levels, ManualChoice, OptionSpec, ParamSpec};
 
 /// Largest number of debris bodies of a scenario, drawn and given together, and of threats in a *tracks*
 /// observation.
@@ -13,146 +12,166 @@ pub const MAX_DEBRIS: f64 = 1000.0;
 /// Number of parameters of each task.
 const PARAM_COUNT: usize = 7;
 
-#[expect(clippy::too_many_lines, reason = "a table: one entry a param")]
-const fn param_space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; PARAM_COUNT] {
-    [
-        ParamSpec {
-            name: "debris",
-            unit: "",
-            min: 0.0,
-            max: MAX_DEBRIS,
-            step: 5.0,
-            whole: true,
-            default: debris,
-            harder: Harder::Up,
-            about: "bodies the generator draws at radii 40 to 90 LU",
-        },
-        ParamSpec {
-            name: "fuel",
-            unit: "fuel",
-            min: 0.1,
-            max: 1000.0,
-            step: 0.5,
-            whole: false,
-            default: fuel,
-            harder: Harder::Down,
-            about: "fuel of each satellite at the start; a change of speed by 1 LU/TU costs 5",
-        },
-        ParamSpec {
-            name: "spread",
-            unit: "LU/TU",
-            min: 0.0,
-            max: 3.0,
-            step: 0.1,
-            whole: false,
-            default: spread,
-            harder: Harder::Up,
-            about: "each velocity component of debris is off circular by U(−spread, spread)",
-        },
-        ParamSpec {
-            name: "rogue_probability",
-            unit: "1/TU",
-            min: 0.0,
-            max: 1.0,
-            step: 0.02,
-            whole: false,
-            default: rogue,
-            harder: Harder::Up,
-            about: "chance in each step that rogue debris arrives at radius 95 LU",
-        },
-        ParamSpec {
-            name: "rogue_speed",
-            unit: "",
-            min: 0.3,
-            max: 1.3,
-            step: 0.05,
-            whole: false,
-            default: 1.2,
-            harder: Harder::Down,
-            about: "speed of a rogue over circular speed at 95 LU; 1.2 never comes below 95, 0.7 crosses the satellites' band",
-        },
-        ParamSpec {
-            name: "radar_range",
-            unit: "LU",
-            min: 1.0,
-            max: RADAR_NONE,
-            step: 1.0,
-            whole: false,
-            default: RADAR_NONE,
-            harder: Harder::Down,
-            about: "debris farther than this from every active satellite is hidden, but flies and kills; 300 hides nothing",
-        },
-        ParamSpec {
-            name: "sigma",
-            unit: "LU",
-            min: 0.05,
-            max: 10.0,
-            step: 0.05,
-            whole: false,
-            default: 0.5,
-            harder: Harder::Up,
-            about: "standard deviation of the relative position of two bodies; counts under risk: pc, and in the \
-                    probabilities and noise of warnings",
-        },
-    ]
-}
-
 /// Parameters of the survival task.
 pub static SURVIVAL_SPACE: [ParamSpec; PARAM_COUNT] = param_space(25.0, 100.0, 0.0, 0.0);
 /// Parameters of the eco_station task.
 pub static ECO_STATION_SPACE: [ParamSpec; PARAM_COUNT] = param_space(35.0, 50.0, 0.8, 0.0);
 /// Parameters of the rendezvous task.
 pub static RENDEZVOUS_SPACE: [ParamSpec; PARAM_COUNT] = param_space(50.0, 100.0, 1.0, 0.06);
-
 /// Parameters of the formation task.
 pub static FORMATION_SPACE: [ParamSpec; PARAM_COUNT] = param_space(25.0, 100.0, 0.0, 0.0);
+
+/// Returns the parameters of a task, with these defaults for the parameters that differ between tasks.
+const fn param_space(debris: f64, fuel: f64, spread: f64, rogue: f64) -> [ParamSpec; PARAM_COUNT] {
+    [
+        ParamSpec { default: debris, ..DEBRIS },
+        ParamSpec { default: fuel, ..FUEL },
+        ParamSpec { default: spread, ..SPREAD },
+        ParamSpec { default: rogue, ..ROGUE_PROBABILITY },
+        ROGUE_SPEED,
+        RADAR_RANGE,
+        SIGMA,
+    ]
+}
+
+/// Number of debris bodies that the generator draws.
+const DEBRIS: ParamSpec = ParamSpec {
+    name: "debris",
+    unit: "",
+    min: 0.0,
+    max: MAX_DEBRIS,
+    step: 5.0,
+    whole: true,
+    default: 0.0,
+    harder: Harder::Up,
+    description: "bodies the generator draws at radii 40 to 90 LU",
+};
+
+/// Fuel of each satellite at the start.
+const FUEL: ParamSpec = ParamSpec {
+    name: "fuel",
+    unit: "fuel",
+    min: 0.1,
+    max: 1000.0,
+    step: 0.5,
+    whole: false,
+    default: 100.0,
+    harder: Harder::Down,
+    description: "fuel of each satellite at the start; a change of speed by 1 LU/TU costs 5",
+};
+
+/// Spread of the velocities of debris around circular orbits.
+const SPREAD: ParamSpec = ParamSpec {
+    name: "spread",
+    unit: "LU/TU",
+    min: 0.0,
+    max: 3.0,
+    step: 0.1,
+    whole: false,
+    default: 0.0,
+    harder: Harder::Up,
+    description: "each velocity component of debris is off circular by U(−spread, spread)",
+};
+
+/// Probability in each step that rogue debris arrives.
+const ROGUE_PROBABILITY: ParamSpec = ParamSpec {
+    name: "rogue_probability",
+    unit: "1/TU",
+    min: 0.0,
+    max: 1.0,
+    step: 0.02,
+    whole: false,
+    default: 0.0,
+    harder: Harder::Up,
+    description: "chance in each step that rogue debris arrives at radius 95 LU",
+};
+
+/// Speed of a rogue, relative to circular speed.
+const ROGUE_SPEED: ParamSpec = ParamSpec {
+    name: "rogue_speed",
+    unit: "",
+    min: 0.3,
+    max: 1.3,
+    step: 0.05,
+    whole: false,
+    default: 1.2,
+    harder: Harder::Down,
+    description: "speed of a rogue over circular speed at 95 LU; 1.2 never comes below 95, 0.7 crosses the satellites' band",
+};
+
+/// Range of the radar; farther debris is hidden.
+const RADAR_RANGE: ParamSpec = ParamSpec {
+    name: "radar_range",
+    unit: "LU",
+    min: 1.0,
+    max: RADAR_NONE,
+    step: 1.0,
+    whole: false,
+    default: RADAR_NONE,
+    harder: Harder::Down,
+    description: "debris farther than this from every active satellite is hidden, but flies and kills; 300 hides nothing",
+};
+
+/// Standard deviation of relative positions.
+const SIGMA: ParamSpec = ParamSpec {
+    name: "sigma",
+    unit: "LU",
+    min: 0.05,
+    max: 10.0,
+    step: 0.05,
+    whole: false,
+    default: 0.5,
+    harder: Harder::Up,
+    description: "standard deviation of the relative position of two bodies; counts under risk: pc, and in the \
+            probabilities and noise of warnings",
+};
 
 /// Physics options of all kessler tasks.
 pub static KESSLER_OPTIONS: [OptionSpec; 6] = [
     OptionSpec {
         name: "start",
         choices: &["fair", "upstream"],
-        about: "fair: a generated body that would touch a satellite before step 3 under hold is drawn again; \
+        description: "fair: a generated body that would touch a satellite before step 3 under hold is drawn again; \
                 upstream: bodies stay as first drawn",
-        by_hand: &[],
+        manual_choices: &[],
     },
     OptionSpec {
         name: "compat",
         choices: &["none", "upstream"],
-        about: "upstream: burns are clamped and charged one by one, unknown satellites are ignored, debris inside \
+        description: "upstream: burns are clamped and charged one by one, unknown satellites are ignored, debris inside \
                 the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
-        by_hand: &[ManualChoice {
+        manual_choices: &[ManualChoice {
             choice: "upstream",
-            why: "it replays recorded episodes, and a satellite may burn more in a step than the plans it would be \
+            reason: "it replays recorded episodes, and a satellite may burn more in a step than the plans it would be \
                   judged by",
         }],
     },
     OptionSpec {
         name: "contact",
         choices: &["end_of_step", "swept"],
-        about: "end_of_step: bodies touch where a step ends; swept: at their closest approach within the step, so that \
+        description: "end_of_step: bodies touch where a step ends; swept: at their closest approach within the step, so that \
                 fast crossings cannot tunnel",
-        by_hand: &[],
+        manual_choices: &[],
     },
     OptionSpec {
         name: "gravity",
         choices: &["point", "j2"],
-        about: "point: the Earth pulls as a point; j2: with its oblateness, as felt in the equatorial plane",
-        by_hand: &[],
+        description: "point: the Earth pulls as a point; j2: with its oblateness, as felt in the equatorial plane",
+        manual_choices: &[],
     },
     OptionSpec {
         name: "risk",
         choices: &["contact", "pc"],
-        about: "contact: debris destroys what it touches; pc: every closest approach costs a probability of collision, and \
+        description: "contact: debris destroys what it touches; pc: every closest approach costs a probability of collision, and \
                 a satellite's cumulative survival stands where active stood in the reward",
-        by_hand: &[],
+        manual_choices: &[],
     },
     OptionSpec {
         name: "warnings",
         choices: &["none", "exact", "noisy"],
-        about: "conjunction warnings in the observation, for visible debris, by the true dynamics under hold; noisy: with \
+        description: "conjunction warnings in the observation, for visible debris, by the true dynamics under hold; noisy: with \
                 errors that grow with the time to closest approach",
-        by_hand: &[],
+        manual_choices: &[],
     },
 ];
 
@@ -222,6 +241,6 @@ pub(super) fn action_grid() -> ActionGrid {
     ActionGrid {
         axes: Axes::Agent,
         rows: std::iter::once([0.0, 0.0]).chain(burns).map(Vec::from).collect(),
-        about: "hold, then burns of 0.05, 0.1, 0.2 and 0.4 LU/TU, each prograde, radial out, retrograde and radial in",
+        description: "hold, then burns of 0.05, 0.1, 0.2 and 0.4 LU/TU, each prograde, radial out, retrograde and radial in",
     }
 }

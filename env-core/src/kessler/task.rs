@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::constants::{EPSILON, GOAL, HORIZON, MAX_BURN, SATELLITES};
+use super::constants::{EPSILON, GOAL_THRESHOLD, HORIZON, MAX_BURN, SATELLITES};
 use super::episode::KesslerEpisode;
 use super::reward::Objective;
 use super::setup::KesslerSetup;
@@ -35,11 +35,18 @@ pub struct KesslerTask {
 
 const fn metadata(
     id: &'static str,
-    about: &'static str,
+    description: &'static str,
     params: &'static [ParamSpec],
     levels: &'static LazyLock<Levels>,
 ) -> TaskMetadata {
-    TaskMetadata { id, world: WORLD_ID, about, params, options: &spaces::KESSLER_OPTIONS, levels }
+    TaskMetadata {
+        id,
+        world: WORLD_ID,
+        description,
+        params,
+        options: &spaces::KESSLER_OPTIONS,
+        levels,
+    }
 }
 
 /// All tasks, in the order in which the docs list them.
@@ -148,7 +155,9 @@ impl TaskSpec for KesslerTask {
         outcome.lost == 0
             && match self.objective {
                 Objective::Survival | Objective::EcoStation => skill.is_none_or(|s| s >= MIN_SUCCESS_SKILL),
-                Objective::Rendezvous | Objective::Formation => outcome.goal.is_some_and(|g| g >= GOAL),
+                Objective::Rendezvous | Objective::Formation => {
+                    outcome.goal.is_some_and(|g| g >= GOAL_THRESHOLD)
+                }
             }
     }
 

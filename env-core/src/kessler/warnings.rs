@@ -88,13 +88,13 @@ impl<R: EpisodeRng> KesslerSim<R> {
             approach = approach.displaced(error, self.rng().peek_normals(stream));
             sigma = (sigma * sigma + error * error).sqrt();
         }
-        let miss = norm(approach.miss);
+        let miss = norm(approach.miss.0, approach.miss.1);
         Conjunction {
             satellite_id: satellite,
             debris_id: debris,
             time_to_closest_approach: approach.time,
             miss_distance: miss,
-            relative_speed: norm(approach.velocity),
+            relative_speed: norm(approach.velocity.0, approach.velocity.1),
             probability: collision_probability(miss, sigma),
         }
     }
@@ -105,7 +105,7 @@ fn noise_sigma(sigma: f64, time: f64) -> f64 {
     sigma * NOISE_GROWTH * time / WARNING_LOOK_AHEAD as f64
 }
 
-fn norm((x, y): (f64, f64)) -> f64 {
+fn norm(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 

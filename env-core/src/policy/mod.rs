@@ -24,9 +24,9 @@ pub struct PolicySpec {
     /// Name of the policy.
     pub name: &'static str,
     /// Description in one sentence, without a subject.
-    pub about: &'static str,
+    pub description: &'static str,
     /// True if the policy is stochastic, so that its actions depend on the seed.
-    pub chance: bool,
+    pub stochastic: bool,
 }
 
 /// A policy that cannot be created.

@@ -37,7 +37,7 @@ pub struct TaskMetadata {
     /// Id of the world with its version, such as `kessler@1`.
     pub world: &'static str,
     /// Description in one sentence.
-    pub about: &'static str,
+    pub description: &'static str,
     /// Parameter space of the task.
     pub params: &'static [ParamSpec],
     /// Physics options of the task.
@@ -64,8 +64,8 @@ pub trait TaskSpec: Send + Sync {
     }
 
     /// Description in one sentence.
-    fn about(&self) -> &'static str {
-        self.metadata().about
+    fn description(&self) -> &'static str {
+        self.metadata().description
     }
 
     /// Parameter space of the task.
@@ -195,7 +195,7 @@ pub trait TaskSpec: Send + Sync {
     /// Returns an error if the scenario cannot start or the log is not one of this scenario.
     fn judge_step(&self, scenario: &Scenario, log: &ActionLog) -> Result<Option<Judgement>, ReplayError> {
         match self.critique(scenario, log) {
-            Ok(critique) => Ok(Some(critique.judged)),
+            Ok(critique) => Ok(Some(critique.assessment)),
             Err(ReplayError::Log(LogError::TooShort { .. })) => Ok(None),
             Err(error) => Err(error),
         }

@@ -55,10 +55,10 @@ impl Recipe {
     pub fn check_for_series(&self) -> Result<(), ScenarioError> {
         for (spec, &choice) in self.task.options().iter().zip(&self.options) {
             let word = spec.choices[choice];
-            if let Some(reserved) = spec.by_hand.iter().find(|reserved| reserved.choice == word) {
+            if let Some(reserved) = spec.manual_choices.iter().find(|reserved| reserved.choice == word) {
                 return Err(ScenarioError::Layout {
                     field: format!("{PHYSICS}.{}", spec.name),
-                    reason: format!("{word} is for scenarios by hand: {}", reserved.why),
+                    reason: format!("{word} is for scenarios by hand: {}", reserved.reason),
                 });
             }
         }

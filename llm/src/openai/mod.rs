@@ -103,7 +103,7 @@ impl OpenAi {
             let learned = self.learned();
             (learned.format, learned.is_doubted)
         };
-        // Weakest format that the endpoint's own words lead to; a weaker one is a guess.
+        // Weakest format that the endpoint's error message suggests; a weaker one is a guess.
         let mut known_format = format;
         let mut is_guess = false;
         // Each turn weakens the format or learns the other name of `max_tokens`, so there are at most four.

@@ -7,7 +7,7 @@ use crate::{
     ChatRequest, ChatResponse, LlmConfig, LlmError, Message, OrderedSchema, ResponseFormat, token_details,
 };
 
-/// Form of a request: what differs between endpoints.
+/// Form of a request: the parts that differ between endpoints.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RequestForm {
     pub(super) format: ResponseFormat,

@@ -36,8 +36,8 @@ async fn breaker_opens_longer_after_each_failed_trial() {
     // Three failures open it for 30 s.
     assert_eq!(retry_in(&complete(&client, "r").await.unwrap_err()), 30.0);
     let health = client.health();
-    assert_eq!((health.breaker, health.failures_in_a_row, health.calls), (BreakerState::Open, 3, 3));
-    assert_eq!(health.why.unwrap(), "the model's endpoint refused with status 503: away");
+    assert_eq!((health.breaker, health.consecutive_failures, health.calls), (BreakerState::Open, 3, 3));
+    assert_eq!(health.breaker_error.unwrap(), "the model's endpoint refused with status 503: away");
     assert_eq!(calls.get(), 3);
     // Then it lets one trial call through, and rejects others meanwhile.
     advance(Duration::from_secs(31)).await;
@@ -49,7 +49,7 @@ async fn breaker_opens_longer_after_each_failed_trial() {
     assert_eq!(retry_in(&complete(&client, "r").await.unwrap_err()), 60.0);
     advance(Duration::from_secs(61)).await;
     assert_eq!(complete(&client, "r").await.unwrap().text, "well");
-    assert_eq!((client.health().breaker, client.health().failures_in_a_row), (BreakerState::Closed, 0));
+    assert_eq!((client.health().breaker, client.health().consecutive_failures), (BreakerState::Closed, 0));
     assert_eq!(complete(&client, "r").await.unwrap().text, "well");
 }
 
@@ -120,7 +120,7 @@ async fn exhausted_run_budget_rejects_calls() {
         "the budget of tokens of this run does not pay for another call: 450 of 430 is spent or under way"
     );
     // A budget error does not count as a failure of the endpoint.
-    assert_eq!(client.health().failures_in_a_row, 0);
+    assert_eq!(client.health().consecutive_failures, 0);
 }
 
 #[tokio::test(start_paused = true)]

@@ -31,10 +31,10 @@ async fn rejected_formats_are_remembered() {
     ])
     .await;
     let client = LlmClient::new(test_config(&server.uri())).unwrap();
-    assert_eq!(client.health().mode, ResponseFormat::JsonSchema);
+    assert_eq!(client.health().response_format, ResponseFormat::JsonSchema);
     assert_eq!(complete(&client, "r").await.unwrap().text, "a");
     assert_eq!(complete(&client, "r").await.unwrap().text, "b");
-    assert_eq!((client.health().mode, client.health().failed), (ResponseFormat::Text, 0));
+    assert_eq!((client.health().response_format, client.health().failed), (ResponseFormat::Text, 0));
     let requests = received_bodies(&server).await;
     assert_eq!(formats(&requests), [SCHEMA, OBJECT, "text", "text"]);
     // If the endpoint does not enforce the schema, the prompt states it.
@@ -52,7 +52,7 @@ async fn repeated_500s_weaken_the_format() {
     let mut modes = Vec::new();
     for _ in 0..3 {
         complete(&client, "r").await.unwrap();
-        modes.push(client.health().mode);
+        modes.push(client.health().response_format);
     }
     assert_eq!(modes, [ResponseFormat::JsonSchema, ResponseFormat::JsonObject, ResponseFormat::JsonObject]);
     assert_eq!(formats(&received_bodies(&server).await), [SCHEMA, SCHEMA, OBJECT, SCHEMA, OBJECT, OBJECT]);
@@ -68,14 +68,14 @@ async fn passing_outage_keeps_the_stronger_format() {
         complete(&client, "r").await.unwrap();
     }
     assert_eq!(formats(&received_bodies(&server).await), [SCHEMA, SCHEMA, OBJECT, SCHEMA, SCHEMA, SCHEMA]);
-    assert_eq!(client.health().mode, ResponseFormat::JsonSchema);
+    assert_eq!(client.health().response_format, ResponseFormat::JsonSchema);
     // If no format helps, the format was not the cause.
     let responses = [server_error(), server_error(), server_error(), server_error(), answer("a")];
     let server = start_endpoint(responses).await;
     let client = LlmClient::new(test_config(&server.uri())).unwrap();
     complete(&client, "r").await.unwrap();
     assert_eq!(formats(&received_bodies(&server).await), [SCHEMA, SCHEMA, OBJECT, SCHEMA, SCHEMA]);
-    assert_eq!(client.health().mode, ResponseFormat::JsonSchema);
+    assert_eq!(client.health().response_format, ResponseFormat::JsonSchema);
 }
 
 #[tokio::test]

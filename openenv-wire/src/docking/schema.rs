@@ -90,10 +90,10 @@ fn models() -> Vec<Value> {
             ("speed", number("Relative to the chief, m/s")),
             ("speed_limit", number("The speed limit here, m/s")),
             ("observation", described(eight, "Position/100 m, velocity/0.5 m/s, speed, speed limit")),
-            ("nearest", described(nearest, "The nearest other deputy that flies")),
+            ("nearest", described(nearest, "The nearest other active deputy")),
             (
                 "velocity_penalty",
-                number("What breaking the speed limit has cost so far; at -5 it is stopped"),
+                number("Sum of the penalties for exceeding the speed limit; at -5 the deputy is stopped"),
             ),
             ("reward", json!({"$ref": format!("#/$defs/{REWARD}")})),
             ("total_reward", number("The sum of its rewards")),

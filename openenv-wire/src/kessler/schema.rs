@@ -82,7 +82,7 @@ fn models() -> Vec<Value> {
     let number = || scalar("number");
     let body =
         || [("id", scalar("integer")), ("x", number()), ("y", number()), ("vx", number()), ("vy", number())];
-    let survival = "Probability that the satellite still flies; present only under `risk: pc`";
+    let survival = "Probability that the satellite is still active; present only under `risk: pc`";
     let satellite = [
         ("fuel", number()),
         ("status", described(scalar("string"), "'active' or 'destroyed'")),

@@ -6,7 +6,7 @@ use crate::store::critiques::CritiqueJob;
 /// Result of a critique job.
 #[derive(Debug)]
 pub struct CritiqueResult {
-    /// The job.
+    /// Job that was criticised.
     pub job: CritiqueJob,
     /// Findings, one for each criticised episode.
     pub findings: Vec<EpisodeFindings>,

@@ -79,8 +79,8 @@ impl EpisodeFindings {
     /// # Errors
     /// Returns a sentence if the judge gives no finite value.
     pub(crate) fn of(number: i64, critique: &Critique, bands: SpeedBands) -> Result<Self, String> {
-        if !critique.judged.value.is_finite() {
-            return Err(format!("its judge says {}", critique.judged.value));
+        if !critique.assessment.value.is_finite() {
+            return Err(format!("its judge says {}", critique.assessment.value));
         }
         let mut verdicts = [0; 4];
         for action in &critique.actions {
@@ -105,7 +105,7 @@ impl EpisodeFindings {
         Ok(Self {
             number,
             layout: None,
-            judged: critique.judged.value,
+            judged: critique.assessment.value,
             verdicts,
             failures: failures.collect(),
         })
@@ -124,12 +124,12 @@ const fn verdict_index(verdict: Verdict) -> usize {
 /// Adds the findings of an episode to the counters of its task.
 pub(crate) fn add_findings(sums: &mut CritiqueCounters, findings: &EpisodeFindings) {
     sums.criticised += 1;
-    let DecayingSum { all, now } = &mut sums.judged;
-    *all += findings.judged;
-    *now = decay(*now, 1) + findings.judged;
-    for (DecayingSum { all, now }, n) in sums.verdicts.iter_mut().zip(findings.verdicts) {
-        *all += n;
-        *now = decay(*now, 1) + n as f64;
+    let DecayingSum { overall, recent } = &mut sums.judgement;
+    *overall += findings.judged;
+    *recent = decay(*recent, 1) + findings.judged;
+    for (DecayingSum { overall, recent }, n) in sums.verdicts.iter_mut().zip(findings.verdicts) {
+        *overall += n;
+        *recent = decay(*recent, 1) + n as f64;
     }
 }
 
@@ -208,11 +208,11 @@ mod tests {
         }
         let all = total_weight(5000);
         // 5 000 multiplications and additions, each off by at most half a unit in the last place of 3 000.
-        for now in [sums.judged.now, sums.verdicts[0].now, sums.verdicts[2].now / 2.0, cell.weight] {
+        for now in [sums.judgement.recent, sums.verdicts[0].recent, sums.verdicts[2].recent / 2.0, cell.weight] {
             assert!((now - all).abs() < 1e-8, "{now} is not {all}");
         }
         assert_eq!((cell.count, cell.avoidable, cell.steps_left), (5000, 5000, 35_000));
-        assert_eq!((sums.judged.all, sums.verdicts[2].all), (5000.0, 10_000));
+        assert_eq!((sums.judgement.overall, sums.verdicts[2].overall), (5000.0, 10_000));
     }
 
     proptest! {

@@ -127,12 +127,17 @@ impl ProfileCache {
     }
 }
 
-/// Builds the example of a failure, the `nth_of_cell` of its cell, from the task's `place`-th criticised episode.
-fn example(nth_of_cell: i64, place: i64, episode: EpisodeKey, failure: &FailureFinding) -> FailureExample {
+/// Builds the example of a failure: number `ordinal` of its cell, in number `episode_ordinal` of the task's criticised episodes.
+fn example(
+    ordinal: i64,
+    episode_ordinal: i64,
+    episode: EpisodeKey,
+    failure: &FailureFinding,
+) -> FailureExample {
     let encounter = failure.encounter;
     FailureExample {
-        nth: nth_of_cell,
-        place,
+        ordinal,
+        episode_ordinal,
         lease: episode.lease,
         number: episode.number,
         agent: i64::from(failure.agent),

@@ -61,7 +61,7 @@ async fn add_layout_faults(
         by_layout.entry(layout).or_default().push(modes);
     }
     for (layout, episodes) in by_layout {
-        layout_outcomes::add_faults(conn, layout, &episodes).await?;
+        layout_outcomes::add_failure_episodes(conn, layout, &episodes).await?;
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use api_types::RunRequest;
 use env_core::critique::{Judgement, SpeedBands};
 use env_core::{ActionLog, SeedSpace, rollout};
 use proptest::prelude::*;
@@ -20,7 +21,6 @@ use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::leases::seeds::seed_of;
 use crate::runs::create_run::CreateRun;
-use crate::runs::run_request::RunRequest;
 use crate::store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
 use crate::store::failure_sectors::{self, InertialSectorRow};
 use crate::store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
@@ -119,7 +119,7 @@ fn collision(bearing_deg: f64, relative_speed: f64, avoidable: Option<bool>) -> 
         first_visible_step: avoidable.map(|_| 0),
         steps_left: 6,
         avoidable,
-        cheapest: None,
+        cheapest_avoidance: None,
     };
     env_core::critique::Failure {
         mode: "collision",
@@ -127,7 +127,7 @@ fn collision(bearing_deg: f64, relative_speed: f64, avoidable: Option<bool>) -> 
         step: 7,
         encounter: Some(encounter),
         measures: Vec::new(),
-        words: String::new(),
+        explanation: String::new(),
     }
 }
 
@@ -139,7 +139,7 @@ fn critique(value: f64, failures: Vec<env_core::critique::Failure>) -> env_core:
         actions: [env_core::critique::Verdict::Needed, env_core::critique::Verdict::Harmful]
             .map(verdict)
             .to_vec(),
-        judged: Judgement { value, case: "missed", words: String::new() },
+        assessment: Judgement { value, case: "missed", explanation: String::new() },
     }
 }
 
@@ -185,8 +185,8 @@ async fn findings_read_back_and_a_job_is_stored_once() {
     assert_eq!((cell.as_of, cell.last_at), (100, 1_000));
     // 100 multiplications and additions below 128: at most 1e-12 together.
     assert!((cell.weight - closed).abs() < 1e-11, "{} is not {closed}", cell.weight);
-    assert_eq!((once.sums.criticised, once.sums.judged.all), (100, 25.0));
-    assert_eq!(once.sums.verdicts.map(|v| v.all), [100, 0, 0, 100]);
+    assert_eq!((once.sums.criticised, once.sums.judgement.overall), (100, 25.0));
+    assert_eq!(once.sums.verdicts.map(|v| v.overall), [100, 0, 0, 100]);
 
     // A worker that stopped after its commit repeats the job: nothing changes.
     writer.change(StoreCritiques(vec![first()])).await.unwrap();
@@ -209,7 +209,7 @@ async fn findings_read_back_and_a_job_is_stored_once() {
     let numbers: Vec<i64> = all.iter().map(|k| k.example.number).collect();
     assert_eq!(numbers, (36..100).rev().collect::<Vec<_>>());
     let last = all[9].clone();
-    let before = FailureCursor { place: last.example.place, cell: last.cell, nth: last.example.nth };
+    let before = FailureCursor { episode_ordinal: last.example.episode_ordinal, cell: last.cell, ordinal: last.example.ordinal };
     let wanted = FailureFilter { before: Some(before), ..FailureFilter::default() };
     assert_eq!(writer.change(ReadExamples(wanted, 5)).await.unwrap(), all[10..15]);
     let elsewhere = FailureFilter { sector: Some(4), ..FailureFilter::default() };
@@ -277,8 +277,8 @@ fn findings() -> impl Strategy<Value = Vec<EpisodeFindings>> {
 /// The part of a profile that does not depend on the order of episodes.
 fn totals(profile: &StoredProfile) -> (CritiqueCounters, Vec<(CellKey, CellCounters)>) {
     let mut sums = profile.sums.clone();
-    sums.judged.now = 0.0;
-    sums.verdicts.iter_mut().for_each(|v| v.now = 0.0);
+    sums.judgement.recent = 0.0;
+    sums.verdicts.iter_mut().for_each(|v| v.recent = 0.0);
     let still = |(key, cell): &(CellKey, CellCounters)| {
         (key.clone(), CellCounters { weight: 0.0, as_of: 0, ..*cell })
     };

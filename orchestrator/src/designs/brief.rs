@@ -94,7 +94,7 @@ async fn past_layouts(
 
 fn outcome_of(row: &LayoutRow) -> LayoutOutcome {
     if row.state == LayoutState::Refused {
-        let (check, reason) = (row.gate_check.clone(), row.reason.clone());
+        let (check, reason) = (row.gate_check.clone(), row.refusal_reason.clone());
         return LayoutOutcome::Refused {
             check: check.unwrap_or_default(),
             reason: reason.unwrap_or_default(),
@@ -107,8 +107,8 @@ fn outcome_of(row: &LayoutRow) -> LayoutOutcome {
     LayoutOutcome::Evaluated {
         episodes: to_u32(row.episodes),
         success_rate: per_episode(row.successes as f64),
-        regret: per_episode(row.regret),
-        aimed_share: row.as_aimed_share(),
+        regret: per_episode(row.regret_sum),
+        aimed_share: row.aimed_failure_share(),
         is_retired: row.state == LayoutState::Retired,
     }
 }

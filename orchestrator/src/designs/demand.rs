@@ -1,4 +1,4 @@
-//! Decides when a designer is asked: when the stock of layouts runs low, or when the failure profile has changed.
+//! Decides when a designer is asked: when the reserve of layouts runs low, or when the failure profile has changed.
 
 use crate::clock::Millis;
 use crate::designs::DesignerKind;
@@ -7,14 +7,14 @@ use crate::designs::DesignerKind;
 pub const MIN_CRITICISED: i64 = 32;
 /// Total weight of failures below which nothing is designed.
 pub const MIN_FAILURE_WEIGHT: f64 = 8.0;
-/// Distance of the profile from that of the last request, from which a full stock is designed again.
+/// Distance of the profile from that of the last request, from which a full reserve is designed again.
 pub const MIN_PROFILE_DISTANCE: f64 = 0.2;
 /// Number of episodes criticised since then, below which a changed profile does not count.
 pub const MIN_NEW_CRITICISED: i64 = 256;
 /// Maximum number of layouts in one request.
 pub const MAX_LAYOUTS_PER_REQUEST: u32 = 32;
-/// Active layouts near the level, as a multiple of the stock, from which a changed profile requests no more.
-const MAX_STOCKS: u32 = 4;
+/// Active layouts near the level, as a multiple of the reserve, from which a changed profile requests no more.
+const MAX_RESERVE_FACTOR: u32 = 4;
 /// Minimum time between two requests to the language model for one task, in milliseconds.
 const LLM_PAUSE_MS: Millis = 60_000;
 /// Minimum time between two requests to the procedural designer for one task, in milliseconds.
@@ -49,7 +49,7 @@ pub struct DesignDemand {
     /// Number of active layouts near the current level.
     pub active: u32,
     /// Number of active layouts that there should be.
-    pub stock: u32,
+    pub reserve: u32,
     /// The last request, if there was one.
     pub last: Option<LastDesignRequest>,
     /// Current time, in milliseconds since the epoch.
@@ -78,13 +78,13 @@ pub fn layouts_wanted(demand: &DesignDemand) -> Option<u32> {
     if demand.last.is_some_and(is_too_early) {
         return None;
     }
-    let missing = demand.stock.saturating_sub(demand.active);
+    let missing = demand.reserve.saturating_sub(demand.active);
     let has_changed = |last: LastDesignRequest| {
         last.distance >= MIN_PROFILE_DISTANCE
             && demand.criticised - last.criticised >= MIN_NEW_CRITICISED
-            && demand.active < demand.stock.saturating_mul(MAX_STOCKS)
+            && demand.active < demand.reserve.saturating_mul(MAX_RESERVE_FACTOR)
     };
-    let replacements = if demand.last.is_some_and(has_changed) { demand.stock } else { 0 };
+    let replacements = if demand.last.is_some_and(has_changed) { demand.reserve } else { 0 };
     Some(missing.max(replacements).min(MAX_LAYOUTS_PER_REQUEST)).filter(|wanted| *wanted > 0)
 }
 
@@ -100,7 +100,7 @@ mod tests {
         criticised: 1000,
         failure_weight: 50.0,
         active: 8,
-        stock: 8,
+        reserve: 8,
         last: None,
         now: 1_000_000,
     };
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(layouts_wanted(&DEMAND), None);
         assert_eq!(layouts_wanted(&DesignDemand { active: 3, ..DEMAND }), Some(5));
         assert_eq!(
-            layouts_wanted(&DesignDemand { active: 0, stock: 64, ..DEMAND }),
+            layouts_wanted(&DesignDemand { active: 0, reserve: 64, ..DEMAND }),
             Some(MAX_LAYOUTS_PER_REQUEST)
         );
         assert_eq!(layouts_wanted(&DesignDemand { last: last(0.2, 744), ..DEMAND }), Some(8));
@@ -132,23 +132,23 @@ mod tests {
     }
 
     proptest! {
-        /// Nothing is requested without evidence, during placement, or too early; never more than what is missing or a stock.
+        /// Nothing is requested without evidence, during placement, or too early; never more than what is missing or the reserve.
         #[test]
         fn requests_need_evidence_and_time(
             (is_placed, has_llm) in any::<(bool, bool)>(), criticised in 0i64..600, failure_weight in 0.0f64..20.0, active in 0u32..40,
-            stock in 1u32..=64, has_last in any::<bool>(),
+            reserve in 1u32..=64, has_last in any::<bool>(),
             (at, before, distance, barren_streak) in (0i64..2_000_000, 0i64..600, 0.0f64..1.0, 0u32..10),
         ) {
             let designer = if has_llm { DesignerKind::Llm } else { DesignerKind::Procedural };
             let last = has_last.then_some(LastDesignRequest { at, criticised: before, distance, barren_streak });
-            let demand = DesignDemand { designer, is_placed, criticised, failure_weight, active, stock, last, now: 1_000_000 };
+            let demand = DesignDemand { designer, is_placed, criticised, failure_weight, active, reserve, last, now: 1_000_000 };
             if let Some(wanted) = layouts_wanted(&demand) {
                 prop_assert!(is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT);
                 prop_assert!(last.is_none_or(|last| demand.now - last.at >= pause_ms(designer, barren_streak)));
                 prop_assert!((1..=MAX_LAYOUTS_PER_REQUEST).contains(&wanted));
-                prop_assert!(wanted <= stock);
-                prop_assert!(active < stock || distance >= MIN_PROFILE_DISTANCE);
-            } else if is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT && active < stock {
+                prop_assert!(wanted <= reserve);
+                prop_assert!(active < reserve || distance >= MIN_PROFILE_DISTANCE);
+            } else if is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT && active < reserve {
                 prop_assert!(last.is_some_and(|last| demand.now - last.at < pause_ms(designer, barren_streak)));
             }
         }

@@ -24,8 +24,8 @@ use crate::store::{StoreError, brackets, scenarios, to_i64};
 const MAX_STORED_LAYOUTS: usize = 64;
 /// Maximum size of a refused design that is stored, in bytes.
 const MAX_REFUSED_BYTES: usize = 16 * 1024;
-/// Maximum number of troubles of a request that are stored.
-const MAX_TROUBLES: usize = 32;
+/// Maximum number of warnings of a request that are stored.
+const MAX_WARNINGS: usize = 32;
 
 /// Verdict under which admitted layouts are counted.
 pub const ADMITTED: &str = "admitted";
@@ -54,8 +54,8 @@ pub struct FinishDesignRequest {
     pub made: Vec<MadeLayout>,
     /// Tokens and cost of the language model.
     pub usage: DesignUsage,
-    /// Troubles that did not end the request.
-    pub troubles: Vec<String>,
+    /// Errors that did not end the request.
+    pub warnings: Vec<String>,
     /// Why the request failed, if it did.
     pub error: Option<String>,
     /// Time that the request took.
@@ -77,7 +77,7 @@ impl Change for FinishDesignRequest {
         let result = self.into_result(&counts);
         design_requests::finish(conn, id, &result, now).await?;
         let event = RunEvent::Design {
-            ask: DesignRequestId(id).to_string(),
+            request: DesignRequestId(id).to_string(),
             task: &task,
             designer: request.designer,
             admitted: result.admitted,
@@ -134,27 +134,27 @@ impl FinishDesignRequest {
     /// Returns the result of the request as it is stored.
     fn into_result(self, counts: &LayoutCounts) -> DesignRequestResult {
         let DesignUsage { model, prompt, rounds, tokens_in, tokens_out, cost, .. } = self.usage;
-        let mut troubles: Vec<String> =
-            self.troubles.iter().take(MAX_TROUBLES).map(|trouble| shorten(trouble, 500)).collect();
+        let mut warnings: Vec<String> =
+            self.warnings.iter().take(MAX_WARNINGS).map(|warning| shorten(warning, 500)).collect();
         if counts.admitted > MAX_STORED_LAYOUTS {
             let admitted = counts.admitted;
-            troubles.push(format!(
+            warnings.push(format!(
                 "{admitted} layouts were let through; the first {MAX_STORED_LAYOUTS} are kept"
             ));
         }
         DesignRequestResult {
             admitted: counts.admitted as i64,
-            own: counts.own,
+            admitted_without_fallback: counts.own,
             refused: counts.refused as i64,
             model: model.map(|model| shorten(&model, 200)),
-            prompt: prompt.map(|prompt| shorten(&prompt, 200)),
+            prompt_version: prompt.map(|prompt| shorten(&prompt, 200)),
             rounds: i64::from(rounds),
             tokens_in: to_i64(tokens_in),
             tokens_out: to_i64(tokens_out),
             // SQLite would store a NaN as NULL.
             cost: if cost.is_finite() { cost } else { 0.0 },
             latency_ms: i64::try_from(self.elapsed.as_millis()).unwrap_or(i64::MAX),
-            troubles,
+            errors: warnings,
             error: self.error.map(|error| shorten(&error, 1000)),
         }
     }
@@ -185,13 +185,13 @@ impl FinishDesignRequest {
             round: i64::from(judged.round),
             state: state_of(judged),
             gate_check: refusal.map(|refusal| refusal.check().as_str().to_owned()),
-            reason: refusal.map(|refusal| shorten(&refusal.to_string(), 1000)),
+            refusal_reason: refusal.map(|refusal| shorten(&refusal.to_string(), 1000)),
             claim: admitted.map(|a| claim_of(a.kind())),
             novelty: admitted
                 .and_then(designer::AdmittedLayout::novelty)
                 .filter(|novelty| novelty.is_finite()),
             scenario: admitted.map(|a| a.scenario().id().0.to_vec()),
-            train_groups_at,
+            training_groups_at_creation: train_groups_at,
         }
     }
 }
@@ -221,11 +221,11 @@ async fn store_layout(
         brackets::insert(conn, &[(id, admitted.bracket())]).await?;
     }
     let id = layouts::insert(conn, row, now).await?;
-    let reason = row.reason.clone().unwrap_or_else(|| "the gate let it through".to_owned());
+    let reason = row.refusal_reason.clone().unwrap_or_else(|| "the gate let it through".to_owned());
     layout_transitions::change_state(
         conn,
         id,
-        &LayoutTransition { state: state_of(judged), why: None, reason },
+        &LayoutTransition { state: state_of(judged), retirement_reason: None, reason },
         now,
     )
     .await

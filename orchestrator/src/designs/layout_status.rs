@@ -24,32 +24,35 @@ pub enum LayoutStatus {
     /// The agent never succeeds on it; it is probed now and then, in case the agent learns it.
     Hopeless,
     /// A user retired it; it is never served.
-    Hand,
+    RetiredByUser,
 }
 
 impl LayoutStatus {
     /// Returns the status of a stored layout; `None` if the gate refused it.
     #[must_use]
-    pub const fn from_stored(state: LayoutState, why: Option<RetirementReason>) -> Option<Self> {
-        match (state, why) {
+    pub const fn from_stored(
+        state: LayoutState,
+        retirement_reason: Option<RetirementReason>,
+    ) -> Option<Self> {
+        match (state, retirement_reason) {
             (LayoutState::Refused, _) => None,
             (LayoutState::Active, _) => Some(Self::Active),
             (LayoutState::Retired, Some(RetirementReason::Mastered)) => Some(Self::Mastered),
             (LayoutState::Retired, Some(RetirementReason::Hopeless)) => Some(Self::Hopeless),
-            (LayoutState::Retired, Some(RetirementReason::Hand) | None) => Some(Self::Hand),
+            (LayoutState::Retired, Some(RetirementReason::User) | None) => Some(Self::RetiredByUser),
         }
     }
 
     /// Returns the stored transition to this status.
     #[must_use]
     pub const fn transition(self, reason: String) -> LayoutTransition {
-        let (state, why) = match self {
+        let (state, retirement_reason) = match self {
             Self::Active => (LayoutState::Active, None),
             Self::Mastered => (LayoutState::Retired, Some(RetirementReason::Mastered)),
             Self::Hopeless => (LayoutState::Retired, Some(RetirementReason::Hopeless)),
-            Self::Hand => (LayoutState::Retired, Some(RetirementReason::Hand)),
+            Self::RetiredByUser => (LayoutState::Retired, Some(RetirementReason::User)),
         };
-        LayoutTransition { state, why, reason }
+        LayoutTransition { state, retirement_reason, reason }
     }
 }
 
@@ -171,20 +174,23 @@ mod tests {
 
     #[test]
     fn manually_retired_layout_stays_retired() {
-        let mut history = LayoutHistory { status: LayoutStatus::Hand, ..history_of(&[0.5; 4]) };
+        let mut history = LayoutHistory { status: LayoutStatus::RetiredByUser, ..history_of(&[0.5; 4]) };
         for value in [0.0, 1.0].into_iter().cycle().take(200) {
             assert_eq!(history.observe(value), None);
         }
-        assert_eq!(history.status, LayoutStatus::Hand);
+        assert_eq!(history.status, LayoutStatus::RetiredByUser);
     }
 
     #[test]
     fn stored_status_reads_back() {
-        for status in
-            [LayoutStatus::Active, LayoutStatus::Mastered, LayoutStatus::Hopeless, LayoutStatus::Hand]
-        {
+        for status in [
+            LayoutStatus::Active,
+            LayoutStatus::Mastered,
+            LayoutStatus::Hopeless,
+            LayoutStatus::RetiredByUser,
+        ] {
             let stored = status.transition(String::new());
-            assert_eq!(LayoutStatus::from_stored(stored.state, stored.why), Some(status));
+            assert_eq!(LayoutStatus::from_stored(stored.state, stored.retirement_reason), Some(status));
         }
         assert_eq!(LayoutStatus::from_stored(LayoutState::Refused, None), None);
     }

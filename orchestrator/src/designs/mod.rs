@@ -19,6 +19,6 @@ pub mod settings;
 pub mod start_design;
 
 pub use self::designers::{BuiltInDesigners, Designers, DesignersWithModel};
-pub use self::settings::{DesignSettings, DesignSettingsRequest, designer_kind};
+pub use self::settings::{DesignSettings, designer_kind};
 pub use crate::store::design_requests::DesignerKind;
 pub use api_types::DesignerChoice;

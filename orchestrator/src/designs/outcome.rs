@@ -48,8 +48,8 @@ pub(crate) async fn observe_designed_group(
     }
     if !is_stale && group.is_contested && group.finished > 0 {
         let counts = run.task_counts(&group.task);
-        counts.contested += 1;
-        counts.solved += group.successes as f64 / group.finished as f64;
+        counts.contested_groups += 1;
+        counts.success_rate_sum += group.successes as f64 / group.finished as f64;
     }
     let epoch =
         run.state.curriculum.status().into_iter().find(|s| s.task == group.task).map_or(0, |s| s.epoch);
@@ -119,19 +119,19 @@ async fn update_layout(
     episodes: &[FinishedEpisode],
     now: i64,
 ) -> Result<(), StoreError> {
-    let Some(status) = LayoutStatus::from_stored(row.state, row.why) else { return Ok(()) };
-    let recent = from_json("a layout's outcomes", &row.recent)?;
-    let mut history = LayoutHistory { status, recent, barren_streak: to_u32(row.barren) };
+    let Some(status) = LayoutStatus::from_stored(row.state, row.retirement_reason) else { return Ok(()) };
+    let recent = from_json("a layout's outcomes", &row.recent_success_rates)?;
+    let mut history = LayoutHistory { status, recent, barren_streak: to_u32(row.barren_streak) };
     let is_decoy = row.claim == Some(LayoutClaim::Decoy);
     let successes = episodes.iter().filter(|episode| is_mastered(episode, is_decoy)).count();
     let reason = history.observe(successes as f64 / episodes.len().max(1) as f64);
     let outcome = LayoutOutcome {
         episodes: episodes.len() as i64,
         successes: successes as i64,
-        score: episodes.iter().map(|episode| episode.score).sum(),
-        regret: episodes.iter().map(|episode| regret(episode, is_decoy)).sum(),
-        recent: to_json(&history.recent)?,
-        barren: i64::from(history.barren_streak),
+        score_sum: episodes.iter().map(|episode| episode.score).sum(),
+        regret_sum: episodes.iter().map(|episode| regret(episode, is_decoy)).sum(),
+        recent_success_rates: to_json(&history.recent)?,
+        barren_streak: i64::from(history.barren_streak),
     };
     layout_outcomes::add_outcome(conn, row.id, &outcome).await?;
     if let Some(reason) = reason {

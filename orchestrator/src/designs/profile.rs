@@ -107,7 +107,7 @@ impl CollectedProfile {
                 count: to_u64(mode.count),
                 weight: mode.weight,
                 cells: mode.cells.iter().map(|cell| failure_cell(cell)).collect(),
-                inertial: mode.inertial,
+                inertial_sectors: mode.inertial,
             }
         });
         FailureProfile {

@@ -26,8 +26,8 @@ pub struct RequestDesign {
     pub run: RunId,
     /// Id of the task; by default the one with the largest failure weight.
     pub task: Option<String>,
-    /// Number of layouts, 1 to 32; by default the run's stock.
-    pub n: Option<u32>,
+    /// Number of layouts, 1 to 32; by default the run's reserve.
+    pub count: Option<u32>,
     /// The designer; by default the run's.
     pub designer: Option<DesignerChoice>,
     /// True if the server has a language model.
@@ -39,25 +39,25 @@ impl Change for RequestDesign {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<DesignRequestRow, ServiceError> {
         let run = tx.run(self.run.as_str()).await?;
-        let wanted = self.n.unwrap_or(run.state.settings.design.stock.min(MAX_LAYOUTS_PER_REQUEST));
-        check_range("n", wanted, 1, MAX_LAYOUTS_PER_REQUEST)?;
+        let wanted = self.count.unwrap_or(run.state.settings.design.reserve.min(MAX_LAYOUTS_PER_REQUEST));
+        check_range("count", wanted, 1, MAX_LAYOUTS_PER_REQUEST)?;
         let designer = self.designer_kind(run.state)?;
         let task = self.task_id(run.conn, run.state).await?;
         let open = design_queue::count_open(run.conn, self.run.as_str()).await?;
         if open >= MAX_OPEN_REQUESTS {
-            return Err(ServiceError::TooManyAsks(open));
+            return Err(ServiceError::TooManyDesignRequests(open));
         }
         let request = NewDesignRequest {
             run: self.run.to_string(),
             task,
             designer,
-            origin: RequestOrigin::Hand,
+            requested_by: RequestOrigin::User,
             wanted: i64::from(wanted),
         };
         let id = design_requests::insert(run.conn, &request, run.now).await?;
         let row = design_requests::get(run.conn, self.run.as_str(), id).await?;
         run.outbox.signal(Signal::Design);
-        row.ok_or_else(|| ServiceError::UnknownAsk(DesignRequestId(id).to_string()))
+        row.ok_or_else(|| ServiceError::UnknownDesignRequest(DesignRequestId(id).to_string()))
     }
 }
 

@@ -27,17 +27,17 @@ impl Change for SetLayoutRetired {
     async fn apply(self, tx: &mut WriteTx) -> Result<LayoutRow, ServiceError> {
         let (now, conn) = (tx.now, &mut tx.conn);
         let row = find_layout(conn, &self.run, self.layout).await?;
-        let status = LayoutStatus::from_stored(row.state, row.why)
+        let status = LayoutStatus::from_stored(row.state, row.retirement_reason)
             .ok_or_else(|| ServiceError::Refused(self.layout.to_string()))?;
         let (target, reason) = match self.retired {
-            true => (LayoutStatus::Hand, "taken out by hand"),
+            true => (LayoutStatus::RetiredByUser, "taken out by hand"),
             false => (LayoutStatus::Active, "put back by hand"),
         };
         if status == target {
             return Ok(row);
         }
         if !self.retired {
-            layout_outcomes::reset_recent(conn, row.id, &to_json(&LayoutHistory::new().recent)?).await?;
+            layout_outcomes::reset_success_rates(conn, row.id, &to_json(&LayoutHistory::new().recent)?).await?;
         }
         layout_transitions::change_state(conn, row.id, &target.transition(reason.to_owned()), now).await?;
         find_layout(conn, &self.run, self.layout).await

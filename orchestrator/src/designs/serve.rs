@@ -3,13 +3,13 @@
 
 use std::collections::BTreeMap;
 
+use api_types::EvidenceFrom;
 use env_core::KeyedRng;
 use env_core::keyed_rng::RngPurpose;
 use sqlx::SqliteConnection;
 
 use crate::designs::DesignSettings;
 use crate::engine::run_state::RunState;
-use crate::runs::settings::EvidenceFrom;
 use crate::runs::settings::RunSettings;
 use crate::store::design_counters::{self, LevelCount};
 use crate::store::groups::{GroupRole, GroupRow, GroupState};
@@ -95,7 +95,7 @@ pub(crate) async fn choose_layouts(
         return Ok(none);
     }
     let run = state.run.as_str();
-    let placed: Vec<_> = state.curriculum.status().into_iter().filter(|status| status.placed).collect();
+    let placed: Vec<_> = state.curriculum.status().into_iter().filter(|status| status.placement_done).collect();
     let fits = |task: &str, level: Option<i64>| {
         placed.iter().any(|s| s.task == task && is_near(level.and_then(|l| u32::try_from(l).ok()), s.level))
     };
@@ -130,7 +130,7 @@ impl LayoutChooser {
         }
         let (share, now) = (self.settings.layout_share, self.train_groups);
         let may =
-            |layout: &ServableLayout| is_within_share(layout.groups, now - layout.train_groups_at, share);
+            |layout: &ServableLayout| is_within_share(layout.groups, now - layout.training_groups_at_creation, share);
         let mut eligible: Vec<&mut ServableLayout> =
             self.active.iter_mut().filter(|layout| may(layout)).collect();
         let Some(at) = pick_index(drawn.pick, eligible.len()) else { return Ok(None) };
@@ -155,7 +155,7 @@ impl LayoutChooser {
                 let Some(found) = servable_layouts::nth_retired(conn, run, task, *level, nth).await? else {
                     return Ok(None);
                 };
-                let (share, since) = (self.settings.layout_share, self.train_groups - found.train_groups_at);
+                let (share, since) = (self.settings.layout_share, self.train_groups - found.training_groups_at_creation);
                 let groups = self.probed.entry(found.id).or_insert(found.groups);
                 let may = is_within_share(*groups, since, share);
                 *groups += i64::from(may);
@@ -199,7 +199,7 @@ const fn is_evidence(settings: &RunSettings) -> bool {
 pub(crate) fn is_at_frontier(state: &RunState, task: &str, level: Option<i64>) -> bool {
     let status = state.curriculum.status();
     let status = status.iter().find(|status| status.task == task);
-    status.is_some_and(|s| s.placed && s.level.is_some() && s.level.map(i64::from) == level)
+    status.is_some_and(|s| s.placement_done && s.level.is_some() && s.level.map(i64::from) == level)
 }
 
 #[cfg(test)]

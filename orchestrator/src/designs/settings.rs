@@ -1,8 +1,7 @@
 //! Settings of a run that concern designed layouts.
 
-use api_types::DesignerChoice;
+use api_types::{DesignSettingsRequest, DesignerChoice};
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use crate::designs::DesignerKind;
 use crate::engine::error::ServiceError;
@@ -18,24 +17,6 @@ pub const fn designer_kind(choice: DesignerChoice, has_llm: bool) -> Option<Desi
     }
 }
 
-/// Request for layouts designed for the agent's failures. Every field may be left out.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct DesignSettingsRequest {
-    /// The share of training groups that are designed, 0 to 1 (0.3), once there are failures to design for and the task's
-    /// placement is over. 0: nothing is designed.
-    pub share: Option<f64>,
-    /// The designer: `auto` (default), `llm`, `procedural` or `off`.
-    pub designer: Option<DesignerChoice>,
-    /// The share of training groups that one layout may take, above 0, at most 1 (0.05); four groups are always allowed.
-    pub layout_share: Option<f64>,
-    /// True if outcomes of designed groups move levels and mastery (false). Only those of threats that were designed at the
-    /// current level do.
-    pub evidence: Option<bool>,
-    /// Number of active layouts near the current level of a task that are kept in stock: 1 to 64 (8).
-    pub stock: Option<u32>,
-}
-
 /// Design settings of a run, complete, as stored.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DesignSettings {
@@ -47,14 +28,14 @@ pub struct DesignSettings {
     pub layout_share: f64,
     /// True if outcomes of designed groups are evidence.
     pub evidence: bool,
-    /// Number of active layouts near the current level that are kept in stock, for each task.
-    pub stock: u32,
+    /// Number of active layouts near the current level that are kept in reserve, for each task.
+    pub reserve: u32,
 }
 
 /// The settings of a run that was stored without design settings: nothing is designed.
 impl Default for DesignSettings {
     fn default() -> Self {
-        Self { share: 0.0, designer: DesignerChoice::Off, layout_share: 0.05, evidence: false, stock: 8 }
+        Self { share: 0.0, designer: DesignerChoice::Off, layout_share: 0.05, evidence: false, reserve: 8 }
     }
 }
 
@@ -73,14 +54,14 @@ impl DesignSettings {
             let reason = format!("it is {layout_share}, but must be above 0 and at most 1");
             return Err(ServiceError::invalid("design.layout_share", reason));
         }
-        let stock = request.stock.unwrap_or(8);
-        check_range("design.stock", stock, 1, 64)?;
+        let reserve = request.reserve.unwrap_or(8);
+        check_range("design.reserve", reserve, 1, 64)?;
         Ok(Self {
             share,
             designer: request.designer.unwrap_or(DesignerChoice::Auto),
             layout_share,
             evidence: request.evidence.unwrap_or(false),
-            stock,
+            reserve,
         })
     }
 

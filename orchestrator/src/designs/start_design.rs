@@ -117,7 +117,7 @@ async fn start_due(run: &mut RunTx<'_>, has_llm: bool) -> Result<Option<StartedD
                 run: state.run.clone(),
                 task: plan.task.clone(),
                 designer,
-                origin: RequestOrigin::Worker,
+                requested_by: RequestOrigin::Worker,
                 wanted: i64::from(wanted),
             };
             let id = design_requests::insert(conn, &request, *now).await?;
@@ -151,10 +151,10 @@ impl<'a> DesignTarget<'a> {
         let task = env_core::task(&plan.task)?;
         design_language(task)?;
         let status = state.curriculum.status().into_iter().find(|status| status.task == plan.task)?;
-        let level = status.probing.or(status.level);
+        let level = status.probe_level.or(status.level);
         // The settings were validated when they were set, so a recipe exists.
         let recipe = recipe_at(plan, level).ok()?;
-        Some(Self { plan, level, is_placed: status.placed, recipe })
+        Some(Self { plan, level, is_placed: status.placement_done, recipe })
     }
 
     /// Marks a request as running, and returns it with its brief's inputs.
@@ -209,7 +209,7 @@ impl<'a> DesignTarget<'a> {
             criticised: collected.counters.criticised,
             failure_weight: profile.total_weight(),
             active: to_u32(near.map(|of| of.count).sum()),
-            stock: state.settings.design.stock,
+            reserve: state.settings.design.reserve,
             last: last_request(conn, &state.run, task, &profile).await?,
             now,
         })
@@ -240,7 +240,7 @@ async fn last_request(
     let finished = design_requests::latest_finished(conn, run, task, MAX_LOOK_BACK).await?;
     let Some(newest) = finished.first() else { return Ok(None) };
     // Layouts of a substitute do not count for the requested designer.
-    let barren = finished.iter().take_while(|request| request.own == 0).count();
+    let barren = finished.iter().take_while(|request| request.admitted_without_fallback == 0).count();
     let (distance, criticised) = match design_requests::last_profile(conn, run, task).await? {
         Some(snapshot) => {
             let old: FailureProfile = from_json("a failure profile", &snapshot.profile)?;

@@ -22,7 +22,7 @@ impl Change for TouchToken {
 /// Writes a line of the audit log.
 #[derive(Debug, Clone)]
 pub struct WriteAuditLine {
-    /// The line.
+    /// Row of the access log.
     pub line: AuditRow,
     /// True if the request was denied.
     pub is_denied: bool,

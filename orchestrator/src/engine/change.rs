@@ -21,17 +21,17 @@ pub trait Change: Send + 'static {
 }
 
 /// A question about runs that the writer has in memory. It writes nothing.
-pub trait Query: Send + 'static {
+pub trait StateQuery: Send + 'static {
     /// Answer that the caller receives.
     type Output: Send + 'static;
     /// True if other work is served first.
     const IS_BULK: bool = false;
 
-    /// Reads the answer.
+    /// Reads the answer from the database.
     fn read(self, tx: &mut ReadTx<'_>) -> impl Future<Output = Result<Self::Output, ServiceError>> + Send;
 }
 
-/// Access of a [`Query`]: the runs in memory, and the writer's connection for reading what belongs to them.
+/// Access of a [`StateQuery`]: the runs in memory, and the writer's connection for reading what belongs to them.
 #[derive(Debug)]
 pub struct ReadTx<'a> {
     conn: &'a mut SqliteConnection,

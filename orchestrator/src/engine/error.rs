@@ -27,16 +27,16 @@ pub enum ServiceError {
     UnknownEvaluation(i64),
     /// The evaluation is complete.
     #[error("eval-{0} is complete: there is nothing to cancel")]
-    EvaluationOver(i64),
+    EvaluationEnded(i64),
     /// The run has no such design request.
-    #[error("there is no ask {0} in this run")]
-    UnknownAsk(String),
+    #[error("there is no design request {0} in this run")]
+    UnknownDesignRequest(String),
     /// The gate refused the layout.
     #[error("{0} was refused by the gate: it never serves")]
     Refused(String),
     /// The run has as many waiting design requests as it may have.
-    #[error("{0} asks wait or run, as many as may; come again when some are done")]
-    TooManyAsks(i64),
+    #[error("{0} design requests wait or run, the most that are allowed; retry when some have ended")]
+    TooManyDesignRequests(i64),
     /// The run id is taken.
     #[error("a run {0} exists already")]
     RunExists(String),
@@ -45,7 +45,7 @@ pub enum ServiceError {
     Paused(String),
     /// The lease has ended.
     #[error("lease {lease} is {status}; take another")]
-    LeaseOver {
+    LeaseClosed {
         /// Id of the lease.
         lease: String,
         /// Status in which it ended.
@@ -53,7 +53,7 @@ pub enum ServiceError {
     },
     /// The lease has other columns already.
     #[error("lease {0} already has different columns; the first submission was kept")]
-    ClaimedOtherwise(String),
+    ColumnsConflict(String),
     /// The lease cannot be renewed because its columns were received.
     #[error(
         "the columns of lease {0} were received; the logs of the audited groups are due before it ends, and it cannot be renewed"

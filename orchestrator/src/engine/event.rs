@@ -32,14 +32,14 @@ pub enum RunEvent<'a> {
         state: LeaseEvent,
         /// Purpose of its episodes.
         purpose: Purpose,
-        /// `groups` or `columns`.
+        /// Form of the lease: `groups` or `columns`.
         form: LeaseForm,
-        /// Number of groups.
+        /// Number of leased groups.
         groups: i64,
         /// Number of episodes in each group.
         group_size: i64,
     },
-    /// A group closed.
+    /// Group that closed, with its outcome.
     Group {
         /// Id of its lease.
         lease: String,
@@ -82,9 +82,9 @@ pub enum RunEvent<'a> {
         audited: i64,
         /// Reason of the refusal.
         #[serde(skip_serializing_if = "Option::is_none")]
-        why: Option<&'a str>,
+        reason: Option<&'a str>,
     },
-    /// Episodes were criticised.
+    /// Episodes of a task that were criticised.
     Failures {
         /// Id of the task.
         task: &'a str,
@@ -96,7 +96,7 @@ pub enum RunEvent<'a> {
     /// A design request ended.
     Design {
         /// Id of the design request.
-        ask: String,
+        request: String,
         /// Id of the task.
         task: &'a str,
         /// Designer that ran the request.
@@ -110,12 +110,12 @@ pub enum RunEvent<'a> {
         error: Option<&'a str>,
     },
     /// A warning for the operator of the run.
-    Health {
+    Warning {
         /// Id of the task that the warning concerns.
         #[serde(skip_serializing_if = "Option::is_none")]
         task: Option<&'a str>,
         /// Text of the warning, one sentence.
-        words: &'a str,
+        message: &'a str,
     },
 }
 
@@ -131,7 +131,7 @@ impl<'a> RunEvent<'a> {
             Self::Claim { .. } => EventKind::Claim,
             Self::Failures { .. } => EventKind::Failures,
             Self::Design { .. } => EventKind::Design,
-            Self::Health { .. } => EventKind::Health,
+            Self::Warning { .. } => EventKind::Warning,
         }
     }
 

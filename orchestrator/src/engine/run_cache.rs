@@ -74,7 +74,7 @@ impl RunCache {
         }
     }
 
-    /// Evicts every run.
+    /// Evicts all runs from the cache.
     pub(crate) fn clear(&mut self) {
         self.touched.clear();
         self.runs.clear();

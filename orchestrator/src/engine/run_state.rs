@@ -32,7 +32,7 @@ pub struct RunState {
     pub run: String,
     /// Seed of the run's random streams.
     pub seed: u64,
-    /// Settings in force.
+    /// Current settings of the run.
     pub settings: RunSettings,
     /// True if the run grants no leases.
     pub is_paused: bool,
@@ -61,7 +61,7 @@ impl RunState {
         let mut curriculum = match curriculum::newest_snapshot(conn, run).await? {
             Some(record) => Curriculum::restore(seed, from_json::<Snapshot>("a snapshot", &record.body)?)?,
             None => {
-                let first = match runs::first_curriculum(conn, run).await? {
+                let first = match runs::initial_curriculum(conn, run).await? {
                     Some(body) => from_json("a run's first settings", &body)?,
                     None => settings.curriculum.clone(),
                 };

@@ -39,7 +39,7 @@ pub struct WorkerSignals {
 }
 
 impl WorkerSignals {
-    /// Sends one signal.
+    /// Sends one signal to the workers that wait for it.
     pub(crate) fn send(&self, signal: Signal) {
         match signal {
             Signal::Prepare => self.prepare.notify_one(),

@@ -31,7 +31,7 @@ impl TaskCounts {
 
     /// Returns how many groups of a task had their blind panel examined.
     pub(crate) fn panels(&self, run: &str, task: &str) -> i64 {
-        self.0.get(run).and_then(|tasks| tasks.get(task)).map_or(0, |part| part.panels)
+        self.0.get(run).and_then(|tasks| tasks.get(task)).map_or(0, |part| part.panel_groups)
     }
 
     /// Adds the counts of `other`, and leaves it empty.
@@ -54,9 +54,9 @@ impl HistoryBucket {
     pub(crate) fn add(&mut self, sums: &TaskCounters, level: Option<i64>) {
         self.episodes += sums.episodes;
         self.successes += sums.successes;
-        self.score += sums.score;
-        self.skilled += sums.skilled;
-        self.skill += sums.skill;
+        self.score_sum += sums.score_sum;
+        self.episodes_with_skill += sums.episodes_with_skill;
+        self.skill_sum += sums.skill_sum;
         self.failed += sums.failed;
         self.expired += sums.expired;
         // Expired episodes alone do not extend the range of levels that were reported.
@@ -89,8 +89,8 @@ impl HistoryWriter {
         if let Some(state) = state.filter(|_| is_due(&mut self.sampled_at, now) || has_moved) {
             self.levels = levels(state);
             // All tasks are sampled, not only those with new results, so that their curves end at the same time.
-            for (task, standing) in current_standings(state) {
-                parts.entry(task).or_default().mastery = Some(standing);
+            for (task, sample) in current_mastery_samples(state) {
+                parts.entry(task).or_default().mastery = Some(sample);
             }
         }
         history::add(conn, run, now, &parts).await
@@ -112,13 +112,13 @@ fn levels(state: &RunState) -> Vec<Option<u32>> {
 }
 
 /// Returns level and mastery of each task of a run.
-pub(crate) fn current_standings(state: &RunState) -> BTreeMap<String, MasterySample> {
-    standings(&state.curriculum.status(), &state.curriculum.mastery())
+pub(crate) fn current_mastery_samples(state: &RunState) -> BTreeMap<String, MasterySample> {
+    mastery_samples(&state.curriculum.status(), &state.curriculum.mastery())
 }
 
 /// Returns level and mastery of each task, in the form that the history stores.
 #[must_use]
-pub fn standings(status: &[TaskStatus], mastery: &[Mastery]) -> BTreeMap<String, MasterySample> {
+pub fn mastery_samples(status: &[TaskStatus], mastery: &[Mastery]) -> BTreeMap<String, MasterySample> {
     let of = |status: &TaskStatus| {
         let known = mastery.iter().find(|known| known.task == status.task && known.level == status.level);
         let level = status.level.map(i64::from);

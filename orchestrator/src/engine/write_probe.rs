@@ -14,8 +14,8 @@ impl Change for WriteProbe {
     type Output = ();
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
-        write_probe::write(&mut tx.conn, tx.now, tx.is_troubled).await?;
-        tx.is_troubled = false; // the writer sets it again if this is not committed
+        write_probe::write(&mut tx.conn, tx.now, tx.has_outage).await?;
+        tx.has_outage = false; // the writer sets it again if this is not committed
         Ok(())
     }
 }
@@ -36,7 +36,8 @@ mod tests {
 
         async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
             let write = sqlx::query(
-                "INSERT INTO pulse (id, at, room) VALUES (1, 0, zeroblob(?)) ON CONFLICT DO UPDATE SET room = excluded.room",
+                "INSERT INTO write_probe (id, at, padding) VALUES (1, 0, zeroblob(?))
+                 ON CONFLICT DO UPDATE SET padding = excluded.padding",
             );
             write.bind(self.0).execute(&mut tx.conn).await.map_err(store::StoreError::from)?;
             Ok(())

@@ -30,7 +30,7 @@ pub struct WriteTx {
     /// Lock on the database file; `None` in tests without a file of their own.
     file_lock: Option<Arc<DatabaseLock>>,
     /// True if a change could not be stored since the last successful write probe.
-    pub(crate) is_troubled: bool,
+    pub(crate) has_outage: bool,
     /// How far deadlines were shifted in this transaction, in milliseconds.
     pub(crate) clock_shift: Millis,
 }
@@ -44,7 +44,7 @@ impl WriteTx {
             runs: RunCache::default(),
             outbox: Outbox::default(),
             file_lock,
-            is_troubled: false,
+            has_outage: false,
             clock_shift: 0,
         }
     }

@@ -17,7 +17,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
 use crate::clock::Clock;
-use crate::engine::change::{Change, Query, ReadTx};
+use crate::engine::change::{Change, ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
@@ -87,7 +87,7 @@ impl Writer {
     ///
     /// # Errors
     /// Returns the same errors as [`Self::change`].
-    pub async fn query<Q: Query>(&self, query: Q) -> Result<Q::Output, ServiceError> {
+    pub async fn query<Q: StateQuery>(&self, query: Q) -> Result<Q::Output, ServiceError> {
         let (reply, answer) = oneshot::channel();
         self.send(Q::IS_BULK, Box::new(QueryJob { query, reply }))?;
         answer.await.map_err(|_| ServiceError::Stopping)?
@@ -148,8 +148,8 @@ type RunningJob<'a> = Pin<Box<dyn Future<Output = JobOutcome> + Send + 'a>>;
 /// Outcome of a job before the commit of its batch.
 struct JobOutcome {
     is_ok: bool,
-    /// Temporary trouble of the database that kept the change from being stored.
-    trouble: Option<Outage>,
+    /// Temporary outage of the database that prevented the change from being stored.
+    outage: Option<Outage>,
     delivery: Delivery,
 }
 
@@ -159,13 +159,13 @@ impl JobOutcome {
         reply: oneshot::Sender<Result<T, ServiceError>>,
     ) -> Self {
         let is_ok = answer.is_ok();
-        let trouble = answer.as_ref().err().and_then(ServiceError::outage);
+        let outage = answer.as_ref().err().and_then(ServiceError::outage);
         let delivery: Delivery = Box::new(move |committed| {
             let answer = committed.map_err(ServiceError::not_committed).and(answer);
             // The caller may have dropped its end; the answer is then of no use.
             drop(reply.send(answer));
         });
-        Self { is_ok, trouble, delivery }
+        Self { is_ok, outage, delivery }
     }
 }
 
@@ -188,7 +188,7 @@ impl<C: Change> Job for ChangeJob<C> {
         Box::pin(async move {
             let answer = self.change.apply(tx).await;
             let outcome = JobOutcome::new(answer, self.reply);
-            tx.is_troubled |= outcome.trouble.is_some();
+            tx.has_outage |= outcome.outage.is_some();
             outcome
         })
     }
@@ -202,12 +202,12 @@ impl<C: Change> Job for ChangeJob<C> {
     }
 }
 
-struct QueryJob<Q: Query> {
+struct QueryJob<Q: StateQuery> {
     query: Q,
     reply: oneshot::Sender<Result<Q::Output, ServiceError>>,
 }
 
-impl<Q: Query> Job for QueryJob<Q> {
+impl<Q: StateQuery> Job for QueryJob<Q> {
     fn run<'a>(self: Box<Self>, tx: &'a mut WriteTx) -> RunningJob<'a> {
         Box::pin(async move {
             let answer = self.query.read(&mut ReadTx::new(tx)).await;
@@ -234,7 +234,7 @@ async fn serve(mut tx: WriteTx, mut inbox: Inbox, clock: Clock, signals: WorkerS
             tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
             drop(transactions::roll_back_batch(&mut tx.conn).await);
             tx.discard_all();
-            tx.is_troubled = true;
+            tx.has_outage = true;
             clock.adopt(-tx.clock_shift); // the shift of the deadlines was rolled back
         }
         tx.clock_shift = 0;
@@ -279,7 +279,7 @@ async fn apply_in_savepoint(
         return Err(error);
     }
     tx.begin_change(clock.now()); // the job may have arrived after the one before it
-    let JobOutcome { is_ok, trouble, delivery } = job.run(tx).await;
+    let JobOutcome { is_ok, outage, delivery } = job.run(tx).await;
     deliveries.push(delivery);
     if is_ok {
         tx.keep_change();
@@ -287,7 +287,7 @@ async fn apply_in_savepoint(
     }
     // On a full disk SQLite may have rolled back the whole transaction: there is no savepoint to return to.
     let undone = transactions::undo_change(&mut tx.conn).await;
-    undone.map_err(|error| trouble.map_or(error, StoreError::RolledBack))?;
+    undone.map_err(|error| outage.map_or(error, StoreError::RolledBack))?;
     tx.discard_change();
     // A later change of this transaction may restore the evicted runs: it must find their kept events in the store.
     tx.flush().await

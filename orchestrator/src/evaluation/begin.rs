@@ -1,7 +1,6 @@
 //! Starts evaluations of policies on suites.
 
-use serde::Deserialize;
-use utoipa::ToSchema;
+use api_types::EvaluationRequest;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -18,37 +17,6 @@ use crate::store::{runs, to_i64, to_json};
 const MAX_NAME_CHARS: usize = 200;
 /// Maximum number of unfinished evaluations.
 const MAX_UNFINISHED: i64 = 100;
-
-/// Request to start an evaluation.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EvaluationRequest {
-    /// A built-in suite (kessler-heldout-v2).
-    #[schema(example = "kessler-heldout-v2")]
-    pub suite: Option<String>,
-    /// Tasks whose scenarios are evaluated (all), for a policy that supports no others. Needs `run`: the server evaluates whole suites.
-    #[schema(example = json!(["docking/single"]))]
-    pub tasks: Option<Vec<String>>,
-    /// Without `run`, a built-in policy that every task of the suite has: the server rolls it out. With `run`, a name of your choice.
-    #[schema(example = "heuristic")]
-    pub policy: String,
-    /// The run whose trainer rolls it out, in leases with `purpose: eval` and this evaluation's id.
-    pub run: Option<String>,
-    /// The version of the run's policy (the newest).
-    pub version: Option<u32>,
-    /// Common name of trainings that differ only by their seed.
-    pub training: Option<String>,
-    /// Seed of this training.
-    pub training_seed: Option<u32>,
-    /// Episodes of each scenario: 1 to 1 024 (1; 8 if the policy is stochastic).
-    pub rollouts: Option<u32>,
-    /// True if the policy is stochastic (true for a trainer's policy; known for a built-in one).
-    pub chance: Option<bool>,
-    /// Seed of a stochastic built-in policy (0).
-    pub seed: Option<u32>,
-    /// A name for people (the name of the policy).
-    pub name: Option<String>,
-}
 
 /// Starts an evaluation of a policy on a suite.
 #[derive(Debug)]
@@ -76,11 +44,11 @@ impl BeginEvaluation {
         check_names(&request)?;
         let run = request.run.as_deref().map(str::parse::<RunId>).transpose();
         let run = run.map_err(|error| ServiceError::invalid("run", error.to_string()))?;
-        let chance = match run {
+        let stochastic = match run {
             None => is_stochastic(suite, &request.policy)?,
-            Some(_) => request.chance.unwrap_or(true),
+            Some(_) => request.stochastic.unwrap_or(true),
         };
-        let rollouts = request.rollouts.unwrap_or(if chance { 8 } else { 1 });
+        let rollouts = request.rollouts.unwrap_or(if stochastic { 8 } else { 1 });
         check_range("rollouts", rollouts, 1, MAX_GROUP_SIZE)?;
         if run.is_none() {
             check_no_run_fields(&request)?;
@@ -94,17 +62,17 @@ impl BeginEvaluation {
             tasks: request.tasks.as_ref().map(to_json).transpose()?,
             policy: request.policy,
             run: run.as_ref().map(RunId::to_string),
-            version: request.version.map(i64::from),
+            policy_version: request.policy_version.map(i64::from),
             training: request.training,
             training_seed: request.training_seed.map(i64::from),
             rollouts: i64::from(rollouts),
-            chance,
+            is_stochastic: stochastic,
             seed: to_i64(u64::from(request.seed.unwrap_or(0))),
-            state: if run.is_some() { EvaluationState::Open } else { EvaluationState::Flying },
-            trouble: None,
+            state: if run.is_some() { EvaluationState::Open } else { EvaluationState::Running },
+            error: None,
             scenarios: entries.len() as i64,
-            flown: 0,
-            reflown: 0,
+            scenarios_done: 0,
+            retries: 0,
             created_at: 0,
             completed_at: None,
         };
@@ -132,8 +100,12 @@ fn check_names(request: &EvaluationRequest) -> Result<(), ServiceError> {
 /// Checks that fields that need `run` are left out.
 fn check_no_run_fields(request: &EvaluationRequest) -> Result<(), ServiceError> {
     let run_only = [
-        ("version", request.version.is_some(), "only the policy of a run has versions; say which run"),
-        ("chance", request.chance.is_some(), "of a built-in policy it is known; leave it out"),
+        (
+            "policy_version",
+            request.policy_version.is_some(),
+            "only the policy of a run has versions; say which run",
+        ),
+        ("stochastic", request.stochastic.is_some(), "of a built-in policy it is known; leave it out"),
         ("tasks", request.tasks.is_some(), "the server flies whole suites; leave it out"),
     ];
     if let Some((field, _, reason)) = run_only.into_iter().find(|(_, is_set, _)| *is_set) {
@@ -170,7 +142,7 @@ fn is_stochastic(suite: &Suite, policy: &str) -> Result<bool, ServiceError> {
             );
             return Err(ServiceError::invalid("policy", reason));
         };
-        chance |= spec.chance;
+        chance |= spec.stochastic;
     }
     Ok(chance)
 }
@@ -189,7 +161,7 @@ impl Change for BeginEvaluation {
         if let Some(run) = run {
             let known = runs::get(conn, run.as_str()).await?;
             let known = known.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
-            row.version = row.version.or(Some(known.policy_version));
+            row.policy_version = row.policy_version.or(Some(known.policy_version));
         }
         row.id = evaluations::insert(conn, &row, &entries).await?;
         Ok(row)

@@ -2,27 +2,14 @@
 
 use std::borrow::Borrow;
 
+use api_types::Estimate;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use serde::Serialize;
 
 /// Number of resamples, drawn with replacement.
 pub const RESAMPLES: usize = 2000;
 /// Share of the resampled statistics that lie in an interval.
 pub const CONFIDENCE: f64 = 0.95;
-
-/// Mean over scenarios with its confidence interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Estimate {
-    /// Mean or another statistic.
-    pub mean: f64,
-    /// Lower end of the interval.
-    pub low: f64,
-    /// Upper end of the interval.
-    pub high: f64,
-    /// Number of scenarios that define the quantity.
-    pub scenarios: usize,
-}
 
 /// Mean of a column over the rows that define it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -23,7 +23,7 @@ impl Change for CancelEvaluation {
         let conn = &mut tx.conn;
         let unknown = || ServiceError::UnknownEvaluation(id);
         match evaluations::get(conn, id).await?.ok_or_else(unknown)? {
-            row if row.state == EvaluationState::Complete => Err(ServiceError::EvaluationOver(id)),
+            row if row.state == EvaluationState::Complete => Err(ServiceError::EvaluationEnded(id)),
             row if row.state == EvaluationState::Failed => Ok(row),
             _ => {
                 evaluations::fail(conn, id, CANCELLED).await?;

@@ -3,24 +3,10 @@
 //! Scenarios differ far more than policies do, so that two means with their own intervals say little. The policies are
 //! compared on each scenario first, and then the scenarios are resampled.
 
-use serde::Serialize;
+use api_types::PolicyComparison;
 
-use super::bootstrap::{Estimate, estimate_means};
+use super::bootstrap::estimate_means;
 use super::results::{EpisodeMeasures, PolicyResults};
-
-/// Comparison of one policy with another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PolicyComparison {
-    /// Mean over scenarios of the difference of scores.
-    pub score: Option<Estimate>,
-    /// Mean over scenarios of the difference of success.
-    pub success: Option<Estimate>,
-    /// Mean of the difference of skill over the scenarios that define it.
-    pub skill: Option<Estimate>,
-    /// Probability that an episode of the first policy has the higher score on the same scenario, with ties as one half:
-    /// the mean over scenarios (probability of improvement, Agarwal et al. 2021, over scenarios instead of tasks).
-    pub improvement: Option<Estimate>,
-}
 
 /// Compares two policies on each scenario, with 95 % percentile bootstrap intervals over scenarios.
 #[must_use]

@@ -96,7 +96,7 @@ impl Change for ReserveSuiteLease {
         let all: Vec<&'static SuiteEntry> = suite.suite.entries().collect();
         let entry = |position: i64| all.get(usize::try_from(position).ok()?).copied();
         let entries = waiting.into_iter().filter_map(entry).collect();
-        run.emit(&RunEvent::lease(&lease, LeaseEvent::Taken))?;
+        run.emit(&RunEvent::lease(&lease, LeaseEvent::Created))?;
         Ok(ReservedSuiteLease { row: lease, entries })
     }
 }
@@ -114,7 +114,7 @@ fn apply_evaluation(row: &EvaluationRow, request: &mut CreateLease) -> Result<u3
         return Err(ServiceError::invalid("evaluation", reason));
     }
     if row.state == EvaluationState::Failed {
-        let reason = row.trouble.clone().unwrap_or_else(|| row.state.to_string());
+        let reason = row.error.clone().unwrap_or_else(|| row.state.to_string());
         return Err(ServiceError::invalid("evaluation", format!("it is over: {reason}")));
     }
     let group_size = to_u32(row.rollouts);
@@ -123,7 +123,7 @@ fn apply_evaluation(row: &EvaluationRow, request: &mut CreateLease) -> Result<u3
         return Err(ServiceError::invalid("group_size", reason));
     }
     request.group_size = Some(group_size);
-    if let Some(version) = row.version.map(to_u32) {
+    if let Some(version) = row.policy_version.map(to_u32) {
         if request.policy_version != 0 && request.policy_version != version {
             let reason = format!("the evaluation is of version {version}; leave it out");
             return Err(ServiceError::invalid("policy_version", reason));
@@ -148,7 +148,7 @@ impl Change for FillSuiteLease {
         let Self { row, evaluation, prepared } = self;
         let row = leases::get(&mut tx.conn, row.id).await?.ok_or_else(|| unknown(evaluation))?;
         if !row.is_active() {
-            return Err(ServiceError::LeaseOver { lease: row.name(), status: row.status });
+            return Err(ServiceError::LeaseClosed { lease: row.name(), status: row.status });
         }
         store_scenarios(&mut tx.conn, prepared.iter()).await?;
         let rows: Vec<GroupRow> =

@@ -1,10 +1,11 @@
 //! Reads complete evaluations, reports on them, and compares them.
 
+use api_types::AcrossSeeds;
 use sqlx::SqliteConnection;
 
 use crate::engine::error::ServiceError;
 use crate::evaluation::report::ReportSettings;
-use crate::evaluation::seeds::{AcrossSeeds, estimate_across_seeds};
+use crate::evaluation::seeds::estimate_across_seeds;
 use crate::evaluation::suite::file::{self, LoadedSuite};
 use crate::evaluation::{EvaluationReport, PolicyResults};
 use crate::store::evaluations::{self, EntryEpisodes, EvaluationRow, EvaluationState};
@@ -80,7 +81,7 @@ impl From<ReadError> for ServiceError {
 pub async fn load_evaluation(conn: &mut SqliteConnection, id: i64) -> Result<LoadedEvaluation, ReadError> {
     let row = evaluations::get(conn, id).await?.ok_or(ReadError::Unknown(id))?;
     if row.state != EvaluationState::Complete {
-        return Err(ReadError::Unfinished { id, flown: row.flown, scenarios: row.scenarios });
+        return Err(ReadError::Unfinished { id, flown: row.scenarios_done, scenarios: row.scenarios });
     }
     // Scenarios of tasks that are not evaluated have no episodes.
     let mut episodes = vec![Vec::new(); suite_of(&row)?.suite.entries().count()];
@@ -91,7 +92,7 @@ pub async fn load_evaluation(conn: &mut SqliteConnection, id: i64) -> Result<Loa
             *slot = from_json("an evaluation", &text)?;
         }
     }
-    let results = PolicyResults { policy: row.name.clone(), is_stochastic: row.chance, episodes };
+    let results = PolicyResults { policy: row.name.clone(), is_stochastic: row.is_stochastic, episodes };
     Ok(LoadedEvaluation { row, results })
 }
 

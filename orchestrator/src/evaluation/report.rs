@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use api_types::{ComparisonEstimates, EvaluationEstimates, SuiteSection};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::bootstrap::{CONFIDENCE, Estimate, RESAMPLES, estimate_means, with_exact_interval};
-use super::compare::{PolicyComparison, compare_policies};
+use super::bootstrap::{CONFIDENCE, RESAMPLES, estimate_means, with_exact_interval};
+use super::compare::compare_policies;
 use super::results::{MEASURES, PolicyResults};
 use super::suite::{Suite, SuiteEntry, SuitePart};
 use super::tail::cvar;
@@ -14,13 +15,13 @@ use super::tail::cvar;
 /// Physics options by task id and name.
 pub type TaskOptions = BTreeMap<&'static str, BTreeMap<String, String>>;
 
-/// Label of all tasks of a world, and of all parts of a suite.
+/// Label of all tasks of a world.
 pub const ALL_LABEL: &str = "all";
-/// Labels of the parts; `None` stands for all of them.
-const PARTS: [(&str, Option<SuitePart>); 3] = [
-    ("contested", Some(SuitePart::Contested)),
-    ("as_they_come", Some(SuitePart::AsTheyCome)),
-    (ALL_LABEL, None),
+/// Parts that a report has; `None` stands for all of them.
+const PARTS: [(SuiteSection, Option<SuitePart>); 3] = [
+    (SuiteSection::Contested, Some(SuitePart::Contested)),
+    (SuiteSection::AsTheyCome, Some(SuitePart::AsTheyCome)),
+    (SuiteSection::All, None),
 ];
 
 /// Report of an evaluation; `sparring eval --help` documents its JSON form.
@@ -49,52 +50,11 @@ pub struct EvaluationReport {
     /// Number of scenarios in the suite.
     pub scenarios: usize,
     /// Estimates for each policy on each part of each task.
-    pub rows: Vec<ReportRow>,
+    pub rows: Vec<EvaluationEstimates>,
     /// Policy that the others are compared with.
     pub against: Option<String>,
     /// Comparison of each other policy with `against`.
-    pub comparisons: Vec<ComparisonRow>,
-}
-
-/// Estimates for one policy on one part of one task.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ReportRow {
-    /// Id of the task, or `all`.
-    pub task: String,
-    /// Part of the suite: `contested`, `as_they_come` or `all`.
-    pub part: &'static str,
-    /// Name of the policy.
-    pub policy: String,
-    /// Number of scenarios in the section.
-    pub scenarios: usize,
-    /// Score of the world.
-    pub score: Option<Estimate>,
-    /// Share of successful episodes.
-    pub success: Option<Estimate>,
-    /// Skill on the scenarios that define it.
-    pub skill: Option<Estimate>,
-    /// Share of agents lost.
-    pub lost: Option<Estimate>,
-    /// Fuel used by all agents together.
-    pub fuel_used: Option<Estimate>,
-    /// Mean score over the worst tenth of the scenarios ([`cvar`]).
-    pub cvar10: Option<Estimate>,
-}
-
-/// Comparison of two policies on one part of one task.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ComparisonRow {
-    /// Id of the task, or `all`.
-    pub task: String,
-    /// Part of the suite: `contested`, `as_they_come` or `all`.
-    pub part: &'static str,
-    /// Name of the policy.
-    pub policy: String,
-    /// Number of scenarios in the section.
-    pub scenarios: usize,
-    /// Comparison with the report's `against`.
-    #[serde(flatten)]
-    pub comparison: PolicyComparison,
+    pub comparisons: Vec<ComparisonEstimates>,
 }
 
 /// Settings of an evaluation.
@@ -150,7 +110,7 @@ impl EvaluationReport {
 /// Scenarios of one part of one task.
 struct Section {
     task: String,
-    part: &'static str,
+    part: SuiteSection,
     /// True for each scenario of the suite that belongs to the section.
     mask: Vec<bool>,
 }
@@ -187,12 +147,12 @@ fn sections(suite: &Suite, results: &[PolicyResults]) -> Vec<Section> {
 }
 
 impl Section {
-    fn row(&self, results: &PolicyResults, seed: u64) -> ReportRow {
+    fn row(&self, results: &PolicyResults, seed: u64) -> EvaluationEstimates {
         let results = results.select(&self.mask);
         let means: Vec<[Option<f64>; MEASURES]> =
             results.scenario_means().into_iter().map(Into::into).collect();
         let [score, success, skill, lost, fuel_used] = estimate_means(&means, seed);
-        ReportRow {
+        EvaluationEstimates {
             task: self.task.clone(),
             part: self.part,
             scenarios: results.episodes.len(),
@@ -206,9 +166,9 @@ impl Section {
         }
     }
 
-    fn comparison(&self, one: &PolicyResults, other: &PolicyResults, seed: u64) -> ComparisonRow {
+    fn comparison(&self, one: &PolicyResults, other: &PolicyResults, seed: u64) -> ComparisonEstimates {
         let (one, other) = (one.select(&self.mask), other.select(&self.mask));
-        ComparisonRow {
+        ComparisonEstimates {
             task: self.task.clone(),
             part: self.part,
             scenarios: one.episodes.len(),

@@ -4,26 +4,13 @@
 //! is their interquartile mean, with an interval by resampling trainings (Agarwal et al. 2021, "Deep RL at the edge of the
 //! statistical precipice", section 4.3). Scenarios are never trimmed: a suite exists for its hard ones.
 
-use serde::Serialize;
+use api_types::AcrossSeeds;
 
-use super::bootstrap::{Estimate, estimate_statistic};
+use super::bootstrap::estimate_statistic;
 use super::results::{EpisodeMeasures, PolicyResults};
 
 /// Minimum number of trainings for an estimate.
 pub const MIN_TRAININGS: usize = 3;
-
-/// Estimates over trainings. Their field `scenarios` has the number of trainings.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct AcrossSeeds {
-    /// Number of trainings in the estimate.
-    pub trainings: usize,
-    /// Interquartile mean of the trainings' mean scores.
-    pub score: Option<Estimate>,
-    /// Interquartile mean of the trainings' shares of success.
-    pub success: Option<Estimate>,
-    /// Interquartile mean of the trainings' mean skill.
-    pub skill: Option<Estimate>,
-}
 
 /// Estimates the interquartile means over [`MIN_TRAININGS`] trainings or more, with 95 % percentile bootstrap intervals.
 #[must_use]

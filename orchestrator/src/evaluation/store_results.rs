@@ -70,7 +70,7 @@ impl Change for StoreSuiteResults {
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
         let (now, conn) = (tx.now, &mut tx.conn);
         match self.results {
-            Err(trouble) => evaluations::fail(conn, self.id, &trouble).await?,
+            Err(error) => evaluations::fail(conn, self.id, &error).await?,
             Ok(results) => {
                 for (entry, episodes) in (0i64..).zip(&results.episodes) {
                     let key = EvaluationEntry { evaluation: self.id, entry };

@@ -49,7 +49,7 @@ pub fn roll_out_policy(
 
 /// Returns true if the policy's actions on a scenario depend on its seed.
 fn is_stochastic(entry: &SuiteEntry, policy: &str) -> bool {
-    entry.scenario.task().policies().iter().any(|spec| spec.name == policy && spec.chance)
+    entry.scenario.task().policies().iter().any(|spec| spec.name == policy && spec.stochastic)
 }
 
 fn roll_out_once(

@@ -5,7 +5,9 @@
 //! underestimates the policy. Scenarios are therefore ranked by one half of their episodes and scored by the other half,
 //! then the other way round, and the mean of both is the estimate.
 
-use super::bootstrap::{Estimate, estimate_statistic};
+use api_types::Estimate;
+
+use super::bootstrap::estimate_statistic;
 use super::results::{EpisodeMeasures, PolicyResults};
 
 /// Share of the scenarios in the tail.

@@ -62,7 +62,7 @@ impl<S: Send + Sync> FromRequest<S> for EncodedBody {
         let body = tokio::time::timeout(BODY_TIMEOUT, axum::body::Bytes::from_request(request, state)).await;
         let body = body.map_err(|_| {
             let detail = "The body did not come to its end in 20 s; send it at once, or less at a time.";
-            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", detail)
+            Problem::new(StatusCode::REQUEST_TIMEOUT, "body_timeout", detail)
         })?;
         Ok(Self { format, bytes: body.map_err(body_problem)? })
     }

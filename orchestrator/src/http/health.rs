@@ -13,7 +13,7 @@ use super::problem::Problem;
 use crate::http::state::AppState;
 
 pub(super) fn routes() -> OpenApiRouter<AppState> {
-    OpenApiRouter::new().routes(routes!(livez)).routes(routes!(readyz))
+    OpenApiRouter::new().routes(routes!(get_liveness)).routes(routes!(get_readiness))
 }
 
 /// Health of the server.
@@ -25,7 +25,7 @@ struct Health {
 
 /// Check that the process answers.
 #[utoipa::path(get, path = "/livez", tag = "health", responses((status = 200, body = Health)))]
-async fn livez() -> axum::Json<Health> {
+async fn get_liveness() -> axum::Json<Health> {
     axum::Json(Health { status: "ok" })
 }
 
@@ -36,7 +36,7 @@ async fn livez() -> axum::Json<Health> {
     get, path = "/readyz", tag = "health",
     responses((status = 200, body = Health), (status = 503, body = Problem, description = "Not ready; the detail says why."))
 )]
-async fn readyz(State(app): State<AppState>) -> Result<axum::Json<Health>, Problem> {
+async fn get_readiness(State(app): State<AppState>) -> Result<axum::Json<Health>, Problem> {
     let not_ready = |reason: String| Problem::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", reason);
     if app.stopping.load(Ordering::SeqCst) {
         return Err(not_ready("The server is going down.".to_owned()));

@@ -48,7 +48,7 @@ pub fn install_recorder() {
 }
 
 pub(super) fn routes() -> OpenApiRouter<AppState> {
-    OpenApiRouter::new().routes(routes!(show))
+    OpenApiRouter::new().routes(routes!(get_metrics))
 }
 
 /// Get the metrics in the Prometheus text format.
@@ -59,7 +59,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         (status = 503, body = Problem, description = "Nothing can be counted now; the detail says why.")
     )
 )]
-async fn show(State(app): State<AppState>) -> Result<Response, Problem> {
+async fn get_metrics(State(app): State<AppState>) -> Result<Response, Problem> {
     let Some(Some(handle)) = RECORDER.get() else {
         return Err(Problem::new(
             axum::http::StatusCode::SERVICE_UNAVAILABLE,

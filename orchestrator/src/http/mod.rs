@@ -12,6 +12,7 @@ mod content_negotiation;
 mod counted_stream;
 mod dashboard;
 mod extract;
+mod filters;
 mod health;
 mod large_body;
 mod metrics;
@@ -19,8 +20,11 @@ mod number_column;
 mod openapi_annotations;
 mod openapi_fixups;
 mod openenv;
+mod paging;
+mod path_ids;
 mod problem;
 mod readiness;
+mod run_reader;
 mod socket;
 pub mod state;
 mod v1;
@@ -55,22 +59,24 @@ use crate::tokens::redact;
     info(
         title = "Sparring",
         description = "An adaptive curriculum for agents that fly satellites. A trainer creates a run, \
-            leases groups of scenarios, flies them, and reports the actions; the server replays them and decides what \
-            comes next. Errors are problem details (RFC 9457) with the field at fault."
+            leases groups of scenarios, rolls them out, and reports the actions. The server replays the actions and decides which \
+            scenarios come next. Errors are problem details (RFC 9457) that name the field at fault."
     ),
     tags(
-        (name = "runs", description = "One agent's training effort each."),
-        (name = "leases", description = "Groups of scenarios handed to a trainer for a time."),
-        (name = "results", description = "What was flown, scored by replay."),
-        (name = "trajectories", description = "What the server itself flies for a run: its policy, and the feed of finished groups."),
-        (name = "mastery", description = "What the agent has mastered, and on what evidence."),
-        (name = "episodes", description = "Single attempts, and their replay."),
-        (name = "failures", description = "Why episodes lose score: the critique, and the failure profile of a run."),
-        (name = "designs", description = "Layouts designed for what the agent fails at, and asking for more."),
-        (name = "scenarios", description = "Scenarios by hand: validate, bracket, replay."),
+        (name = "runs", description = "Runs: the training of one agent each."),
+        (name = "leases", description = "Groups of scenarios that a trainer holds for a limited time."),
+        (name = "results", description = "Reports of episodes, scored by replay."),
+        (name = "trajectories", description = "Policies that the server itself rolls out for a run, and the feed of finished groups."),
+        (name = "mastery", description = "Mastery of a run's tasks, and its evidence."),
+        (name = "episodes", description = "Single episodes and their replays."),
+        (name = "failures", description = "Reasons why episodes lose score: critiques, and the failure profile of a run."),
+        (name = "designs", description = "Layouts that are designed for the agent's failures, and requests for more."),
+        (name = "tasks", description = "Strategies of the curriculum, and their settings."),
+        (name = "scenarios", description = "Tasks, and scenarios by hand: check, bracket and replay."),
+        (name = "evaluations", description = "Evaluations of policies on frozen suites, and their comparison."),
         (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text, many by binary frames."),
-        (name = "openenv", description = "OpenEnv: what openenv-core's clients ask, at the root; sessions over WebSockets at /ws and /mcp."),
-        (name = "health", description = "Whether the server lives and is ready."),
+        (name = "openenv", description = "Routes of OpenEnv for openenv-core's clients, at the root; sessions over WebSockets at /ws and /mcp."),
+        (name = "health", description = "Liveness, readiness and metrics of the server."),
     )
 )]
 struct ApiDocument;

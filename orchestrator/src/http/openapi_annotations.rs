@@ -42,9 +42,9 @@ pub(super) fn set_problem_media_type(document: &mut OpenApi) {
 /// Name of the security scheme.
 const TOKEN_SCHEME: &str = "token";
 /// Description of the security scheme.
-const TOKEN_DESCRIPTION: &str = "`Authorization: Bearer sparring_…`, by `sparring token create`. What an operation names is the least \
-role it needs: viewer, trainer, admin. A server without tokens lets in whoever is on its machine; one with --openenv-public lets \
-anybody to OpenEnv's routes.";
+const TOKEN_DESCRIPTION: &str = "`Authorization: Bearer sparring_…`, created by `sparring token create`. Each operation names the \
+lowest role that it requires: viewer, trainer or admin. A server without tokens accepts requests from its own machine only; a server with \
+--openenv-public needs no token for OpenEnv's routes.";
 
 /// Adds to each operation the role that it requires, and the responses of a request without it.
 pub(super) fn add_roles(document: &mut OpenApi) {
@@ -68,9 +68,9 @@ pub(super) fn add_roles(document: &mut OpenApi) {
                 continue;
             };
             declared.security = Some(vec![SecurityRequirement::new(TOKEN_SCHEME, [role.as_str()])]);
-            add_denial(declared, "401", "No token, or one that is not known, expired or revoked.");
-            add_denial(declared, "403", "The token's role may not do this.");
-            add_denial(declared, "429", "Asked more often than may be; see Retry-After.");
+            add_denial(declared, "401", "The request has no token, or an unknown, expired or revoked one.");
+            add_denial(declared, "403", "The role of the token does not permit the operation.");
+            add_denial(declared, "429", "The limit of requests is reached; see Retry-After.");
         }
     }
 }

@@ -1,7 +1,5 @@
-//! Completes the OpenAPI document where the macros cannot: bounds of integers, patterns of ids, unique operation ids, and
-//! descriptions of responses.
-
-use std::collections::BTreeMap;
+//! Completes the OpenAPI document where the macros cannot: bounds of integers, patterns of ids, and descriptions of
+//! responses.
 
 use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
@@ -13,29 +11,29 @@ const ID_PATTERNS: [(&str, &str); 7] = [
     ("episode", "^ep_[1-9][0-9]{0,17}-[a-z0-9]{6}_(0|[1-9][0-9]{0,17})$"),
     ("layout", "^layout-[1-9][0-9]{0,17}$"),
     ("design", "^layout-[1-9][0-9]{0,17}$"),
-    ("ask", "^ask-[1-9][0-9]{0,17}$"),
+    ("request", "^ask-[1-9][0-9]{0,17}$"),
     ("evaluation", "^eval-[1-9][0-9]{0,17}$"),
 ];
 
 /// Description of a response by its status, if the operation has none.
 const RESPONSE_DESCRIPTIONS: [(&str, &str); 17] = [
-    ("101", "The WebSocket is open."),
-    ("200", "What was asked for."),
-    ("201", "It is made."),
-    ("202", "It will be done."),
-    ("400", "It cannot be read: the detail says what."),
-    ("401", "No token, or one that is worth nothing."),
-    ("403", "The token's role may not do this."),
-    ("404", "There is no such thing."),
-    ("408", "The body did not come in time."),
-    ("409", "It contradicts what is there."),
-    ("410", "It is kept no longer."),
+    ("101", "The connection is a WebSocket from here on."),
+    ("200", "The request succeeded."),
+    ("201", "The resource was created."),
+    ("202", "The request was accepted and runs in the background."),
+    ("400", "The request cannot be parsed; the detail names the problem."),
+    ("401", "The request has no valid token."),
+    ("403", "The role of the token does not permit the operation."),
+    ("404", "The resource does not exist."),
+    ("408", "The body was not received in time."),
+    ("409", "The request conflicts with the state of the resource."),
+    ("410", "The resource is no longer kept."),
     ("413", "The body is too large."),
     ("415", "The body is neither JSON nor MessagePack."),
-    ("422", "A field cannot be: it is named."),
-    ("426", "It must be asked for as a WebSocket."),
-    ("429", "Too many or too often: come again after Retry-After."),
-    ("503", "Not now: come again after Retry-After."),
+    ("422", "A field is invalid; the problem names it."),
+    ("426", "The request must be an upgrade to a WebSocket."),
+    ("429", "The limit of requests is reached; retry after `Retry-After`."),
+    ("503", "The server cannot respond now; retry after `Retry-After`."),
 ];
 
 /// Format of an unsigned integer in the OpenAPI document.
@@ -64,7 +62,6 @@ pub(super) fn apply_fixups(document: OpenApi) -> OpenApi {
             describe_responses(operation);
             add_id_patterns(operation);
         });
-        make_operation_ids_unique(paths);
     }
     match serde_json::from_value(value) {
         Ok(fixed) => fixed,
@@ -117,12 +114,12 @@ fn describe_responses(operation: &mut Map<String, Value>) {
         let words = RESPONSE_DESCRIPTIONS
             .iter()
             .find(|(known, _)| known == status)
-            .map_or("An answer.", |(_, words)| words);
+            .map_or("Response of the server.", |(_, words)| words);
         if response.get("description").and_then(Value::as_str).is_none_or(str::is_empty) {
             response.insert("description".to_owned(), json!(words));
         }
         if matches!(status.as_str(), "429" | "503") {
-            let seconds = json!({"description": "Seconds after which to come again.", "schema": {"type": "integer", "minimum": 0}});
+            let seconds = json!({"description": "Seconds after which to retry.", "schema": {"type": "integer", "minimum": 0}});
             response.entry("headers").or_insert(json!({"Retry-After": seconds}));
         }
     }
@@ -139,30 +136,10 @@ fn add_id_patterns(operation: &mut Map<String, Value>) {
     }
 }
 
-/// Appends the last path segment to ids that several operations share: client generators turn ids into function names.
-fn make_operation_ids_unique(paths: &mut Map<String, Value>) {
-    let name = |operation: &Map<String, Value>| {
-        operation.get("operationId").and_then(Value::as_str).map(str::to_owned)
-    };
-    let mut count = BTreeMap::<String, usize>::new();
-    for_each_operation(paths, |_, _, operation| {
-        if let Some(name) = name(operation) {
-            *count.entry(name).or_default() += 1;
-        }
-    });
-    for_each_operation(paths, |_, path, operation| {
-        let Some(name) = name(operation).filter(|name| count.get(name).is_some_and(|count| *count > 1))
-        else {
-            return;
-        };
-        // For example, `show` of …/leases/{lease} becomes `show_lease`.
-        let suffix = path.rsplit('/').next().unwrap_or_default().trim_matches(['{', '}']);
-        operation.insert("operationId".to_owned(), json!(format!("{name}_{suffix}")));
-    });
-}
-
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use utoipa::openapi::{RefOr, Schema};
 
     use super::*;

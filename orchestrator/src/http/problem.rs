@@ -1,31 +1,37 @@
 //! Errors as problem details (RFC 9457).
 
+use std::borrow::Cow;
+
+use api_types::ProblemDetails;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use utoipa::ToSchema;
+use utoipa::openapi::{RefOr, Schema};
+use utoipa::{PartialSchema, ToSchema};
 
 use crate::engine::error::ServiceError;
 use crate::limits::{ConcurrencyError, LimitClosed, RateLimited, TooManyLongPolls};
 
-/// Problem details of a failed request (RFC 9457).
-#[derive(Debug, Clone, Serialize, ToSchema)]
+/// Error response: problem details, and the time after which the client may retry.
+#[derive(Debug, Clone, Serialize)]
 pub struct Problem {
-    /// URN of the kind of problem.
-    #[serde(rename = "type")]
-    #[schema(example = "urn:sparring:problem:invalid")]
-    kind: String,
-    /// Reason phrase of the HTTP status.
-    title: String,
-    /// HTTP status of the response.
-    status: u16,
-    /// Sentence that describes this occurrence.
-    detail: String,
-    /// Field that caused the problem, as a dotted path.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    field: Option<String>,
+    #[serde(flatten)]
+    details: ProblemDetails,
     #[serde(skip)]
     retry_after_s: Option<u32>,
+}
+
+/// The body of a problem is its details.
+impl PartialSchema for Problem {
+    fn schema() -> RefOr<Schema> {
+        ProblemDetails::schema()
+    }
+}
+
+impl ToSchema for Problem {
+    fn name() -> Cow<'static, str> {
+        ProblemDetails::name()
+    }
 }
 
 /// Parts of a [`Problem`].
@@ -39,36 +45,37 @@ pub(super) struct ProblemParts {
 impl Problem {
     /// Creates a problem with a status and a code.
     pub(super) fn new(status: StatusCode, code: &str, detail: impl Into<String>) -> Self {
-        Self {
+        let details = ProblemDetails {
             kind: format!("urn:sparring:problem:{code}"),
             title: status.canonical_reason().unwrap_or("Error").to_owned(),
             status: status.as_u16(),
             detail: detail.into(),
             field: None,
-            retry_after_s: None,
-        }
+        };
+        Self { details, retry_after_s: None }
     }
 
     /// Sets the field that caused the problem.
     pub(super) fn at(mut self, field: impl Into<String>) -> Self {
-        self.field = Some(field.into());
+        self.details.field = Some(field.into());
         self
     }
 
     /// Returns the HTTP status.
     pub(super) fn status(&self) -> StatusCode {
-        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
+        StatusCode::from_u16(self.details.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
     /// Returns the detail, with the field if there is one.
     pub(super) fn message(&self) -> String {
-        self.field.as_ref().map_or_else(|| self.detail.clone(), |field| format!("{field}: {}", self.detail))
+        self.details.message_with_field()
     }
 
     /// Returns the parts of the problem, for protocols with their own error format.
     pub(super) fn into_parts(self) -> ProblemParts {
-        let code = self.kind.rsplit(':').next().unwrap_or_default().to_owned();
-        ProblemParts { code, detail: self.detail, field: self.field }
+        let code = self.details.code().to_owned();
+        let ProblemDetails { detail, field, .. } = self.details;
+        ProblemParts { code, detail, field }
     }
 
     /// Returns the time after which the client may retry, in seconds.
@@ -135,7 +142,7 @@ impl Problem {
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = self.status();
-        let body = serde_json::to_vec(&self).unwrap_or_default();
+        let body = serde_json::to_vec(&self.details).unwrap_or_default();
         let mut response =
             (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
         if status == StatusCode::UNAUTHORIZED {
@@ -160,15 +167,17 @@ impl From<ServiceError> for Problem {
             E::Expired(_) => problem(StatusCode::GONE, "expired"),
             E::UnknownLayout(_) => problem(StatusCode::NOT_FOUND, "unknown_layout"),
             E::UnknownEvaluation(_) => problem(StatusCode::NOT_FOUND, "unknown_evaluation"),
-            E::EvaluationOver(_) => problem(StatusCode::CONFLICT, "evaluation_over"),
-            E::UnknownAsk(_) => problem(StatusCode::NOT_FOUND, "unknown_ask"),
+            E::EvaluationEnded(_) => problem(StatusCode::CONFLICT, "evaluation_ended"),
+            E::UnknownDesignRequest(_) => problem(StatusCode::NOT_FOUND, "unknown_design_request"),
             E::Refused(_) => problem(StatusCode::CONFLICT, "refused"),
-            E::TooManyAsks(_) => problem(StatusCode::TOO_MANY_REQUESTS, "too_many_asks").with_retry_after(5),
+            E::TooManyDesignRequests(_) => {
+                problem(StatusCode::TOO_MANY_REQUESTS, "too_many_design_requests").with_retry_after(5)
+            }
             E::RunExists(_) => problem(StatusCode::CONFLICT, "run_exists").at("id"),
             E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
-            E::ClaimedOtherwise(_) => problem(StatusCode::CONFLICT, "claimed_otherwise"),
+            E::ColumnsConflict(_) => problem(StatusCode::CONFLICT, "columns_conflict"),
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
-            E::LeaseOver { .. } => problem(StatusCode::CONFLICT, "lease_over"),
+            E::LeaseClosed { .. } => problem(StatusCode::CONFLICT, "lease_closed"),
             E::TooManyLeases(_) | E::TooManyLeasesOfToken(_) => {
                 problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").with_retry_after(5)
             }
@@ -203,7 +212,7 @@ impl From<TooManyLongPolls> for Problem {
 impl From<RateLimited> for Problem {
     fn from(RateLimited { retry_after_s }: RateLimited) -> Self {
         let detail = format!("You ask more often than you may; ask again in {retry_after_s} s.");
-        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_often", detail).with_retry_after(retry_after_s)
+        Self::new(StatusCode::TOO_MANY_REQUESTS, "rate_limited", detail).with_retry_after(retry_after_s)
     }
 }
 

@@ -13,42 +13,26 @@ mod verdict;
 
 use std::sync::Arc;
 
+use api_types::Judge;
 use env_core::critique::Judgement;
 use env_core::{ActionLog, Scenario};
 use openenv_wire::wire_format;
-use serde::{Deserialize, Serialize};
 use tokio::sync::Semaphore;
-use utoipa::ToSchema;
 
 pub use self::model::{ModelJudge, ModelVerdict};
 pub use self::verdict::StepVerdict;
 use crate::policy::TimeStep;
 
-/// Kind of judge that scores the steps of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Judge {
-    /// No judge: rewards are the world's.
-    #[default]
-    Off,
-    /// Rules of the world: the value of the step if no agent acted after it.
-    Deterministic,
-    /// A language model; the rules judge the same steps for comparison.
-    Llm,
-}
-
-impl Judge {
-    /// Parses `off`, `deterministic`, `llm`, or a truth value as in `ENABLE_JUDGE` of the public kessler-env.
-    ///
-    /// # Errors
-    /// Returns a message with the accepted words for any other word.
-    pub fn parse(word: &str) -> Result<Self, String> {
-        match word.trim().to_ascii_lowercase().as_str() {
-            "off" | "false" | "0" | "no" | "" => Ok(Self::Off),
-            "deterministic" => Ok(Self::Deterministic),
-            "llm" | "true" | "1" | "yes" | "on" => Ok(Self::Llm),
-            _ => Err("off, deterministic or llm is wanted (true is llm, false is off)".to_owned()),
-        }
+/// Parses `off`, `deterministic`, `llm`, or a truth value as in `ENABLE_JUDGE` of the public kessler-env.
+///
+/// # Errors
+/// Returns a message with the accepted words for any other word.
+pub fn parse_judge(word: &str) -> Result<Judge, String> {
+    match word.trim().to_ascii_lowercase().as_str() {
+        "off" | "false" | "0" | "no" | "" => Ok(Judge::Off),
+        "deterministic" => Ok(Judge::Deterministic),
+        "llm" | "true" | "1" | "yes" | "on" => Ok(Judge::Llm),
+        _ => Err("off, deterministic or llm is wanted (true is llm, false is off)".to_owned()),
     }
 }
 
@@ -95,7 +79,7 @@ impl StepVerdicts {
             None => self
                 .rules
                 .as_ref()
-                .map(|rules| StepVerdict { score: rules.value, reasoning: rules.words.clone() }),
+                .map(|rules| StepVerdict { score: rules.value, reasoning: rules.explanation.clone() }),
         }
     }
 }

@@ -24,7 +24,7 @@ const MAX_TOKENS: u32 = 300;
 /// Maximum length of a stored reasoning, in characters.
 const MAX_REASONING_CHARS: usize = 1000;
 /// Payer of the tokens for episodes that belong to no run.
-const NO_RUN_PAYER: &str = "openenv";
+const NO_RUN_ACCOUNT: &str = "openenv";
 
 static SCHEMA: LazyLock<Arc<Value>> = LazyLock::new(|| {
     Arc::new(json!({
@@ -92,8 +92,8 @@ impl ModelJudge {
 
     /// Returns the name under which verdicts are charged to the budget: the run's id, or `openenv` without a run.
     #[must_use]
-    pub fn payer(run: Option<&str>) -> &str {
-        run.unwrap_or(NO_RUN_PAYER)
+    pub fn budget_account(run: Option<&str>) -> &str {
+        run.unwrap_or(NO_RUN_ACCOUNT)
     }
 
     /// Judges a step, from the cache if possible.
@@ -109,7 +109,7 @@ impl ModelJudge {
         let mut usage = TokenUsage::default();
         let call = async {
             let messages = vec![Message::new(Role::System, system), Message::new(Role::User, user)];
-            self.call(Self::payer(step.run), messages, started + self.timeout, &mut usage).await
+            self.call(Self::budget_account(step.run), messages, started + self.timeout, &mut usage).await
         };
         // Simultaneous calls with the same messages share one reply.
         let entry = self.cache.entry(key).or_try_insert_with(call);

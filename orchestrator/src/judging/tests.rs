@@ -68,10 +68,10 @@ fn judge_is_parsed_and_resolved() {
         ("False", Judge::Off),
         ("deterministic", Judge::Deterministic),
     ] {
-        assert_eq!(Judge::parse(word), Ok(judge), "{word}");
+        assert_eq!(parse_judge(word), Ok(judge), "{word}");
     }
-    assert_eq!([Judge::parse("true"), Judge::parse("1"), Judge::parse("LLM")], [const { Ok(Judge::Llm) }; 3]);
-    assert!(Judge::parse("maybe").is_err());
+    assert_eq!([parse_judge("true"), parse_judge("1"), parse_judge("LLM")], [const { Ok(Judge::Llm) }; 3]);
+    assert!(parse_judge("maybe").is_err());
     // Without a model the rules judge.
     let judges = Judges::new(Judge::Deterministic, None);
     assert_eq!(judges.resolve(None), Judge::Deterministic);

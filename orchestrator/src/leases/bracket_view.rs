@@ -7,11 +7,11 @@ use env_core::admission::count_panel_successes;
 #[must_use]
 pub fn scenario_bracket(scenario: &env_core::Scenario, bracket: &env_core::Bracket) -> ScenarioBracket {
     ScenarioBracket {
-        planner: bracket.planner_version,
+        planner_version: bracket.planner_version,
         floor: bracket.floor,
         hold: bracket.hold_score(),
         reference: bracket.reference.score,
-        panel_success: count_panel_successes(scenario, bracket),
-        panel: bracket.panel.len(),
+        panel_successes: count_panel_successes(scenario, bracket),
+        panel_size: bracket.panel.len(),
     }
 }

@@ -87,7 +87,7 @@ impl Change for CreateColumnLease {
             columns::insert_range(conn, row.id, &range).await?;
             first += groups;
         }
-        tx.emit(run, &RunEvent::lease(&row, LeaseEvent::Taken))?;
+        tx.emit(run, &RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(GrantedLease { row, groups: Vec::new(), scenarios: None })
     }
 }
@@ -127,12 +127,12 @@ fn seed_range(
         task: proposal.task.clone(),
         level: proposal.level.map(i64::from),
         role: group_role(proposal.role),
-        first: i64::from(first),
+        first_group: i64::from(first),
         groups: i64::from(groups),
-        seed: to_i64(Seed::in_space(SeedSpace::Training, bits).get()),
+        first_seed: to_i64(Seed::in_space(SeedSpace::Training, bits).get()),
         finished: 0,
         failed: 0,
-        score: 0.0,
+        score_sum: 0.0,
     })
 }
 
@@ -141,7 +141,7 @@ fn seed_range(
 /// # Errors
 /// Returns an error if the stored seed is out of range.
 pub fn scenario_of(range: &SeedRangeRow, recipe: Arc<Recipe>, group: i64) -> Result<Scenario, StoreError> {
-    let seed = Seed::new(to_u64(range.seed + (group - range.first)))?;
+    let seed = Seed::new(to_u64(range.first_seed + (group - range.first_group)))?;
     Ok(Scenario::new(recipe, seed))
 }
 

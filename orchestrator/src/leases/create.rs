@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 
+use api_types::EvidenceFrom;
 use sqlx::SqliteConnection;
 
 use crate::designs::serve;
@@ -16,7 +17,7 @@ use crate::leases::group_row::proposed_group;
 use crate::leases::proposal_queue::{self, QUEUE_TARGET};
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics::LeaseEvent;
-use crate::runs::settings::{EvidenceFrom, MAX_GROUP_SIZE};
+use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::check_range;
 use crate::store::design_counters::{self, TrainingGroups};
 use crate::store::groups::GroupRow;
@@ -42,7 +43,7 @@ const SMALL_LEASE: usize = 8;
 pub struct CreateLease {
     /// Id of the run.
     pub run: RunId,
-    /// Number of groups.
+    /// Number of requested groups.
     pub groups: u32,
     /// Number of episodes in each group; `None` for the run's own.
     pub group_size: Option<u32>,
@@ -168,7 +169,7 @@ impl Change for CreateLease {
             _ => None,
         };
         proposal_queue::fill(&mut run, QUEUE_TARGET).await?;
-        run.emit(&RunEvent::lease(&row, LeaseEvent::Taken))?;
+        run.emit(&RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(Some(GrantedLease { row, groups, scenarios }))
     }
 }

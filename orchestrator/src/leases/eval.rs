@@ -83,7 +83,7 @@ impl Change for ReserveEvalLease {
             Proposal { why: "an evaluation".to_owned(), ..Proposal::fresh(plan, level, ProposalRole::Sample) }
         });
         let (run_seed, proposals) = (state.seed, proposals.collect());
-        tx.emit(&row.run, &RunEvent::lease(&row, LeaseEvent::Taken))?;
+        tx.emit(&row.run, &RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(ReservedEvalLease { row, run_seed, proposals })
     }
 }
@@ -101,7 +101,7 @@ impl Change for FillEvalLease {
         let row = leases::get(&mut tx.conn, self.lease).await?;
         let row = row.ok_or_else(|| ServiceError::UnknownLease(self.lease.to_string()))?;
         if !row.is_active() {
-            return Err(ServiceError::LeaseOver { lease: row.name(), status: row.status });
+            return Err(ServiceError::LeaseClosed { lease: row.name(), status: row.status });
         }
         store_scenarios(&mut tx.conn, self.prepared.iter().map(|(_, prepared)| prepared)).await?;
         let mut groups = Vec::new();

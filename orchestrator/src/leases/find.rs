@@ -17,7 +17,7 @@ pub async fn find_lease(
     lease: &LeaseId,
 ) -> Result<LeaseRow, ServiceError> {
     let row = match leases::get(conn, lease.number).await? {
-        None => compacted_leases::get(conn, run.as_str(), lease.number).await?.map(|folded| folded.row),
+        None => compacted_leases::get(conn, run.as_str(), lease.number).await?.map(|lease| lease.row),
         row => row,
     };
     row.filter(|row| row.token == lease.token && row.run == run.as_str())

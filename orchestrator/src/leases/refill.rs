@@ -1,14 +1,14 @@
 //! Replaces groups with zero variance: a trainer learns nothing from a group whose episodes all have the same score.
 
+use api_types::{EvidenceFrom, GroupRefill};
+
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::leases::group_row::proposed_group;
 use crate::leases::proposal_queue;
 use crate::leases::proposal_queue::QUEUE_TARGET;
-use crate::results::report_summary::RefilledGroups;
-use crate::runs::settings::EvidenceFrom;
 use crate::store::leases::{self, LeaseRow};
-use crate::store::refills::{self, OwedRefill};
+use crate::store::refills::{self, PendingRefill};
 use crate::store::{groups, proposals};
 
 /// Adds `count` groups to what a lease is owed, and grants what is owed as far as scenarios are prepared.
@@ -16,15 +16,15 @@ pub(crate) async fn request_refill(
     run: &mut RunTx<'_>,
     lease: &LeaseRow,
     count: i64,
-) -> Result<Vec<RefilledGroups>, ServiceError> {
-    refills::owe(run.conn, lease.id, count).await?;
+) -> Result<Vec<GroupRefill>, ServiceError> {
+    refills::add_pending(run.conn, lease.id, count).await?;
     grant_refills(run).await
 }
 
 /// Grants the leases of a run the groups they are owed, as far as scenarios are prepared.
-pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<RefilledGroups>, ServiceError> {
+pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<GroupRefill>, ServiceError> {
     let mut granted = Vec::new();
-    for OwedRefill { lease: id, groups: owed } in refills::owed(run.conn, &run.state.run).await? {
+    for PendingRefill { lease: id, groups: owed } in refills::pending(run.conn, &run.state.run).await? {
         let is_evidence = run.state.settings.evidence_from == EvidenceFrom::Train;
         let head = proposals::head(run.conn, &run.state.run, owed).await?;
         let ready: Vec<_> = head.into_iter().take_while(|queued| queued.scenario.is_some()).collect();
@@ -35,8 +35,8 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<RefilledGro
         let rows = numbered.map(|(number, queued)| proposed_group(number, queued, is_evidence, true));
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         groups::insert(run.conn, id, &rows).await?;
-        refills::add_given(run.conn, OwedRefill { lease: id, groups: rows.len() as i64 }).await?;
-        granted.push(RefilledGroups {
+        refills::add_given(run.conn, PendingRefill { lease: id, groups: rows.len() as i64 }).await?;
+        granted.push(GroupRefill {
             lease: lease.name(),
             groups: rows.iter().map(|row| row.number).collect(),
         });

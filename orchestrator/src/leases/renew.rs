@@ -1,4 +1,4 @@
-//! Renews a lease.
+//! Renews a lease before it expires.
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -26,7 +26,7 @@ impl Change for RenewLease {
         let mut row = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
         if !row.is_active() || row.expires_at <= tx.now {
             let status = if row.is_active() { LeaseStatus::Expired } else { row.status };
-            return Err(ServiceError::LeaseOver { lease: self.lease.to_string(), status });
+            return Err(ServiceError::LeaseClosed { lease: self.lease.to_string(), status });
         }
         if row.is_columns() && is_claimed(&mut tx.conn, row.id).await? {
             // A trainer that knows which groups are audited must not gain time to fly them until they fit its claim.

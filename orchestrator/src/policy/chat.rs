@@ -40,7 +40,7 @@ pub struct Completion {
     /// Text of the reply, unchanged; `None` if the call failed.
     pub text: Option<String>,
     /// True if the reply was cut off at the maximum number of tokens.
-    pub cut: bool,
+    pub truncated: bool,
     /// Error of the call, or the reason why the reply is not an action.
     pub error: Option<String>,
     /// Number of prompt tokens.
@@ -193,7 +193,7 @@ impl ChatPolicy {
             };
             turn.invalid += 1;
             turn.error = Some(format!("the answer is no action: {reason}"));
-            let is_cut = turn.completions.last().is_some_and(|completion| completion.cut);
+            let is_cut = turn.completions.last().is_some_and(|completion| completion.truncated);
             turn.failure = Some(if is_cut { ActionFailure::CutOff } else { ActionFailure::Invalid });
             let repeated: String = text.chars().take(MAX_REPEATED_CHARS).collect();
             // Some endpoints reject an empty message.
@@ -220,7 +220,7 @@ impl ChatPolicy {
         let mut completion = Completion {
             messages: request.messages,
             text: None,
-            cut: false,
+            truncated: false,
             error: None,
             tokens_in: usage.tokens_in,
             tokens_out: usage.tokens_out,
@@ -244,7 +244,7 @@ impl ChatPolicy {
         let action = parse_action(&response.text, self.prompt.codec(), self.llm.config()).map_err(|reason| {
             if is_cut { format!("{reason}; it was cut off for its length") } else { reason }
         });
-        completion.cut = is_cut;
+        completion.truncated = is_cut;
         completion.tokens = response.token_details;
         if let (Some(last), Some(schema)) = (completion.messages.last_mut(), response.appended_schema) {
             last.content.push_str(&schema);

@@ -52,8 +52,8 @@ fn fixed(value: f64, decimals: usize) -> String {
 }
 
 /// Formats a vector with two decimals.
-fn vector(vector: (f64, f64)) -> String {
-    format!("({} {})", fixed(vector.0, 2), fixed(vector.1, 2))
+fn vector([x, y]: [f64; 2]) -> String {
+    format!("({} {})", fixed(x, 2), fixed(y, 2))
 }
 
 // The results of `write!` are ignored below: writing to a string cannot fail.
@@ -69,7 +69,7 @@ fn write_satellite(satellite: &SatelliteTelemetry, text: &mut String) {
     let (out, ahead) = body.local_axes();
     let [x, y] = [*x, *y].map(|value| fixed(value, 1));
     let [vx, vy] = [*vx, *vy].map(|value| fixed(value, 2));
-    let (out, ahead) = (vector(out), vector(ahead));
+    let (out, ahead) = (vector(out.into()), vector(ahead.into()));
     let _ = write!(text, "{id}, {x}, {y}, {vx}, {vy}, {:.1}, {out}, {ahead}, {fuel:.1}", body.radius());
     let survives = satellite.survival_probability.map(|p| format!(", survives with probability {p:.3}"));
     let _ = writeln!(text, "{}", survives.unwrap_or_default());
@@ -154,7 +154,7 @@ fn write_threats(telemetry: &KesslerTelemetry, text: &mut String) {
         let _ = writeln!(
             text,
             "{satellite}, {debris}, {distance:.1}, {min_distance:.1}{hit}, {step}, {}, {speed:.1}",
-            vector(direction)
+            vector(direction.into())
         );
     }
 }

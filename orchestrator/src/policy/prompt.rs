@@ -113,11 +113,11 @@ impl TaskPrompt {
 pub(crate) fn task_rules(task: &dyn TaskSpec) -> String {
     let rules = if kessler::is_kessler(task) {
         let goal =
-            KESSLER_GOALS.iter().find(|(id, _)| *id == task.id()).map_or(task.about(), |(_, goal)| goal);
+            KESSLER_GOALS.iter().find(|(id, _)| *id == task.id()).map_or(task.description(), |(_, goal)| goal);
         let goal = fill_template(goal.trim_end(), &[("steps", kessler::STEPS.to_string())]);
         fill_template(KESSLER_RULES, &[("goal", goal)])
     } else {
-        fill_template(OTHER_RULES, &[("about", task.about().to_owned())])
+        fill_template(OTHER_RULES, &[("about", task.description().to_owned())])
     };
     rules.trim_end().to_owned()
 }

@@ -1,6 +1,6 @@
 //! Level and mastery of the runs in memory, for `/metrics`.
 
-use crate::engine::change::{Query, ReadTx};
+use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use curriculum::Mastery;
 
@@ -24,7 +24,7 @@ pub struct MasteryGauge {
 #[derive(Debug)]
 pub struct MasteryGaugesQuery;
 
-impl Query for MasteryGaugesQuery {
+impl StateQuery for MasteryGaugesQuery {
     type Output = Vec<MasteryGauge>;
     const IS_BULK: bool = true;
 
@@ -35,7 +35,7 @@ impl Query for MasteryGaugesQuery {
             for status in state.curriculum.status() {
                 let here = |known: &&Mastery| known.task == status.task && known.level == status.level;
                 let mastery = mastery.iter().find(here).map(|known| known.mean);
-                let level = status.level.filter(|_| status.placed);
+                let level = status.level.filter(|_| status.placement_done);
                 gauges.push(MasteryGauge { run: state.run.clone(), task: status.task, level, mastery });
             }
         }

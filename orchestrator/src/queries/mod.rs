@@ -1,8 +1,8 @@
-//! Read models: questions about runs that the API, the metrics and the reports ask. Nothing here writes.
+//! Read models of runs for the API, the metrics and the reports. Nothing here writes.
 //!
-//! Questions that need a run in memory are [`crate::engine::change::Query`]s, answered by the writer.
+//! Queries that need a run in memory implement [`crate::engine::change::StateQuery`] and run in the writer.
 
+pub mod current_mastery;
 pub mod mastery_gauges;
 pub mod run_progress;
-pub mod standing;
 pub mod task_levels;

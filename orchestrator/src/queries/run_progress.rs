@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sqlx::SqliteConnection;
 
-use crate::engine::change::{Query, ReadTx};
+use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::ids::RunId;
@@ -24,7 +24,7 @@ pub struct RunProgressQuery {
 /// Progress of a run, all of one moment.
 #[derive(Debug)]
 pub struct RunProgress {
-    /// Settings in force.
+    /// Current settings of the run.
     pub settings: RunSettings,
     /// Status of each task.
     pub status: Vec<TaskStatus>,
@@ -44,7 +44,7 @@ pub struct RunProgress {
     pub next_seq: u64,
 }
 
-impl Query for RunProgressQuery {
+impl StateQuery for RunProgressQuery {
     type Output = RunProgress;
 
     async fn read(self, tx: &mut ReadTx<'_>) -> Result<RunProgress, ServiceError> {

@@ -1,6 +1,6 @@
 //! Levels of a run's tasks, for the overview of many runs.
 
-use crate::engine::change::{Query, ReadTx};
+use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::ids::RunId;
 use curriculum::{Mastery, TaskStatus};
@@ -23,7 +23,7 @@ pub struct TaskLevel {
     pub mastery: Option<Mastery>,
 }
 
-impl Query for TaskLevelsQuery {
+impl StateQuery for TaskLevelsQuery {
     type Output = Vec<TaskLevel>;
 
     async fn read(self, tx: &mut ReadTx<'_>) -> Result<Vec<TaskLevel>, ServiceError> {
@@ -32,7 +32,7 @@ impl Query for TaskLevelsQuery {
         mastery.retain(|known| known.n > 0);
         let level_of = |status: TaskStatus| {
             let here = mastery.iter().find(|known| known.task == status.task && known.level == status.level);
-            let level = status.level.filter(|_| status.placed);
+            let level = status.level.filter(|_| status.placement_done);
             TaskLevel { task: status.task, level, mastery: here.cloned() }
         };
         Ok(state.curriculum.status().into_iter().map(level_of).collect())

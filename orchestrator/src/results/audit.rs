@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use api_types::RefusalCode;
 use env_core::ActionLog;
 use env_core::admission::{admit, is_success};
 use env_core::error::ReplayError;
@@ -17,7 +18,6 @@ use crate::results::audit_outcome::{
     AuditOutcome, AuditedEpisode, AuditedReport, DeferredBracket, ReplayedEpisode,
 };
 use crate::results::episode_lookup::{EpisodeFinder, EpisodeLookup, ReplayTarget};
-use crate::results::refusal::RefusalCode;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::runs::settings::RunSettings;
 use crate::store::StoreError;

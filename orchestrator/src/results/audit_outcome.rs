@@ -1,9 +1,10 @@
 //! Outcomes of an audit: what the replay of a reported episode showed.
 
+use api_types::RefusalCode;
 use env_core::Scenario;
 use env_core::bracket::{Bracket, EpisodeOutcome};
 
-use crate::results::refusal::{Refusal, RefusalCode};
+use crate::results::refusal::Refusal;
 use crate::store::compacted_leases::CompactedLease;
 use crate::store::episodes::StoredLog;
 use crate::store::keys::{EpisodeKey, GroupKey};
@@ -26,7 +27,7 @@ pub struct AuditedEpisode {
 /// Outcome of an audit.
 #[derive(Debug, Clone)]
 pub enum AuditOutcome {
-    /// The log replayed.
+    /// The action log was replayed.
     Replayed(ReplayedEpisode),
     /// The infrastructure lost the episode, for this reason.
     Failed(String),
@@ -63,7 +64,7 @@ pub struct ReplayedEpisode {
 }
 
 impl AuditOutcome {
-    /// Builds a refusal.
+    /// Builds the outcome of a refused episode.
     pub(crate) fn refused(code: RefusalCode, detail: impl Into<String>) -> Self {
         Self::Refused(Refusal::new(code, detail))
     }

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use api_types::GroupReceipt;
+use curriculum::{GroupOutcome, LearningSignals, LevelMove, Proposal};
 use env_core::admission;
 
 use crate::engine::error::ServiceError;
@@ -11,16 +13,15 @@ use crate::engine::run_tx::RunTx;
 use crate::leases::refill;
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::observe::observe;
-use crate::results::report_summary::{ClosedGroup, ReportSummary};
+use crate::results::report_summary::ReportSummary;
 use crate::store::group_counters::{self, GroupCounters};
 use crate::store::group_results::{self, GroupResult};
 use crate::store::groups::{self, GroupRow, GroupState};
 use crate::store::history::ParamValue;
 use crate::store::leases::LeaseRow;
-use crate::store::task_counters::{self, TaskCounters};
+use crate::store::task_counters::{self, TaskCounters, TaskCountersKey};
 use crate::store::{from_json, proposals, to_u32, to_u64};
 use crate::{designs, evaluation};
-use curriculum::{GroupOutcome, LearningSignals, LevelMove, Proposal};
 
 /// Times a scenario is offered at most: a scenario that crashes every trainer must not return for ever.
 const MAX_ATTEMPTS: i64 = 3;
@@ -68,7 +69,8 @@ pub(crate) async fn update_and_close(
         let Some(statistics) = statistics.get(&group.number) else { continue }; // every group of the lease is in the store
         let closed = closed_group(lease, group, statistics);
         let is_enough = group.finished >= min_finished;
-        summary.moves.extend(close_group(run, lease, group, statistics, &closed, is_enough).await?);
+        let one = ClosingGroup { lease, group, statistics, closed: &closed, is_enough };
+        summary.moves.extend(one.close(run).await?);
         if lease.group_size > 1 && group.counts() {
             group_sums.push(group_counters(group, &closed));
         }
@@ -86,12 +88,12 @@ pub(crate) async fn update_and_close(
     Ok(summary)
 }
 
-fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) -> ClosedGroup {
+fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) -> GroupReceipt {
     let is_flat = statistics.lowest.zip(statistics.highest).map(|(lowest, highest)| highest <= lowest);
-    ClosedGroup {
+    GroupReceipt {
         lease: lease.name(),
         group: group.number,
-        state: group.state,
+        state: group.state.into(),
         finished: group.finished,
         failed: group.failed,
         expired: (lease.group_size - group.finished - group.failed).max(0),
@@ -101,77 +103,99 @@ fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) ->
     }
 }
 
-/// Closes one group and returns the level moves it caused.
-#[expect(clippy::too_many_lines, reason = "one sequence of writes, to be split with the evidence rules")]
-async fn close_group(
-    run: &mut RunTx<'_>,
-    lease: &LeaseRow,
-    group: &GroupRow,
-    statistics: &GroupResult,
-    closed: &ClosedGroup,
+/// Group that is being closed, with its results.
+#[derive(Clone, Copy)]
+struct ClosingGroup<'a> {
+    lease: &'a LeaseRow,
+    group: &'a GroupRow,
+    statistics: &'a GroupResult,
+    closed: &'a GroupReceipt,
+    /// True if enough episodes finished for the group to say something about its scenario.
     is_enough: bool,
-) -> Result<Vec<LevelMove>, ServiceError> {
-    let expired = closed.expired;
-    run.emit(&RunEvent::group(lease, group, expired))?;
-    if expired > 0 && group.counts() {
-        let lost = TaskCounters { expired, ..TaskCounters::default() };
-        run.task_counts(&group.task).add(&lost, group.level);
-        task_counters::add(
-            run.conn,
-            &lease.run,
-            &BTreeMap::from([(task_counters::TaskCountersKey::of(group), lost)]),
-        )
-        .await?;
+}
+
+impl ClosingGroup<'_> {
+    /// Closes the group and returns the level moves it caused.
+    async fn close(self, run: &mut RunTx<'_>) -> Result<Vec<LevelMove>, ServiceError> {
+        let Self { lease, group, closed, is_enough, .. } = self;
+        run.emit(&RunEvent::group(lease, group, closed.expired))?;
+        self.count_expired_episodes(run).await?;
+        let panel = panel_success_rate(run, group, is_enough).await?;
+        if is_enough && group.counts() {
+            add_to_history(run, lease, group, closed, panel);
+        }
+        if let Some(seq) = group.proposal {
+            self.observe_proposed_group(run, seq, panel).await
+        } else if group.layout.is_some() {
+            designs::outcome::observe_designed_group(run, lease, group, is_enough, closed.expired).await
+        } else {
+            evaluation::store_results::store_reported_group(run, lease, group).await?;
+            Ok(Vec::new())
+        }
     }
-    let panel = panel_success_rate(run, group, is_enough).await?;
-    if is_enough && group.counts() {
-        add_to_history(run, lease, group, closed, panel);
+
+    /// Adds the expired episodes to the counters of the task, if the group counts.
+    async fn count_expired_episodes(self, run: &mut RunTx<'_>) -> Result<(), ServiceError> {
+        let Self { lease, group, closed, .. } = self;
+        if closed.expired == 0 || !group.counts() {
+            return Ok(());
+        }
+        let expired = TaskCounters { expired: closed.expired, ..TaskCounters::default() };
+        run.task_counts(&group.task).add(&expired, group.level);
+        let counters = BTreeMap::from([(TaskCountersKey::of(group), expired)]);
+        Ok(task_counters::add(run.conn, &lease.run, &counters).await?)
     }
-    let Some(seq) = group.proposal else {
-        return match group.layout {
-            Some(_) => designs::outcome::observe_designed_group(run, lease, group, is_enough, expired).await,
-            None => {
-                evaluation::store_results::store_reported_group(run, lease, group).await?;
-                Ok(Vec::new())
-            }
-        };
-    };
-    let Some(body) = &statistics.proposal else { return Ok(Vec::new()) };
-    let proposal: Proposal = from_json("a proposal", body)?;
-    if is_enough && group.counts() {
-        let params = proposal.params.iter().map(|(name, value)| ParamValue { name, value: *value });
-        run.task_counts(&group.task).add_params(params);
+
+    /// Passes the outcome of a proposed group to the curriculum. The scenario of a lost group is offered again.
+    async fn observe_proposed_group(
+        self,
+        run: &mut RunTx<'_>,
+        seq: i64,
+        panel: Option<f64>,
+    ) -> Result<Vec<LevelMove>, ServiceError> {
+        let Self { lease, group, is_enough, .. } = self;
+        let Some(body) = &self.statistics.proposal else { return Ok(Vec::new()) };
+        let proposal: Proposal = from_json("a proposal", body)?;
+        if is_enough && group.counts() {
+            let params = proposal.params.iter().map(|(name, value)| ParamValue { name, value: *value });
+            run.task_counts(&group.task).add_params(params);
+        }
+        if !is_enough && run.state.curriculum.is_current(to_u64(seq), &proposal) {
+            proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;
+        }
+        let panel = panel.filter(|_| run.state.settings.curriculum.uses_panel());
+        observe(run, self.outcome(seq, proposal, panel)).await
     }
-    if !is_enough && run.state.curriculum.is_current(to_u64(seq), &proposal) {
-        proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;
+
+    /// Returns the outcome that the curriculum observes. Too few finished episodes say nothing about the scenario, so they
+    /// count as none; failed and expired ones are always passed on.
+    fn outcome(self, seq: i64, proposal: Proposal, panel: Option<f64>) -> GroupOutcome {
+        let Self { group, statistics, closed, is_enough, .. } = self;
+        let counted = |count: i64| if is_enough { to_u32(count) } else { 0 };
+        GroupOutcome {
+            proposal: to_u64(seq),
+            level: proposal.level,
+            epoch: proposal.epoch,
+            role: proposal.role,
+            contested: group.is_contested,
+            finished: counted(group.finished),
+            successes: counted(group.successes),
+            failed: to_u32(group.failed),
+            expired: to_u32(closed.expired),
+            evidence: group.is_evidence,
+            mean_score: statistics.score.unwrap_or(0.0),
+            mean_skill: statistics.skill,
+            source: proposal.source,
+            params: if proposal.level.is_none() { proposal.params } else { Vec::new() },
+            signals: LearningSignals {
+                regret: statistics.regret,
+                panel,
+                positive_value_loss: statistics.positive_value_loss,
+                max_mc: statistics.max_mc,
+            },
+            task: proposal.task,
+        }
     }
-    let panel = panel.filter(|_| run.state.settings.curriculum.uses_panel());
-    let counted = |count: i64| if is_enough { to_u32(count) } else { 0 };
-    let outcome = GroupOutcome {
-        proposal: to_u64(seq),
-        level: proposal.level,
-        epoch: proposal.epoch,
-        role: proposal.role,
-        contested: group.is_contested,
-        // Too few finished episodes say nothing about the scenario, but the lost ones are passed on.
-        finished: counted(group.finished),
-        successes: counted(group.successes),
-        failed: to_u32(group.failed),
-        expired: to_u32(expired),
-        evidence: group.is_evidence,
-        mean_score: statistics.score.unwrap_or(0.0),
-        mean_skill: statistics.skill,
-        source: proposal.source,
-        params: if proposal.level.is_none() { proposal.params } else { Vec::new() },
-        signals: LearningSignals {
-            regret: statistics.regret,
-            panel,
-            positive_value_loss: statistics.positive_value_loss,
-            max_mc: statistics.max_mc,
-        },
-        task: proposal.task,
-    };
-    observe(run, outcome).await
 }
 
 /// True if the success of a group counts in the history of contested scenarios. The scenario of a layout is repeated many times:
@@ -204,26 +228,26 @@ fn add_to_history(
     run: &mut RunTx<'_>,
     lease: &LeaseRow,
     group: &GroupRow,
-    closed: &ClosedGroup,
+    closed: &GroupReceipt,
     panel: Option<f64>,
 ) {
     let counts = run.task_counts(&group.task);
     if lease.group_size > 1 {
         counts.groups += 1;
-        counts.flat += i64::from(closed.zero_variance == Some(true));
+        counts.zero_variance_groups += i64::from(closed.zero_variance == Some(true));
     }
     if is_contested_evidence(group) {
-        counts.contested += 1;
-        counts.solved += group.successes as f64 / group.finished as f64;
+        counts.contested_groups += 1;
+        counts.success_rate_sum += group.successes as f64 / group.finished as f64;
         if let Some(share) = panel {
-            counts.panels += 1;
-            counts.panel += share;
+            counts.panel_groups += 1;
+            counts.panel_success_rate_sum += share;
         }
     }
 }
 
 /// Counters of one group of several episodes.
-fn group_counters(group: &GroupRow, closed: &ClosedGroup) -> GroupCounters {
+fn group_counters(group: &GroupRow, closed: &GroupReceipt) -> GroupCounters {
     let is_in = |state: GroupState| i64::from(group.state == state);
     GroupCounters {
         task: group.task.clone(),
@@ -231,6 +255,6 @@ fn group_counters(group: &GroupRow, closed: &ClosedGroup) -> GroupCounters {
         complete: is_in(GroupState::Complete),
         partial: is_in(GroupState::Partial),
         lost: is_in(GroupState::Lost),
-        flat: i64::from(group.state != GroupState::Lost && closed.zero_variance == Some(true)),
+        zero_variance: i64::from(group.state != GroupState::Lost && closed.zero_variance == Some(true)),
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use api_types::RefusalCode;
 use env_core::{Bracket, Scenario};
 use sqlx::SqliteConnection;
 
@@ -9,7 +10,7 @@ use crate::engine::error::ServiceError;
 use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::audit_outcome::AuditOutcome;
-use crate::results::refusal::{Refusal, RefusalCode};
+use crate::results::refusal::Refusal;
 use crate::store::compacted_leases::{self, CompactedLease};
 use crate::store::groups;
 use crate::store::keys::{EpisodeKey, GroupKey};
@@ -36,7 +37,7 @@ pub(crate) type EpisodeLookup = Result<EpisodePlace, AuditOutcome>;
 pub(crate) struct EpisodeFinder<'a> {
     run: &'a RunId,
     leases: HashMap<LeaseId, Result<LeaseRow, Refusal>>,
-    /// Compacted leases.
+    /// Compacted leases by number.
     compacted: HashMap<i64, CompactedLease>,
     /// Needed groups by lease.
     needed: BTreeMap<i64, NeededGroups>,

@@ -1,10 +1,11 @@
-//! Rows of audited episodes, and how repeated reports are told from contradicting ones.
+//! Rows of audited episodes, and the comparison of a repeated report with the stored row.
+
+use api_types::{ResultReceipt, ReceiptStatus, RefusalCode};
 
 use crate::engine::error::ServiceError;
 use crate::results::audit_outcome::{AuditOutcome, ReplayedEpisode};
-use crate::results::receipt::Receipt;
-use crate::results::receipt_status::ReceiptStatus;
-use crate::results::refusal::{Refusal, RefusalCode};
+use crate::results::receipt::refused_receipt;
+use crate::results::refusal::Refusal;
 use crate::store::brackets::StoredOutcome;
 use crate::store::episodes::{EpisodeRow, EpisodeState, ReportedResult};
 use crate::store::keys::EpisodeKey;
@@ -29,8 +30,8 @@ pub(crate) fn episode_row(
         skill: None,
         floor: None,
         reference: None,
-        planner: None,
-        flown: None,
+        planner_version: None,
+        outcome: None,
         policy_version: 0,
         reason: None,
         metrics: None,
@@ -44,8 +45,8 @@ pub(crate) fn episode_row(
             row.skill = *skill;
             row.floor = Some(*floor);
             row.reference = Some(*reference);
-            row.planner = Some(i64::from(*planner));
-            row.flown = Some(to_json(&StoredOutcome::from(*outcome))?);
+            row.planner_version = Some(i64::from(*planner));
+            row.outcome = Some(to_json(&StoredOutcome::from(*outcome))?);
         }
         AuditOutcome::Failed(reason) => {
             row.state = in_time(EpisodeState::Failed);
@@ -56,10 +57,10 @@ pub(crate) fn episode_row(
     Ok(row)
 }
 
-/// Receipt of an episode that was reported before: a duplicate if the result is the same, else a conflict.
-pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, digest: &[u8]) -> Receipt {
+/// ResultReceipt of an episode that was reported before: a duplicate if the result is the same, else a conflict.
+pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, digest: &[u8]) -> ResultReceipt {
     if earlier.digest == digest {
-        Receipt {
+        ResultReceipt {
             episode,
             status: ReceiptStatus::Duplicate,
             code: None,
@@ -70,7 +71,7 @@ pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, diges
         }
     } else {
         let detail = "it was reported before, and differently; the first report stands";
-        Receipt::refused(episode, Refusal::new(RefusalCode::Conflict, detail))
+        refused_receipt(episode, Refusal::new(RefusalCode::Conflict, detail))
     }
 }
 

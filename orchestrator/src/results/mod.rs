@@ -11,7 +11,6 @@ pub mod episode_lookup;
 pub mod episode_row;
 pub mod observe;
 pub mod receipt;
-pub mod receipt_status;
 pub mod refusal;
 pub mod report;
 pub mod report_batch;

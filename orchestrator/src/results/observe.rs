@@ -24,8 +24,8 @@ pub(crate) async fn observe(
         // The texts of warnings contain counts and change, so that only a growing number of warnings is news.
         let known =
             before.iter().find(|known| known.task == status.task).map_or(0, |known| known.warnings.len());
-        for words in status.warnings.iter().skip(known) {
-            run.emit(&RunEvent::Health { task: Some(&status.task), words })?;
+        for message in status.warnings.iter().skip(known) {
+            run.emit(&RunEvent::Warning { task: Some(&status.task), message })?;
         }
     }
     if !before.iter().map(|status| status.epoch).eq(after.iter().map(|status| status.epoch)) {

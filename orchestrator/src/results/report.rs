@@ -1,12 +1,13 @@
 //! Stores audited results: each episode once, by its replay. Groups that become whole are closed in the same change.
 
+use api_types::ResultReceipt;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::ids::RunId;
 use crate::metrics;
 use crate::results::audit_outcome::AuditedReport;
-use crate::results::receipt::Receipt;
 use crate::results::report_batch::ReportBatch;
 use crate::results::report_summary::ReportSummary;
 use crate::store::{brackets, groups};
@@ -26,7 +27,7 @@ pub struct StoreResults {
 #[derive(Debug, Default)]
 pub struct ReportReceipts {
     /// One receipt for each reported episode, in the order of the report.
-    pub receipts: Vec<Receipt>,
+    pub receipts: Vec<ResultReceipt>,
     /// Effects of the groups that the report closed.
     pub summary: ReportSummary,
 }

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use api_types::{ResultReceipt, ReceiptStatus, RefusalCode};
+
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -16,9 +18,8 @@ use crate::results::close::update_and_close;
 use crate::results::columns::check::{AuditCheck, check_episode};
 use crate::results::columns::settle;
 use crate::results::episode_row::{duplicate_receipt, episode_row, result_digest};
-use crate::results::receipt::Receipt;
-use crate::results::receipt_status::ReceiptStatus;
-use crate::results::refusal::{Refusal, RefusalCode};
+use crate::results::receipt::{refused_receipt, unstored_receipt};
+use crate::results::refusal::Refusal;
 use crate::results::report_summary::ReportSummary;
 use crate::store::critiques::{self, NewCritiqueJob};
 use crate::store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
@@ -91,11 +92,11 @@ impl ReportBatch {
         tx: &mut WriteTx,
         batch_version: Option<u32>,
         reported: AuditedEpisode,
-    ) -> Result<Receipt, ServiceError> {
+    ) -> Result<ResultReceipt, ServiceError> {
         let AuditedEpisode { episode, key, policy_version, metrics, outcome } = reported;
-        let Some(key) = key else { return Ok(Receipt::unstored(episode, outcome)) };
+        let Some(key) = key else { return Ok(unstored_receipt(episode, outcome)) };
         if matches!(outcome, AuditOutcome::Refused(_) | AuditOutcome::Known { .. }) {
-            return Ok(Receipt::unstored(episode, outcome));
+            return Ok(unstored_receipt(episode, outcome));
         }
         let digest = result_digest(&outcome);
         if let Some(earlier) = self.earlier.get(&key) {
@@ -105,7 +106,7 @@ impl ReportBatch {
         let Some(lease) = lease.filter(|lease| self.accepts(lease, key.number)) else {
             // The lease was compacted after the lookup.
             let compacted = compacted_leases::get(&mut tx.conn, &self.run, key.lease).await?;
-            return Ok(Receipt::unstored(
+            return Ok(unstored_receipt(
                 episode,
                 AuditOutcome::of_compacted(compacted.as_ref(), key.number),
             ));
@@ -117,7 +118,7 @@ impl ReportBatch {
         {
             let detail =
                 format!("its evaluation is of version {}, and this of {version}", lease.policy_version);
-            return Ok(Receipt::refused(episode, Refusal::new(RefusalCode::OtherVersion, detail)));
+            return Ok(refused_receipt(episode, Refusal::new(RefusalCode::VersionMismatch, detail)));
         }
         let row = EpisodeRow {
             policy_version: version,
@@ -134,7 +135,7 @@ impl ReportBatch {
             },
         };
         let receipt = match status {
-            Ok(status) => Receipt {
+            Ok(status) => ResultReceipt {
                 episode,
                 status,
                 code: None,
@@ -145,8 +146,8 @@ impl ReportBatch {
             },
             Err(why) => {
                 self.refuted.entry(lease.id).or_insert_with(|| format!("{episode}: {why}"));
-                let refusal = Refusal::new(RefusalCode::NotAsClaimed, why);
-                Receipt { score: row.score, ..Receipt::refused(episode, refusal) }
+                let refusal = Refusal::new(RefusalCode::ColumnsMismatch, why);
+                ResultReceipt { score: row.score, ..refused_receipt(episode, refusal) }
             }
         };
         self.keep(row, outcome);
@@ -227,9 +228,9 @@ impl ReportBatch {
             TaskCounters {
                 episodes: 1,
                 successes,
-                score: row.score.unwrap_or(0.0),
-                skilled: i64::from(row.skill.is_some()),
-                skill: row.skill.unwrap_or(0.0),
+                score_sum: row.score.unwrap_or(0.0),
+                episodes_with_skill: i64::from(row.skill.is_some()),
+                skill_sum: row.skill.unwrap_or(0.0),
                 ..TaskCounters::default()
             }
         };
@@ -241,7 +242,7 @@ impl ReportBatch {
                 let version = self.versions.entry(version).or_default();
                 version.episodes += 1;
                 version.successes += sums.successes;
-                version.score += sums.score;
+                version.score_sum += sums.score_sum;
                 self.to_criticise.entry((lease.id, key.task.clone())).or_default().push(row.number);
             }
             self.newest_policy = newest;

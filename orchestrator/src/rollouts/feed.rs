@@ -65,7 +65,7 @@ pub struct AcknowledgeGroups {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AcknowledgedGroups {
     /// Ids of groups that are acknowledged now, or were before.
-    pub acked: Vec<i64>,
+    pub acknowledged: Vec<i64>,
     /// Ids of groups that the run does not have, or no longer has.
     pub unknown: Vec<i64>,
 }
@@ -74,13 +74,13 @@ impl Change for AcknowledgeGroups {
     type Output = AcknowledgedGroups;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<AcknowledgedGroups, ServiceError> {
-        let AcknowledgedGroups { mut acked, mut unknown } = AcknowledgedGroups::default();
+        let AcknowledgedGroups { acknowledged: mut acked, mut unknown } = AcknowledgedGroups::default();
         for id in self.ids {
             let is_known = trajectories::ack(&mut tx.conn, self.run.as_str(), id).await?;
             if is_known { &mut acked } else { &mut unknown }.push(id);
         }
         trajectories::trim_acked(&mut tx.conn, self.run.as_str(), ACKED_LIMIT).await?;
         tx.outbox.signal(Signal::Rollout);
-        Ok(AcknowledgedGroups { acked, unknown })
+        Ok(AcknowledgedGroups { acknowledged: acked, unknown })
     }
 }

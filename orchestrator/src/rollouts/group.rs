@@ -1,6 +1,7 @@
 //! A leased group with everything that its rollout needs, and its form for the audit and the feed.
 
-use env_core::{Bracket, Scenario};
+use api_types::{ActionStopReason, MessageContent, ObservationContent, ObservationMode, PolicySettings};
+use env_core::{Bracket, Scenario, StopReason};
 
 use crate::engine::error::ServiceError;
 use crate::frames::wire_step;
@@ -9,12 +10,12 @@ use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::lease_service::LeaseService;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
+use crate::rollouts::group_record::{EpisodeRecord, GroupRecord};
 use crate::rollouts::packed_group::PackError;
 use crate::rollouts::recorder::RecordingBudget;
 use crate::rollouts::rollout_lease::RolloutLease;
 use crate::rollouts::run_episode::RolloutOutcome;
-use crate::rollouts::settings::{Observations, PolicySettings};
-use crate::rollouts::trajectory_group::{TrajectoryEpisode, TrajectoryGroup};
+use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
 use crate::store::groups::{self, GroupRow};
 use crate::store::leases::LeaseRow;
@@ -79,7 +80,7 @@ impl RolloutGroup {
         let stored = stored.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
         let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
         Ok(Self {
-            settings: PolicySettings::from_row(&policy)?,
+            settings: settings_from_row(&policy)?,
             min_group: settings.min_group_for(to_u32(row.group_size)) as usize,
             run_seed: to_u64(stored.seed),
             run,
@@ -101,7 +102,7 @@ impl RolloutGroup {
     /// Returns the memory budget of the recorded episodes.
     #[must_use]
     pub fn recording_budget(&self) -> RecordingBudget {
-        RecordingBudget::new(self.settings.observations == Observations::Telemetry)
+        RecordingBudget::new(self.settings.observations == ObservationMode::Telemetry)
     }
 
     /// Returns the seed of a stochastic policy: different for each episode, and the same at every call.
@@ -157,7 +158,7 @@ impl RolloutGroup {
         outcomes: Vec<RolloutOutcome>,
         audited: &[AuditedEpisode],
         budget: &RecordingBudget,
-    ) -> Result<Option<TrajectoryGroup>, ServiceError> {
+    ) -> Result<Option<GroupRecord>, ServiceError> {
         let failed = outcomes.iter().filter(|outcome| outcome.episode.is_err()).count();
         let finished = outcomes.len() - failed;
         if finished == 0 || finished < self.min_group || !self.group.is_for_training {
@@ -173,7 +174,7 @@ impl RolloutGroup {
         if self.settings.refill && scores_are_equal && episodes.len() > 1 {
             return Ok(None);
         }
-        let mut group = self.trajectory_group(failed, episodes, is_chat);
+        let mut group = self.group_record(failed, episodes, is_chat);
         if budget.lacks_observations() {
             group.drop_observations();
         }
@@ -184,19 +185,14 @@ impl RolloutGroup {
     }
 
     /// Returns the group with its episodes.
-    fn trajectory_group(
-        &self,
-        failed: usize,
-        episodes: Vec<TrajectoryEpisode>,
-        is_chat: bool,
-    ) -> TrajectoryGroup {
-        TrajectoryGroup {
+    fn group_record(&self, failed: usize, episodes: Vec<EpisodeRecord>, is_chat: bool) -> GroupRecord {
+        GroupRecord {
             run: self.run.to_string(),
             lease: self.lease.to_string(),
             group: self.group.number,
             task: self.group.task.clone(),
             level: self.group.level,
-            role: self.group.role.to_string(),
+            role: self.group.role.into(),
             layout: self.group.layout.map(|id| LayoutId(id).to_string()),
             recipe: self.scenario.recipe().to_json(),
             seed: self.scenario.seed().get(),
@@ -206,10 +202,10 @@ impl RolloutGroup {
             policy: self.policy.policy.to_string(),
             policy_version: self.row.policy_version,
             observations: match self.settings.observations {
-                Observations::Telemetry => "telemetry",
-                Observations::None => "none",
+                ObservationMode::Telemetry => ObservationContent::Telemetry,
+                ObservationMode::None => ObservationContent::None,
             },
-            messages: if is_chat { "kept" } else { "none" },
+            messages: if is_chat { MessageContent::Kept } else { MessageContent::None },
             failed,
             episodes,
         }
@@ -223,7 +219,7 @@ impl RolloutGroup {
 fn trajectory_episode(
     outcome: RolloutOutcome,
     audited: &AuditedEpisode,
-) -> Result<Option<TrajectoryEpisode>, ServiceError> {
+) -> Result<Option<EpisodeRecord>, ServiceError> {
     let Ok(recorded) = outcome.episode else { return Ok(None) };
     let replayed = match &audited.outcome {
         AuditOutcome::Replayed(replayed) => replayed,
@@ -236,14 +232,22 @@ fn trajectory_episode(
         }
         AuditOutcome::Known { .. } => return Err(ServiceError::Expired(audited.episode.clone())),
     };
-    Ok(Some(TrajectoryEpisode {
+    Ok(Some(EpisodeRecord {
         id: audited.episode.clone(),
         score: replayed.outcome.score,
         skill: replayed.skill,
         success: replayed.is_success,
-        stopped: recorded.log.stopped.map(env_core::StopReason::name),
+        stopped: recorded.log.stopped.map(action_stop_reason),
         metrics: outcome.metrics,
         steps: recorded.steps,
         last_observation: recorded.last_observation,
     }))
+}
+
+const fn action_stop_reason(reason: StopReason) -> ActionStopReason {
+    match reason {
+        StopReason::Unparsable => ActionStopReason::Unparsable,
+        StopReason::TooLong => ActionStopReason::TooLong,
+        StopReason::TooLate => ActionStopReason::TooLate,
+    }
 }

@@ -6,14 +6,14 @@
 
 pub mod feed;
 mod group;
+pub mod group_record;
 pub mod packed_group;
 pub mod push;
 mod recorder;
 pub mod rollout_lease;
 pub mod run_episode;
 pub mod settings;
-pub mod trajectory_group;
 
 pub use self::group::{RolloutError, RolloutGroup};
 pub use self::recorder::{RecordedEpisode, RecordingBudget};
-pub use self::settings::{Endpoint, PolicyRequest, PolicySettings};
+pub use self::settings::Endpoint;

@@ -1,6 +1,8 @@
 //! The stored form of a trajectory group: JSON, compressed once and unpacked as it is delivered.
 
-use crate::rollouts::trajectory_group::{MAX_GROUP_BYTES, TrajectoryGroup};
+use api_types::{MessageContent, ObservationContent};
+
+use crate::rollouts::group_record::{GroupRecord, MAX_GROUP_BYTES};
 
 /// Maximum size of a group as JSON, in bytes, without observations and conversations.
 const MAX_BARE_GROUP_BYTES: usize = 64 << 20;
@@ -30,18 +32,18 @@ pub enum PackError {
     Zstd(#[from] std::io::Error),
 }
 
-impl TrajectoryGroup {
+impl GroupRecord {
     /// Packs the group. Above 16 MiB it loses its observations, then its conversations.
     ///
     /// # Errors
     /// Returns [`PackError::TooLarge`] if the group is above 64 MiB even then, and another error if it cannot be written.
     pub fn pack(mut self) -> Result<PackedGroup, PackError> {
         let mut json = serde_json::to_vec(&self)?;
-        if json.len() > MAX_GROUP_BYTES && self.observations == "telemetry" {
+        if json.len() > MAX_GROUP_BYTES && self.observations == ObservationContent::Telemetry {
             self.drop_observations();
             json = serde_json::to_vec(&self)?;
         }
-        if json.len() > MAX_GROUP_BYTES && self.messages == "kept" {
+        if json.len() > MAX_GROUP_BYTES && self.messages == MessageContent::Kept {
             self.drop_messages();
             json = serde_json::to_vec(&self)?;
         }
@@ -62,15 +64,15 @@ pub fn unpack(body: &[u8], bytes: usize) -> Result<Vec<u8>, PackError> {
 
 #[cfg(test)]
 mod tests {
+    use api_types::{GroupRole, ScenarioBracket};
     use serde_json::Value;
     use serde_json::value::RawValue;
 
     use super::*;
-    use crate::rollouts::trajectory_group::{TrajectoryEpisode, TrajectoryStep};
-    use api_types::ScenarioBracket;
+    use crate::rollouts::group_record::{EpisodeRecord, StepRecord};
 
-    fn group(observation: usize) -> TrajectoryGroup {
-        let step = |size: usize| TrajectoryStep {
+    fn group(observation: usize) -> GroupRecord {
+        let step = |size: usize| StepRecord {
             observation: RawValue::from_string(format!("\"{}\"", "x".repeat(size))).ok(),
             action: None,
             reward: 0.5,
@@ -79,32 +81,32 @@ mod tests {
             error: None,
             completions: None,
         };
-        TrajectoryGroup {
+        GroupRecord {
             run: "r".to_owned(),
             lease: "1-abcdef".to_owned(),
             group: 0,
             task: "kessler/survival".to_owned(),
             level: Some(1),
-            role: "frontier".to_owned(),
+            role: GroupRole::Frontier,
             layout: None,
             recipe: Value::Null,
             seed: 1,
             scenario: "s".to_owned(),
             contested: true,
             bracket: ScenarioBracket {
-                planner: 1,
+                planner_version: 1,
                 floor: 0.1,
                 hold: 0.1,
                 reference: 0.9,
-                panel_success: 1,
-                panel: 16,
+                panel_successes: 1,
+                panel_size: 16,
             },
             policy: "hold".to_owned(),
             policy_version: 0,
-            observations: "telemetry",
-            messages: "none",
+            observations: ObservationContent::Telemetry,
+            messages: MessageContent::None,
             failed: 0,
-            episodes: vec![TrajectoryEpisode {
+            episodes: vec![EpisodeRecord {
                 id: "ep_1-abcdef_0".to_owned(),
                 score: 0.5,
                 skill: None,

@@ -1,5 +1,7 @@
 //! Counts a group that was rolled out and pushes it to the feed, in one transaction.
 
+use api_types::ReceiptStatus;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -7,7 +9,6 @@ use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::ids::LeaseId;
 use crate::metrics;
-use crate::results::receipt_status::ReceiptStatus;
 use crate::results::report::StoreResults;
 use crate::rollouts::packed_group::PackedGroup;
 use crate::rollouts::rollout_lease::ReturnRolloutLease;
@@ -45,7 +46,7 @@ pub struct PushGroup {
     /// Number of episodes that the infrastructure lost.
     pub lost: usize,
     /// Why an episode was lost, if one was.
-    pub trouble: Option<String>,
+    pub error: Option<String>,
     /// Tokens and cost of the episodes.
     pub usage: ModelUsage,
 }
@@ -56,7 +57,7 @@ impl Change for PushGroup {
     const IS_BULK: bool = true;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Option<i64>, ServiceError> {
-        let Self { lease, policy_version, report, packed, finished, lost, trouble, usage } = self;
+        let Self { lease, policy_version, report, packed, finished, lost, error, usage } = self;
         let run = report.run.to_string();
         let receipts = report.apply(tx).await?.receipts;
         let refused = receipts.iter().find(|receipt| receipt.status == ReceiptStatus::Refused);
@@ -94,9 +95,9 @@ impl Change for PushGroup {
             run_policies::add_spend(conn, &run, now.div_euclid(DAY_MS), tokens, usage.cost).await?;
         }
         let late = is_late.then(|| "its lease was over before the group was rolled out".to_owned());
-        if let Some(trouble) = trouble.or(late) {
-            run_policies::set_trouble(conn, &run, &trouble, now).await?;
-            tx.emit(&run, &RunEvent::Health { task: None, words: &trouble })?;
+        if let Some(error) = error.or(late) {
+            run_policies::set_error(conn, &run, &error, now).await?;
+            tx.emit(&run, &RunEvent::Warning { task: None, message: &error })?;
         }
         ReturnRolloutLease(lease).apply(tx).await?;
         if id.is_some() {

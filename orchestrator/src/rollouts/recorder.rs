@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use api_types::AgentResult;
 use env_core::log::Precision;
 use env_core::task::{AgentReport, Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError, StopReason};
@@ -9,7 +10,7 @@ use serde_json::value::RawValue;
 
 use crate::frames::wire_step;
 use crate::policy::{Completion, TimeStep};
-use crate::rollouts::trajectory_group::{AgentEnd, MAX_GROUP_BYTES, TrajectoryStep};
+use crate::rollouts::group_record::{MAX_GROUP_BYTES, StepRecord};
 
 /// Memory budget of the episodes of a group together: 16 MiB of observations and 16 MiB of conversations. A group that exceeds one
 /// of them is delivered without it.
@@ -87,7 +88,7 @@ impl ByteBudget {
 #[derive(Debug)]
 pub struct RecordedEpisode {
     /// Steps of the episode, in order.
-    pub steps: Vec<TrajectoryStep>,
+    pub steps: Vec<StepRecord>,
     /// Observation of the agents after the last step, in the wire form.
     pub last_observation: Option<Box<RawValue>>,
     /// Actions of the agents.
@@ -102,7 +103,7 @@ pub(crate) struct EpisodeRecorder<'a> {
     /// Action log; policies append to it.
     pub(crate) log: ActionLog,
     report: StepReport,
-    steps: Vec<TrajectoryStep>,
+    steps: Vec<StepRecord>,
 }
 
 impl<'a> EpisodeRecorder<'a> {
@@ -163,16 +164,8 @@ impl<'a> EpisodeRecorder<'a> {
         }
         let action = Some(wire_step(&self.log, self.log.step(at)));
         let (reward, done) = (self.report.reward, self.report.done);
-        let agents = self.agent_ends();
-        self.steps.push(TrajectoryStep {
-            observation,
-            action,
-            reward,
-            agents,
-            done,
-            error: None,
-            completions,
-        });
+        let agents = self.agent_results();
+        self.steps.push(StepRecord { observation, action, reward, agents, done, error: None, completions });
         Ok(())
     }
 
@@ -191,8 +184,8 @@ impl<'a> EpisodeRecorder<'a> {
             reward += self.report.reward;
         }
         self.budget.limit_messages(&mut completions);
-        let (agents, completions) = (self.agent_ends(), Some(completions));
-        self.steps.push(TrajectoryStep {
+        let (agents, completions) = (self.agent_results(), Some(completions));
+        self.steps.push(StepRecord {
             observation,
             action: None,
             reward,
@@ -204,8 +197,8 @@ impl<'a> EpisodeRecorder<'a> {
         Ok(())
     }
 
-    fn agent_ends(&self) -> Vec<AgentEnd> {
-        let end = |agent: &AgentReport| AgentEnd {
+    fn agent_results(&self) -> Vec<AgentResult> {
+        let end = |agent: &AgentReport| AgentResult {
             agent: agent.agent,
             reward: agent.reward,
             terminated: agent.terminated,

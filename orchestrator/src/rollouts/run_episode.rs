@@ -1,5 +1,6 @@
 //! Rolls out one episode by a policy: a built-in one, or a language model.
 
+use api_types::{PolicySettings, TrajectoryMetrics};
 use env_core::{Scenario, StopReason};
 use llm::LlmError;
 
@@ -7,8 +8,7 @@ use crate::policy::{
     ActionCodec, ActionFailure, ChatPolicy, ChatSettings, ChatTurn, ObservationFormat, TaskPrompt,
 };
 use crate::rollouts::recorder::{EpisodeRecorder, RecordedEpisode, RecordingBudget};
-use crate::rollouts::settings::{Endpoint, PolicySettings};
-use crate::rollouts::trajectory_group::ModelMetrics;
+use crate::rollouts::settings::Endpoint;
 
 /// Result of rolling out an episode.
 #[derive(Debug)]
@@ -16,7 +16,7 @@ pub struct RolloutOutcome {
     /// The recorded episode, or why the infrastructure lost it.
     pub episode: Result<RecordedEpisode, String>,
     /// Metrics of the language model; `None` for a built-in policy.
-    pub metrics: Option<ModelMetrics>,
+    pub metrics: Option<TrajectoryMetrics>,
 }
 
 /// Rolls out an episode by a built-in policy.
@@ -47,7 +47,7 @@ pub async fn roll_out_chat(
     settings: &PolicySettings,
     budget: &RecordingBudget,
 ) -> RolloutOutcome {
-    let mut metrics = ModelMetrics { temperature: settings.temperature, ..ModelMetrics::default() };
+    let mut metrics = TrajectoryMetrics { temperature: settings.temperature, ..TrajectoryMetrics::default() };
     let chat = ChatSettings {
         run: run.to_owned(),
         history: settings.history as usize,
@@ -64,7 +64,7 @@ async fn converse(
     endpoint: &Endpoint,
     settings: ChatSettings,
     budget: &RecordingBudget,
-    metrics: &mut ModelMetrics,
+    metrics: &mut TrajectoryMetrics,
 ) -> Result<RecordedEpisode, String> {
     let prompt = TaskPrompt::new(ActionCodec::new(scenario.task()), ObservationFormat::Compact);
     let mut policy = ChatPolicy::new(endpoint.llm.clone(), prompt, settings);
@@ -98,11 +98,11 @@ fn step(recorder: &mut EpisodeRecorder<'_>, scenario: &Scenario, turn: &ChatTurn
 }
 
 /// Adds a turn to the metrics of its episode.
-fn add_turn(metrics: &mut ModelMetrics, turn: &ChatTurn) {
+fn add_turn(metrics: &mut TrajectoryMetrics, turn: &ChatTurn) {
     let usage = turn.usage();
     metrics.tokens_in = metrics.tokens_in.saturating_add(usage.tokens_in);
     metrics.tokens_out = metrics.tokens_out.saturating_add(usage.tokens_out);
-    metrics.truncated |= turn.completions.iter().any(|completion| completion.cut);
+    metrics.truncated |= turn.completions.iter().any(|completion| completion.truncated);
     metrics.invalid_actions += u64::from(turn.invalid);
 }
 

@@ -1,5 +1,6 @@
 //! Creates runs from requests.
 
+use api_types::RunRequest;
 use env_core::{SEED_REQUIREMENT, Seed};
 
 use crate::engine::change::Change;
@@ -9,7 +10,6 @@ use crate::engine::write_tx::WriteTx;
 use crate::ids::{RunId, random_seed, random_token};
 use crate::leases::create::OwnerQuota;
 use crate::leases::proposal_queue;
-use crate::runs::run_request::RunRequest;
 use crate::runs::settings::RunSettings;
 use crate::runs::validate::check_run_name;
 use crate::store::runs::{self, RunRow, RunStatus};
@@ -46,7 +46,7 @@ impl CreateRun {
         Seed::user(seed).map_err(|_| {
             ServiceError::invalid("seed", format!("it is {seed}, but must be {SEED_REQUIREMENT}"))
         })?;
-        Ok(Self { id, name, seed, settings: request.settings()?, owner: None })
+        Ok(Self { id, name, seed, settings: RunSettings::try_from(request)?, owner: None })
     }
 
     /// Returns the change with an owner for the run.

@@ -1,10 +1,11 @@
 //! Sets how many episodes a run keeps whole.
 
+use api_types::RetentionRequest;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::ids::RunId;
-use crate::runs::retention_settings::RetentionRequest;
 use crate::store::runs::{self, RunRow};
 use crate::store::to_json;
 

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use api_types::{EvidenceFrom, Judge, SuccessSetting};
+use curriculum::Settings;
 use env_core::SuccessRule;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use crate::designs::DesignSettings;
-use crate::judging::Judge;
 use crate::runs::retention_settings::Retention;
-use curriculum::Settings;
 
 /// Maximum number of episodes in a group.
 pub const MAX_GROUP_SIZE: u32 = 1024;
@@ -19,31 +18,6 @@ pub(crate) const DEFAULT_AUDIT_GROUPS: u32 = 64;
 pub(crate) const MAX_AUDIT_GROUPS: u32 = 1024;
 /// Default score threshold of the raw success rule.
 const DEFAULT_RAW_THRESHOLD: f64 = 0.7;
-
-/// Default of [`RunSettings::audit_groups`] for serde.
-const fn default_audit_groups() -> u32 {
-    DEFAULT_AUDIT_GROUPS
-}
-
-/// Leases whose outcomes move mastery.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum EvidenceFrom {
-    /// Leases with the purpose `train`.
-    Train,
-    /// Only probes: episodes that the trainer rolls out without exploring, and does not learn from.
-    Probe,
-}
-
-/// Rule that decides whether an episode is a success.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SuccessSetting {
-    /// By the task's own rule, against floor and reference.
-    Task,
-    /// By a threshold on the raw score.
-    Raw,
-}
 
 /// A run's settings, complete, as stored.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -62,17 +36,13 @@ pub struct RunSettings {
     pub success: SuccessSetting,
     /// Thresholds of the raw rule that are not 0.7, by task.
     pub thresholds: BTreeMap<String, f64>,
-    /// Layouts designed for the agent's failures. Stored settings without this field design nothing.
-    #[serde(default)]
+    /// Layouts designed for the agent's failures.
     pub design: DesignSettings,
     /// Groups of a lease of columns whose logs are replayed.
-    #[serde(default = "default_audit_groups")]
     pub audit_groups: u32,
     /// Judge of the steps in sessions; `None` uses the server's setting.
-    #[serde(default)]
     pub judge: Option<Judge>,
-    /// Episodes that are kept whole. Stored settings without this field keep everything.
-    #[serde(default = "Retention::everything")]
+    /// Episodes that are kept whole.
     pub retention: Retention,
 }
 

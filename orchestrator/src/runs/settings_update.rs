@@ -2,43 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use api_types::{EvidenceFrom, TaskSettingsRequest};
+use curriculum::{Hyperparameters, Settings, StrategyKind, Target, TaskPlan};
 use serde_json::Value;
-use utoipa::ToSchema;
 
 use crate::engine::error::ServiceError;
-use crate::runs::settings::{EvidenceFrom, MAX_AUDIT_GROUPS, MAX_GROUP_SIZE, RunSettings};
+use crate::runs::settings::{MAX_AUDIT_GROUPS, MAX_GROUP_SIZE, RunSettings};
 use crate::runs::validate::check_range;
-use curriculum::{Hyperparameters, Settings, StrategyKind, Target, TaskPlan};
 
 /// Maximum number of characters of an unknown task's id that an error repeats.
 const MAX_ECHOED_CHARS: usize = 60;
-
-/// A table of levels in a request.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LevelTable {
-    /// Names of the params, one for each column.
-    pub columns: Vec<String>,
-    /// One row for each level, from easy to hard.
-    pub rows: Vec<Vec<f64>>,
-}
-
-/// Settings of one task of a run.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TaskRequest {
-    /// Its weight against the other tasks (1); each task gets at least 5 %.
-    pub weight: Option<f64>,
-    /// The score that is a success under `success: raw` (0.7).
-    pub success_threshold: Option<f64>,
-    /// A table of levels that replaces the world's.
-    pub levels: Option<LevelTable>,
-    /// The physics at every level, as `physics` in a scenario: options by name, those left out at their defaults.
-    /// `GET /v1/tasks` lists them.
-    #[schema(example = json!({"contact": "swept", "warnings": "exact"}))]
-    pub physics: Option<BTreeMap<String, String>>,
-}
 
 /// Settings that a request sets; a field that is `None` or empty keeps its value.
 pub(crate) struct SettingsUpdate<'a> {
@@ -58,7 +31,7 @@ pub(crate) struct SettingsUpdate<'a> {
     /// Ids of all tasks: a task of the run that is not among them is removed.
     pub(crate) tasks: Option<&'a [String]>,
     /// Settings of single tasks, by task id.
-    pub(crate) task_settings: &'a BTreeMap<String, TaskRequest>,
+    pub(crate) task_settings: &'a BTreeMap<String, TaskSettingsRequest>,
 }
 
 impl SettingsUpdate<'_> {
@@ -152,7 +125,7 @@ fn standard_plan(at: usize, id: &str) -> Result<TaskPlan, ServiceError> {
 /// Returns a plan with the settings of a request, and inserts its success threshold.
 fn apply_task_request(
     mut plan: TaskPlan,
-    request: &TaskRequest,
+    request: &TaskSettingsRequest,
     thresholds: &mut BTreeMap<String, f64>,
 ) -> Result<TaskPlan, ServiceError> {
     let task = plan.task.clone();

@@ -88,7 +88,7 @@ async fn recover(config: &Config, connection: &mut SqliteConnection) -> Result<(
     }
     if let Some(judge) = config.judges.model() {
         for row in llm_spend::of_judge(connection).await? {
-            let run = ModelJudge::payer((!row.run.is_empty()).then_some(row.run.as_str()));
+            let run = ModelJudge::budget_account((!row.run.is_empty()).then_some(row.run.as_str()));
             judge.llm().restore_spending(run, spending(row.tokens, row.cost), row.day);
         }
     }

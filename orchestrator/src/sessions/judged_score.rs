@@ -1,9 +1,10 @@
 //! Reward, score and alerts of an episode as a judge changes them for the client. The stored episode does not change.
 
+use api_types::Judge;
 use env_core::task::Episode;
 use serde_json::Value;
 
-use crate::judging::{Judge, JudgedStep, StepVerdicts};
+use crate::judging::{JudgedStep, StepVerdicts};
 use crate::policy::TimeStep;
 use crate::store::step_verdicts::StepVerdictRow;
 use crate::store::to_i64;
@@ -92,13 +93,13 @@ pub(super) fn verdict_row(step: &JudgedStep<'_>, verdicts: &StepVerdicts) -> Opt
         task: step.scenario.task().id().to_owned(),
         step: i64::try_from(step.log.len()).unwrap_or(i64::MAX),
         model: model.model.clone(),
-        prompt: model.prompt_version.to_owned(),
+        prompt_version: model.prompt_version.to_owned(),
         score,
         reasoning,
         error,
         rule_score: rules.map(|rules| rules.value),
         rule_case: rules.map(|rules| rules.case.to_owned()),
-        cached: model.is_cached,
+        is_cached: model.is_cached,
         tokens_in: to_i64(model.usage.tokens_in),
         tokens_out: to_i64(model.usage.tokens_out),
         cost: model.usage.cost,

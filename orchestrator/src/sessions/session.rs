@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use api_types::{Judge, ResultReceipt};
 use env_core::log::Precision;
 use env_core::task::{Episode, StepReport};
 use env_core::{ActionLog, Scenario, ScenarioError, StepError};
@@ -14,10 +15,9 @@ use super::judged_score::{JudgedScore, observation_without_reward, verdict_row};
 use super::session_leases::{EpisodeReservation, SessionLeases, runs_not_allowed};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
-use crate::judging::{Judge, JudgedStep, Judges};
+use crate::judging::{JudgedStep, Judges};
 use crate::limits::QuotaPermit;
 use crate::policy::TimeStep;
-use crate::results::receipt::Receipt;
 
 /// Error of a reset or a step.
 #[derive(Debug, thiserror::Error)]
@@ -72,7 +72,7 @@ struct RunningEpisode {
 #[derive(Debug, Clone)]
 pub enum ReportOutcome {
     /// The server acknowledged the episode.
-    Acknowledged(Receipt),
+    Acknowledged(ResultReceipt),
     /// The report failed with this error.
     Failed(String),
 }

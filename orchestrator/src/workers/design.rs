@@ -1,4 +1,4 @@
-//! Runs design requests at background priority: those of users, and those that are due because the stock runs low or the failure
+//! Runs design requests at background priority: those of users, and those that are due because the reserve runs low or the failure
 //! profile has changed. If a designer fails, its run continues.
 
 mod request;

@@ -13,15 +13,16 @@ use tokio::sync::Notify;
 use tokio::task::{Id, JoinError, JoinSet};
 
 use self::backoff::RunBackoff;
-use self::group_rollout::GroupResult;
+use self::group_rollout::GroupRolloutStatus;
 use crate::clock::{Clock, Millis};
 use crate::engine::error::ServiceError;
 use crate::ids::RunId;
 use crate::leases::lease_service::LeaseService;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
 use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
-use crate::rollouts::settings::SetPolicyTrouble;
-use crate::rollouts::{Endpoint, PolicySettings};
+use crate::rollouts::settings::SetPolicyError;
+use crate::rollouts::Endpoint;
+use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
 use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
 use crate::store::{from_json, runs, trajectories};
@@ -70,7 +71,7 @@ struct ActiveGroup {
 /// Groups that are being rolled out.
 #[derive(Default)]
 struct ActiveGroups {
-    jobs: JoinSet<GroupResult>,
+    jobs: JoinSet<GroupRolloutStatus>,
     by_job: HashMap<Id, ActiveGroup>,
     backoff: RunBackoff,
     /// The run that was served last: the next one comes first.
@@ -149,11 +150,11 @@ impl RolloutWorker {
         {
             return Ok(None);
         }
-        let settings = PolicySettings::from_row(row)?;
+        let settings = settings_from_row(row)?;
         let mut conn = self.readers.acquire().await?;
         let feed = trajectories::counts(&mut conn, &row.run, self.clock.now()).await?;
         let unacked = feed.waiting + feed.delivered + active.groups_of(&row.run);
-        if unacked >= i64::from(settings.ahead) || feed.bytes >= MAX_UNACKED_BYTES {
+        if unacked >= i64::from(settings.max_unacknowledged_groups) || feed.bytes >= MAX_UNACKED_BYTES {
             return Ok(None);
         }
         if !is_chat {
@@ -161,14 +162,14 @@ impl RolloutWorker {
         }
         let Some(endpoint) = &self.endpoint else {
             drop(conn);
-            let trouble = "this server was started without a language model that flies (--policy-url)";
-            return self.pause(active, row, trouble.to_owned()).await;
+            let error = "this server has no language model for the policy chat (--policy-url)";
+            return self.pause(active, row, error.to_owned()).await;
         };
         let health = endpoint.llm.health();
         if health.retry_in_s.is_some_and(|left| left > 0.0) {
             drop(conn);
-            let trouble = format!("the model is left alone for a while: {}", health.why.unwrap_or_default());
-            return self.pause(active, row, trouble).await;
+            let error = format!("calls of the model are paused: {}", health.breaker_error.unwrap_or_default());
+            return self.pause(active, row, error).await;
         }
         // A few more episodes than concurrent calls, so that no call waits for the slowest episode of a group.
         if active.chat_episodes() >= endpoint.llm.config().concurrency {
@@ -180,16 +181,16 @@ impl RolloutWorker {
         Ok(Some(RolloutLoad::Chat { episodes }))
     }
 
-    /// Pauses the rollouts of a run, and stores why.
+    /// Pauses the rollouts of a run, and stores the reason.
     async fn pause(
         &self,
         active: &mut ActiveGroups,
         row: &RunPolicyRow,
-        trouble: String,
+        error: String,
     ) -> Result<Option<RolloutLoad>, ServiceError> {
         active.backoff.pause(&row.run, row.changed_at);
-        if row.trouble.as_ref() != Some(&trouble) {
-            self.lease_service.writer.change(SetPolicyTrouble { run: row.run.clone(), trouble }).await?;
+        if row.error.as_ref() != Some(&error) {
+            self.lease_service.writer.change(SetPolicyError { run: row.run.clone(), error }).await?;
         }
         Ok(None)
     }
@@ -232,18 +233,18 @@ impl ActiveGroups {
     }
 
     /// Removes a group that ended, and updates the backoff of its run.
-    fn remove(&mut self, ended: Result<(Id, GroupResult), JoinError>) {
+    fn remove(&mut self, ended: Result<(Id, GroupRolloutStatus), JoinError>) {
         let (id, result) = match ended {
             Ok(ended) => ended,
             Err(error) => {
                 tracing::error!(error = %error, "The rollout of a group panicked; its lease will expire.");
-                (error.id(), GroupResult::Failed)
+                (error.id(), GroupRolloutStatus::Failed)
             }
         };
         let Some(group) = self.by_job.remove(&id) else { return };
         match result {
-            GroupResult::Succeeded => self.backoff.clear(&group.run),
-            GroupResult::Failed => self.backoff.pause(&group.run, group.policy_set_at),
+            GroupRolloutStatus::Succeeded => self.backoff.clear(&group.run),
+            GroupRolloutStatus::Failed => self.backoff.pause(&group.run, group.policy_set_at),
         }
     }
 }

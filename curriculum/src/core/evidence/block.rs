@@ -170,10 +170,10 @@ impl DiscardedBlocks {
 }
 
 /// Warns about lost episodes: in the blocks discarded for them, and in the block that is filling. `noun` names a
-/// block ("block", "probe"), `place` says where it was gathered (" at this level").
+/// block ("block", "probe"); `scope` is appended to it (" at this level").
 pub(crate) fn loss_warnings(
     noun: &str,
-    place: &str,
+    scope: &str,
     discarded: &DiscardedBlocks,
     filling: &EvidenceBlock,
 ) -> Vec<String> {
@@ -181,7 +181,7 @@ pub(crate) fn loss_warnings(
     if discarded.count > 0 {
         let (plural, were) = if discarded.count == 1 { ("", "was") } else { ("s", "were") };
         warnings.push(format!(
-            "{} {noun}{plural}{place} {were} discarded, because more than 10 % of the episodes failed or \
+            "{} {noun}{plural}{scope} {were} discarded, because more than 10 % of the episodes failed or \
              expired ({} of {} the last time); nothing moves on such evidence",
             discarded.count,
             discarded.lost,

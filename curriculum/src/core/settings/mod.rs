@@ -77,7 +77,7 @@ impl Settings {
         self.tasks.iter().find(|plan| plan.task == task)
     }
 
-    /// Checks what the types do not guarantee.
+    /// Checks the constraints that the types do not express.
     ///
     /// # Errors
     /// Returns an error at `contested_share` or `frontier_share` if it is outside 0 to 1, at `tasks` if there are

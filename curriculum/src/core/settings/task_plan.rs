@@ -86,7 +86,7 @@ impl TaskPlan {
             && self.physics == other.physics
     }
 
-    /// Checks what the types do not guarantee. Errors name their field below `field`.
+    /// Checks the constraints that the types do not express. Errors name their field below `field`.
     pub(super) fn validate(&self, field: &str) -> Result<(), SettingsError> {
         let Some(spec) = env_core::task(&self.task) else {
             return Err(SettingsError::unknown_task(&format!("{field}.task"), &self.task));

@@ -29,12 +29,12 @@ pub(super) struct Mixture {
     pub(super) aic: f64,
 }
 
-/// Range of the number of components that a fit tries. Stored as `[least, most]`.
+/// Range of the number of components that a fit tries. Stored as `[min, max]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "[u32; 2]", into = "[u32; 2]")]
 pub(super) struct ComponentRange {
-    pub(super) least: u32,
-    pub(super) most: u32,
+    pub(super) min: u32,
+    pub(super) max: u32,
 }
 
 impl Mixture {
@@ -45,7 +45,7 @@ impl Mixture {
         components: ComponentRange,
         rng: &mut KeyedRng,
     ) -> Option<Self> {
-        let fits = (components.least..=components.most).filter_map(|k| Self::fit(points, k as usize, rng));
+        let fits = (components.min..=components.max).filter_map(|k| Self::fit(points, k as usize, rng));
         fits.min_by(|a, b| a.aic.total_cmp(&b.aic))
     }
 
@@ -100,14 +100,14 @@ impl Component {
 }
 
 impl From<[u32; 2]> for ComponentRange {
-    fn from([least, most]: [u32; 2]) -> Self {
-        Self { least, most }
+    fn from([min, max]: [u32; 2]) -> Self {
+        Self { min, max }
     }
 }
 
 impl From<ComponentRange> for [u32; 2] {
     fn from(range: ComponentRange) -> Self {
-        [range.least, range.most]
+        [range.min, range.max]
     }
 }
 
@@ -258,7 +258,7 @@ mod tests {
         let centres = [[0.2, 0.2], [0.8, 0.2], [0.5, 0.9]];
         let points = clusters(&centres, 0.04, 100);
         let mixture =
-            Mixture::fit_best(&points, ComponentRange { least: 2, most: 10 }, &mut test_rng()).unwrap();
+            Mixture::fit_best(&points, ComponentRange { min: 2, max: 10 }, &mut test_rng()).unwrap();
         for centre in centres {
             let near = mixture.components.iter().any(|component| {
                 component.weight > 0.1
@@ -304,8 +304,7 @@ mod tests {
         assert!(Mixture::fit(&[], 2, &mut test_rng()).is_none());
         assert!(Mixture::fit(&[vec![0.5], vec![0.6]], 2, &mut test_rng()).is_none());
         let same = vec![vec![0.5, 0.0]; 50];
-        let mixture =
-            Mixture::fit_best(&same, ComponentRange { least: 2, most: 4 }, &mut test_rng()).unwrap();
+        let mixture = Mixture::fit_best(&same, ComponentRange { min: 2, max: 4 }, &mut test_rng()).unwrap();
         assert!(mixture.components.iter().all(|c| c.mean.iter().all(|value| value.is_finite())));
     }
 }

@@ -26,7 +26,7 @@ use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
 use crate::core::scale::LevelScale;
-use crate::core::settings::hyperparameters::alp_gmm::{LEAST_COMPONENTS, MOST_COMPONENTS, UNIFORM, WINDOW};
+use crate::core::settings::hyperparameters::alp_gmm::{MAX_COMPONENTS, MIN_COMPONENTS, UNIFORM, WINDOW};
 use crate::core::settings::{Settings, TaskPlan};
 use crate::core::shares;
 use crate::core::strategy::{BackgroundJob, Strategy, StrategyContext, StrategyState, drop_stale_tasks};
@@ -147,11 +147,11 @@ impl LearningProgress {
         }
         if self.fit.is_none() && self.since >= window {
             self.since = 0;
-            let least = hyperparameters.integer(&LEAST_COMPONENTS);
-            let most = hyperparameters.integer(&MOST_COMPONENTS).max(least);
+            let min = hyperparameters.integer(&MIN_COMPONENTS);
+            let max = hyperparameters.integer(&MAX_COMPONENTS).max(min);
             let points = self.window.iter().cloned().collect();
             let rng_key = RngKey { run_seed: ctx.run_seed, seq: ctx.seq };
-            self.fit = Some(Arc::new(MixtureFit::new(points, ComponentRange { least, most }, rng_key)));
+            self.fit = Some(Arc::new(MixtureFit::new(points, ComponentRange { min, max }, rng_key)));
         }
     }
 

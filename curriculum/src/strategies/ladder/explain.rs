@@ -17,14 +17,14 @@ pub(super) fn task_status(progress: &TaskProgress, plan: &TaskPlan, target: Targ
     match &progress.stage {
         TaskStage::Placement(placement) => TaskStatus {
             level: Some(0),
-            placed: false,
-            probing: Some(placement.level()),
+            placement_done: false,
+            probe_level: Some(placement.level()),
             params: plan.params(Some(placement.level())),
             block: Some(block_progress(&placement.filling, PROBE_SIZE)),
             blocks: u32::try_from(placement.probes.len()).unwrap_or(u32::MAX),
             discarded: placement.discarded.count,
             warnings: loss_warnings("probe", " at this level", &placement.discarded, &placement.filling),
-            next: Some(probe_thresholds(placement)),
+            move_conditions: Some(probe_thresholds(placement)),
             earliest_proposal: placement.earliest_proposal(),
             ..common
         },
@@ -37,7 +37,7 @@ pub(super) fn task_status(progress: &TaskProgress, plan: &TaskPlan, target: Targ
                 blocks: stage.blocks,
                 discarded: stage.discarded.count,
                 warnings: loss_warnings("block", " at this level", &stage.discarded, &stage.filling),
-                next: Some(level_thresholds(stage, plan.hardest_level(), target)),
+                move_conditions: Some(level_thresholds(stage, plan.hardest_level(), target)),
                 earliest_proposal: blocks.filter_map(EvidenceBlock::earliest_proposal).min(),
                 ..common
             }
@@ -60,7 +60,7 @@ pub(super) fn explain(ladder: &Ladder, settings: &Settings) -> Explanation {
         Some(TaskExplanation {
             task: plan.task.clone(),
             share,
-            now: describe_progress(progress),
+            current_state: describe_progress(progress),
             last_move: progress.last_move.as_ref().map(|made| made.evidence.sentence.clone()),
         })
     });
@@ -75,7 +75,7 @@ pub(super) fn explain(ladder: &Ladder, settings: &Settings) -> Explanation {
 
 fn block_progress(filling: &EvidenceBlock, size: u32) -> BlockProgress {
     let mean = (filling.n > 0).then(|| filling.mean());
-    BlockProgress { n: filling.n, of: size, sum: filling.sum, mean, lost: filling.lost }
+    BlockProgress { n: filling.n, size, sum: filling.sum, mean, lost: filling.lost }
 }
 
 fn probe_thresholds(placement: &Placement) -> MoveThresholds {

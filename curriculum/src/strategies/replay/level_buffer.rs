@@ -38,7 +38,7 @@ impl BufferedLevel {
     }
 
     /// Priority of another visit: the score, decayed for a scenario that was visited often without a gain. A reference
-    /// with hindsight leaves gaps that no agent can close, so such scenarios must make room.
+    /// with hindsight leaves gaps that no agent can close, so such scenarios must be evicted.
     pub(super) fn priority(&self) -> f64 {
         let decays = if self.visits >= PATIENCE { self.stalled.saturating_sub(PATIENCE - 1) } else { 0 };
         self.score * DECAY.powi(i32::try_from(decays.min(64)).unwrap_or(64))

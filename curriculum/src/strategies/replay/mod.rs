@@ -143,9 +143,9 @@ fn explore(settings: &Settings, plan: &TaskPlan, rng: &mut KeyedRng) -> Proposal
     let contested = rng.bernoulli(settings.contested_share);
     let train = !settings.strategy.trains_on_replays_only();
     let why = match train {
-        true => format!("level {level}, drawn uniformly, to see what it has to teach"),
+        true => format!("level {level}, drawn uniformly, to score it"),
         false => {
-            format!("level {level}, drawn uniformly, to see what it has to teach; not to be learnt from")
+            format!("level {level}, drawn uniformly, to score it; not for training")
         }
     };
     Proposal { contested, train, why, ..Proposal::fresh(plan, Some(level), ProposalRole::Explore) }

@@ -19,7 +19,7 @@ pub(super) fn draw_title(canvas: &mut SvgCanvas, layout: LayoutView<'_>, scene: 
     let name = truncate_to_width(layout.name, width, 20.0);
     canvas.text((MARGIN, 30.0), TextStyle::new(20.0).bold(), &name);
     let subtitle = match &scene.design {
-        None => "laid out by hand: what hits satellites that hold is shown".to_owned(),
+        None => "without a design; debris that hits holding satellites is shown".to_owned(),
         Some(design) => {
             let kind = if has_threat(design) { LayoutKind::Threat } else { LayoutKind::Decoy };
             format!("{}, aimed at {}", kind.as_str(), aim_text(design))
@@ -205,7 +205,7 @@ pub(super) fn draw_table(canvas: &mut SvgCanvas, scene: &Scene, corner: Point, w
     let Some(design) = &scene.design else { return y };
     let note_style = TextStyle::new(10.5).colour(DIM);
     canvas.text((left, y), note_style, &format!("Bearings: {}.", frame_text(design)));
-    for part in frame_spec(design.frame).about.split(", ") {
+    for part in frame_spec(design.frame).description.split(", ") {
         y += 14.0;
         canvas.text((left + 10.0, y), note_style, part);
     }

@@ -28,20 +28,20 @@ struct InsetView {
     /// Units of the page per LU.
     scale: f64,
     /// Steps of the debris, with its position relative to the satellite in LU: in-track and radial out.
-    path: Vec<(u32, (f64, f64))>,
+    path: Vec<(u32, [f64; 2])>,
 }
 
 impl InsetView {
     fn new(scene: &Scene, pass: &Pass, corner: Point, side: f64) -> Self {
         let first = pass.encounter.step.saturating_sub(SHOWN_STEPS);
-        let path: Vec<(u32, (f64, f64))> = pass
+        let path: Vec<(u32, [f64; 2])> = pass
             .steps()
             .filter(|(step, _)| *step >= first)
             .map(|(step, body)| {
                 (step, relative_position(scene.coast.satellite(pass.satellite(), step), body))
             })
             .collect();
-        let distance = |(x, y): (f64, f64)| (x * x + y * y).sqrt();
+        let distance = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
         let before = path.iter().filter(|(step, _)| *step <= pass.encounter.step);
         let farthest = before.map(|(_, position)| distance(*position)).fold(4.0 * CONTACT_DISTANCE, f64::max);
         let middle = (corner.0 + 0.5 * side, corner.1 + 0.5 * side);
@@ -49,7 +49,7 @@ impl InsetView {
     }
 
     /// Point of a position relative to the satellite.
-    fn point(&self, (x, y): (f64, f64)) -> Point {
+    fn point(&self, [x, y]: [f64; 2]) -> Point {
         (self.middle.0 + self.scale * x, self.middle.1 - self.scale * y)
     }
 
@@ -93,10 +93,10 @@ pub(super) fn draw(canvas: &mut SvgCanvas, scene: &Scene, index: usize, corner: 
 }
 
 /// Returns the position of a body relative to a satellite, in LU: in-track and radial out.
-fn relative_position(satellite: &Body, body: &Body) -> (f64, f64) {
+fn relative_position(satellite: &Body, body: &Body) -> [f64; 2] {
     let ((rx, ry), (tx, ty)) = satellite.local_axes();
     let (dx, dy) = (body.x - satellite.x, body.y - satellite.y);
-    (dx * tx + dy * ty, dx * rx + dy * ry)
+    [dx * tx + dy * ty, dx * rx + dy * ry]
 }
 
 /// Draws axes, and the names of the directions at the edges.
@@ -132,7 +132,7 @@ fn draw_aim_sector(canvas: &mut SvgCanvas, scene: &Scene, pass: &Pass, view: &In
 /// Returns the direction of a bearing in an inset, in degrees clockwise from up.
 fn compass_direction(frame: BearingFrame, satellite: &Body, bearing_deg: f64) -> f64 {
     let (sin, cos) = libm::sincos(frame.direction_deg(satellite, bearing_deg).to_radians());
-    BearingFrame::RadialInTrack.bearing_deg(satellite, (satellite.x + cos, satellite.y + sin))
+    BearingFrame::RadialInTrack.bearing_deg(satellite, [satellite.x + cos, satellite.y + sin])
 }
 
 /// Draws the line of sight at the step in which the bearing is measured.

@@ -1,4 +1,4 @@
-//! [`Scene`]: what there is to draw of a layout, computed by running it with holding satellites and with the reference plan.
+//! [`Scene`]: the contents of a layout's picture, computed by running it with holding satellites and with the reference plan.
 
 use env_core::critique::BEARING_STEPS;
 use env_core::episode_rng::SeededRng;

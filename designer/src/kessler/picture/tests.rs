@@ -150,7 +150,7 @@ fn hits_are_found_without_a_design() {
     let svg = draw("by hand", None, &scenario, &bracket);
     let document = Document::parse(&svg).unwrap();
     let texts = texts(&document);
-    assert!(texts.iter().any(|text| text.starts_with("laid out by hand")), "{texts:?}");
+    assert!(texts.iter().any(|text| text.starts_with("without a design")), "{texts:?}");
     assert!(texts.contains(&"threat") && texts.contains(&"background: 1 pieces"), "{texts:?}");
 }
 

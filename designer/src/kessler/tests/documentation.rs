@@ -29,13 +29,13 @@ fn assert_documented(mark: &str, rows: &str) {
 #[test]
 fn documented_bounds_match_the_language() {
     let mut rows = String::new();
-    for Bound { name, min, max, scale, unit, about } in [SATELLITE, STEP, BEARING, SPEED, MISS] {
+    for Bound { name, min, max, scale, unit, description } in [SATELLITE, STEP, BEARING, SPEED, MISS] {
         let unit = match (unit, scale < 1.0) {
             ("", _) => String::new(),
             (unit, true) => format!("{scale} {unit}"),
             (unit, false) => unit.to_owned(),
         };
-        let _ = writeln!(rows, "| `{name}` | {min} | {max} | {unit} | {about} |");
+        let _ = writeln!(rows, "| `{name}` | {min} | {max} | {unit} | {description} |");
     }
     assert_documented("limits", &rows);
 }
@@ -43,8 +43,8 @@ fn documented_bounds_match_the_language() {
 #[test]
 fn documented_kinds_match_the_language() {
     let mut rows = String::new();
-    for KindSpec { name, min_miss, max_miss, about, .. } in KINDS {
-        let _ = writeln!(rows, "| `{name}` | {min_miss} to {max_miss} | {about} |");
+    for KindSpec { name, min_miss, max_miss, description, .. } in KINDS {
+        let _ = writeln!(rows, "| `{name}` | {min_miss} to {max_miss} | {description} |");
     }
     assert_documented("kinds", &rows);
 }
@@ -53,7 +53,7 @@ fn documented_kinds_match_the_language() {
 fn documented_frames_match_the_language() {
     let mut rows = String::new();
     for frame in FRAMES {
-        let _ = writeln!(rows, "| `{}` | {} |", frame.name, frame.about);
+        let _ = writeln!(rows, "| `{}` | {} |", frame.name, frame.description);
     }
     assert_documented("frames", &rows);
 }

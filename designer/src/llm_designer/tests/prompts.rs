@@ -35,7 +35,7 @@ fn detailed_brief() -> DesignBrief {
     let recipe = Recipe::at_level(task, 4).unwrap();
     let mut brief = DesignBrief::new(recipe.into(), 4, 1).at_level(task.levels(), 4);
     brief.profile.task = "kessler/rendezvous".to_owned();
-    let inertial = vec![
+    let inertial_sectors = vec![
         SectorWeight { sector: 3, count: 9, weight: 9.0 },
         SectorWeight { sector: 4, count: 1, weight: 1.0 },
     ];
@@ -46,21 +46,21 @@ fn detailed_brief() -> DesignBrief {
             count: 12,
             weight: 12.0,
             cells: vec![cell(9, 3, 9.0), cell(0, 0, 1.0), cell(6, 4, 2.0)],
-            inertial,
+            inertial_sectors,
         },
         ModeProfile {
             mode: "rogue".to_owned(),
             count: 4,
             weight: 4.0,
             cells: vec![cell(1, 2, 4.0)],
-            inertial: Vec::new(),
+            inertial_sectors: Vec::new(),
         },
         ModeProfile {
             mode: "wasted_fuel".to_owned(),
             count: 4,
             weight: 4.0,
             cells: vec![nowhere],
-            inertial: Vec::new(),
+            inertial_sectors: Vec::new(),
         },
     ];
     brief.mastery = Some(LevelMastery { n: 64, mean: 0.42, q10: 0.34, q90: 0.5 });

@@ -126,7 +126,7 @@ async fn oversized_answers_are_cut_or_rejected() {
         ["round 1: 998 layouts more than twice what was asked for were not looked at"]
     );
     // Takes milliseconds; the bound allows for a busy machine.
-    assert!(started.elapsed() < Duration::from_secs(10));
+    assert!(started.elapsed() < Duration::from_secs(60));
 }
 
 #[tokio::test]

@@ -31,7 +31,7 @@ async fn layouts_before_the_time_limit_are_kept() {
     assert_eq!(client.spending("r").tokens, usage.tokens_in + usage.tokens_out);
     // The caller's time limit is not the endpoint's failure.
     let health = client.health();
-    assert_eq!((health.failures_in_a_row, health.breaker), (0, BreakerState::Closed));
+    assert_eq!((health.consecutive_failures, health.breaker), (0, BreakerState::Closed));
     // No call starts at the time limit.
     let ScriptedModel { client, calls } = slow_client();
     let designed = design_within(&client, 4, 200).await.unwrap();

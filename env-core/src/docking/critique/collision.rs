@@ -29,7 +29,7 @@ pub(super) fn collision_failure(trajectory: &DockingTrajectory, deputy: usize) -
             step,
             encounter: None,
             measures: vec![Measure::new("distance", distance(trajectory.state(deputy, step)), "m")],
-            words: format!("Deputy {deputy} was still flying when two others collided at step {step}."),
+            explanation: format!("Deputy {deputy} was still flying when two others collided at step {step}."),
         },
     }
 }
@@ -41,8 +41,8 @@ fn pair_failure(trajectory: &DockingTrajectory, deputy: usize, other: usize, ste
     let (from, to) = (trajectory.state(deputy, before), trajectory.state(other, before));
     let bearing_deg = angle_deg(to[0] - from[0], to[1] - from[1]);
     let away = distance(mine);
-    let cheapest = cheapest(trajectory, deputy, other, step);
-    let remedy = cheapest.as_ref().map_or_else(
+    let cheapest_avoidance = cheapest_avoidance(trajectory, deputy, other, step);
+    let remedy = cheapest_avoidance.as_ref().map_or_else(
         || "no single thrust of it that was tried would have kept them apart".to_owned(),
         |remedy| format!("one second of thrust at step {} would have kept them apart", remedy.step),
     );
@@ -55,7 +55,7 @@ fn pair_failure(trajectory: &DockingTrajectory, deputy: usize, other: usize, ste
             Measure::new("relative_speed", relative, "m/s"),
             Measure::new("distance", away, "m"),
         ],
-        words: format!(
+        explanation: format!(
             "Deputy {deputy} met deputy {other} at step {step}, {away:.1} m from the chief, at {relative:.3} m/s from \
              bearing {bearing_deg:.0}°; {remedy}."
         ),
@@ -66,15 +66,15 @@ fn pair_failure(trajectory: &DockingTrajectory, deputy: usize, other: usize, ste
             relative_speed: relative,
             first_visible_step: Some(0),
             steps_left: step,
-            avoidable: Some(cheapest.is_some()),
-            cheapest,
+            avoidable: Some(cheapest_avoidance.is_some()),
+            cheapest_avoidance,
         }),
     }
 }
 
 /// The cheapest additional second of thrust along one axis that keeps the two apart until [`CLEAR_STEPS`] after the
 /// contact. Motion is linear, so an additional thrust adds its response to the recorded trajectory.
-fn cheapest(trajectory: &DockingTrajectory, deputy: usize, other: usize, contact: u32) -> Option<Remedy> {
+fn cheapest_avoidance(trajectory: &DockingTrajectory, deputy: usize, other: usize, contact: u32) -> Option<Remedy> {
     let bound = trajectory.sim.setup().thrust_bound;
     let relative = relative_path(trajectory, deputy, other, contact);
     let mut best: Option<Remedy> = None;

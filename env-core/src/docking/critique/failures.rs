@@ -72,7 +72,7 @@ fn crash(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
         mode: "crash",
         agent: deputy as u32,
         step,
-        words: format!(
+        explanation: format!(
             "Deputy {deputy} met the chief at {v:.3} m/s, {:.3} m/s above the limit, at step {step}; the chief was at \
              bearing {bearing_deg:.0}°, and {brake}.",
             v - limit
@@ -85,7 +85,7 @@ fn crash(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
             first_visible_step: Some(0),
             steps_left: step,
             avoidable: Some(last_chance.is_some()),
-            cheapest: None,
+            cheapest_avoidance: None,
         }),
         measures,
     }
@@ -160,7 +160,7 @@ fn saturation(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
             Measure::new("speed", speed(state), "m/s"),
             Measure::new("distance", d, "m"),
         ],
-        words: format!(
+        explanation: format!(
             "Deputy {deputy} flew above the speed limit for {:.0} s from step {} on, by up to {:.2} m/s, and was \
              stopped at step {step}, {d:.0} m from the chief.",
             over.seconds, over.first, over.worst
@@ -199,7 +199,7 @@ fn out_of_bounds(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
             Measure::new("closest_distance", near, "m"),
             Measure::new("closest_step", f64::from(when), "s"),
         ],
-        words: format!(
+        explanation: format!(
             "Deputy {deputy} was {d:.0} m from the chief at step {step}, flying at {v:.2} m/s; the closest it came was \
              {near:.1} m at step {when}."
         ),
@@ -230,7 +230,7 @@ fn timeout(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
             Measure::new("closest_distance", near, "m"),
             Measure::new("closest_step", f64::from(when), "s"),
         ],
-        words: format!(
+        explanation: format!(
             "Deputy {deputy} was {d:.1} m from the chief when time ran out at step {step}, {needed:.0} s away at the \
              speed limit; the closest it came was {near:.1} m at step {when}."
         ),

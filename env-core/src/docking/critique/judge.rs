@@ -21,12 +21,12 @@ pub(super) fn judge(trajectory: &DockingTrajectory) -> Judgement {
     let worst = verdicts.iter().min_by(|a, b| a.value.total_cmp(&b.value));
     let case = worst.map_or("docked", |verdict| verdict.case);
     let docked = verdicts.iter().filter(|verdict| verdict.case == "docked").count();
-    let words = if docked == deputies {
+    let explanation = if docked == deputies {
         format!("All {deputies} docked within {} s.", trajectory.sim.steps())
     } else {
         format!("{docked} of {deputies} docked; the worst of the others: {}.", case.replace('_', " "))
     };
-    Judgement { value: value.clamp(-1.0, 1.0), case, words }
+    Judgement { value: value.clamp(-1.0, 1.0), case, explanation }
 }
 
 /// Verdict on one deputy: its value from −1 to 1, and its case.

@@ -17,12 +17,15 @@ use crate::task::Scenario;
 pub(super) static DOCKING_FAILURE_MODES: [FailureModeSpec; 5] = [
     FailureModeSpec {
         name: "crash",
-        about: "a deputy came within the docking radius faster than the speed limit",
+        description: "a deputy came within the docking radius faster than the speed limit",
     },
-    FailureModeSpec { name: "saturation", about: "a deputy violated the speed limit until it was stopped" },
-    FailureModeSpec { name: "out_of_bounds", about: "a deputy flew farther than 10 km from the chief" },
-    FailureModeSpec { name: "collision", about: "two deputies came closer than 0.5 m to each other" },
-    FailureModeSpec { name: "timeout", about: "a deputy had not docked when time ran out" },
+    FailureModeSpec {
+        name: "saturation",
+        description: "a deputy violated the speed limit until it was stopped",
+    },
+    FailureModeSpec { name: "out_of_bounds", description: "a deputy flew farther than 10 km from the chief" },
+    FailureModeSpec { name: "collision", description: "two deputies came closer than 0.5 m to each other" },
+    FailureModeSpec { name: "timeout", description: "a deputy had not docked when time ran out" },
 ];
 
 /// Bands of relative speed; docking is allowed up to 0.2 m/s.
@@ -34,6 +37,6 @@ pub(super) fn critique(scenario: &Scenario, log: &ActionLog) -> Result<Critique,
     Ok(Critique {
         failures: failures::find_failures(&trajectory),
         actions: thrust_arcs::judge_arcs(&trajectory),
-        judged: judge::judge(&trajectory),
+        assessment: judge::judge(&trajectory),
     })
 }

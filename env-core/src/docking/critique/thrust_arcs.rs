@@ -122,9 +122,11 @@ fn simulate_without(
 /// True if the deputy would collide at this step with another that is still active.
 fn collides(trajectory: &DockingTrajectory, deputy: usize, step: u32, state: &RelativeState) -> bool {
     (0..trajectory.deputy_count()).any(|other| {
-        let flies = trajectory.last_step(other) > step
+        let is_active = trajectory.last_step(other) > step
             || (trajectory.last_step(other) == step
                 && trajectory.sim.status(other) == DeputyStatus::Collided);
-        other != deputy && flies && separation(state, trajectory.state(other, step)) < COLLISION_DISTANCE_M
+        other != deputy
+            && is_active
+            && separation(state, trajectory.state(other, step)) < COLLISION_DISTANCE_M
     })
 }

@@ -59,11 +59,11 @@ impl SoloPlan {
     /// A second at f times the limit v costs 0.01 + 0.01(f − 1)v and saves f − 1 seconds, worth (f − 1)/T. That is less than
     /// its cost wherever vT ≥ 100 m. So laws above the limit are tried only if none below it docks in time.
     pub(super) fn ranked(setup: &DockingSetup, state: RelativeState) -> Vec<Self> {
-        let fly = |law| Self::simulate(setup, Deputy::new(state), 0, law);
+        let simulate = |law| Self::simulate(setup, Deputy::new(state), 0, law);
         let mut solos: Vec<Self> =
-            candidate_laws(&FRACTIONS_WITHIN_LIMIT, setup.thrust_bound).map(fly).collect();
+            candidate_laws(&FRACTIONS_WITHIN_LIMIT, setup.thrust_bound).map(simulate).collect();
         if !solos.iter().any(|solo| solo.docked) {
-            solos.extend(candidate_laws(&FRACTIONS_BEYOND_LIMIT, setup.thrust_bound).map(fly));
+            solos.extend(candidate_laws(&FRACTIONS_BEYOND_LIMIT, setup.thrust_bound).map(simulate));
         }
         solos.sort_by(Self::best_first);
         solos

@@ -16,24 +16,28 @@ use crate::task::Scenario;
 
 /// The policies in the order of presentation.
 pub static DOCKING_POLICIES: [PolicySpec; 6] = [
-    PolicySpec { name: "hold", about: "does nothing", chance: false },
-    PolicySpec { name: "random", about: "thrusts at random on every axis in every step", chance: true },
+    PolicySpec { name: "hold", description: "does nothing", stochastic: false },
+    PolicySpec {
+        name: "random",
+        description: "thrusts at random on every axis in every step",
+        stochastic: true,
+    },
     PolicySpec {
         name: "blind",
-        about: "thrusts inwards along x for the first 10 s without looking",
-        chance: false,
+        description: "thrusts inwards along x for the first 10 s without looking",
+        stochastic: false,
     },
     PolicySpec {
         name: "frozen",
-        about: "the trainable reflex at random parameters, untrained",
-        chance: true,
+        description: "the trainable reflex at random parameters, untrained",
+        stochastic: true,
     },
     PolicySpec {
         name: "heuristic",
-        about: "flies at the chief at 0.85 of the speed limit, and at 0.1 m/s within 3 m",
-        chance: false,
+        description: "flies at the chief at 0.85 of the speed limit, and at 0.1 m/s within 3 m",
+        stochastic: false,
     },
-    PolicySpec { name: "reference", about: "the planner", chance: false },
+    PolicySpec { name: "reference", description: "the planner", stochastic: false },
 ];
 
 /// Creates a policy by name.

@@ -66,7 +66,7 @@ fn crash_reports_speed_bearing_and_last_chance() {
     assert_eq!(encounter.avoidable, Some(true));
     // From 0.6 to 0.2 m/s at 1/12 m/s² takes 1.92 m, which takes 3.2 s: 4 s is the shortest sufficient lead of those tried.
     assert_eq!(measured(&critique, "last_chance"), 4.0);
-    assert_eq!((critique.judged.value, critique.judged.case), (-1.0, "crash"));
+    assert_eq!((critique.assessment.value, critique.assessment.case), (-1.0, "crash"));
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn saturation_reports_first_violation() {
     assert_eq!(measured(&critique, "first_violation_step"), 1.0);
     // The recorded edge case has the same motion and is stopped at step 154.
     assert_eq!(failure.step, 154);
-    assert_eq!(critique.judged.case, "saturation");
+    assert_eq!(critique.assessment.case, "saturation");
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn out_of_bounds_and_timeout_report_distance() {
     assert_eq!(measured(&critique, "distance"), 100.0);
     // ∫ dd/(0.2 + 2n(d − 0.5)) from 0.5 to 100 m: ln(0.40437/0.2)/(2 · 0.001027) s.
     assert!((measured(&critique, "time_needed") - 342.77).abs() < 0.1);
-    assert_eq!((critique.judged.value, critique.judged.case), (-0.5, "timeout"));
+    assert_eq!((critique.assessment.value, critique.assessment.case), (-0.5, "timeout"));
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn collision_reports_bearing_and_remedy() {
     assert!((encounter.relative_speed - 0.2).abs() < 0.01);
     assert!(critique.failures[2].encounter.is_none());
     // With the remedy they do not collide at that step.
-    let remedy = encounter.cheapest.as_ref().unwrap();
+    let remedy = encounter.cheapest_avoidance.as_ref().unwrap();
     let mut log = ActionLog::new(3, Precision::F64);
     (1..remedy.step).for_each(|_| log.end_step());
     log.push_entry(0, &remedy.values);
@@ -127,7 +127,7 @@ fn docking_arcs_are_needed_crashing_arcs_harmful() {
     assert_eq!(outcome.lost, 0);
     let critique = DOCKING_TASKS[1].critique(&scenario, &log).unwrap();
     assert!(critique.failures.is_empty());
-    assert!(critique.judged.value > 0.8 && critique.judged.case == "docked");
+    assert!(critique.assessment.value > 0.8 && critique.assessment.case == "docked");
     assert!(critique.actions.len() <= 18 && critique.actions.iter().any(|a| a.verdict == Verdict::Needed));
 
     // It docks at 0.15 m/s without thrust; a push makes it crash.
@@ -153,7 +153,7 @@ fn failures_have_modes_of_the_task() {
             assert!(DOCKING_TASKS[1].failure_modes().iter().any(|mode| mode.name == failure.mode));
             assert!(failure.measures.iter().all(|m| m.value.is_finite()));
         }
-        assert!((-1.0..=1.0).contains(&critique.judged.value));
+        assert!((-1.0..=1.0).contains(&critique.assessment.value));
     }
 }
 

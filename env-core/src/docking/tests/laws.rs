@@ -76,7 +76,7 @@ proptest! {
                     prop_assert!(value.as_f64().is_some_and(f64::is_finite));
                 }
             }
-            prop_assert_eq!(episode.outcome().total, sum);
+            prop_assert_eq!(episode.outcome().total_reward, sum);
             let mean = returns.iter().sum::<f64>() / f64::from(agents);
             // The same rewards in another order of summation: at most 2000 roundings of 14.
             prop_assert!((mean - sum).abs() < 1e-10);
@@ -187,7 +187,7 @@ proptest! {
         prop_assert_eq!(replay(&scenario, &bracket.reference_plan).unwrap(), bracket.reference);
         let seen = DOCKING_TASKS[task].critique(&scenario, &bracket.reference_plan).unwrap();
         prop_assert_eq!(seen.failures.len() as u32, bracket.reference.lost);
-        prop_assert!((-1.0..=1.0).contains(&seen.judged.value));
+        prop_assert!((-1.0..=1.0).contains(&seen.assessment.value));
     }
 }
 

@@ -3,7 +3,7 @@
 //! test checks it.
 
 use crate::bracket::EpisodeOutcome;
-use crate::kessler::constants::{HORIZON, SATELLITES, SURVIVED};
+use crate::kessler::constants::{HORIZON, SATELLITES, SURVIVAL_THRESHOLD};
 use crate::kessler::kernel::{Body, ClampedBurn, clamp_burn};
 use crate::kessler::planner::ephemeris::DebrisEphemeris;
 use crate::kessler::planner::evaluate::{losses_with_fragments, outcome_with_losses};
@@ -125,7 +125,7 @@ impl<'a> Counterfactuals<'a> {
     pub(super) fn survives_through(&self, satellite: usize, trajectory: &Trajectory, step: u32) -> bool {
         let trajectories = self.replace(satellite, trajectory);
         let loss = losses_with_fragments(self.seed, self.ephemeris, trajectories)[satellite];
-        loss.is_none_or(|loss| loss.step > step) && trajectory.survival[step as usize] >= SURVIVED
+        loss.is_none_or(|loss| loss.step > step) && trajectory.survival[step as usize] >= SURVIVAL_THRESHOLD
     }
 
     /// Flies the requested burns of a satellite from `from` on, leaving out those of the step `skipped`.

@@ -31,17 +31,17 @@ pub(super) fn describe(
     let step =
         early.max(visibility.arrival(debris.identity)).max(first_visible_step.unwrap_or(0)).min(loss.step);
     let observer = analysis.trace.satellite(satellite, step).body;
-    let position = visibility.position(debris.identity, step).unwrap_or((debris.body.x, debris.body.y));
+    let (x, y) = visibility.position(debris.identity, step).unwrap_or((debris.body.x, debris.body.y));
     let own = analysis.trace.satellite(satellite, loss.step).body;
     let (dvx, dvy) = (debris.body.vx - own.vx, debris.body.vy - own.vy);
     Encounter {
         body: debris.id,
-        bearing_deg: BearingFrame::RadialInTrack.bearing_deg(&observer, position),
-        bearing_inertial_deg: Some(BearingFrame::Inertial.bearing_deg(&observer, position)),
+        bearing_deg: BearingFrame::RadialInTrack.bearing_deg(&observer, [x, y]),
+        bearing_inertial_deg: Some(BearingFrame::Inertial.bearing_deg(&observer, [x, y])),
         relative_speed: (dvx * dvx + dvy * dvy).sqrt(),
         first_visible_step,
         steps_left: first_visible_step.map_or(0, |visible| loss.step - visible),
         avoidable: remedy.as_ref().map(Option::is_some),
-        cheapest: remedy.flatten(),
+        cheapest_avoidance: remedy.flatten(),
     }
 }

@@ -4,7 +4,7 @@ use super::analysis::EpisodeAnalysis;
 use super::losses::SatelliteLoss;
 use crate::bracket::EpisodeOutcome;
 use crate::critique::{Judgement, Verdict};
-use crate::kessler::constants::{EPSILON, GOAL, SATELLITES};
+use crate::kessler::constants::{EPSILON, GOAL_THRESHOLD, SATELLITES};
 
 /// Smallest gain of score over hold for which the burns served the goal.
 const MIN_SERVING_GAIN: f64 = 0.01;
@@ -13,7 +13,7 @@ const MIN_SERVING_GAIN: f64 = 0.01;
 pub(super) fn judge(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], starved: &[u32]) -> Judgement {
     let outcome = analysis.outcome();
     let hold = analysis.counterfactuals.hold_outcome().outcome;
-    let hold_suffices = hold.lost == 0 && hold.goal.is_none_or(|goal| goal >= GOAL);
+    let hold_suffices = hold.lost == 0 && hold.goal.is_none_or(|goal| goal >= GOAL_THRESHOLD);
     let burns_serve_goal = outcome.goal.is_some() && outcome.score - hold.score >= MIN_SERVING_GAIN;
     let judgement = if hold_suffices && outcome.fuel_used <= 0.0 {
         no_action_needed(outcome)
@@ -24,7 +24,7 @@ pub(super) fn judge(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], st
     } else {
         match outcome.goal {
             None => threat_avoided(analysis, &hold),
-            Some(goal) if goal >= GOAL => goal_reached(analysis, goal),
+            Some(goal) if goal >= GOAL_THRESHOLD => goal_reached(analysis, goal),
             Some(goal) => goal_missed(goal),
         }
     };
@@ -34,9 +34,9 @@ pub(super) fn judge(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], st
 /// 0 to 1: the share of the maximum reward.
 fn no_action_needed(outcome: &EpisodeOutcome) -> Judgement {
     Judgement {
-        value: (outcome.total / (1.0 - 2.0 * EPSILON)).clamp(0.0, 1.0),
+        value: (outcome.total_reward / (1.0 - 2.0 * EPSILON)).clamp(0.0, 1.0),
         case: "no_action_needed",
-        words: "No action was needed, and none was taken.".to_owned(),
+        explanation: "No action was needed, and none was taken.".to_owned(),
     }
 }
 
@@ -47,7 +47,7 @@ fn unnecessary_burn(analysis: &EpisodeAnalysis<'_>) -> Judgement {
     Judgement {
         value: -0.5 - 0.5 * share,
         case: "unnecessary_burn",
-        words: format!("Holding was enough; {:.2} fuel was spent.", outcome.fuel_used),
+        explanation: format!("Holding was enough; {:.2} fuel was spent.", outcome.fuel_used),
     }
 }
 
@@ -58,36 +58,36 @@ fn satellites_lost(
     starved: &[u32],
     hold: &EpisodeOutcome,
 ) -> Judgement {
-    let worst = |case, words| Judgement { value: -1.0, case, words };
+    let worst = |case, explanation| Judgement { value: -1.0, case, explanation };
     if hold.lost == 0 && analysis.outcome().goal.is_none() {
-        let words = format!("{} lost after a burn; holding would have lost no satellite.", subject(losses));
-        return worst("harmful_burn", words);
+        let explanation = format!("{} lost after a burn; holding would have lost no satellite.", subject(losses));
+        return worst("harmful_burn", explanation);
     }
     let avoidable: Vec<&SatelliteLoss> = losses.iter().filter(|loss| loss.avoidable == Some(true)).collect();
     if !avoidable.is_empty() {
-        let words = format!("{} lost although the threat was visible and avoidable.", subject(avoidable));
-        return worst("threat_missed", words);
+        let explanation = format!("{} lost although the threat was visible and avoidable.", subject(avoidable));
+        return worst("threat_missed", explanation);
     }
     if analysis.verdicts.iter().any(|v| v.verdict == Verdict::Harmful) {
-        let words = format!(
+        let explanation = format!(
             "{} lost, and the episode would have been better without some burn: fewer losses, the goal met, or longer \
              survival.",
             subject(losses)
         );
-        return worst("harmful_burn", words);
+        return worst("harmful_burn", explanation);
     }
     let has_spent =
         |loss: &&SatelliteLoss| analysis.total_burns(|v| v.agent as usize == loss.satellite).cost > 0.0;
     let squandered: Vec<&SatelliteLoss> =
         losses.iter().filter(|loss| starved.contains(&(loss.satellite as u32))).filter(has_spent).collect();
     if !squandered.is_empty() {
-        let words = format!("{} lost for lack of fuel that had been spent before.", subject(squandered));
-        return worst("fuel_squandered", words);
+        let explanation = format!("{} lost for lack of fuel that had been spent before.", subject(squandered));
+        return worst("fuel_squandered", explanation);
     }
     Judgement {
         value: 0.0,
         case: "unavoidable",
-        words: format!(
+        explanation: format!(
             "{} lost, and no single burn that was tried with the visible debris would have avoided it.",
             subject(losses)
         ),
@@ -108,7 +108,7 @@ fn threat_avoided(analysis: &EpisodeAnalysis<'_>, hold: &EpisodeOutcome) -> Judg
     Judgement {
         value: 0.8 + 0.2 * share,
         case: "threat_avoided",
-        words: format!(
+        explanation: format!(
             "No satellite was lost; holding would have lost {}. {:.0} % of the {:.2} fuel spent was needed.",
             hold.lost,
             100.0 * share,
@@ -126,7 +126,7 @@ fn goal_reached(analysis: &EpisodeAnalysis<'_>, goal: f64) -> Judgement {
     Judgement {
         value: 0.8 + 0.2 * share,
         case: "goal_reached",
-        words: format!(
+        explanation: format!(
             "The goal was held at {goal:.2} without a loss; {:.0} % of the {used:.1} fuel spent was not wasted.",
             100.0 * share
         ),
@@ -136,8 +136,10 @@ fn goal_reached(analysis: &EpisodeAnalysis<'_>, goal: f64) -> Judgement {
 /// −0.5 to 0.5: the better the goal was held, the higher.
 fn goal_missed(goal: f64) -> Judgement {
     Judgement {
-        value: goal / GOAL - 0.5,
+        value: goal / GOAL_THRESHOLD - 0.5,
         case: "goal_missed",
-        words: format!("No satellite was lost, but the goal was held at {goal:.2} of the required {GOAL}."),
+        explanation: format!(
+            "No satellite was lost, but the goal was held at {goal:.2} of the required {GOAL_THRESHOLD}."
+        ),
     }
 }

@@ -42,7 +42,7 @@ impl KesslerFailureMode {
     }
 
     fn spec(self) -> FailureModeSpec {
-        let about = match self {
+        let description = match self {
             Self::Collision => "debris that was there from the start hit a satellite",
             Self::Rogue => "rogue debris hit a satellite",
             Self::Fragment => "a fragment of another satellite hit a satellite",
@@ -56,7 +56,7 @@ impl KesslerFailureMode {
             Self::BreakUp => "the formation was lost with all satellites alive",
             Self::WastedFuel => "fuel that was worth score was spent for nothing",
         };
-        FailureModeSpec { name: self.name(), about }
+        FailureModeSpec { name: self.name(), description }
     }
 }
 

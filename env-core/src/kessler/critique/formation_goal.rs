@@ -4,7 +4,7 @@ use super::analysis::EpisodeAnalysis;
 use super::failure_mode::KesslerFailureMode;
 use super::rendezvous_goal::risk_failure;
 use crate::critique::{Failure, Measure};
-use crate::kessler::constants::{FORMATION_SIDE, GOAL, HORIZON, SATELLITES};
+use crate::kessler::constants::{FORMATION_SIDE, GOAL_THRESHOLD, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, distance_squared};
 use crate::kessler::reward::{Objective, formation_quality};
 
@@ -27,7 +27,7 @@ type Bodies = [Body; SATELLITES];
 pub(super) fn find(analysis: &EpisodeAnalysis<'_>) -> Option<Failure> {
     let outcome = analysis.outcome();
     let is_formation = analysis.objective == Objective::Formation;
-    let goal = outcome.goal.filter(|&goal| is_formation && goal < GOAL && outcome.lost == 0)?;
+    let goal = outcome.goal.filter(|&goal| is_formation && goal < GOAL_THRESHOLD && outcome.lost == 0)?;
     let bodies_after = |step| std::array::from_fn(|i| analysis.trace.satellite(i, step).body);
     let bodies: Vec<Bodies> = (0..=HORIZON).map(bodies_after).collect();
     let risk = risk_failure(analysis, goal, &[0, 1, 2], |step| formation_quality(&bodies[step]));
@@ -37,7 +37,7 @@ pub(super) fn find(analysis: &EpisodeAnalysis<'_>) -> Option<Failure> {
 /// Failure at the step from which the formation was lost, with the pair that deviates most.
 fn break_up_failure(bodies: &[Bodies], goal: f64) -> Failure {
     let quality = |step: usize| formation_quality(&bodies[step]);
-    let is_held = |bodies: &Bodies| formation_quality(bodies) >= GOAL;
+    let is_held = |bodies: &Bodies| formation_quality(bodies) >= GOAL_THRESHOLD;
     // The step after the last that held; the worst step if the formation held at the end.
     let last = bodies.len() - 1;
     let step = match bodies.iter().rposition(is_held) {
@@ -62,7 +62,7 @@ fn break_up_failure(bodies: &[Bodies], goal: f64) -> Failure {
             Measure::new("distance_at_end", distance_at_end, "LU"),
             Measure::new("goal", goal, ""),
         ],
-        words: format!(
+        explanation: format!(
             "The formation was lost at step {step}: satellites {first} and {second} were {distance:.1} LU apart, \
              {distance_at_end:.1} at the end, not {FORMATION_SIDE:.0}; mean formation quality {goal:.2} over the last steps."
         ),

@@ -6,7 +6,7 @@ use super::failure_mode::KesslerFailureMode;
 use super::losses::SatelliteLoss;
 use super::remedy::{LossToAvoid, find_remedy};
 use crate::critique::{Failure, Measure};
-use crate::kessler::constants::{FUEL_PER_SPEED, GOAL, MAX_BURN, SATELLITES};
+use crate::kessler::constants::{FUEL_PER_SPEED, GOAL_THRESHOLD, MAX_BURN, SATELLITES};
 
 /// Smallest improvement of the goal that counts as help.
 const MIN_GOAL_GAIN: f64 = 0.05;
@@ -30,7 +30,7 @@ fn rejected_burns_failure(analysis: &EpisodeAnalysis<'_>, satellite: usize) -> O
     let first = rejected.next()?;
     let count = 1 + rejected.count();
     let outcome = analysis.outcome();
-    let missed_goal = outcome.goal.is_some_and(|goal| goal < GOAL);
+    let missed_goal = outcome.goal.is_some_and(|goal| goal < GOAL_THRESHOLD);
     if outcome.lost == 0 && !missed_goal {
         return None;
     }
@@ -54,7 +54,7 @@ fn rejected_burns_failure(analysis: &EpisodeAnalysis<'_>, satellite: usize) -> O
             Measure::new("cost", first.cost, "fuel"),
             Measure::new("fuel_left", first.fuel, "fuel"),
         ],
-        words: format!(
+        explanation: format!(
             "Satellite {satellite} was short of fuel from step {} on ({:.2} requested, {:.2} left): with all requested \
              burns {effect}.",
             first.step, first.cost, first.fuel
@@ -85,7 +85,7 @@ fn low_fuel_failure(analysis: &EpisodeAnalysis<'_>, loss: &SatelliteLoss) -> Opt
         step: visible + 1,
         encounter: None,
         measures: vec![Measure::new("cost", remedy.cost, "fuel"), Measure::new("fuel_left", left, "fuel")],
-        words: format!(
+        explanation: format!(
             "Satellite {} had {left:.2} fuel left when the debris that hit it became visible; a burn of {:.2} fuel at step \
              {} would have avoided it.",
             loss.satellite, remedy.cost, remedy.step

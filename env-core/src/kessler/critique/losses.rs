@@ -6,7 +6,7 @@ use super::failure_mode::KesslerFailureMode;
 use super::remedy::{LossToAvoid, find_remedy};
 use super::trace::{DebrisContact, DebrisIdentity, LossApproach, LossEvent};
 use crate::critique::{Encounter, Failure, Measure, Remedy};
-use crate::kessler::constants::{SATELLITES, SURVIVED};
+use crate::kessler::constants::{SATELLITES, SURVIVAL_THRESHOLD};
 use crate::number_format::format_significant;
 
 /// Text of a loss without a remedy.
@@ -66,22 +66,23 @@ fn loss_to_debris(
             (KesslerFailureMode::Risk, what)
         }
     };
-    let words = encounter_words(&what, &encounter);
+    let explanation = encounter_words(&what, &encounter);
     let failure = Failure {
         mode: mode.name(),
         agent: satellite as u32,
         step: event.step,
         encounter: Some(encounter),
         measures,
-        words,
+        explanation,
     };
     SatelliteLoss { satellite, event, avoidable, failure }
 }
 
-/// Formats a survival below [`SURVIVED`] with as many digits as are needed to show that it is below.
+/// Formats a survival below [`SURVIVAL_THRESHOLD`] with as many digits as are needed to show that it is below.
 fn format_low_survival(survival: f64) -> String {
     let suffices = |digits: &usize| {
-        *digits > 12 || format_significant(survival, *digits) != format_significant(SURVIVED, *digits)
+        *digits > 12
+            || format_significant(survival, *digits) != format_significant(SURVIVAL_THRESHOLD, *digits)
     };
     format_significant(survival, (3..).find(suffices).unwrap_or(3))
 }
@@ -94,7 +95,7 @@ fn encounter_words(what: &str, encounter: &Encounter) -> String {
     let Some(visible) = encounter.first_visible_step else { return format!("{came}; it was never visible.") };
     let left = encounter.steps_left;
     let steps = if left == 1 { "step" } else { "steps" };
-    let remedy = encounter.cheapest.as_ref().map_or_else(|| NO_REMEDY.to_owned(), remedy_words);
+    let remedy = encounter.cheapest_avoidance.as_ref().map_or_else(|| NO_REMEDY.to_owned(), remedy_words);
     format!("{came}; it was visible from step {visible}, {left} {steps} before, and {remedy}.")
 }
 
@@ -128,7 +129,7 @@ fn loss_by_decay(analysis: &EpisodeAnalysis<'_>, satellite: usize, event: LossEv
         step: event.step,
         encounter: None,
         measures,
-        words: format!(
+        explanation: format!(
             "Satellite {satellite} fell into the Earth at step {} after burns of {spent:.1} fuel; {way}.",
             event.step
         ),

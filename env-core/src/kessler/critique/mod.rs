@@ -44,13 +44,13 @@ pub(super) fn critique(
         let losses = losses::find(analysis);
         let mut failures: Vec<_> = fuel_starvation::find(analysis, &losses);
         let starved: Vec<u32> = failures.iter().map(|failure| failure.agent).collect();
-        let judged = episode_judgement::judge(analysis, &losses, &starved);
+        let assessment = episode_judgement::judge(analysis, &losses, &starved);
         failures.extend(losses.into_iter().map(|loss| loss.failure));
         failures.extend(rendezvous_goal::find(analysis));
         failures.extend(formation_goal::find(analysis));
         failures.extend(wasted_fuel::find(analysis));
         failures.sort_by_key(|failure| (failure.step, failure.agent));
-        Critique { failures, actions: analysis.verdicts.to_vec(), judged }
+        Critique { failures, actions: analysis.verdicts.to_vec(), assessment }
     })
 }
 

@@ -7,7 +7,7 @@ use super::counterfactuals::{Counterfactuals, TrialBurn};
 use super::trace::{DebrisIdentity, EpisodeTrace};
 use super::visibility::{BurnPath, DebrisVisibility};
 use crate::critique::Remedy;
-use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SURVIVED};
+use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SURVIVAL_THRESHOLD};
 use crate::kessler::kernel::{Body, ClampedBurn, clamp_burn};
 use crate::kessler::planner::panel::affordable_size;
 use crate::kessler::planner::trajectory::Trajectory;
@@ -107,7 +107,7 @@ fn clears_cause(visibility: &DebrisVisibility<'_>, loss: LossToAvoid, path: Burn
         body = body.coast(visibility.gravity());
         survival *=
             loss.debris.map_or(1.0, |debris| visibility.survival_factor(debris, step, &before, &body));
-        if survival < SURVIVED {
+        if survival < SURVIVAL_THRESHOLD {
             return false;
         }
         before = body;

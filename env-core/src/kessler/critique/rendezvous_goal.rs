@@ -3,17 +3,17 @@
 use super::analysis::EpisodeAnalysis;
 use super::failure_mode::KesslerFailureMode;
 use crate::critique::{Failure, Measure};
-use crate::kessler::constants::{GOAL, HORIZON, PROXIMITY_WIDTH, RENDEZVOUS_STEPS, TARGET_RADIUS};
+use crate::kessler::constants::{GOAL_THRESHOLD, HORIZON, PROXIMITY_WIDTH, RENDEZVOUS_STEPS, TARGET_RADIUS};
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::{Objective, proximity};
 
-/// Deviation from the target radius up to which proximity is at least [`GOAL`], LU.
-const GOAL_BAND: f64 = PROXIMITY_WIDTH * (1.0 - GOAL);
+/// Deviation from the target radius up to which proximity is at least [`GOAL_THRESHOLD`], LU.
+const GOAL_BAND: f64 = PROXIMITY_WIDTH * (1.0 - GOAL_THRESHOLD);
 
 /// Finds the failure of a missed rendezvous goal. A goal that was missed through the loss of satellite 0 has
 /// none.
 pub(super) fn find(analysis: &EpisodeAnalysis<'_>) -> Option<Failure> {
-    let goal = analysis.outcome().goal.filter(|&goal| goal < GOAL)?;
+    let goal = analysis.outcome().goal.filter(|&goal| goal < GOAL_THRESHOLD)?;
     if analysis.objective != Objective::Rendezvous || analysis.trace.losses[0].is_some() {
         return None;
     }
@@ -46,7 +46,7 @@ pub(super) fn risk_failure(
     let held = last_steps.map(|step| quality(step as usize)).sum::<f64>() / f64::from(steps);
     let survival = |satellite: usize| analysis.trace.satellite(satellite, HORIZON).survival;
     let least = satellites.iter().copied().min_by(|&a, &b| survival(a).total_cmp(&survival(b)))?;
-    (held >= GOAL && survival(least) < 1.0).then(|| Failure {
+    (held >= GOAL_THRESHOLD && survival(least) < 1.0).then(|| Failure {
         mode: KesslerFailureMode::Risk.name(),
         agent: least as u32,
         step: HORIZON,
@@ -56,7 +56,7 @@ pub(super) fn risk_failure(
             Measure::new("held", held, ""),
             Measure::new("goal", goal, ""),
         ],
-        words: format!(
+        explanation: format!(
             "The goal was held at {held:.3} over the last {steps} steps, but close approaches left satellite {least} with \
              survival {:.3}: {goal:.3} in total.",
             survival(least)
@@ -83,7 +83,7 @@ fn overshoot_failure(bodies: &[Body], goal: f64, arrived: usize, left: usize) ->
             Measure::new("lowest_radius", lowest, "LU"),
             Measure::new("goal", goal, ""),
         ],
-        words: format!(
+        explanation: format!(
             "Satellite 0 reached radius {TARGET_RADIUS:.0} at step {arrived} at a radial speed of {radial_speed:.1} LU/TU \
              and left it again at step {left}, between {lowest:.1} and {highest:.1} LU: mean proximity {goal:.2} over the \
              last {RENDEZVOUS_STEPS} steps."
@@ -110,7 +110,7 @@ fn short_failure(bodies: &[Body], goal: f64, arrived: Option<usize>) -> Failure 
         step: step.max(1) as u32,
         encounter: None,
         measures: vec![Measure::new("nearest_radius", radius, "LU"), Measure::new("goal", goal, "")],
-        words: format!(
+        explanation: format!(
             "Satellite 0 {progress}; mean proximity {goal:.2} over the last {RENDEZVOUS_STEPS} steps."
         ),
     }

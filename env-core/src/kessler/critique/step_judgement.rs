@@ -3,7 +3,7 @@
 use super::analysis::EpisodeAnalysis;
 use super::losses::SatelliteLoss;
 use crate::critique::{Judgement, Verdict};
-use crate::kessler::constants::{GOAL, SATELLITES};
+use crate::kessler::constants::{GOAL_THRESHOLD, SATELLITES};
 
 /// Largest time to a hit for which inaction is penalised, steps.
 const PENDING_STEPS: u32 = 3;
@@ -12,8 +12,8 @@ const PENDING_STEPS: u32 = 3;
 pub(super) fn judge(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], now: u32) -> Judgement {
     let mut burns = analysis.verdicts.iter().filter(|verdict| verdict.step == now);
     if let Some(burn) = burns.find(|burn| burn.verdict == Verdict::Harmful) {
-        let words = format!("The outcome would be better without the burn of satellite {}.", burn.agent);
-        return Judgement { value: -1.0, case: "harmful_burn", words };
+        let explanation = format!("The outcome would be better without the burn of satellite {}.", burn.agent);
+        return Judgement { value: -1.0, case: "harmful_burn", explanation };
     }
     if let Some(judgement) = lost_now(losses, now) {
         return judgement;
@@ -22,13 +22,13 @@ pub(super) fn judge(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], no
     let spent = analysis.total_burns(|v| v.step == now).cost;
     if needed > 0.0 {
         let share = needed / spent;
-        let words = format!("{:.0} % of the {spent:.2} fuel spent was needed.", 100.0 * share);
-        return Judgement { value: 0.8 + 0.2 * share, case: "needed_burn", words };
+        let explanation = format!("{:.0} % of the {spent:.2} fuel spent was needed.", 100.0 * share);
+        return Judgement { value: 0.8 + 0.2 * share, case: "needed_burn", explanation };
     }
     if spent > 0.0 {
         let share = (spent / (SATELLITES as f64 * analysis.setup.fuel)).min(1.0);
-        let words = format!("Holding would be as good; {spent:.2} fuel was spent.");
-        return Judgement { value: -0.5 - 0.5 * share, case: "unnecessary_burn", words };
+        let explanation = format!("Holding would be as good; {spent:.2} fuel was spent.");
+        return Judgement { value: -0.5 - 0.5 * share, case: "unnecessary_burn", explanation };
     }
     pending_threat(losses, now).unwrap_or_else(|| no_action_needed(analysis, losses, now))
 }
@@ -40,16 +40,16 @@ fn lost_now(losses: &[SatelliteLoss], now: u32) -> Option<Judgement> {
     let avoidable = lost().find(|loss| loss.avoidable == Some(true));
     Some(match avoidable {
         Some(loss) => {
-            let words = format!(
+            let explanation = format!(
                 "Satellite {} was lost although the threat was visible and avoidable.",
                 loss.satellite
             );
-            Judgement { value: -1.0, case: "threat_missed", words }
+            Judgement { value: -1.0, case: "threat_missed", explanation }
         }
         None => Judgement {
             value: 0.0,
             case: "unavoidable",
-            words: "No single burn that was tried would have avoided the loss.".to_owned(),
+            explanation: "No single burn that was tried would have avoided the loss.".to_owned(),
         },
     })
 }
@@ -69,7 +69,7 @@ fn pending_threat(losses: &[SatelliteLoss], now: u32) -> Option<Judgement> {
     Some(Judgement {
         value: -f64::from(PENDING_STEPS + 1 - left) / f64::from(PENDING_STEPS + 1),
         case: "threat_waits",
-        words: format!(
+        explanation: format!(
             "The debris that hits satellite {} in {left} {steps} was visible, and no action was taken.",
             first.satellite
         ),
@@ -79,17 +79,19 @@ fn pending_threat(losses: &[SatelliteLoss], now: u32) -> Option<Judgement> {
 /// Judgement of inaction without a pending threat: the share of active satellites, or the value of the goal
 /// if no action follows.
 fn no_action_needed(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], now: u32) -> Judgement {
-    if let Some(goal) = analysis.outcome().goal.filter(|goal| *goal < GOAL) {
+    if let Some(goal) = analysis.outcome().goal.filter(|goal| *goal < GOAL_THRESHOLD) {
         return Judgement {
-            value: (goal / GOAL - 0.5).clamp(-0.5, 0.5),
+            value: (goal / GOAL_THRESHOLD - 0.5).clamp(-0.5, 0.5),
             case: "goal_waits",
-            words: format!("Without further action the goal is held at {goal:.2} of the required {GOAL}."),
+            explanation: format!(
+                "Without further action the goal is held at {goal:.2} of the required {GOAL_THRESHOLD}."
+            ),
         };
     }
     let lost = losses.iter().filter(|loss| loss.event.step <= now).count();
     Judgement {
         value: (SATELLITES - lost.min(SATELLITES)) as f64 / SATELLITES as f64,
         case: "no_action_needed",
-        words: "No action was needed, and none was taken.".to_owned(),
+        explanation: "No action was needed, and none was taken.".to_owned(),
     }
 }

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use super::counterfactuals::{CounterfactualOutcome, Counterfactuals};
 use super::trace::EpisodeTrace;
 use crate::critique::{ActionVerdict, Verdict};
-use crate::kessler::constants::{EPSILON, GOAL, HORIZON, SATELLITES};
+use crate::kessler::constants::{EPSILON, GOAL_THRESHOLD, HORIZON, SATELLITES};
 
 /// Smallest difference of scores that counts: the world's ε.
 const SCORE_TOLERANCE: f64 = EPSILON;
@@ -40,7 +40,8 @@ pub(super) fn judge_burns(counterfactuals: &Counterfactuals<'_>, trace: &Episode
 /// Compares losses first, then the goal, then survived steps, then score.
 fn verdict(with: &CounterfactualOutcome, without: &CounterfactualOutcome) -> Verdict {
     let gain = with.outcome.score - without.outcome.score;
-    let meets_goal = |plan: &CounterfactualOutcome| plan.outcome.goal.is_some_and(|goal| goal >= GOAL);
+    let meets_goal =
+        |plan: &CounterfactualOutcome| plan.outcome.goal.is_some_and(|goal| goal >= GOAL_THRESHOLD);
     match with.outcome.lost.cmp(&without.outcome.lost) {
         Ordering::Less => return Verdict::Needed,
         Ordering::Greater => return Verdict::Harmful,

@@ -4,7 +4,7 @@
 use std::cell::OnceCell;
 
 use super::trace::{DebrisIdentity, EpisodeTrace};
-use crate::kessler::constants::{CONTACT_2, EARTH_RADIUS_2, HORIZON, SATELLITES, SURVIVED};
+use crate::kessler::constants::{CONTACT_2, EARTH_RADIUS_2, HORIZON, SATELLITES, SURVIVAL_THRESHOLD};
 use crate::kessler::kernel::{Body, Gravity, distance_squared, min_distance_squared};
 use crate::kessler::planner::ephemeris::DebrisEphemeris;
 use crate::kessler::setup::{ContactModel, InitialState, KesslerSetup, Physics};
@@ -102,7 +102,7 @@ impl<'a> DebrisVisibility<'a> {
                     let factor = self.ephemeris.survival_factor(column, t, &before, &body, sigma);
                     survival *= if factor < 1.0 && self.is_column_known(column, from) { factor } else { 1.0 };
                 });
-                if survival < SURVIVED {
+                if survival < SURVIVAL_THRESHOLD {
                     return false;
                 }
             }

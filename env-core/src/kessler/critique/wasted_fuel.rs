@@ -27,7 +27,7 @@ pub(super) fn find(analysis: &EpisodeAnalysis<'_>) -> Vec<Failure> {
                     Measure::new("burns", burns as f64, ""),
                     Measure::new("score", -totals.gain, ""),
                 ],
-                words: format!(
+                explanation: format!(
                     "Satellite {agent} spent {:.2} fuel in {} that gained nothing and cost {:.3} of the score.",
                     totals.cost,
                     if burns == 1 { "one burn".to_owned() } else { format!("{burns} burns") },

@@ -6,7 +6,7 @@ use super::ephemeris::DebrisEphemeris;
 use super::panel::affordable_size;
 use super::trajectory::{PlannedBurn, Trajectory};
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
-use crate::kessler::constants::{CONTACT_2, FUEL_PER_SPEED, HORIZON, SURVIVED};
+use crate::kessler::constants::{CONTACT_2, FUEL_PER_SPEED, HORIZON, SURVIVAL_THRESHOLD};
 use crate::kessler::kernel::{ClampedBurn, clamp_burn};
 use crate::kessler::reward::Objective;
 use crate::kessler::setup::ContactModel;
@@ -234,6 +234,7 @@ impl WorthBound {
         let now = Self::step_worth(self.objective, trajectory, t);
         self.so_far += now;
         let rest = now * (HORIZON as usize - t) as f64;
-        trajectory.survival[t] >= SURVIVED || (self.so_far + rest) * ROUNDING_MARGIN > self.best_worth
+        trajectory.survival[t] >= SURVIVAL_THRESHOLD
+            || (self.so_far + rest) * ROUNDING_MARGIN > self.best_worth
     }
 }

@@ -5,7 +5,9 @@ use super::ephemeris::DebrisEphemeris;
 use super::trajectory::{Trajectory, TrajectoryLoss};
 use crate::bracket::EpisodeOutcome;
 use crate::episode_rng::SeededRng;
-use crate::kessler::constants::{CONTACT_2, EARTH_RADIUS_2, FRAGMENTS, HORIZON, SATELLITES, SURVIVED};
+use crate::kessler::constants::{
+    CONTACT_2, EARTH_RADIUS_2, FRAGMENTS, HORIZON, SATELLITES, SURVIVAL_THRESHOLD,
+};
 use crate::kessler::kernel::{Body, distance_squared, min_distance_squared};
 use crate::kessler::reward::{FleetState, Objective, score};
 use crate::kessler::setup::{ContactModel, KesslerSetup, Physics};
@@ -33,7 +35,7 @@ pub(crate) fn outcome_with_losses(
 ) -> EpisodeOutcome {
     let is_alive = |i: usize, step: u32| losses[i].is_none_or(|l| step < l.step);
     let mut outcome =
-        EpisodeOutcome { score: 0.0, total: 0.0, steps: 0, lost: 0, goal: None, fuel_used: 0.0 };
+        EpisodeOutcome { score: 0.0, total_reward: 0.0, steps: 0, lost: 0, goal: None, fuel_used: 0.0 };
     let mut goal_sum = 0.0;
     for step in 1..=HORIZON {
         let t = step as usize;
@@ -55,16 +57,16 @@ pub(crate) fn outcome_with_losses(
         if step > HORIZON - objective.goal_steps() {
             goal_sum += goal;
         }
-        outcome.total += objective.reward(&fleet, setup.fuel, goal);
+        outcome.total_reward += objective.reward(&fleet, setup.fuel, goal);
         outcome.steps = step;
         if (0..SATELLITES).all(|i| !is_alive(i, step)) {
             break;
         }
     }
     let end = outcome.steps as usize;
-    let is_lost = |i: &usize| losses[*i].is_some() || trajectories[*i].survival[end] < SURVIVED;
+    let is_lost = |i: &usize| losses[*i].is_some() || trajectories[*i].survival[end] < SURVIVAL_THRESHOLD;
     outcome.lost = (0..SATELLITES).filter(is_lost).count() as u32;
-    outcome.score = score(outcome.total);
+    outcome.score = score(outcome.total_reward);
     let steps = objective.goal_steps();
     outcome.goal = (steps > 0).then(|| goal_sum / f64::from(steps));
     outcome

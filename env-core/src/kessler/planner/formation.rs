@@ -11,7 +11,7 @@ use super::panel::PANEL_SIZE;
 use super::trajectory::Trajectory;
 use super::transfer::affordable_burn;
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
-use crate::kessler::constants::{FORMATION_SIDE, GOAL, HORIZON, SATELLITES};
+use crate::kessler::constants::{FORMATION_SIDE, GOAL_THRESHOLD, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, Gravity};
 use crate::kessler::reward::Objective;
 use crate::kessler::setup::KesslerSetup;
@@ -240,7 +240,7 @@ impl FormationSearch<'_> {
             self.ephemeris,
             trajectories.each_ref(),
         );
-        let success = outcome.lost == 0 && outcome.goal.is_some_and(|goal| goal >= GOAL);
+        let success = outcome.lost == 0 && outcome.goal.is_some_and(|goal| goal >= GOAL_THRESHOLD);
         outcome.score + f64::from(u8::from(success))
     }
 

@@ -38,7 +38,12 @@ impl LookAhead {
         ephemeris: &DebrisEphemeris,
         row: usize,
     ) -> Option<(f64, f64)> {
-        let contact = self.first_contact(body, planned.unwrap_or_default(), ephemeris, row, CONTACT_2);
+        let contact = self.first_contact(
+            after_burn(body, planned.unwrap_or_default().into()),
+            ephemeris,
+            row,
+            CONTACT_2,
+        );
         if contact.is_none_or(|step| step > self.act_within) {
             return planned;
         }
@@ -49,7 +54,8 @@ impl LookAhead {
                 let angle = std::f64::consts::TAU * f64::from(direction) / f64::from(DODGE_DIRECTIONS);
                 let (sin, cos) = libm::sincos(angle);
                 let dv = (size * cos, size * sin);
-                match self.first_contact(body, dv, ephemeris, row, CONTACT_2 * self.margin) {
+                let limit_2 = CONTACT_2 * self.margin;
+                match self.first_contact(after_burn(body, dv.into()), ephemeris, row, limit_2) {
                     None => return Some(dv),
                     later if later > best_contact => (best_contact, best_burn) = (later, Some(dv)),
                     _ => {}
@@ -59,22 +65,24 @@ impl LookAhead {
         best_burn
     }
 
-    /// First step from now, counted from 1, at which debris is closer than the square root of `limit_2` after
-    /// a burn now.
+    /// First step from now, counted from 1, at which debris is closer to the coasting `body` than the square root of
+    /// `limit_2`.
     fn first_contact(
         &self,
         mut body: Body,
-        dv: (f64, f64),
         ephemeris: &DebrisEphemeris,
         row: usize,
         limit_2: f64,
     ) -> Option<u32> {
-        body.vx += dv.0;
-        body.vy += dv.1;
         let rows = u32::try_from(ephemeris.rows().saturating_sub(row + 1)).unwrap_or(u32::MAX);
         (1..=self.steps.min(rows)).find(|&step| {
             body = body.coast(ephemeris.physics.gravity);
             ephemeris.any_within(row + step as usize, body.x, body.y, limit_2)
         })
     }
+}
+
+/// Returns the body after a burn that changes its velocity by (`dvx`, `dvy`).
+fn after_burn(body: Body, [dvx, dvy]: [f64; 2]) -> Body {
+    Body { vx: body.vx + dvx, vy: body.vy + dvy, ..body }
 }

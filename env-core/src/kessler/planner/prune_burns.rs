@@ -5,7 +5,7 @@
 use super::ephemeris::DebrisEphemeris;
 use super::trajectory::{PlannedBurn, Trajectory};
 use crate::bracket::EpisodeOutcome;
-use crate::kessler::constants::{EPSILON, GOAL, SATELLITES};
+use crate::kessler::constants::{EPSILON, GOAL_THRESHOLD, SATELLITES};
 
 /// Plan after pruning, and its outcome.
 pub(super) struct PrunedPlan {
@@ -52,7 +52,7 @@ pub(super) fn prune_burns(
 }
 
 fn is_as_good(candidate: &EpisodeOutcome, original: &EpisodeOutcome) -> bool {
-    let meets_goal = |outcome: &EpisodeOutcome| outcome.goal.is_none_or(|goal| goal >= GOAL);
+    let meets_goal = |outcome: &EpisodeOutcome| outcome.goal.is_none_or(|goal| goal >= GOAL_THRESHOLD);
     candidate.score > original.score - EPSILON
         && candidate.lost <= original.lost
         && (meets_goal(candidate) || !meets_goal(original))

@@ -1,7 +1,7 @@
 //! Trajectory of one satellite under a plan of burns, flown against the debris ephemeris.
 
 use super::ephemeris::DebrisEphemeris;
-use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SURVIVED};
+use crate::kessler::constants::{EARTH_RADIUS_2, HORIZON, SURVIVAL_THRESHOLD};
 use crate::kessler::kernel::{Body, ClampedBurn, clamp_burn};
 use crate::kessler::setup::ContactModel;
 
@@ -148,13 +148,13 @@ impl Trajectory {
         self.loss_step().is_some()
     }
 
-    /// Step at which the satellite is lost: hit, decayed, or survival below [`SURVIVED`].
+    /// Step at which the satellite is lost: hit, decayed, or survival below [`SURVIVAL_THRESHOLD`].
     pub(crate) fn loss_step(&self) -> Option<u32> {
         let first_too_low =
-            || (1..).zip(&self.survival[1..]).find(|(_, s)| **s < SURVIVED).map(|(step, _)| step);
+            || (1..).zip(&self.survival[1..]).find(|(_, s)| **s < SURVIVAL_THRESHOLD).map(|(step, _)| step);
         match self.loss {
             Some(loss) => Some(loss.step),
-            None if self.survival[HORIZON as usize] < SURVIVED => first_too_low(),
+            None if self.survival[HORIZON as usize] < SURVIVAL_THRESHOLD => first_too_low(),
             None => None,
         }
     }

@@ -8,7 +8,7 @@ use super::panel::affordable_size;
 use super::trajectory::{PlannedBurn, Trajectory};
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::kessler::constants::{
-    FUEL_PER_SPEED, GM, GOAL, HORIZON, MAX_BURN, RENDEZVOUS_STEPS, TARGET_RADIUS,
+    FUEL_PER_SPEED, GM, GOAL_THRESHOLD, HORIZON, MAX_BURN, RENDEZVOUS_STEPS, TARGET_RADIUS,
 };
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::proximity;
@@ -96,7 +96,7 @@ fn search_evasive(
             best_worth = worth(&trajectory);
             best.clone_from(&trajectory);
         }
-        if !best.is_lost() && mean_proximity(best) >= GOAL {
+        if !best.is_lost() && mean_proximity(best) >= GOAL_THRESHOLD {
             return;
         }
     }
@@ -118,7 +118,7 @@ fn worth(trajectory: &Trajectory) -> f64 {
     let proximity_sum: f64 =
         trajectory.survival_weights().map(|(t, weight)| proximity_at(trajectory, t) * weight).sum();
     let survived: f64 = trajectory.survival_weights().map(|(_, weight)| weight).sum();
-    let is_success = !trajectory.is_lost() && mean_proximity(trajectory) >= GOAL;
+    let is_success = !trajectory.is_lost() && mean_proximity(trajectory) >= GOAL_THRESHOLD;
     survived / 3.0 + proximity_sum + if is_success { SUCCESS_BONUS } else { 0.0 }
 }
 

@@ -21,16 +21,24 @@ use crate::task::Scenario;
 
 /// All policies, in the order in which the docs list them.
 pub static KESSLER_POLICIES: [PolicySpec; 6] = [
-    PolicySpec { name: "hold", about: "does nothing", chance: false },
-    PolicySpec { name: "random", about: "burns at random on every axis in every step", chance: true },
+    PolicySpec { name: "hold", description: "does nothing", stochastic: false },
+    PolicySpec {
+        name: "random",
+        description: "burns at random on every axis in every step",
+        stochastic: true,
+    },
     PolicySpec {
         name: "blind",
-        about: "one fixed radial kick of 0.2 LU/TU at the first step",
-        chance: false,
+        description: "one fixed radial kick of 0.2 LU/TU at the first step",
+        stochastic: false,
     },
-    PolicySpec { name: "frozen", about: "the trainable reflex at random numbers, untrained", chance: true },
-    PolicySpec { name: "heuristic", about: "looks ahead and dodges what it sees", chance: false },
-    PolicySpec { name: "reference", about: "the planner, with hindsight", chance: false },
+    PolicySpec {
+        name: "frozen",
+        description: "the trainable reflex at random numbers, untrained",
+        stochastic: true,
+    },
+    PolicySpec { name: "heuristic", description: "looks ahead and dodges what it sees", stochastic: false },
+    PolicySpec { name: "reference", description: "the planner, with hindsight", stochastic: false },
 ];
 
 /// The reflex of kessler.

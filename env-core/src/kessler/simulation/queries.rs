@@ -114,7 +114,7 @@ impl<R: EpisodeRng> KesslerSim<R> {
         let steps = self.objective.goal_steps();
         EpisodeOutcome {
             score: score(self.total_reward),
-            total: self.total_reward,
+            total_reward: self.total_reward,
             steps: self.step,
             lost: lost as u32,
             goal: (steps > 0).then(|| self.goal_sum / f64::from(steps)),

@@ -1,6 +1,6 @@
 //! State of one satellite.
 
-use crate::kessler::constants::SURVIVED;
+use crate::kessler::constants::SURVIVAL_THRESHOLD;
 use crate::kessler::kernel::Body;
 
 /// Status of a satellite.
@@ -33,10 +33,10 @@ impl Satellite {
         self.status == SatelliteStatus::Active
     }
 
-    /// Returns true if the satellite counts as lost: not active, or survival below [`SURVIVED`].
+    /// Returns true if the satellite counts as lost: not active, or survival below [`SURVIVAL_THRESHOLD`].
     #[must_use]
     pub fn is_lost(&self) -> bool {
-        !self.is_active() || self.survival < SURVIVED
+        !self.is_active() || self.survival < SURVIVAL_THRESHOLD
     }
 
     /// Marks the satellite as lost.

@@ -308,11 +308,13 @@ fn recipes_accept_the_options_of_their_specs() {
         for option in task.options() {
             assert_eq!(recipe.option(option.name), Some(option.default_choice()));
             for choice in option.choices {
-                let by_hand = option.by_hand.iter().any(|reserved| reserved.choice == *choice);
+                let by_hand = option.manual_choices.iter().any(|reserved| reserved.choice == *choice);
                 let with = recipe.clone().with_option(option.name, choice).unwrap();
                 assert_eq!(with.check_for_series().is_err(), by_hand, "{} {choice}", option.name);
             }
-            assert!(option.by_hand.iter().all(|reserved| option.choices[1..].contains(&reserved.choice)));
+            assert!(
+                option.manual_choices.iter().all(|reserved| option.choices[1..].contains(&reserved.choice))
+            );
         }
     }
 }

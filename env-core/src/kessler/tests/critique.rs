@@ -132,7 +132,7 @@ fn bearings_one_step_before_contact_are_exact() {
         );
         assert!((encounter.relative_speed - THREAT_SPEED).abs() < 1e-8);
         // A burn of at most 1 LU/TU moves 1 LU in the one step that is left; contact is at 2 LU.
-        assert_eq!((encounter.avoidable, encounter.cheapest), (Some(false), None));
+        assert_eq!((encounter.avoidable, encounter.cheapest_avoidance), (Some(false), None));
         tested += 1;
     }
     assert!(tested >= 20, "{tested}");
@@ -180,29 +180,29 @@ fn visible_threat_has_a_working_remedy() {
         (encounter.first_visible_step, encounter.steps_left, encounter.avoidable),
         (Some(0), 12, Some(true))
     );
-    let remedy = encounter.cheapest.as_ref().unwrap();
+    let remedy = encounter.cheapest_avoidance.as_ref().unwrap();
     // Contact is at 2 LU: 0.2 LU/TU moves a satellite that far in ten steps, 0.05 LU/TU in no less than
     // twelve.
     assert!(remedy.cost <= 1.0 + 1e-12, "{remedy:?}");
     let outcome =
         replay(&scenario, &log_of(&[burn(remedy.step, 0, remedy.values[0], remedy.values[1])])).unwrap();
     assert_eq!((outcome.lost, outcome.fuel_used), (0, remedy.cost));
-    assert_eq!((critiqued.judged.case, critiqued.judged.value), ("threat_missed", -1.0));
-    insta::assert_snapshot!(failure.words, @"Debris 0 hit satellite 0 at step 12, from 20° (radial out towards in-track) at 4.0 LU/TU; it was visible from step 0, 12 steps before, and one burn at step 4 for 1.00 fuel would have avoided it.");
-    insta::assert_snapshot!(critiqued.judged.words, @"Satellite 0 was lost although the threat was visible and avoidable.");
+    assert_eq!((critiqued.assessment.case, critiqued.assessment.value), ("threat_missed", -1.0));
+    insta::assert_snapshot!(failure.explanation, @"Debris 0 hit satellite 0 at step 12, from 20° (radial out towards in-track) at 4.0 LU/TU; it was visible from step 0, 12 steps before, and one burn at step 4 for 1.00 fuel would have avoided it.");
+    insta::assert_snapshot!(critiqued.assessment.explanation, @"Satellite 0 was lost although the threat was visible and avoidable.");
 }
 
 #[test]
 fn threat_seen_too_late_is_unavoidable() {
     let late = critique(&with_threat(&survival(&json!({"radar_range": 6})), 10, 30.0), &log_of(&[]));
-    assert_eq!((late.judged.case, late.judged.value), ("unavoidable", 0.0));
-    insta::assert_snapshot!(only_failure(&late).words, @"Debris 0 hit satellite 0 at step 10, from 34° (radial out towards in-track) at 4.0 LU/TU; it was visible from step 9, 1 step before, and no single burn with the known debris and the remaining fuel would have avoided it.");
+    assert_eq!((late.assessment.case, late.assessment.value), ("unavoidable", 0.0));
+    insta::assert_snapshot!(only_failure(&late).explanation, @"Debris 0 hit satellite 0 at step 10, from 34° (radial out towards in-track) at 4.0 LU/TU; it was visible from step 9, 1 step before, and no single burn with the known debris and the remaining fuel would have avoided it.");
 
     let hidden = critique(&with_threat(&survival(&json!({"radar_range": 3})), 10, 30.0), &log_of(&[]));
     let encounter = only_failure(&hidden).encounter.as_ref().unwrap();
     assert_eq!((encounter.first_visible_step, encounter.steps_left, encounter.avoidable), (None, 0, None));
-    assert_eq!((hidden.judged.case, hidden.judged.value), ("unavoidable", 0.0));
-    insta::assert_snapshot!(only_failure(&hidden).words, @"Debris 0 hit satellite 0 at step 10, from 49° (radial out towards in-track) at 4.0 LU/TU; it was never visible.");
+    assert_eq!((hidden.assessment.case, hidden.assessment.value), ("unavoidable", 0.0));
+    insta::assert_snapshot!(only_failure(&hidden).explanation, @"Debris 0 hit satellite 0 at step 10, from 49° (radial out towards in-track) at 4.0 LU/TU; it was never visible.");
 }
 
 #[test]
@@ -218,8 +218,8 @@ fn reference_plan_consists_of_needed_burns() {
             critiqued.actions.iter().all(|a| a.agent != 0 || a.verdict == Verdict::Needed),
             "{critiqued:?}"
         );
-        assert_eq!(critiqued.judged.case, "threat_avoided");
-        assert!((0.8..=1.0).contains(&critiqued.judged.value));
+        assert_eq!(critiqued.assessment.case, "threat_avoided");
+        assert!((0.8..=1.0).contains(&critiqued.assessment.value));
     }
 }
 
@@ -235,13 +235,13 @@ fn burn_into_debris_is_harmful() {
     trapped["params"]["debris"] = json!(1);
     let scenario = Scenario::from_json(&trapped).unwrap();
 
-    assert_eq!(critique(&scenario, &log_of(&[])).judged.case, "no_action_needed");
+    assert_eq!(critique(&scenario, &log_of(&[])).assessment.case, "no_action_needed");
     let critiqued = critique(&scenario, &log_of(&[burn(1, 0, 0.5, 0.0)]));
     assert_eq!(critiqued.actions.len(), 1);
     assert_eq!(critiqued.actions[0].verdict, Verdict::Harmful);
     assert!(critiqued.actions[0].gain < -0.2, "a third of the reward of 42 steps is lost");
-    assert_eq!((critiqued.judged.case, critiqued.judged.value), ("harmful_burn", -1.0));
-    let remedy = only_failure(&critiqued).encounter.as_ref().unwrap().cheapest.clone().unwrap();
+    assert_eq!((critiqued.assessment.case, critiqued.assessment.value), ("harmful_burn", -1.0));
+    let remedy = only_failure(&critiqued).encounter.as_ref().unwrap().cheapest_avoidance.clone().unwrap();
     assert_eq!((remedy.step, remedy.cost), (1, 0.0), "holding avoids the loss");
 }
 
@@ -252,19 +252,21 @@ fn needless_burn_is_wasteful_only_where_fuel_is_score() {
     let critiqued = critique(&eco, &log);
     assert!(critiqued.actions.iter().all(|a| a.verdict == Verdict::Wasteful && a.gain < 0.0));
     assert_eq!((only_failure(&critiqued).mode, only_failure(&critiqued).agent), ("wasted_fuel", 1));
-    insta::assert_snapshot!(only_failure(&critiqued).words, @"Satellite 1 spent 3.50 fuel in 2 burns that gained nothing and cost 0.021 of the score.");
-    assert_eq!(critiqued.judged.case, "unnecessary_burn");
-    assert!((-1.0..=-0.5).contains(&critiqued.judged.value));
-    assert_eq!(critique(&eco, &log_of(&[])).judged.case, "no_action_needed");
+    insta::assert_snapshot!(only_failure(&critiqued).explanation, @"Satellite 1 spent 3.50 fuel in 2 burns that gained nothing and cost 0.021 of the score.");
+    assert_eq!(critiqued.assessment.case, "unnecessary_burn");
+    assert!((-1.0..=-0.5).contains(&critiqued.assessment.value));
+    assert_eq!(critique(&eco, &log_of(&[])).assessment.case, "no_action_needed");
 
     let critiqued = critique(&survival(&json!({})), &log);
     assert!(critiqued.actions.iter().all(|a| a.verdict == Verdict::Harmless && a.gain == 0.0));
-    assert_eq!((critiqued.failures.len(), critiqued.judged.case), (0, "unnecessary_burn"));
+    assert_eq!((critiqued.failures.len(), critiqued.assessment.case), (0, "unnecessary_burn"));
     // Spends 3.5 of 300 fuel units.
-    assert!((critiqued.judged.value - (-0.5 - 0.5 * 3.5 / 300.0)).abs() < 1e-12);
+    assert!((critiqued.assessment.value - (-0.5 - 0.5 * 3.5 / 300.0)).abs() < 1e-12);
     let critiqued = critique(&survival(&json!({})), &log_of(&[]));
     // Sums 50 rewards of 0.998/50.
-    assert!(critiqued.judged.case == "no_action_needed" && (critiqued.judged.value - 1.0).abs() < 1e-12);
+    assert!(
+        critiqued.assessment.case == "no_action_needed" && (critiqued.assessment.value - 1.0).abs() < 1e-12
+    );
 }
 
 #[test]
@@ -275,8 +277,8 @@ fn fall_into_the_earth_is_decay_by_harmful_burns() {
     let failure = only_failure(&critiqued);
     assert_eq!((failure.mode, &failure.encounter), ("decay", &None));
     assert!(critiqued.actions.iter().all(|a| a.verdict == Verdict::Harmful), "{:?}", critiqued.actions);
-    assert_eq!((critiqued.judged.case, critiqued.judged.value), ("harmful_burn", -1.0));
-    insta::assert_snapshot!(failure.words, @"Satellite 0 fell into the Earth at step 19 after burns of 10.0 fuel; holding from step 2 on would have avoided it.");
+    assert_eq!((critiqued.assessment.case, critiqued.assessment.value), ("harmful_burn", -1.0));
+    insta::assert_snapshot!(failure.explanation, @"Satellite 0 fell into the Earth at step 19 after burns of 10.0 fuel; holding from step 2 on would have avoided it.");
 }
 
 #[test]
@@ -288,7 +290,7 @@ fn fuel_spent_before_a_threat_is_starvation() {
     let modes: Vec<_> = critiqued.failures.iter().map(|f| (f.mode, f.step)).collect();
     assert_eq!(modes[0], ("fuel_starvation", 8), "{modes:?}");
     assert_eq!((modes.len(), modes[1].0), (2, "collision"));
-    insta::assert_snapshot!(critiqued.failures[0].words, @"Satellite 0 was short of fuel from step 8 on (1.50 requested, 0.00 left): with all requested burns a satellite would have been saved.");
+    insta::assert_snapshot!(critiqued.failures[0].explanation, @"Satellite 0 was short of fuel from step 8 on (1.50 requested, 0.00 left): with all requested burns a satellite would have been saved.");
     // A rejected burn that would not have helped is no starvation.
     let critiqued = critique(&scenario, &log_of(&[spent[0], spent[1], burn(20, 0, 0.3, 0.0)]));
     assert_eq!(only_failure(&critiqued).mode, "collision");
@@ -303,8 +305,8 @@ fn fuel_spent_before_a_threat_is_starvation() {
     let scenario = with_threat(&survival(&json!({"fuel": 5, "radar_range": 18})), 20, 0.0);
     let critiqued = critique(&scenario, &log_of(&[burn(1, 0, 0.49, 0.0), burn(2, 0, -0.49, 0.0)]));
     let starved = critiqued.failures.iter().find(|f| f.mode == "fuel_starvation").unwrap();
-    insta::assert_snapshot!(starved.words, @"Satellite 0 had 0.10 fuel left when the debris that hit it became visible; a burn of 1.00 fuel at step 17 would have avoided it.");
-    assert_eq!((critiqued.judged.case, critiqued.judged.value), ("harmful_burn", -1.0));
+    insta::assert_snapshot!(starved.explanation, @"Satellite 0 had 0.10 fuel left when the debris that hit it became visible; a burn of 1.00 fuel at step 17 would have avoided it.");
+    assert_eq!((critiqued.assessment.case, critiqued.assessment.value), ("harmful_burn", -1.0));
 }
 
 #[test]

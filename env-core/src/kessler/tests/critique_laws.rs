@@ -191,11 +191,11 @@ fn check(scenario: &Scenario, log: &ActionLog) -> Result<(Critique, EpisodeOutco
     }
     prop_assert_eq!(losses.iter().sum::<u32>(), outcome.lost);
     prop_assert_eq!(critique.actions.len(), applied_burns);
-    let judged = &critique.judged;
+    let judged = &critique.assessment;
     prop_assert!((-1.0..=1.0).contains(&judged.value), "{:?}", judged);
     for failure in &critique.failures {
         let known = scenario.task().failure_modes().iter().any(|mode| mode.name == failure.mode);
-        prop_assert!(known && failure.words.ends_with('.'));
+        prop_assert!(known && failure.explanation.ends_with('.'));
         prop_assert!(failure.step >= 1 && failure.step <= outcome.steps);
         prop_assert!(failure.measures.iter().all(|m| m.value.is_finite()), "{:?}", failure);
         if let Some(encounter) = &failure.encounter {
@@ -205,7 +205,7 @@ fn check(scenario: &Scenario, log: &ActionLog) -> Result<(Critique, EpisodeOutco
             let first =
                 (0..failure.step).find(|&step| states[step as usize].debris.contains(&encounter.body));
             prop_assert_eq!(encounter.first_visible_step, first);
-            if let Some(remedy) = &encounter.cheapest {
+            if let Some(remedy) = &encounter.cheapest_avoidance {
                 prop_assert!(remedy.step > first.unwrap() && remedy.step <= failure.step);
                 let other = visible_states(
                     scenario,
@@ -214,7 +214,7 @@ fn check(scenario: &Scenario, log: &ActionLog) -> Result<(Critique, EpisodeOutco
                 prop_assert!(other[failure.step as usize].active[failure.agent as usize], "{:?}", failure);
             }
             prop_assert_eq!(encounter.avoidable.is_none(), encounter.first_visible_step.is_none());
-            prop_assert_eq!(encounter.avoidable == Some(true), encounter.cheapest.is_some());
+            prop_assert_eq!(encounter.avoidable == Some(true), encounter.cheapest_avoidance.is_some());
             prop_assert_eq!(
                 encounter.first_visible_step.map_or(0, |visible| failure.step - visible),
                 encounter.steps_left
@@ -255,7 +255,7 @@ proptest! {
             prop_assert!(wasted, "{:?}", critique.failures);
             let waste = critique.actions.iter().any(|a| a.verdict == Verdict::Wasteful);
             prop_assert!(waste || critique.failures.is_empty(), "{:?}", critique.failures);
-            prop_assert!(!["threat_missed", "unavoidable", "goal_missed"].contains(&critique.judged.case));
+            prop_assert!(!["threat_missed", "unavoidable", "goal_missed"].contains(&critique.assessment.case));
         } else {
             prop_assert!(!critique.failures.is_empty(), "{outcome:?}");
         }

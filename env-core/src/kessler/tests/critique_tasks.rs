@@ -19,21 +19,21 @@ fn rendezvous_is_overshot_missed_or_held() {
     let past: Vec<_> = (1..=4).map(|step| burn(step, 0, 1.0, 0.0)).collect();
     let critiqued = critique(&start, &log_of(&past));
     assert_eq!(only_failure(&critiqued).mode, "overshoot");
-    insta::assert_snapshot!(only_failure(&critiqued).words, @"Satellite 0 reached radius 100 at step 6 at a radial speed of 3.8 LU/TU and left it again at step 8, between 97.3 and 240.3 LU: mean proximity 0.00 over the last 20 steps.");
+    insta::assert_snapshot!(only_failure(&critiqued).explanation, @"Satellite 0 reached radius 100 at step 6 at a radial speed of 3.8 LU/TU and left it again at step 8, between 97.3 and 240.3 LU: mean proximity 0.00 over the last 20 steps.");
     // A radial kick of 1 LU/TU gives an apogee of 112 LU a quarter of an orbit later.
     let critiqued = critique(&start, &climb(1.0));
     assert_eq!(only_failure(&critiqued).mode, "overshoot");
-    assert_eq!(critiqued.judged.case, "goal_missed");
-    insta::assert_snapshot!(only_failure(&critiqued).words, @"Satellite 0 reached radius 100 at step 21 at a radial speed of 0.7 LU/TU and left it again at step 31, between 97.4 and 108.2 LU: mean proximity 0.79 over the last 20 steps.");
+    assert_eq!(critiqued.assessment.case, "goal_missed");
+    insta::assert_snapshot!(only_failure(&critiqued).explanation, @"Satellite 0 reached radius 100 at step 21 at a radial speed of 0.7 LU/TU and left it again at step 31, between 97.4 and 108.2 LU: mean proximity 0.79 over the last 20 steps.");
     let critiqued = critique(&start, &climb(0.3));
     assert_eq!(only_failure(&critiqued).mode, "short");
-    insta::assert_snapshot!(only_failure(&critiqued).words, @"Satellite 0 never came within 3 LU of radius 100: nearest was 85.4 LU at step 39; mean proximity 0.51 over the last 20 steps.");
-    assert!(critiqued.judged.case == "goal_missed" && (-0.5..0.5).contains(&critiqued.judged.value));
+    insta::assert_snapshot!(only_failure(&critiqued).explanation, @"Satellite 0 never came within 3 LU of radius 100: nearest was 85.4 LU at step 39; mean proximity 0.51 over the last 20 steps.");
+    assert!(critiqued.assessment.case == "goal_missed" && (-0.5..0.5).contains(&critiqued.assessment.value));
 
     let plan = start.task().bracket(&start).unwrap().reference_plan;
     let critiqued = critique(&start, &plan);
-    assert_eq!((critiqued.failures.len(), critiqued.judged.case), (0, "goal_reached"));
-    assert!((0.8..=1.0).contains(&critiqued.judged.value));
+    assert_eq!((critiqued.failures.len(), critiqued.assessment.case), (0, "goal_reached"));
+    assert!((0.8..=1.0).contains(&critiqued.assessment.value));
     assert!(critiqued.actions.iter().any(|a| a.verdict == Verdict::Needed));
 }
 
@@ -45,7 +45,7 @@ fn formation_without_control_breaks_up() {
     let scenario = Scenario::new(recipe.unwrap(), crate::Seed::user(4).unwrap());
     let critiqued = critique(&scenario, &log_of(&[]));
     let failure = only_failure(&critiqued);
-    assert_eq!((failure.mode, critiqued.judged.case), ("break_up", "goal_missed"));
+    assert_eq!((failure.mode, critiqued.assessment.case), ("break_up", "goal_missed"));
     let mut bodies = KesslerSetup::from_recipe(scenario.recipe())
         .unwrap()
         .draw_initial_state(&mut SeededRng::new(scenario.seed()))
@@ -57,11 +57,11 @@ fn formation_without_control_breaks_up() {
     });
     let held: Vec<bool> = held.collect();
     assert_eq!(held.iter().rposition(|&held| held).map_or(0, |last| last + 1), failure.step as usize - 1);
-    insta::assert_snapshot!(failure.words, @"The formation was lost at step 4: satellites 0 and 1 were 24.9 LU apart, 95.5 at the end, not 20; mean formation quality 0.33 over the last steps.");
+    insta::assert_snapshot!(failure.explanation, @"The formation was lost at step 4: satellites 0 and 1 were 24.9 LU apart, 95.5 at the end, not 20; mean formation quality 0.33 over the last steps.");
 
     let plan = scenario.task().bracket(&scenario).unwrap().reference_plan;
     let critiqued = critique(&scenario, &plan);
-    assert_eq!((critiqued.failures.len(), critiqued.judged.case), (0, "goal_reached"));
+    assert_eq!((critiqued.failures.len(), critiqued.assessment.case), (0, "goal_reached"));
 }
 
 /// Under `risk: pc` a goal that was held can be missed for lack of survival, without a loss: the critique
@@ -88,7 +88,7 @@ fn goal_held_with_low_survival_is_risk() {
             let measure = |name| failure.measures.iter().find(|m| m.name == name).unwrap().value;
             assert!(measure("held") >= 0.9 && (0.9..1.0).contains(&measure("survival")), "{failure:?}");
             assert!(!critiqued.failures.iter().any(|f| ["break_up", "short", "overshoot"].contains(&f.mode)));
-            words.entry(task).or_insert_with(|| failure.words.clone());
+            words.entry(task).or_insert_with(|| failure.explanation.clone());
         }
     }
     insta::assert_snapshot!(words["kessler/formation"], @"The goal was held at 1.000 over the last 25 steps, but close approaches left satellite 2 with survival 0.906: 0.887 in total.");
@@ -111,12 +111,12 @@ fn risk_is_attributed_to_the_worst_approach() {
     assert!((probability - libm::erf(2.0 / sigma / std::f64::consts::SQRT_2)).abs() < 1e-9);
     let encounter = failure.encounter.as_ref().unwrap();
     assert_eq!((encounter.body, encounter.avoidable), (0, Some(true)));
-    assert_eq!((critiqued.judged.case, critiqued.judged.value), ("threat_missed", -1.0));
-    let remedy = encounter.cheapest.as_ref().unwrap();
+    assert_eq!((critiqued.assessment.case, critiqued.assessment.value), ("threat_missed", -1.0));
+    let remedy = encounter.cheapest_avoidance.as_ref().unwrap();
     let log = log_of(&[burn(remedy.step, 0, remedy.values[0], remedy.values[1])]);
     assert_eq!(replay(&scenario, &log).unwrap().lost, 0);
     let critiqued = critique(&scenario, &log);
-    assert_eq!((critiqued.failures.len(), critiqued.judged.case), (0, "threat_avoided"));
+    assert_eq!((critiqued.failures.len(), critiqued.assessment.case), (0, "threat_avoided"));
     assert_eq!(critiqued.actions[0].verdict, Verdict::Needed);
 }
 
@@ -136,7 +136,7 @@ fn swept_contact_has_encounter_geometry() {
         scenario["physics"]["contact"] = json!(if swept { "swept" } else { "end_of_step" });
         critique(&Scenario::from_json(&scenario).unwrap(), &log_of(&[]))
     };
-    assert_eq!(critique_moved(false).judged.case, "no_action_needed");
+    assert_eq!(critique_moved(false).assessment.case, "no_action_needed");
     let critiqued = critique_moved(true);
     let encounter = only_failure(&critiqued).encounter.as_ref().unwrap();
     assert!(

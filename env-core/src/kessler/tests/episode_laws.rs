@@ -43,7 +43,7 @@ proptest! {
         };
         let (hash, outcome, sum) = fly(&scenario);
         prop_assert_eq!(fly(&again).0, hash);
-        prop_assert_eq!(outcome.total, sum);
+        prop_assert_eq!(outcome.total_reward, sum);
         let range = KESSLER_TASKS[task].score_range();
         prop_assert!(outcome.score >= range.min && outcome.score <= range.max);
     }

@@ -47,12 +47,12 @@ pub(super) struct StagedPass {
 impl StagedPass {
     /// Initial state of the debris, by steps backwards from the closest approach.
     pub(super) fn start(&self, satellite: Body, gravity: Gravity) -> Body {
-        self.displaced_start(satellite, gravity, (0.0, 0.0))
+        self.displaced_start(satellite, gravity, [0.0, 0.0])
     }
 
     /// Initial state of debris that is displaced at the closest approach by `offset`, LU, along the relative
     /// velocity and to its left.
-    pub(super) fn displaced_start(&self, mut satellite: Body, gravity: Gravity, offset: (f64, f64)) -> Body {
+    pub(super) fn displaced_start(&self, mut satellite: Body, gravity: Gravity, offset: [f64; 2]) -> Body {
         let steps = self.time.ceil() as u32;
         for _ in 0..steps {
             satellite = satellite.coast(gravity);
@@ -61,8 +61,8 @@ impl StagedPass {
         let (sin, cos) = libm::sincos(self.heading);
         let (ux, uy) = (cos * rx + sin * tx, cos * ry + sin * ty);
         // Distance from the closest approach to the end of its step.
-        let along = self.speed * (f64::from(steps) - self.time) + offset.0;
-        let left = self.miss + offset.1;
+        let along = self.speed * (f64::from(steps) - self.time) + offset[0];
+        let left = self.miss + offset[1];
         let mut body = Body {
             x: satellite.x + along * ux - left * uy,
             y: satellite.y + along * uy + left * ux,

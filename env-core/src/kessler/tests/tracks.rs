@@ -284,7 +284,7 @@ fn documentation_lists_every_column() {
         let name = column.name.replace("debris_0", "debris_i");
         rows.push(format!(
             "| {number} | `{name}` | {} | {} | {} | {} |",
-            column.unit, column.offset, column.scale, column.about
+            column.unit, column.offset, column.scale, column.description
         ));
     }
     for row in &rows {

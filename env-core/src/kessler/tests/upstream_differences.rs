@@ -120,9 +120,9 @@ fn step_after_the_end_is_an_error_without_reward() {
         assert_eq!(report.done, number == HORIZON);
         assert!(report.agents.iter().all(|a| a.truncated == (number == HORIZON) && !a.terminated));
     }
-    let total = episode.outcome().total;
+    let total = episode.outcome().total_reward;
     assert_eq!(step(&mut *episode, &[], &[]), Err(StepError::Ended { step: 50 }));
-    assert_eq!(episode.outcome().total, total);
+    assert_eq!(episode.outcome().total_reward, total);
     assert!((total - 0.998).abs() < 1e-12);
 }
 

@@ -5,7 +5,7 @@ use serde_json::json;
 use super::staging::{StagedPass, separate_satellites, staged_scenario, start_sim};
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::kessler::KESSLER_TASKS;
-use crate::kessler::constants::{CONTACT_DISTANCE, SURVIVED};
+use crate::kessler::constants::{CONTACT_DISTANCE, SURVIVAL_THRESHOLD};
 use crate::kessler::event::KesslerEvent;
 use crate::kessler::kernel::{Gravity, collision_probability};
 use crate::kessler::setup::{InitialState, KesslerSetup};
@@ -109,7 +109,7 @@ fn validate_pc_against_swept_contacts_of_the_engine() {
             .filter(|_| {
                 let [a, b] = draw();
                 start.debris[0] =
-                    pass.displaced_start(separate_satellites()[0], Gravity::Point, (sigma * a, sigma * b));
+                    pass.displaced_start(separate_satellites()[0], Gravity::Point, [sigma * a, sigma * b]);
                 sim.reset(&start, SeededRng::new(seed));
                 (0..8).any(|_| {
                     sim.step(JointAction::HOLD).unwrap();
@@ -143,6 +143,6 @@ fn validate_pc_survival_is_a_product() {
         let alive: f64 = sim.satellites().iter().map(|s| s.survival).sum();
         assert!((stepped.reward - alive / 3.0 * 0.998 / 50.0).abs() < 1e-15);
     }
-    assert!(expected < SURVIVED && sim.satellites()[0].is_active());
+    assert!(expected < SURVIVAL_THRESHOLD && sim.satellites()[0].is_active());
     assert_eq!(sim.outcome().lost, 1);
 }

@@ -31,7 +31,7 @@ pub struct TrackColumn {
     /// Scale by which the difference is divided, in the value's unit.
     pub scale: f64,
     /// Meaning of the column.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// Constant description of a column.
@@ -59,7 +59,7 @@ pub(super) fn describe(threats: usize, look_ahead: usize) -> Vec<TrackColumn> {
             ColumnScale::Fixed(scale) => scale,
             ColumnScale::LookAhead => look_ahead as f64,
         };
-        TrackColumn { name, unit: spec.unit, offset: spec.offset, scale, about: spec.about }
+        TrackColumn { name, unit: spec.unit, offset: spec.offset, scale, description: spec.about }
     };
     let own = OWN_COLUMNS.iter().map(|spec| column(spec.name.to_owned(), spec));
     let threats = (0..threats).flat_map(|number| {

@@ -307,12 +307,12 @@ fn write_entry(entry: &SuiteEntry) -> Result<String, serde_json::Error> {
 
 impl OutcomeRow {
     const fn of(outcome: &EpisodeOutcome) -> Self {
-        Self(outcome.score, outcome.total, outcome.steps, outcome.lost, outcome.goal, outcome.fuel_used)
+        Self(outcome.score, outcome.total_reward, outcome.steps, outcome.lost, outcome.goal, outcome.fuel_used)
     }
 
     const fn into_outcome(self) -> EpisodeOutcome {
-        let Self(score, total, steps, lost, goal, fuel_used) = self;
-        EpisodeOutcome { score, total, steps, lost, goal, fuel_used }
+        let Self(score, total_reward, steps, lost, goal, fuel_used) = self;
+        EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used }
     }
 }
 

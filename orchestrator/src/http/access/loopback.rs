@@ -19,7 +19,7 @@ pub(super) fn check_loopback(headers: &HeaderMap, uri: &Uri) -> Result<(), Probl
     }
     let detail = "This server has no tokens and speaks to this machine alone: ask it by 127.0.0.1 or localhost, from no other site's \
         page. `sparring token create` makes tokens.";
-    Err(Problem::new(StatusCode::FORBIDDEN, "not_from_here", detail))
+    Err(Problem::new(StatusCode::FORBIDDEN, "loopback_only", detail))
 }
 
 /// Returns true if a host, with or without a port, is a loopback name or address.

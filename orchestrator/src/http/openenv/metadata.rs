@@ -10,13 +10,13 @@ use super::tasks::{RESET_ORDER, known_tasks, task_by_name};
 
 /// Get the health of the server in openenv-core's format.
 #[utoipa::path(get, path = "/health", tag = "openenv", responses((status = 200, body = Object)))]
-pub(super) async fn health() -> axum::Json<Value> {
+pub(super) async fn get_health() -> axum::Json<Value> {
     axum::Json(json!({"status": "healthy"}))
 }
 
 /// Get the name, description and version of the environment.
 #[utoipa::path(get, path = "/metadata", tag = "openenv", responses((status = 200, body = Object)))]
-pub(super) async fn metadata() -> axum::Json<Value> {
+pub(super) async fn get_environment_metadata() -> axum::Json<Value> {
     axum::Json(metadata_value("SparringEnvironment"))
 }
 
@@ -49,7 +49,9 @@ pub(super) struct SchemaQuery {
     get, path = "/schema", tag = "openenv", params(SchemaQuery),
     responses((status = 200, body = Object), (status = 404, body = Object))
 )]
-pub(super) async fn schema(Query(query): Query<SchemaQuery>) -> Result<axum::Json<Value>, ErrorResponse> {
+pub(super) async fn get_environment_schema(
+    Query(query): Query<SchemaQuery>,
+) -> Result<axum::Json<Value>, ErrorResponse> {
     let id = query.task.as_deref().unwrap_or(RESET_ORDER[0]);
     let unknown = || {
         ErrorResponse::new(
@@ -92,7 +94,7 @@ fn state_schema() -> Value {
 
 /// Get the web app manifest of the page.
 #[utoipa::path(get, path = "/manifest.json", tag = "openenv", responses((status = 200, body = Object)))]
-pub(super) async fn manifest() -> axum::Json<Value> {
+pub(super) async fn get_manifest() -> axum::Json<Value> {
     axum::Json(json!({
         "name": "Sparring",
         "short_name": "Sparring",

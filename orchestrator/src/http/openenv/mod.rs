@@ -37,17 +37,17 @@ use crate::http::state::AppState;
 /// Returns all routes, which are at the root.
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
-        .routes(routes!(metadata::health))
-        .routes(routes!(metadata::metadata))
-        .routes(routes!(metadata::schema))
-        .routes(routes!(metadata::manifest))
-        .routes(routes!(simulation::reset))
-        .routes(routes!(simulation::step))
-        .routes(routes!(simulation::state))
-        .routes(routes!(mcp::routes::post))
-        .routes(routes!(mcp_socket))
-        .routes(routes!(socket))
-        .routes(routes!(ui_socket))
+        .routes(routes!(metadata::get_health))
+        .routes(routes!(metadata::get_environment_metadata))
+        .routes(routes!(metadata::get_environment_schema))
+        .routes(routes!(metadata::get_manifest))
+        .routes(routes!(simulation::reset_environment))
+        .routes(routes!(simulation::step_environment))
+        .routes(routes!(simulation::get_environment_state))
+        .routes(routes!(mcp::routes::call_mcp))
+        .routes(routes!(connect_mcp_session))
+        .routes(routes!(connect_environment_session))
+        .routes(routes!(connect_ui_session))
         .route("/", get(web::home))
         .route("/web", get(web::home))
         .route("/web/", get(web::page))
@@ -64,7 +64,11 @@ type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
     get, path = "/ws", tag = "openenv",
     responses((status = 101), (status = 404, body = Object, description = "It is not asked for as a WebSocket."))
 )]
-async fn socket(state: State<AppState>, Extension(caller): Extension<Caller>, upgrade: Upgrade) -> Response {
+async fn connect_environment_session(
+    state: State<AppState>,
+    Extension(caller): Extension<Caller>,
+    upgrade: Upgrade,
+) -> Response {
     match upgrade {
         Ok(upgrade) => socket::connect(state, caller.identity, upgrade).await,
         // Like openenv-core, a route that is only a WebSocket does not exist for other requests.
@@ -77,7 +81,7 @@ async fn socket(state: State<AppState>, Extension(caller): Extension<Caller>, up
     get, path = "/mcp", tag = "openenv",
     responses((status = 101), (status = 405, body = Object, description = "It is not asked for as a WebSocket."))
 )]
-async fn mcp_socket(
+async fn connect_mcp_session(
     state: State<AppState>,
     Extension(caller): Extension<Caller>,
     upgrade: Upgrade,
@@ -100,7 +104,7 @@ async fn mcp_socket(
         (status = 503, body = Object)
     )
 )]
-async fn ui_socket(
+async fn connect_ui_session(
     state: State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: axum::http::HeaderMap,

@@ -60,7 +60,7 @@ pub(super) fn session_cookie(headers: &HeaderMap) -> Option<String> {
         (status = 429, body = Object), (status = 503, body = Object)
     )
 )]
-pub(super) async fn reset(
+pub(super) async fn reset_environment(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
@@ -108,7 +108,7 @@ pub(super) async fn begin_episode(
         (status = 429, body = Object), (status = 503, body = Object)
     )
 )]
-pub(super) async fn step(
+pub(super) async fn step_environment(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,
@@ -153,7 +153,7 @@ pub(super) fn action_from_body(mut body: Map<String, Value>) -> Result<Value, Er
 
 /// Get the state of the session.
 #[utoipa::path(get, path = "/state", tag = "openenv", responses((status = 200, body = Object), (status = 503, body = Object)))]
-pub(super) async fn state(
+pub(super) async fn get_environment_state(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     headers: HeaderMap,

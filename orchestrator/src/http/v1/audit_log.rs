@@ -3,10 +3,10 @@
 use api_types::{AuditLogEntry, AuditLogPage, AuditLogQuery};
 use axum::extract::State;
 
-use super::super::extract::Query;
-use super::super::problem::Problem;
-use super::{next_cursor, number_before, page_limit};
 use crate::clock::rfc3339;
+use crate::http::extract::Query;
+use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::store::audit_log::{self, AuditRing, AuditRow};
 
@@ -25,7 +25,7 @@ pub(super) async fn list_audit_log(
     let mut conn = app.readers.acquire().await?;
     let ring = if query.denied { AuditRing::Denials } else { AuditRing::Changes };
     let rows = audit_log::page(&mut conn, ring, before, limit).await?;
-    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.id, "")));
+    let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.id)));
     let entry = |row: AuditRow| AuditLogEntry {
         at: rfc3339(row.at),
         token: row.token,
@@ -36,5 +36,5 @@ pub(super) async fn list_audit_log(
         status: row.status,
         request_id: row.request_id,
     };
-    Ok(axum::Json(AuditLogPage { lines: rows.into_iter().map(entry).collect(), next }))
+    Ok(axum::Json(AuditLogPage { entries: rows.into_iter().map(entry).collect(), next }))
 }

@@ -1,18 +1,17 @@
 //! Columns: results of all episodes of a lease in one request, and their audit.
 
-use api_types::{AuditedGroup, ClaimedColumns, ColumnClaim};
+use api_types::{AuditedGroup, ClaimedColumns, ColumnClaim, ColumnsRequest};
 use axum::extract::{Request, State};
 use serde::Deserialize;
-use utoipa::ToSchema;
 
-use super::super::blocking::run_blocking;
-use super::super::extract::{EncodedBody, NoQuery, Path};
-use super::super::large_body::{LargeBody, receive_large_body};
-use super::super::number_column::{NumberColumn, optional_u32, parse_columns};
-use super::super::problem::Problem;
-use super::{parse_id, run_id};
 use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
+use crate::http::blocking::run_blocking;
+use crate::http::extract::{EncodedBody, NoQuery, Path};
+use crate::http::large_body::{LargeBody, receive_large_body};
+use crate::http::number_column::{NumberColumn, optional_u32, parse_columns};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::{EpisodeId, LeaseId};
 use crate::leases::find::find_lease;
@@ -21,23 +20,16 @@ use crate::results::columns::status::{self, ClaimStatus};
 use crate::results::columns::table::Columns;
 use crate::store::leases::LeaseRow;
 
-/// Columns with one entry for each episode of the lease, in order. In MessagePack a column may also be `bin`: packed little-endian.
-#[derive(Debug, Deserialize, ToSchema)]
+/// Body of a claim, which may have packed columns. Its JSON is that of [`ColumnsRequest`].
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ColumnsRequest {
-    /// Policy version that ran the episodes (default: the lease's).
+struct ColumnsBody {
     #[serde(default, deserialize_with = "policy_version")]
     policy_version: Option<u32>,
-    /// Score of each episode; a number is required for failed episodes too and ignored. `bin`: f32.
-    #[schema(value_type = Vec<f32>)]
     #[serde(deserialize_with = "score")]
     score: NumberColumn<f32>,
-    /// 1 for each episode that the infrastructure lost, else 0; optional if none was lost. `bin`: u8.
-    #[schema(value_type = Option<Vec<u8>>)]
     #[serde(default, deserialize_with = "failed")]
     failed: NumberColumn<u8>,
-    /// Number of steps of each episode; optional. `bin`: u32.
-    #[schema(value_type = Option<Vec<u32>>)]
     #[serde(default, deserialize_with = "steps")]
     steps: NumberColumn<u32>,
 }
@@ -47,7 +39,7 @@ macro_rules! named_column {
     ($name:ident, $of:ty) => {
         fn $name<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<NumberColumn<$of>, D::Error> {
             NumberColumn::deserialize(reader)
-                .map_err(|error| super::super::number_column::field_error(stringify!($name), error))
+                .map_err(|error| crate::http::number_column::field_error(stringify!($name), error))
         }
     };
 }
@@ -56,7 +48,7 @@ named_column!(failed, u8);
 named_column!(steps, u32);
 
 fn policy_version<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<Option<u32>, D::Error> {
-    optional_u32(reader).map_err(|error| super::super::number_column::field_error("policy_version", error))
+    optional_u32(reader).map_err(|error| crate::http::number_column::field_error("policy_version", error))
 }
 
 /// Converts a claim and groups its audited episodes.
@@ -64,27 +56,29 @@ fn claim_from_status(status: ClaimStatus) -> ColumnClaim {
     let ClaimStatus { claim, lease, audited } = status;
     let LeaseRow { group_size, .. } = lease;
     let id = LeaseId { number: lease.id, token: lease.token };
-    let mut audit: Vec<AuditedGroup> = Vec::new();
+    let mut audited_groups: Vec<AuditedGroup> = Vec::new();
     for index in audited {
         let group = index / group_size.max(1);
         let episode = EpisodeId { lease: id.clone(), index }.to_string();
-        match audit.last_mut().filter(|last| last.group == group) {
+        match audited_groups.last_mut().filter(|last| last.group == group) {
             Some(last) => {
                 last.entries.push(index);
                 last.episodes.push(episode);
             }
-            None => audit.push(AuditedGroup { group, entries: vec![index], episodes: vec![episode] }),
+            None => {
+                audited_groups.push(AuditedGroup { group, entries: vec![index], episodes: vec![episode] });
+            }
         }
     }
     ColumnClaim {
-        audit,
+        audited_groups,
         lease: id.to_string(),
-        state: claim.state.to_string(),
+        state: claim.state.into(),
         episodes: claim.episodes,
         failed: claim.failed,
         policy_version: claim.policy_version,
-        why: claim.why,
-        due: rfc3339(lease.expires_at),
+        reason: claim.refusal_reason,
+        due_at: rfc3339(lease.expires_at),
     }
 }
 
@@ -107,7 +101,7 @@ pub(super) async fn claim_columns(
     Path((run, lease)): Path<(String, String)>,
     request: Request,
 ) -> Result<axum::Json<ColumnClaim>, Problem> {
-    let (run, lease) = (run_id(&run)?, parse_id("lease", &lease)?);
+    let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let LargeBody { body, permit: _permit } = receive_large_body(&app.body_limit, request).await?;
     let (policy_version, columns) = run_blocking(move || read_columns(body)).await?;
     let status = column_claims::claim(&app.lease_service, run, lease, policy_version, columns).await?;
@@ -116,7 +110,7 @@ pub(super) async fn claim_columns(
 
 /// Reads the columns of a body and the policy version that it names.
 fn read_columns(EncodedBody { format, bytes }: EncodedBody) -> Result<(Option<u32>, Columns), Problem> {
-    let ColumnsRequest { policy_version, score, failed, steps } = parse_columns(format, &bytes)?;
+    let ColumnsBody { policy_version, score, failed, steps } = parse_columns(format, &bytes)?;
     if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
         return Err(Problem::invalid(format!("failed.{at}"), "it is neither 0 nor 1"));
     }
@@ -138,12 +132,12 @@ pub(super) async fn get_claimed_columns(
     State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<ClaimedColumns>, Problem> {
-    let (run, lease) = (run_id(&run)?, parse_id("lease", &lease)?);
+    let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find_lease(&mut conn, &run, &lease).await?;
     check_kept(&row)?;
     let claimed = status::claimed_columns(&mut conn, row.id).await?.ok_or_else(no_columns)?;
-    let (state, Columns { scores, failed, steps }) = (claimed.state.to_string(), claimed.columns);
+    let (state, Columns { scores, failed, steps }) = (claimed.state.into(), claimed.columns);
     let failed = failed.into_iter().map(u8::from).collect();
     Ok(axum::Json(ClaimedColumns { state, score: scores, failed, steps }))
 }
@@ -171,9 +165,31 @@ pub(super) async fn get_column_claim(
     State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<ColumnClaim>, Problem> {
-    let (run, lease) = (run_id(&run)?, parse_id("lease", &lease)?);
+    let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find_lease(&mut conn, &run, &lease).await?;
     check_kept(&row)?;
     Ok(axum::Json(claim_from_status(status::claim_status(&mut conn, row).await?.ok_or_else(no_columns)?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::http::extract::BodyFormat;
+
+    #[test]
+    fn request_of_the_api_is_read_whole() {
+        let request = ColumnsRequest {
+            policy_version: Some(3),
+            score: vec![0.25, 0.5],
+            failed: vec![0, 1],
+            steps: vec![7, 8],
+        };
+        let bytes = serde_json::to_vec(&request).expect("a request has a JSON form").into();
+        let read = read_columns(EncodedBody { format: BodyFormat::Json, bytes });
+        let (policy_version, columns) = read.map_err(|problem| problem.message()).expect("the body is valid");
+        assert_eq!(policy_version, request.policy_version);
+        let Columns { scores, failed, steps } = columns;
+        assert_eq!((scores, failed, steps), (request.score, vec![false, true], request.steps));
+    }
 }

@@ -1,49 +1,53 @@
 //! Critique of one episode, and the conversion of critiques to responses.
 
 use api_types::{
-    ActionValue, AvoidingAction, Critique, CritiqueEncounter, CritiqueFailure, EpisodeCritique,
-    FailureMeasure, JudgeAssessment,
+    ActionValue, ActionVerdict, AvoidingAction, Critique, CritiqueEncounter, CritiqueFailure,
+    EpisodeCritique, FailureMeasure, JudgeAssessment,
 };
 use axum::extract::State;
 use env_core::critique::{self, Encounter, Failure, Measure, Remedy, Verdict, bearing_sector};
 use env_core::{ActionLog, Scenario};
 
-use super::super::extract::{NoQuery, Path};
-use super::super::problem::Problem;
 use super::episodes::StoredEpisode;
-use super::{parse_id, run_id};
 use crate::engine::error::ServiceError;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
 /// Converts the critique of an episode of `scenario`.
 pub(super) fn critique_response(scenario: &Scenario, critique: critique::Critique) -> Critique {
-    let critique::Critique { failures, actions, judged } = critique;
+    let critique::Critique { failures, actions, assessment } = critique;
     let action = |a: critique::ActionVerdict| ActionValue {
         step: a.step,
         agent: a.agent,
         cost: a.cost,
-        verdict: verdict_word(a.verdict).to_owned(),
+        verdict: action_verdict(a.verdict),
         gain: a.gain,
     };
     Critique {
         failures: failures.into_iter().map(|failure| failure_response(scenario, failure)).collect(),
         actions: actions.into_iter().map(action).collect(),
-        judged: JudgeAssessment { value: judged.value, case: judged.case.to_owned(), words: judged.words },
+        assessment: JudgeAssessment {
+            value: assessment.value,
+            case: assessment.case.to_owned(),
+            explanation: assessment.explanation,
+        },
     }
 }
 
-/// Word of a verdict in responses.
-pub(super) const fn verdict_word(verdict: Verdict) -> &'static str {
+/// Converts the verdict on an action.
+pub(super) const fn action_verdict(verdict: Verdict) -> ActionVerdict {
     match verdict {
-        Verdict::Needed => "needed",
-        Verdict::Harmless => "harmless",
-        Verdict::Wasteful => "wasteful",
-        Verdict::Harmful => "harmful",
+        Verdict::Needed => ActionVerdict::Needed,
+        Verdict::Harmless => ActionVerdict::Harmless,
+        Verdict::Wasteful => ActionVerdict::Wasteful,
+        Verdict::Harmful => ActionVerdict::Harmful,
     }
 }
 
 fn failure_response(scenario: &Scenario, failure: Failure) -> CritiqueFailure {
-    let Failure { mode, agent, step, encounter, measures, words } = failure;
+    let Failure { mode, agent, step, encounter, measures, explanation } = failure;
     let measure = |Measure { name, value, unit }| FailureMeasure {
         name: String::from(name),
         value,
@@ -55,7 +59,7 @@ fn failure_response(scenario: &Scenario, failure: Failure) -> CritiqueFailure {
         step,
         encounter: encounter.map(|encounter| encounter_response(scenario, encounter)),
         measures: measures.into_iter().map(measure).collect(),
-        words,
+        explanation,
     }
 }
 
@@ -71,7 +75,7 @@ fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEnco
         first_visible_step: encounter.first_visible_step,
         steps_left: encounter.steps_left,
         avoidable: encounter.avoidable,
-        cheapest: encounter.cheapest.map(remedy),
+        cheapest_avoidance: encounter.cheapest_avoidance.map(remedy),
     }
 }
 
@@ -92,7 +96,7 @@ pub(super) async fn get_episode_critique(
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<EpisodeCritique>, Problem> {
     let mut conn = app.readers.acquire().await?;
-    let found = StoredEpisode::load(&mut conn, &run_id(&run)?, parse_id("episode", &episode)?).await?;
+    let found = StoredEpisode::load(&mut conn, &parse_run_id(&run)?, parse_id("episode", &episode)?).await?;
     drop(conn);
     let log = found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} with actions")))?;
     let scenario = found.scenario;

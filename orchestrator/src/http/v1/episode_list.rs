@@ -1,12 +1,14 @@
 //! List of a run's reported episodes: complete ones, and compacted ones of which only the outcome is kept.
 
-use api_types::{EpisodePage, EpisodeSummary, PageQuery, ReplayAvailability};
+use api_types::{EpisodePage, EpisodeState, EpisodeSummary, PageQuery, ReplayAvailability};
 use axum::extract::State;
 
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
-use super::{Cursor, next_cursor, page_limit, reader_of_run, run_id};
 use crate::clock::rfc3339;
+use crate::http::extract::{Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, page_limit};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::store::compacted_leases::{self, CompactedEpisode, CompactedGroup, CompactedLease};
@@ -18,21 +20,21 @@ pub(super) fn episode_summary(
     id: &EpisodeId,
     group: EpisodeGroup,
     row: Option<&EpisodeRow>,
-    unreported: &str,
+    unreported: EpisodeState,
 ) -> EpisodeSummary {
-    let has_actions = row.is_some_and(|row| row.flown.is_some());
+    let has_actions = row.is_some_and(|row| row.outcome.is_some());
     EpisodeSummary {
         episode: id.to_string(),
         task: Some(group.task),
         level: group.level,
-        role: group.role.to_string(),
+        role: group.role.into(),
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: row.map_or(unreported, |r| r.state.as_str()).to_owned(),
+        state: row.map_or(unreported, |row| row.state.into()),
         score: row.and_then(|r| r.score),
         success: row.and_then(|r| r.success),
         skill: row.and_then(|r| r.skill),
         policy_version: row.map(|r| r.policy_version),
-        at: row.map(|r| rfc3339(r.at)),
+        reported_at: row.map(|r| rfc3339(r.at)),
         replay: if has_actions { ReplayAvailability::Available } else { ReplayAvailability::None },
     }
 }
@@ -49,14 +51,14 @@ pub(super) fn compacted_summary(
         episode: EpisodeId { lease: lease.row.lease_id(), index }.to_string(),
         task: Some(group.task.clone()),
         level: group.level,
-        role: group.role.to_string(),
+        role: group.role.into(),
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: episode.map_or("expired", |episode| episode.state.as_str()).to_owned(),
+        state: episode.map_or(EpisodeState::Expired, |episode| episode.state.into()),
         score: episode.and_then(|episode| episode.score),
         success: episode.and_then(|episode| episode.success),
         skill: episode.and_then(|episode| episode.skill),
         policy_version: episode.map(|episode| episode.policy_version),
-        at: episode.map(|episode| rfc3339(lease.row.created_at + episode.after_ms)),
+        reported_at: episode.map(|episode| rfc3339(lease.row.created_at + episode.after_ms)),
         replay: if had_actions { ReplayAvailability::Expired } else { ReplayAvailability::None },
     }
 }
@@ -65,7 +67,7 @@ pub(super) fn compacted_summary(
 pub(super) fn listed_summary(episode: ListedEpisode) -> EpisodeSummary {
     let ListedEpisode { token, group, row } = episode;
     let id = EpisodeId { lease: LeaseId { number: row.lease, token }, index: row.number };
-    episode_summary(&id, group, Some(&row), "finished")
+    episode_summary(&id, group, Some(&row), EpisodeState::Finished)
 }
 
 /// List the reported episodes of a run, by lease and index.
@@ -82,9 +84,9 @@ pub(super) async fn list_episodes(
     Path(run): Path<String>,
     Query(page): Query<PageQuery>,
 ) -> Result<axum::Json<EpisodePage>, Problem> {
-    let (run, limit) = (run_id(&run)?, page_limit(page.limit)?);
+    let (run, limit) = (parse_run_id(&run)?, page_limit(page.limit)?);
     let after = episode_after(page.cursor.as_deref())?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let complete = episodes::page(&mut conn, run.as_str(), after, limit).await?;
     let mut listed: Vec<(EpisodeKey, EpisodeSummary)> =
         complete.into_iter().map(|episode| (episode.row.key(), listed_summary(episode))).collect();
@@ -104,14 +106,16 @@ pub(super) async fn list_episodes(
     listed.sort_by_key(|(key, _)| *key);
     listed.dedup_by_key(|(key, _)| *key); // an episode that was compacted meanwhile is listed complete
     listed.truncate(usize::try_from(limit).unwrap_or_default());
-    let last = listed.last().map(|(key, _)| (key.lease, key.number.to_string()));
-    let next = next_cursor(listed.len(), limit, last.as_ref().map(|(lease, index)| (*lease, index.as_str())));
+    let last = listed.last().map(|(key, _)| *key);
+    let number = last.map(|key| key.number.to_string()).unwrap_or_default();
+    let last = last.map(|key| PageCursor { number: key.lease, text: &number });
+    let next = next_cursor(listed.len(), limit, last);
     Ok(axum::Json(EpisodePage { episodes: listed.into_iter().map(|(_, summary)| summary).collect(), next }))
 }
 
 /// Key of the episode after which a page starts.
 fn episode_after(cursor: Option<&str>) -> Result<EpisodeKey, Problem> {
-    let Some(Cursor { number: lease, text }) = Cursor::parse(cursor)? else {
+    let Some(PageCursor { number: lease, text }) = PageCursor::parse(cursor)? else {
         return Ok(EpisodeKey { lease: 0, number: -1 });
     };
     let number =

@@ -1,19 +1,19 @@
 //! Search for reported episodes by task, outcome and group, in several orders.
 
-use crate::store::episodes::EpisodeState;
-use crate::store::groups::GroupRole;
-use api_types::{EpisodePage, EpisodeSearchQuery, EpisodeSortOrder, EpisodeStateFilter, GroupRoleFilter};
+use api_types::{EpisodePage, EpisodeSearchQuery, EpisodeSortOrder, EpisodeStateFilter};
 use axum::extract::State;
 use sqlx::SqliteConnection;
 
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
 use super::episode_list::listed_summary;
-use super::failures::tasks_of;
-use super::{Cursor, next_cursor, page_limit, parse_id, reader_of_run, run_id};
+use crate::http::extract::{Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, page_limit};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
+use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
 use crate::ids::{LayoutId, RunId};
 use crate::store::episode_search::{self, EpisodeCursor, EpisodeFilter, EpisodeOrder, OrderValue};
+use crate::store::episodes::EpisodeState;
 
 /// Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by score or skill
 /// leaves out episodes without one.
@@ -29,7 +29,7 @@ pub(super) async fn search_episodes(
     Path(run): Path<String>,
     Query(query): Query<EpisodeSearchQuery>,
 ) -> Result<axum::Json<EpisodePage>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let (limit, order) = (page_limit(query.limit)?, stored_order(query.order));
     let after = episode_after(query.cursor.as_deref(), query.order)?;
     let layout = query.layout.as_deref().map(|text| parse_id::<LayoutId>("layout", text)).transpose()?;
@@ -39,28 +39,27 @@ pub(super) async fn search_episodes(
         state: query.state.map(stored_state),
         success: query.success,
         mode: query.mode,
-        role: query.role.map(stored_role),
+        role: query.role.map(Into::into),
         layout: layout.map(|id| id.0),
-        version: query.version.map(i64::from),
+        version: query.policy_version.map(i64::from),
     };
     // A filter that matches few episodes scans all of them, so that few searches may run at once.
     let _permit = app.concurrency.searches.acquire().await?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     check_filter(&mut conn, &run, &filter).await?;
     let found = episode_search::page(&mut conn, run.as_str(), &filter, order, after, limit).await?;
     let order_word = order_word(query.order);
-    let last = found.last().map(|listed| {
+    let key = found.last().map(|listed| {
         let value = match order {
             EpisodeOrder::ByValue { value: OrderValue::Score, .. } => listed.row.score,
             EpisodeOrder::ByValue { value: OrderValue::Skill, .. } => listed.row.skill,
             EpisodeOrder::Newest | EpisodeOrder::Oldest => None,
         };
-        (
-            listed.row.lease,
-            format!("{}_{:016x}_{order_word}", listed.row.number, value.unwrap_or_default().to_bits()),
-        )
+        format!("{}_{:016x}_{order_word}", listed.row.number, value.unwrap_or_default().to_bits())
     });
-    let next = next_cursor(found.len(), limit, last.as_ref().map(|(lease, rest)| (*lease, rest.as_str())));
+    let last = found.last().zip(key.as_deref());
+    let last = last.map(|(listed, text)| PageCursor { number: listed.row.lease, text });
+    let next = next_cursor(found.len(), limit, last);
     Ok(axum::Json(EpisodePage { episodes: found.into_iter().map(listed_summary).collect(), next }))
 }
 
@@ -74,7 +73,7 @@ async fn check_filter(
         Some(id) => vec![
             env_core::task(id).ok_or_else(|| Problem::invalid("task", format!("there is no task {id}")))?,
         ],
-        None => tasks_of(conn, run, None).await?,
+        None => find_run_tasks(conn, run, None).await?,
     };
     let Some(mode) = &filter.mode else { return Ok(()) };
     let mut modes: Vec<_> =
@@ -92,7 +91,7 @@ async fn check_filter(
 
 /// Episode after which a page starts. The cursor is `lease.number_score_order` with the bits of the score or skill.
 fn episode_after(cursor: Option<&str>, order: EpisodeSortOrder) -> Result<Option<EpisodeCursor>, Problem> {
-    let Some(Cursor { number: lease, text }) = Cursor::parse(cursor)? else { return Ok(None) };
+    let Some(PageCursor { number: lease, text }) = PageCursor::parse(cursor)? else { return Ok(None) };
     let parse = || {
         let (number, rest) = text.split_once('_')?;
         let (bits, word) = rest.split_once('_')?;
@@ -140,20 +139,5 @@ const fn stored_state(state: EpisodeStateFilter) -> EpisodeState {
         EpisodeStateFilter::Finished => EpisodeState::Finished,
         EpisodeStateFilter::Failed => EpisodeState::Failed,
         EpisodeStateFilter::Late => EpisodeState::Late,
-    }
-}
-
-const fn stored_role(role: GroupRoleFilter) -> GroupRole {
-    match role {
-        GroupRoleFilter::Placement => GroupRole::Placement,
-        GroupRoleFilter::Frontier => GroupRole::Frontier,
-        GroupRoleFilter::Rehearsal => GroupRole::Rehearsal,
-        GroupRoleFilter::Sample => GroupRole::Sample,
-        GroupRoleFilter::Explore => GroupRole::Explore,
-        GroupRoleFilter::Replay => GroupRole::Replay,
-        GroupRoleFilter::Edit => GroupRole::Edit,
-        GroupRoleFilter::Boundary => GroupRole::Boundary,
-        GroupRoleFilter::Designed => GroupRole::Designed,
-        GroupRoleFilter::Suite => GroupRole::Suite,
     }
 }

@@ -1,18 +1,18 @@
 //! One episode: get and replay.
 
-use api_types::{Episode, EpisodeReplay, ReplayPlan, ReplayQuery};
+use api_types::{Episode, EpisodeReplay, EpisodeState, ReplayPlan, ReplayQuery};
 use axum::extract::State;
 use env_core::log::Precision;
 use env_core::{ActionLog, Scenario};
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
-use super::super::extract::{NoQuery, Path, Query};
-use super::super::problem::Problem;
 use super::episode_list::{compacted_summary, episode_summary};
-use super::{parse_id, run_id};
 use crate::engine::error::ServiceError;
 use crate::frames::{FrameContent, FrameRange, FramesError, MAX_FRAME_BYTES, frames, wire_step};
+use crate::http::extract::{NoQuery, Path, Query};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::{EpisodeId, RunId};
 use crate::leases::bracket_view::scenario_bracket;
@@ -35,7 +35,7 @@ pub(super) async fn get_episode(
     State(app): State<AppState>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<Episode>, Problem> {
-    let (run, id): (_, EpisodeId) = (run_id(&run)?, parse_id("episode", &episode)?);
+    let (run, id): (_, EpisodeId) = (parse_run_id(&run)?, parse_id("episode", &episode)?);
     let mut conn = app.readers.acquire().await?;
     let found = match StoredEpisode::load(&mut conn, &run, id.clone()).await {
         Err(EpisodeError::Expired(_)) => {
@@ -61,7 +61,11 @@ pub(super) async fn get_episode(
         contested: found.group.is_contested,
         floor: row.as_ref().and_then(|r| r.floor),
         reference: row.as_ref().and_then(|r| r.reference),
-        flown: row.as_ref().and_then(|r| r.flown.as_ref()).map(|j| from_json("an outcome", j)).transpose()?,
+        outcome: row
+            .as_ref()
+            .and_then(|r| r.outcome.as_ref())
+            .map(|j| from_json("an outcome", j))
+            .transpose()?,
         reason: row.as_ref().and_then(|r| r.reason.clone()),
         metrics: text(row.as_ref().and_then(|r| r.metrics.as_ref()))?,
         scenario_id: Some(found.scenario.id().to_string()),
@@ -86,7 +90,7 @@ async fn compacted_episode(
         contested: group.contested,
         floor: None,
         reference: None,
-        flown: None,
+        outcome: None,
         reason: None,
         metrics: None,
         scenario_id: None,
@@ -113,7 +117,7 @@ pub(super) async fn replay_episode(
     Query(query): Query<ReplayQuery>,
 ) -> Result<axum::Json<EpisodeReplay>, Problem> {
     let mut conn = app.readers.acquire().await?;
-    let found = StoredEpisode::load(&mut conn, &run_id(&run)?, parse_id("episode", &episode)?).await?;
+    let found = StoredEpisode::load(&mut conn, &parse_run_id(&run)?, parse_id("episode", &episode)?).await?;
     // The reference plan and the scenario without actions are not disclosed before the episode is reported.
     if found.row.is_none() {
         return Err(ServiceError::UnknownEpisode(format!("{episode} with actions")).into());
@@ -214,8 +218,8 @@ impl From<EpisodeError> for Problem {
 }
 
 /// State of an episode that was not reported.
-fn unreported_state(lease: &LeaseRow) -> &'static str {
-    if lease.is_active() { "leased" } else { "expired" }
+const fn unreported_state(lease: &LeaseRow) -> EpisodeState {
+    if lease.is_active() { EpisodeState::Leased } else { EpisodeState::Expired }
 }
 
 /// Action log in the form in which results are reported.

@@ -14,11 +14,12 @@ use serde_json::{Value, json};
 use sqlx::SqlitePool;
 use tokio::sync::watch;
 
-use super::super::access::Caller;
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
-use super::{reader_of_run, run_id};
 use crate::clock::rfc3339;
+use crate::http::access::Caller;
+use crate::http::extract::{Path, Query};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::ids::RunId;
 use crate::limits::QuotaPermit;
@@ -55,15 +56,15 @@ pub(super) async fn stream_events(
     Query(query): Query<EventQuery>,
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let changes = app.events.subscribe();
-    let mut conn = reader_of_run(&app, &run).await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let last =
         match headers.get("last-event-id").map(|id| id.to_str().ok().and_then(|id| id.trim().parse().ok())) {
             Some(Some(id)) => Some(id),
             Some(None) => {
-                let words = "It is not the id of an event; ids are whole numbers.";
-                return Err(Problem::new(StatusCode::BAD_REQUEST, "bad_header", words).at("Last-Event-ID"));
+                let message = "It is not the id of an event; ids are whole numbers.";
+                return Err(Problem::new(StatusCode::BAD_REQUEST, "bad_header", message).at("Last-Event-ID"));
             }
             None => query.after,
         };
@@ -78,8 +79,8 @@ pub(super) async fn stream_events(
     drop(conn);
     let permit = app.listeners.acquire(caller.identity.name.as_ref());
     let permit = permit.map_err(|_| {
-        let words = "Too many event streams are open; try again in a few seconds.";
-        Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_listeners", words).with_retry_after(5)
+        let message = "Too many event streams are open; try again in a few seconds.";
+        Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_listeners", message).with_retry_after(5)
     })?;
     let stream = EventStream {
         readers: app.readers.clone(),
@@ -138,8 +139,8 @@ impl EventStream {
     }
 
     /// Queues a `gap` event: events between the last one and `up_to` are missing.
-    fn push_gap(&mut self, up_to: i64, words: &str) {
-        let gap = json!({"after": self.after, "up_to": up_to, "words": words});
+    fn push_gap(&mut self, up_to: i64, message: &str) {
+        let gap = json!({"after": self.after, "up_to": up_to, "message": message});
         self.pending.push_back(sse_event(up_to, "gap", &gap));
         self.after = up_to;
     }

@@ -5,17 +5,18 @@ use axum::extract::State;
 use env_core::TaskSpec;
 use env_core::critique::BEARING_SECTORS;
 
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
-use super::failures::tasks_of;
-use super::{Cursor, next_cursor, page_limit, run_id};
+use crate::http::extract::{Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, page_limit};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
 use crate::ids::{EpisodeId, LeaseId};
 use crate::store::failures::{self, FailureCursor, FailureFilter, ListedFailure};
 
 /// List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
 #[utoipa::path(
-    get, path = "/runs/{run}/failures/list", tag = "failures",
+    get, path = "/runs/{run}/failures", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), FailureQuery),
     responses(
         (status = 200, body = FailurePage), (status = 400, body = Problem), (status = 404, body = Problem),
@@ -27,17 +28,19 @@ pub(super) async fn list_failures(
     Path(run): Path<String>,
     Query(query): Query<FailureQuery>,
 ) -> Result<axum::Json<FailurePage>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let FailureQuery { task, mode, sector, band, limit, cursor } = query;
     let (limit, before) = (page_limit(limit)?, failure_before(cursor.as_deref())?);
     let mut conn = app.readers.acquire().await?;
     let filter = FailureFilter { mode, sector, band, before };
-    for spec in tasks_of(&mut conn, &run, Some(&task)).await? {
+    for spec in find_run_tasks(&mut conn, &run, Some(&task)).await? {
         check_filter(spec, &filter)?;
     }
     let kept = failures::examples(&mut conn, run.as_str(), &task, &filter, limit).await?;
-    let last = kept.last().map(|k| (k.example.place, format!("{}-{}", k.cell, k.example.nth)));
-    let next = next_cursor(kept.len(), limit, last.as_ref().map(|(place, rest)| (*place, rest.as_str())));
+    let key = kept.last().map(|failure| format!("{}-{}", failure.cell, failure.example.ordinal));
+    let last = kept.last().zip(key.as_deref());
+    let last = last.map(|(failure, text)| PageCursor { number: failure.example.episode_ordinal, text });
+    let next = next_cursor(kept.len(), limit, last);
     Ok(axum::Json(FailurePage { failures: kept.into_iter().map(episode_failure).collect(), next }))
 }
 
@@ -60,13 +63,16 @@ fn check_filter(task: &dyn TaskSpec, filter: &FailureFilter) -> Result<(), Probl
     within("band", filter.band, task.speed_bands().edges.len() as u32)
 }
 
-/// Failure before which a page starts. The cursor is `place.cell-nth`.
+/// Failure before which a page starts. The cursor is `episode_ordinal.cell-ordinal`.
 fn failure_before(cursor: Option<&str>) -> Result<Option<FailureCursor>, Problem> {
-    let Some(Cursor { number: place, text }) = Cursor::parse(cursor)? else { return Ok(None) };
-    let key = text.split_once('-').and_then(|(cell, nth)| Some((cell.parse().ok()?, nth.parse().ok()?)));
-    let (cell, nth) =
+    let Some(PageCursor { number: episode_ordinal, text }) = PageCursor::parse(cursor)? else {
+        return Ok(None);
+    };
+    let key =
+        text.split_once('-').and_then(|(cell, ordinal)| Some((cell.parse().ok()?, ordinal.parse().ok()?)));
+    let (cell, ordinal) =
         key.ok_or_else(|| Problem::invalid("cursor", "it is not a cursor that a list returned"))?;
-    Ok(Some(FailureCursor { place, cell, nth }))
+    Ok(Some(FailureCursor { episode_ordinal, cell, ordinal }))
 }
 
 fn episode_failure(listed: ListedFailure) -> EpisodeFailure {

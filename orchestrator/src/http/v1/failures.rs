@@ -11,26 +11,24 @@ use env_core::TaskSpec;
 use env_core::critique::{BEARING_SECTORS, FailureModeSpec, SpeedBands};
 use sqlx::{Connection, SqliteConnection};
 
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
-use super::episode_critique::verdict_word;
-use super::run_id;
+use super::episode_critique::action_verdict;
 use crate::clock::rfc3339;
 use crate::critiques::profile::{HALF_LIFE, VERDICTS, total_weight};
 use crate::critiques::sampling;
 use crate::designs::profile::{CollectedProfile, WeightedCell};
-use crate::engine::error::ServiceError;
+use crate::http::extract::{Path, Query};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
 use crate::ids::{EpisodeId, LeaseId, RunId};
-use crate::runs::settings::RunSettings;
 use crate::store::critiques::{self, CritiqueCounters, DecayingSum};
 use crate::store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
-use crate::store::{from_json, runs};
 
 /// Backlog of the critique with this number of waiting episodes.
 fn backlog(waiting: i64) -> CritiqueBacklog {
     let halvings = sampling::halvings(waiting);
-    CritiqueBacklog { waiting, sampling: halvings > 0, share: sampling::share(halvings) }
+    CritiqueBacklog { waiting, sampling: halvings > 0, sampled_share: sampling::share(halvings) }
 }
 
 /// Reads the backlog of a run's critique.
@@ -49,7 +47,7 @@ pub(super) async fn critique_backlog(
 /// count the finished episodes of training and probes, some time after the acknowledgement of results. Late results and evaluations do
 /// not count.
 #[utoipa::path(
-    get, path = "/runs/{run}/failures", tag = "failures",
+    get, path = "/runs/{run}/failure_profiles", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), FailureProfileQuery),
     responses(
         (status = 200, body = FailureProfiles), (status = 400, body = Problem), (status = 404, body = Problem),
@@ -61,7 +59,7 @@ pub(super) async fn get_failure_profiles(
     Path(run): Path<String>,
     Query(query): Query<FailureProfileQuery>,
 ) -> Result<axum::Json<FailureProfiles>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let examples = match query.examples.unwrap_or(3) {
         examples if i64::from(examples) <= EXAMPLES_PER_CELL => i64::from(examples),
         examples => {
@@ -73,7 +71,7 @@ pub(super) async fn get_failure_profiles(
     };
     let mut conn = app.readers.acquire().await?;
     let mut conn = conn.begin().await?; // one snapshot of all tables
-    let tasks = tasks_of(&mut conn, &run, query.task.as_deref()).await?;
+    let tasks = find_run_tasks(&mut conn, &run, query.task.as_deref()).await?;
     let waiting = critiques::waiting_by_task(&mut conn, run.as_str()).await?;
     let mut profiles = Vec::with_capacity(tasks.len());
     for task in tasks {
@@ -86,31 +84,6 @@ pub(super) async fn get_failure_profiles(
         backlog: backlog(waiting.values().sum()),
         tasks: profiles,
     }))
-}
-
-/// Tasks of a run, or only the `wanted` one.
-///
-/// # Errors
-/// Returns a problem if there is no such run or the run has no such task.
-pub(super) async fn tasks_of(
-    conn: &mut SqliteConnection,
-    run: &RunId,
-    wanted: Option<&str>,
-) -> Result<Vec<&'static dyn TaskSpec>, Problem> {
-    let row = runs::get(conn, run.as_str()).await?;
-    let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
-    let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-    let known: Vec<_> =
-        settings.curriculum.tasks.iter().filter_map(|plan| env_core::task(&plan.task)).collect();
-    let Some(wanted) = wanted else { return Ok(known) };
-    match known.iter().find(|task| task.id() == wanted) {
-        Some(task) => Ok(vec![*task]),
-        None => {
-            let known: Vec<_> = known.iter().map(|task| task.id()).collect();
-            let detail = format!("it is none of the run's tasks: {}", known.join(", "));
-            Err(Problem::invalid("task", detail))
-        }
-    }
 }
 
 async fn failure_profile(
@@ -129,12 +102,12 @@ async fn failure_profile(
     }
     let modes = failure_modes(task.failure_modes(), &collected, &mut examples_by_cell);
     let weight = collected.weight();
-    let CritiqueCounters { criticised, skipped, failed, judged, verdicts } = collected.counters;
+    let CritiqueCounters { criticised, skipped, failed, judgement, verdicts } = collected.counters;
     let verdicts =
-        VERDICTS.into_iter().zip(verdicts).map(|(verdict, DecayingSum { all, now })| VerdictCount {
-            verdict: verdict_word(verdict).to_owned(),
-            count: all,
-            per_episode: trend(now, all as f64, criticised),
+        VERDICTS.into_iter().zip(verdicts).map(|(verdict, DecayingSum { overall, recent })| VerdictCount {
+            verdict: action_verdict(verdict),
+            count: overall,
+            per_episode: trend(recent, overall as f64, criticised),
         });
     Ok(FailureProfile {
         task: task.id().to_owned(),
@@ -143,7 +116,7 @@ async fn failure_profile(
         skipped,
         failed,
         waiting,
-        judge: trend(judged.now, judged.all, criticised),
+        judge: trend(judgement.recent, judgement.overall, criticised),
         verdicts: verdicts.collect(),
         sectors: (0..BEARING_SECTORS)
             .map(|sector| BearingSector {
@@ -174,27 +147,28 @@ fn failure_modes(
     let criticised = collected.counters.criticised;
     let (failures, weights): (i64, f64) =
         collected.cells.iter().fold((0, 0.0), |(n, w), cell| (n + cell.counters.count, w + cell.weight));
-    let mut names: Vec<(&str, &'static str)> = specs.iter().map(|spec| (spec.name, spec.about)).collect();
+    let mut names: Vec<(&str, &'static str)> =
+        specs.iter().map(|spec| (spec.name, spec.description)).collect();
     for known in collected.modes() {
         if !names.iter().any(|(name, _)| *name == known) {
             names.push((known, "failure mode of an older version of the world"));
         }
     }
-    let mut view = |(name, about): (&str, &'static str)| {
+    let mut view = |(name, description): (&str, &'static str)| {
         let mode = collected.mode(name);
         let cells =
             mode.cells.iter().map(|cell| failure_cell(cell, examples.remove(&cell.cell).unwrap_or_default()));
         // Weights decay to zero if no failure is added for millions of episodes.
-        let now = if weights > 0.0 { mode.weight / weights } else { 0.0 };
+        let recent = if weights > 0.0 { mode.weight / weights } else { 0.0 };
         FailureModeCounts {
             mode: name.to_owned(),
-            about: about.to_owned(),
+            description: description.to_owned(),
             count: mode.count,
             weight: mode.weight,
             per_episode: trend(mode.weight, mode.count as f64, criticised),
-            share: (failures > 0).then(|| Trend { now, all: mode.count as f64 / failures as f64 }),
+            share: (failures > 0).then(|| Trend { recent, overall: mode.count as f64 / failures as f64 }),
             cells: cells.collect(),
-            inertial: mode
+            inertial_sectors: mode
                 .inertial
                 .iter()
                 .map(|at| InertialSectorCounts { sector: at.sector, count: at.count, weight: at.weight })
@@ -205,8 +179,9 @@ fn failure_modes(
 }
 
 /// Trend of a weighted and a total sum over criticised episodes; `None` before the first episode.
-fn trend(now: f64, all: f64, criticised: i64) -> Option<Trend> {
-    (criticised > 0).then(|| Trend { now: now / total_weight(criticised), all: all / criticised as f64 })
+fn trend(recent: f64, overall: f64, criticised: i64) -> Option<Trend> {
+    (criticised > 0)
+        .then(|| Trend { recent: recent / total_weight(criticised), overall: overall / criticised as f64 })
 }
 
 fn failure_cell(cell: &WeightedCell, episodes: Vec<String>) -> FailureCell {

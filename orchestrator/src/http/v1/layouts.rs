@@ -4,12 +4,14 @@ use api_types::{DesignPage, Layout, LayoutQuery};
 use axum::extract::State;
 use env_core::TaskSpec;
 
-use super::super::extract::{NoQuery, Path, Query};
-use super::super::problem::Problem;
-use super::designs::view::{check_failure_mode, design_json, design_page, design_summary, parse_filter_word};
+use super::designs::view::{design_json, design_page, design_summary};
 use super::scenarios::outcome_response;
-use super::{number_before, page_limit, parse_id};
 use crate::engine::error::ServiceError;
+use crate::http::extract::{NoQuery, Path, Query};
+use crate::http::filters::{check_failure_mode, parse_filter_word};
+use crate::http::paging::{number_before, page_limit};
+use crate::http::path_ids::parse_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::LayoutId;
 use crate::leases::bracket_view::scenario_bracket;
@@ -69,7 +71,7 @@ pub(super) async fn get_layout(
         design: design_json(&row)?,
         scenario_id: scenario.id().to_string(),
         scenario: scenario.to_json(),
-        witness: outcome_response(bracket.reference),
+        reference_outcome: outcome_response(bracket.reference),
         bracket: scenario_bracket(&scenario, &bracket),
     }))
 }

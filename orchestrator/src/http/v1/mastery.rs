@@ -2,16 +2,19 @@
 
 use std::collections::BTreeMap;
 
+use ::curriculum::{Mastery, TaskStatus};
 use api_types::{
     ClaimedEpisodeCounts, EpisodeCounts, EvidencePoint, GroupCounts, LevelMovePage, MasteryEstimate,
     PageQuery, RecordedMove, RunMastery, RunParams, TaskMastery,
 };
 use axum::extract::State;
 
-use super::super::extract::{NoQuery, Path, Query};
-use super::super::problem::Problem;
-use super::{next_cursor, number_after, page_limit, reader_of_run, run_id};
 use crate::clock::rfc3339;
+use crate::http::extract::{NoQuery, Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, number_after, page_limit};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::run_progress::{RunProgress, RunProgressQuery};
 use crate::store::columns::ClaimCounters;
@@ -19,7 +22,6 @@ use crate::store::group_counters::GroupCounters;
 use crate::store::progress::{self, TaskSpan};
 use crate::store::task_counters::TaskCounters;
 use crate::store::{curriculum, from_json};
-use ::curriculum::{Mastery, TaskStatus};
 
 /// Largest number of parts of a task's evidence.
 const EVIDENCE_POINTS: usize = 100;
@@ -39,7 +41,7 @@ pub(super) async fn get_mastery(
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunMastery>, Problem> {
     let RunProgress { status, mastery, explanation, sums, designed, claimed, groups, .. } =
-        app.writer.query(RunProgressQuery { run: run_id(&run)? }).await?;
+        app.writer.query(RunProgressQuery { run: parse_run_id(&run)? }).await?;
     let counts = |sums: &BTreeMap<String, TaskCounters>, task: &str| {
         episode_counts(sums.get(task).unwrap_or(&TaskCounters::default()))
     };
@@ -47,10 +49,10 @@ pub(super) async fn get_mastery(
         let task = status.task.clone();
         let estimates = mastery.iter().filter(|estimate| estimate.task == task);
         TaskMastery {
-            plain: counts(&sums, &task),
-            designed: counts(&designed, &task),
-            claimed: claimed_counts(claimed.get(&task).unwrap_or(&ClaimCounters::default())),
-            groups: group_counts(groups.iter().filter(|sums| sums.task == task)),
+            results: counts(&sums, &task),
+            designed_results: counts(&designed, &task),
+            claimed_results: claimed_counts(claimed.get(&task).unwrap_or(&ClaimCounters::default())),
+            group_counts: group_counts(groups.iter().filter(|sums| sums.task == task)),
             ..task_mastery(status, estimates.map(mastery_estimate).collect())
         }
     });
@@ -62,16 +64,16 @@ fn task_mastery(status: TaskStatus, levels: Vec<MasteryEstimate>) -> TaskMastery
     let known = levels.iter().find(|estimate| estimate.level == status.level).copied();
     TaskMastery {
         task: status.task.clone(),
-        level: status.level.filter(|_| status.placed),
-        probing: status.probing,
-        placed: status.placed,
+        level: status.level.filter(|_| status.placement_done),
+        probe_level: status.probe_level,
+        placement_done: status.placement_done,
         params: status.params.iter().cloned().collect(),
         mastery: known.or_else(|| status.level.map(MasteryEstimate::without_evidence)),
         levels,
-        plain: EpisodeCounts::default(),
-        designed: EpisodeCounts::default(),
-        claimed: claimed_counts(&ClaimCounters::default()),
-        groups: GroupCounts::default(),
+        results: EpisodeCounts::default(),
+        designed_results: EpisodeCounts::default(),
+        claimed_results: claimed_counts(&ClaimCounters::default()),
+        group_counts: GroupCounts::default(),
         warnings: status.warnings.clone(),
         status,
     }
@@ -87,7 +89,7 @@ fn group_counts<'a>(counters: impl Iterator<Item = &'a GroupCounters>) -> GroupC
         groups.complete += sums.complete;
         groups.partial += sums.partial;
         groups.lost += sums.lost;
-        groups.zero_variance += sums.flat;
+        groups.zero_variance += sums.zero_variance;
     }
     let counted = groups.complete + groups.partial;
     groups.zero_variance_share = (counted > 0).then(|| groups.zero_variance as f64 / counted as f64);
@@ -102,21 +104,21 @@ fn episode_counts(sums: &TaskCounters) -> EpisodeCounts {
         failed: sums.failed,
         expired: sums.expired,
         success: mean(sums.successes as f64, sums.episodes),
-        score: mean(sums.score, sums.episodes),
-        skill: mean(sums.skill, sums.skilled),
+        score: mean(sums.score_sum, sums.episodes),
+        skill: mean(sums.skill_sum, sums.episodes_with_skill),
     }
 }
 
 fn claimed_counts(sums: &ClaimCounters) -> ClaimedEpisodeCounts {
-    let ClaimCounters { episodes, score, failed, refused, unproven, expired, .. } = *sums;
+    let ClaimCounters { episodes, score_sum: score, failed, refused, unproven, expired, .. } = *sums;
     let score = (episodes > 0).then(|| score / episodes as f64);
     ClaimedEpisodeCounts { episodes, score, failed, refused, unproven, expired }
 }
 
 impl From<TaskSpan> for EvidencePoint {
     fn from(TaskSpan { task, span: s }: TaskSpan) -> Self {
-        let levels = s.low.zip(s.high).map(|(low, high)| [low, high]);
-        Self { task, at: rfc3339(s.at), levels, n: s.n, success: s.sum / s.n as f64 }
+        let levels = s.lowest_level.zip(s.highest_level).map(|(low, high)| [low, high]);
+        Self { task, at: rfc3339(s.at), levels, n: s.groups, success: s.success_rate_sum / s.groups as f64 }
     }
 }
 
@@ -134,18 +136,18 @@ pub(super) async fn list_level_moves(
     Path(run): Path<String>,
     Query(page): Query<PageQuery>,
 ) -> Result<axum::Json<LevelMovePage>, Problem> {
-    let (run, limit) = (run_id(&run)?, page_limit(page.limit)?);
+    let (run, limit) = (parse_run_id(&run)?, page_limit(page.limit)?);
     let after = number_after(page.cursor.as_deref())?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let rows = curriculum::moves(&mut conn, run.as_str(), after, limit).await?;
-    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.seq, "")));
+    let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.seq)));
     let moves = rows
         .into_iter()
         .map(|row| {
             Ok(RecordedMove {
                 seq: row.seq,
                 task: row.task,
-                kind: row.kind.to_string(),
+                kind: row.kind.into(),
                 from: row.from_level,
                 to: row.to_level,
                 evidence: from_json("a move's evidence", &row.evidence)?,
@@ -178,7 +180,7 @@ pub(super) async fn get_params(
     State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunParams>, Problem> {
-    let progress = app.writer.query(RunProgressQuery { run: run_id(&run)? }).await?;
+    let progress = app.writer.query(RunProgressQuery { run: parse_run_id(&run)? }).await?;
     let tasks = progress.status.into_iter().map(|s| (s.task, s.params.into_iter().collect())).collect();
     Ok(axum::Json(RunParams { tasks }))
 }

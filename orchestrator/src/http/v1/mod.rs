@@ -34,16 +34,10 @@ mod suites;
 mod tasks;
 mod trajectories;
 
-use axum::http::StatusCode;
-use sqlx::Sqlite;
-use sqlx::pool::PoolConnection;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::problem::Problem;
-use crate::engine::error::ServiceError;
 use crate::http::state::AppState;
-use crate::ids::{InvalidId, RunId};
 
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
@@ -101,69 +95,4 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(evaluations::scenarios::list_evaluation_scenarios))
         .routes(routes!(suites::list_suites))
         .routes(routes!(audit_log::list_audit_log))
-}
-
-/// Parses the id of a run in a path.
-fn run_id(text: &str) -> Result<RunId, Problem> {
-    parse_id("run", text)
-}
-
-/// Parses an id in a path or query; `field` is its name.
-fn parse_id<T: std::str::FromStr<Err = InvalidId>>(field: &str, text: &str) -> Result<T, Problem> {
-    text.parse().map_err(|error: InvalidId| {
-        Problem::new(StatusCode::BAD_REQUEST, "bad_id", error.to_string()).at(field)
-    })
-}
-
-/// Acquires a read connection and checks that the run exists.
-///
-/// # Errors
-/// Returns [`ServiceError::UnknownRun`] as a problem if there is no such run.
-async fn reader_of_run(app: &AppState, run: &RunId) -> Result<PoolConnection<Sqlite>, Problem> {
-    let mut conn = app.readers.acquire().await?;
-    match crate::store::runs::get(&mut conn, run.as_str()).await? {
-        Some(_) => Ok(conn),
-        None => Err(ServiceError::UnknownRun(run.to_string()).into()),
-    }
-}
-
-/// Checks the `limit` of a page, from 1 to 500 (default 50).
-fn page_limit(limit: Option<u32>) -> Result<i64, Problem> {
-    match limit.unwrap_or(50) {
-        limit @ 1..=500 => Ok(i64::from(limit)),
-        limit => Err(Problem::invalid("limit", format!("it is {limit}, outside 1 to 500"))),
-    }
-}
-
-/// Cursor of a page, `number.text`. The default is the start of a list in ascending order.
-#[derive(Debug, Clone, Copy, Default)]
-struct Cursor<'a> {
-    /// Number of the last row of the previous page.
-    number: i64,
-    /// Further key of that row; empty if the number is the whole key.
-    text: &'a str,
-}
-
-impl<'a> Cursor<'a> {
-    fn parse(cursor: Option<&'a str>) -> Result<Option<Self>, Problem> {
-        let Some(cursor) = cursor else { return Ok(None) };
-        let parts = cursor.split_once('.');
-        let cursor = parts.and_then(|(number, text)| Some(Self { number: number.parse().ok()?, text }));
-        cursor.map(Some).ok_or_else(|| Problem::invalid("cursor", "it is not a cursor that a list returned"))
-    }
-}
-
-/// Number below which a page in descending order starts; the largest number without a cursor.
-fn number_before(cursor: Option<&str>) -> Result<i64, Problem> {
-    Ok(Cursor::parse(cursor)?.map_or(i64::MAX, |cursor| cursor.number))
-}
-
-/// Number above which a page in ascending order starts; −1 without a cursor.
-fn number_after(cursor: Option<&str>) -> Result<i64, Problem> {
-    Ok(Cursor::parse(cursor)?.map_or(-1, |cursor| cursor.number))
-}
-
-/// Formats the cursor after the last row of a page. Returns `None` if the page is not full, so that there are no more rows.
-fn next_cursor(rows: usize, limit: i64, last: Option<(i64, &str)>) -> Option<String> {
-    last.filter(|_| rows as i64 >= limit).map(|(number, text)| format!("{number}.{text}"))
 }

@@ -3,11 +3,12 @@
 use api_types::{LatestEvent, RunOverview, TaskOverview};
 use axum::extract::State;
 
-use super::super::extract::{NoQuery, Path};
-use super::super::problem::Problem;
-use super::{reader_of_run, run_id};
 use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::task_levels::{TaskLevel, TaskLevelsQuery};
 use crate::store::history::{self, HistoryPoint, HistoryWindow, MINUTE};
@@ -28,8 +29,8 @@ pub(super) async fn get_overview(
     State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunOverview>, Problem> {
-    let run = run_id(&run)?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let run = parse_run_id(&run)?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let now = app.clock.now();
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
@@ -38,7 +39,8 @@ pub(super) async fn get_overview(
     let points = history::curve(&mut conn, run.as_str(), window).await?;
     let recent_window = HistoryWindow::new(recent, now, THROUGHPUT_MINUTES, now);
     let recent_points = history::curve(&mut conn, run.as_str(), recent_window).await?;
-    let reported: i64 = recent_points.iter().map(|point| point.bucket.episodes + point.bucket.claimed).sum();
+    let reported: i64 =
+        recent_points.iter().map(|point| point.bucket.episodes + point.bucket.claimed_episodes).sum();
     // The first minute of the window is usually longer ago than five minutes.
     let seconds = (now - recent_window.from.max(from)).max(1000) as f64 / 1000.0;
     let counts = overview::counts(&mut conn, run.as_str()).await?;
@@ -53,7 +55,7 @@ pub(super) async fn get_overview(
         proposed: counts.proposed,
         tasks: tasks.into_iter().map(TaskOverview::from).collect(),
         skill: skill_series(&points, window, now),
-        last: last.map(|last| LatestEvent { kind: last.kind.to_string(), at: rfc3339(last.at) }),
+        latest_event: last.map(|last| LatestEvent { kind: last.kind.into(), at: rfc3339(last.at) }),
     }))
 }
 
@@ -79,7 +81,7 @@ fn skill_series(points: &[HistoryPoint], window: HistoryWindow, now: i64) -> Vec
     for HistoryPoint { start, bucket, .. } in points {
         let at = usize::try_from((start - window.from) / window.width).unwrap_or_default();
         if let Some(sum) = sums.get_mut(at) {
-            *sum = (sum.0 + bucket.skill, sum.1 + bucket.skilled);
+            *sum = (sum.0 + bucket.skill_sum, sum.1 + bucket.episodes_with_skill);
         }
     }
     sums.into_iter().map(|(sum, n)| (n > 0).then(|| sum / n as f64)).collect()

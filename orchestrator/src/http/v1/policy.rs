@@ -1,51 +1,19 @@
 //! Policy that the server runs for a run.
 
-use api_types::{FeedStatus, PolicyFault};
+use api_types::{FeedStatus, PolicyFault, PolicyRequest, RunPolicyState};
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
 
-use super::super::extract::{Json, NoQuery, Path};
-use super::super::problem::Problem;
-use super::{reader_of_run, run_id};
 use crate::clock::rfc3339;
+use crate::http::extract::{Json, NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::ids::RunId;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
-use crate::rollouts::settings::SetPolicy;
-use crate::rollouts::{PolicyRequest, PolicySettings};
+use crate::rollouts::settings::{SetPolicy, settings_from_row};
 use crate::store::run_policies::{self, RunPolicy, TokenCounts};
 use crate::store::trajectories;
-
-/// Policy of a run, with its settings and progress.
-#[derive(Serialize, ToSchema)]
-pub(super) struct RunPolicyState {
-    /// `off`, `chat`, or the name of a built-in policy.
-    policy: String,
-    /// Version of the policy, which new groups get.
-    version: i64,
-    /// Settings of the policy.
-    #[serde(flatten)]
-    settings: PolicySettings,
-    /// Language model of `chat`. Its endpoint is not disclosed.
-    model: Option<String>,
-    /// Time of the latest change, RFC 3339.
-    changed_at: Option<String>,
-    /// Number of groups pushed to the feed.
-    groups: i64,
-    /// Number of episodes in these groups.
-    episodes: i64,
-    /// Number of episodes that the infrastructure lost, usually because of the model's endpoint.
-    failed: i64,
-    /// Number of prompt tokens.
-    tokens_in: i64,
-    /// Number of completion tokens.
-    tokens_out: i64,
-    /// Fill level of the feed.
-    feed: FeedStatus,
-    /// Latest error of the policy.
-    trouble: Option<PolicyFault>,
-}
 
 /// Get the policy of a run with its settings and progress.
 #[utoipa::path(
@@ -57,7 +25,7 @@ pub(super) async fn get_policy(
     State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunPolicyState>, Problem> {
-    Ok(axum::Json(policy_state(&app, &run_id(&run)?).await?))
+    Ok(axum::Json(policy_state(&app, &parse_run_id(&run)?).await?))
 }
 
 /// Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language model of the
@@ -78,25 +46,25 @@ pub(super) async fn set_policy(
     Path(run): Path<String>,
     Json(request): Json<PolicyRequest>,
 ) -> Result<axum::Json<RunPolicyState>, Problem> {
-    let run = run_id(&run)?;
-    drop(reader_of_run(&app, &run).await?); // an unknown run is reported before any other error
+    let run = parse_run_id(&run)?;
+    drop(acquire_run_reader(&app, &run).await?); // an unknown run is reported before any other error
     app.writer.change(SetPolicy::from_request(run.clone(), &request, app.endpoint.as_ref())?).await?;
     tracing::info!(%run, policy = request.policy, "Policy of a run set.");
     Ok(axum::Json(policy_state(&app, &run).await?))
 }
 
 async fn policy_state(app: &AppState, run: &RunId) -> Result<RunPolicyState, Problem> {
-    let mut conn = reader_of_run(app, run).await?;
+    let mut conn = acquire_run_reader(app, run).await?;
     let row = run_policies::get(&mut conn, run.as_str()).await?;
-    let settings = row.as_ref().map(PolicySettings::from_row).transpose()?.unwrap_or_default();
+    let settings = row.as_ref().map(settings_from_row).transpose()?.unwrap_or_default();
     let TokenCounts { tokens_in, tokens_out } = run_policies::tokens(&mut conn, run.as_str()).await?;
     let feed = trajectories::counts(&mut conn, run.as_str(), app.clock.now()).await?;
     let unacked = feed.waiting + feed.delivered;
     let policy = row.as_ref().map_or(RunPolicy::Off, |row| row.policy.clone());
     let model =
         app.endpoint.as_ref().filter(|_| policy == RunPolicy::Chat).map(|e| e.llm.config().model.clone());
-    let trouble = row.as_ref().and_then(|row| {
-        Some(PolicyFault { words: row.trouble.clone()?, at: rfc3339(row.trouble_at.unwrap_or_default()) })
+    let last_error = row.as_ref().and_then(|row| {
+        Some(PolicyFault { message: row.error.clone()?, at: rfc3339(row.error_at.unwrap_or_default()) })
     });
     let (groups, episodes, failed) =
         row.as_ref().map_or((0, 0, 0), |row| (row.groups, row.episodes, row.failed));
@@ -113,11 +81,11 @@ async fn policy_state(app: &AppState, run: &RunId) -> Result<RunPolicyState, Pro
         feed: FeedStatus {
             waiting: feed.waiting,
             delivered: feed.delivered,
-            acked: feed.acked,
+            acknowledged: feed.acked,
             bytes: feed.bytes,
-            full: unacked >= i64::from(settings.ahead) || feed.bytes >= MAX_UNACKED_BYTES,
+            full: unacked >= i64::from(settings.max_unacknowledged_groups) || feed.bytes >= MAX_UNACKED_BYTES,
         },
-        trouble,
+        last_error,
         settings,
     })
 }

@@ -5,10 +5,12 @@ use api_types::{
 };
 use axum::extract::State;
 
-use super::super::extract::{Json, NoQuery, Path, Query};
-use super::super::problem::Problem;
-use super::{next_cursor, number_before, page_limit, reader_of_run, run_id};
 use crate::clock::rfc3339;
+use crate::http::extract::{Json, NoQuery, Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::runs::policy_version::DescribePolicyVersion;
 use crate::store::policy_versions::{self, PolicyVersionRow, VersionResult};
@@ -16,7 +18,7 @@ use crate::store::runs;
 
 impl From<VersionResult> for PolicyVersionResults {
     fn from(sums: VersionResult) -> Self {
-        let VersionResult { task, episodes, successes, score, first_at, last_at, .. } = sums;
+        let VersionResult { task, episodes, successes, score_sum: score, first_at, last_at, .. } = sums;
         let finished = episodes.max(1) as f64;
         Self {
             task,
@@ -40,13 +42,20 @@ fn policy_version(
     let told_at = description.as_ref().map(|row| rfc3339(row.at));
     let (checkpoint, notes) = description.map_or((None, None), |row| (row.checkpoint, row.notes));
     let tasks = results.into_iter().map(PolicyVersionResults::from).collect();
-    PolicyVersion { version, staleness: (newest - version).max(0), checkpoint, notes, told_at, tasks }
+    PolicyVersion {
+        version,
+        staleness: (newest - version).max(0),
+        checkpoint,
+        notes,
+        described_at: told_at,
+        tasks,
+    }
 }
 
 /// List the versions of a run's policy, newest first: described versions and versions with results. Of versions without a description
 /// only the newest are kept.
 #[utoipa::path(
-    get, path = "/runs/{run}/versions", tag = "runs",
+    get, path = "/runs/{run}/policy_versions", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), PageQuery),
     responses(
         (status = 200, body = PolicyVersionPage), (status = 400, body = Problem), (status = 404, body = Problem),
@@ -58,15 +67,15 @@ pub(super) async fn list_policy_versions(
     Path(run): Path<String>,
     Query(page): Query<PageQuery>,
 ) -> Result<axum::Json<PolicyVersionPage>, Problem> {
-    let (run, limit) = (run_id(&run)?, page_limit(page.limit)?);
+    let (run, limit) = (parse_run_id(&run)?, page_limit(page.limit)?);
     let before = number_before(page.cursor.as_deref())?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let newest = runs::get(&mut conn, run.as_str()).await?.map_or(0, |row| row.policy_version);
     let numbers = policy_versions::known(&mut conn, run.as_str(), before, limit).await?;
     let (from, to) = (numbers.last().copied().unwrap_or(0), numbers.first().copied().unwrap_or(0));
     let description = policy_versions::descriptions(&mut conn, run.as_str(), from, to).await?;
     let sums = policy_versions::results(&mut conn, run.as_str(), from, to).await?;
-    let next = next_cursor(numbers.len(), limit, numbers.last().map(|number| (*number, "")));
+    let next = next_cursor(numbers.len(), limit, numbers.last().map(|number| PageCursor::at(*number)));
     let of = |number: &i64| {
         let description = description.iter().find(|row| row.version == *number).cloned();
         let sums = sums.iter().filter(|sums| sums.version == *number).cloned().collect();
@@ -78,7 +87,7 @@ pub(super) async fn list_policy_versions(
 /// Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old one. A version
 /// above the newest becomes the newest.
 #[utoipa::path(
-    put, path = "/runs/{run}/versions/{version}", tag = "runs", request_body = PolicyVersionDescription,
+    put, path = "/runs/{run}/policy_versions/{version}", tag = "runs", request_body = PolicyVersionDescription,
     params(
         ("run" = String, Path, description = "The run's id."), ("version" = u32, Path, description = "The version.")
     ),
@@ -94,12 +103,12 @@ pub(super) async fn describe_policy_version(
     Path((run, number)): Path<(String, String)>,
     Json(request): Json<PolicyVersionDescription>,
 ) -> Result<axum::Json<PolicyVersion>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let number: u32 = number.parse().map_err(|_| {
         Problem::invalid("version", format!("it must be a whole number from 0 to {}", u32::MAX))
     })?;
     app.writer.change(DescribePolicyVersion::from_request(run.clone(), number, request)?).await?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let (name, number) = (run.as_str(), i64::from(number));
     let newest = runs::get(&mut conn, name).await?.map_or(0, |row| row.policy_version);
     let description = policy_versions::get(&mut conn, name, number).await?;

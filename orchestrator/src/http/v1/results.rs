@@ -1,25 +1,24 @@
 //! Reports of finished and failed episodes.
 
 use api_types::{
-    ActionPrecision, ActionStopReason, EpisodeResult, EpisodeResultStatus, GroupReceipt, GroupRefill,
-    ResultReceipt, ResultsRequest, ResultsResponse,
+    ActionPrecision, ActionStopReason, EpisodeResult, EpisodeResultStatus, RefusalCode, ResultsRequest,
+    ResultsResponse,
 };
 use axum::extract::{Request, State};
 use env_core::StopReason;
 use env_core::log::Precision;
 use serde_json::Value;
 
-use super::super::blocking::run_blocking;
-use super::super::extract::{EncodedBody, Json, NoQuery, Path};
-use super::super::large_body::{LargeBody, receive_large_body};
-use super::super::problem::Problem;
-use super::run_id;
+use crate::http::blocking::run_blocking;
+use crate::http::extract::{EncodedBody, Json, NoQuery, Path};
+use crate::http::large_body::{LargeBody, receive_large_body};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::input;
-use crate::results::receipt::Receipt;
-use crate::results::refusal::{Refusal, RefusalCode};
+use crate::results::refusal::Refusal;
 use crate::results::report::ReportReceipts;
-use crate::results::report_summary::{ClosedGroup, RefilledGroups, ReportSummary};
+use crate::results::report_summary::ReportSummary;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::store::to_json;
 
@@ -46,50 +45,13 @@ pub(super) async fn report_results(
     Path(run): Path<String>,
     request: Request,
 ) -> Result<axum::Json<ResultsResponse>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let LargeBody { body, permit: _permit } = receive_large_body(&app.body_limit, request).await?;
     let (policy_version, episodes) = run_blocking(move || read_report(body)).await?;
     let report = app.lease_service.submit_results(run, policy_version, episodes).await?;
     let ReportReceipts { receipts, summary } = report;
     let ReportSummary { moves, groups, refills } = summary;
-    Ok(axum::Json(ResultsResponse {
-        results: receipts.into_iter().map(ResultReceipt::from).collect(),
-        moves,
-        groups: groups.into_iter().map(GroupReceipt::from).collect(),
-        refills: refills.into_iter().map(GroupRefill::from).collect(),
-    }))
-}
-
-impl From<Receipt> for ResultReceipt {
-    fn from(receipt: Receipt) -> Self {
-        let Receipt { episode, status, code, detail, score, skill, success } = receipt;
-        let code = code.map(|code| code.as_str().to_owned());
-        Self { episode, status: status.as_str().to_owned(), code, detail, score, skill, success }
-    }
-}
-
-impl From<ClosedGroup> for GroupReceipt {
-    fn from(closed: ClosedGroup) -> Self {
-        let ClosedGroup {
-            lease,
-            group,
-            state,
-            finished,
-            failed,
-            expired,
-            successes,
-            mean_score,
-            zero_variance,
-        } = closed;
-        let state = state.to_string();
-        Self { lease, group, state, finished, failed, expired, successes, mean_score, zero_variance }
-    }
-}
-
-impl From<RefilledGroups> for GroupRefill {
-    fn from(RefilledGroups { lease, groups }: RefilledGroups) -> Self {
-        Self { lease, groups }
-    }
+    Ok(axum::Json(ResultsResponse { results: receipts, moves, groups, refills }))
 }
 
 /// Reads the episodes of a body and the policy version that it names.

@@ -1,14 +1,13 @@
 //! Retention settings of a run.
 
-use api_types::RunSummary;
+use api_types::{RetentionRequest, RunSummary};
 use axum::extract::State;
 
-use super::super::extract::{Json, NoQuery, Path};
-use super::super::problem::Problem;
-use super::run_id;
 use super::runs::run_from_row;
+use crate::http::extract::{Json, NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::runs::retention_settings::RetentionRequest;
 use crate::runs::set_retention::SetRetention;
 
 /// Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes effect within
@@ -28,6 +27,6 @@ pub(super) async fn set_retention(
     Path(run): Path<String>,
     Json(request): Json<RetentionRequest>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
-    let change = SetRetention { run: run_id(&run)?, request };
+    let change = SetRetention { run: parse_run_id(&run)?, request };
     Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
 }

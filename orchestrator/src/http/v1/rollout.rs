@@ -8,16 +8,16 @@ use env_core::log::Precision;
 use env_core::rollout::read_log;
 use serde_json::Value;
 
-use super::super::extract::{Json, NoQuery, parse_value};
-use super::super::problem::Problem;
 use super::scenarios::{replay_problem, user_scenario};
 use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
+use crate::http::extract::{Json, NoQuery, parse_value};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
 /// Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored and no bracket is
 /// computed; `POST /v1/scenarios` evaluates the result.
 #[utoipa::path(
-    post, path = "/flights", tag = "scenarios", request_body = RolloutRequest,
+    post, path = "/rollouts", tag = "scenarios", request_body = RolloutRequest,
     responses(
         (status = 200, body = Rollout), (status = 400, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem), (status = 503, body = Problem)

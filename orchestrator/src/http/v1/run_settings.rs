@@ -3,10 +3,12 @@
 use api_types::{PageQuery, RunSettingsPage, RunSettingsVersion};
 use axum::extract::State;
 
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
-use super::{next_cursor, number_before, page_limit, reader_of_run, run_id};
 use crate::clock::rfc3339;
+use crate::http::extract::{Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::store::from_json;
 use crate::store::runs::{self, SettingsRow};
@@ -25,13 +27,17 @@ pub(super) async fn list_run_settings(
     Path(run): Path<String>,
     Query(page): Query<PageQuery>,
 ) -> Result<axum::Json<RunSettingsPage>, Problem> {
-    let (run, limit) = (run_id(&run)?, page_limit(page.limit)?);
-    let mut conn = reader_of_run(&app, &run).await?;
+    let (run, limit) = (parse_run_id(&run)?, page_limit(page.limit)?);
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let before = number_before(page.cursor.as_deref())?;
     let rows = runs::settings_history(&mut conn, run.as_str(), before, limit).await?;
-    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.nth, "")));
-    let settings = rows.into_iter().map(|SettingsRow { nth, at, settings }| {
-        Ok(RunSettingsVersion { nth, at: rfc3339(at), settings: from_json("a run's settings", &settings)? })
+    let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.revision)));
+    let settings = rows.into_iter().map(|SettingsRow { revision, at, settings }| {
+        Ok(RunSettingsVersion {
+            revision,
+            at: rfc3339(at),
+            settings: from_json("a run's settings", &settings)?,
+        })
     });
     Ok(axum::Json(RunSettingsPage { settings: settings.collect::<Result<_, Problem>>()?, next }))
 }

@@ -1,14 +1,14 @@
 //! Update of a run's settings.
 
-use api_types::RunSummary;
+use api_types::{RunChange, RunSummary};
 use axum::extract::State;
 
-use super::super::extract::{Json, NoQuery, Path};
-use super::super::problem::Problem;
-use super::run_id;
 use super::runs::run_from_row;
+use crate::http::extract::{Json, NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::runs::change_run::{ChangeRun, RunChange};
+use crate::runs::change_run::ChangeRun;
 
 /// Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless its level
 /// table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew. Results of existing leases
@@ -28,7 +28,7 @@ pub(super) async fn update_run(
     Path(run): Path<String>,
     Json(change): Json<RunChange>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
-    let row = app.writer.change(ChangeRun { run: run_id(&run)?, change }).await?;
+    let row = app.writer.change(ChangeRun { run: parse_run_id(&run)?, change }).await?;
     tracing::info!(run = %row.id, "Run updated.");
     Ok(axum::Json(run_from_row(row)?))
 }

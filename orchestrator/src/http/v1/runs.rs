@@ -1,28 +1,28 @@
 //! Runs: create, list, get, pause, archive and resume.
 
-use api_types::{PolicyVersionRequest, Run, RunPage, RunQuery, RunSummary, RunWarning, RunWarnings};
+use api_types::{
+    Judge, PolicyVersionRequest, Run, RunPage, RunQuery, RunRequest, RunSummary, RunWarning, RunWarnings,
+};
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 
-use super::super::access::Caller;
-use super::super::extract::{Json, NoQuery, Path, Query};
-use super::super::problem::Problem;
 use super::failures::critique_backlog;
-use super::{Cursor, next_cursor, page_limit, run_id};
 use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
+use crate::http::access::Caller;
+use crate::http::extract::{Json, NoQuery, Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, page_limit};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::LeaseId;
-use crate::judging::Judge;
 use crate::runs::create_run::CreateRun;
-use crate::runs::run_request::RunRequest;
 use crate::runs::run_status::{RunAction, SetRunStatus};
 use crate::runs::set_policy_version::SetPolicyVersion;
-use crate::runs::settings::RunSettings;
 use crate::store::run_warnings::{self, RunWarningRow};
 use crate::store::runs::{self, RunCursor, RunRow};
-use crate::store::{StoreError, from_json, to_u64};
+use crate::store::{from_json, to_u64};
 
 /// Number of warnings that a run shows.
 const MAX_WARNINGS: i64 = 20;
@@ -32,16 +32,12 @@ const MAX_WARNINGS: i64 = 20;
 /// # Errors
 /// Returns an internal problem if the stored settings cannot be read.
 pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
-    // Settings that were stored by an older version get their defaults.
-    let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-    let settings =
-        serde_json::to_value(settings).map_err(|error| StoreError::corrupt("a run's settings", error))?;
     Ok(RunSummary {
-        settings,
+        settings: from_json("a run's settings", &row.settings)?,
         id: row.id,
         name: row.name,
         seed: to_u64(row.seed),
-        status: row.status.to_string(),
+        status: row.status.into(),
         created_at: rfc3339(row.created_at),
         archived_at: row.archived_at.map(rfc3339),
         policy_version: row.policy_version,
@@ -51,7 +47,7 @@ pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
 impl From<RunWarningRow> for RunWarning {
     fn from(row: RunWarningRow) -> Self {
         let lease = row.lease.zip(row.token).map(|(number, token)| LeaseId { number, token }.to_string());
-        Self { kind: row.kind.to_string(), lease, words: row.words, at: rfc3339(row.at) }
+        Self { kind: row.kind.into(), lease, message: row.message, at: rfc3339(row.at) }
     }
 }
 
@@ -93,16 +89,17 @@ pub(super) async fn list_runs(
     Query(query): Query<RunQuery>,
 ) -> Result<axum::Json<RunPage>, Problem> {
     let limit = page_limit(query.limit)?;
-    let after = Cursor::parse(query.cursor.as_deref())?.unwrap_or_default();
+    let after = PageCursor::parse(query.cursor.as_deref())?.unwrap_or_default();
     let mut conn = app.readers.acquire().await?;
     let rows =
         runs::page(&mut conn, RunCursor { created_at: after.number, id: after.text }, query.archived, limit)
             .await?;
-    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.created_at, row.id.as_str())));
+    let last = rows.last().map(|row| PageCursor { number: row.created_at, text: &row.id });
+    let next = next_cursor(rows.len(), limit, last);
     Ok(axum::Json(RunPage { runs: rows.into_iter().map(run_from_row).collect::<Result<_, _>>()?, next }))
 }
 
-/// Get a run.
+/// Get a run with its warnings.
 #[utoipa::path(
     get, path = "/runs/{run}", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses((status = 200, body = Run), (status = 400, body = Problem), (status = 404, body = Problem))
@@ -112,15 +109,15 @@ pub(super) async fn get_run(
     State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let mut conn = app.readers.acquire().await?;
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
-    let critique = critique_backlog(&mut conn, &run).await?;
+    let critique_backlog = critique_backlog(&mut conn, &run).await?;
     let warnings = run_warnings::newest(&mut conn, run.as_str(), MAX_WARNINGS).await?;
     let newest = warnings.newest.into_iter().map(RunWarning::from).collect();
-    let marks = RunWarnings { count: warnings.count, newest };
-    Ok(axum::Json(Run { summary: run_from_row(row)?, critique, marks }))
+    let warnings = RunWarnings { count: warnings.count, newest };
+    Ok(axum::Json(Run { summary: run_from_row(row)?, critique_backlog, warnings }))
 }
 
 /// Pause a run. It grants no more leases; results of existing leases are still accepted.
@@ -191,11 +188,11 @@ pub(super) async fn set_policy_version(
     Path(run): Path<String>,
     Json(request): Json<PolicyVersionRequest>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
-    let change = SetPolicyVersion { run: run_id(&run)?, policy_version: request.policy_version };
+    let change = SetPolicyVersion { run: parse_run_id(&run)?, policy_version: request.policy_version };
     Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
 }
 
 async fn set_status(app: &AppState, run: &str, action: RunAction) -> Result<axum::Json<RunSummary>, Problem> {
-    let row = app.writer.change(SetRunStatus { run: run_id(run)?, action }).await?;
+    let row = app.writer.change(SetRunStatus { run: parse_run_id(run)?, action }).await?;
     Ok(axum::Json(run_from_row(row)?))
 }

@@ -9,11 +9,11 @@ use env_core::rollout::{read_log, replay};
 use env_core::{ActionLog, Scenario, Seed, SeedSpace};
 use serde_json::Value;
 
-use super::super::extract::{Json, NoQuery, parse_value};
-use super::super::problem::Problem;
 use super::episode_critique::critique_response;
 use super::results::{precision, stop_reason};
 use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
+use crate::http::extract::{Json, NoQuery, parse_value};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::bracket_view::scenario_bracket;
 
@@ -114,11 +114,11 @@ fn evaluate(
         scenario_id: scenario.id().to_string(),
         scenario: scenario.to_json(),
         fair: admission.fair.is_ok(),
-        unfair_because: admission.fair.err().map(|error| error.to_string()),
+        unfair_reason: admission.fair.err().map(|error| error.to_string()),
         solvable: admission.solvable,
         contested: admission.contested,
         bracket: admission.bracket.map(|b| scenario_bracket(scenario, &b)),
-        flown: replayed,
+        outcome: replayed,
         critique,
         frames,
     })
@@ -126,6 +126,6 @@ fn evaluate(
 
 /// Converts the outcome of an episode.
 pub(super) const fn outcome_response(outcome: env_core::EpisodeOutcome) -> EpisodeOutcome {
-    let env_core::EpisodeOutcome { score, total, steps, lost, goal, fuel_used } = outcome;
-    EpisodeOutcome { score, total, steps, lost, goal, fuel_used }
+    let env_core::EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used } = outcome;
+    EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used }
 }

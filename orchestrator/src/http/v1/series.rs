@@ -3,12 +3,13 @@
 use api_types::{ParamSeries, RunSeries, SeriesQuery, TaskSeries};
 use axum::extract::State;
 
-use super::super::extract::{Path, Query};
-use super::super::problem::Problem;
-use super::{reader_of_run, run_id};
 use crate::clock::{Millis, rfc3339};
+use crate::http::extract::{Path, Query};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::queries::standing::{CurrentStanding, update_last_points};
+use crate::queries::current_mastery::{CurrentMastery, update_last_points};
 use crate::store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
 use crate::store::runs;
 
@@ -23,17 +24,17 @@ fn push_point(series: &mut TaskSeries, start: Millis, bucket: &HistoryBucket) {
     let mastery = bucket.mastery;
     series.at.push(start.div_euclid(1000));
     series.episodes.push(bucket.episodes);
-    series.claimed.push(bucket.claimed);
+    series.claimed.push(bucket.claimed_episodes);
     series.lost.push(bucket.failed + bucket.expired);
     series.success.push(mean(bucket.successes as f64, bucket.episodes));
-    series.score.push(mean(bucket.score, bucket.episodes));
-    series.skill.push(mean(bucket.skill, bucket.skilled));
-    series.contested.push(mean(bucket.solved, bucket.contested));
-    series.contested_n.push(bucket.contested);
-    series.panel.push(mean(bucket.panel, bucket.panels));
-    series.zero_variance.push(mean(bucket.flat as f64, bucket.groups));
-    series.low.push(bucket.low);
-    series.high.push(bucket.high);
+    series.score.push(mean(bucket.score_sum, bucket.episodes));
+    series.skill.push(mean(bucket.skill_sum, bucket.episodes_with_skill));
+    series.contested_success.push(mean(bucket.success_rate_sum, bucket.contested_groups));
+    series.contested_scenarios.push(bucket.contested_groups);
+    series.panel_success.push(mean(bucket.panel_success_rate_sum, bucket.panel_groups));
+    series.zero_variance_share.push(mean(bucket.zero_variance_groups as f64, bucket.groups));
+    series.level_low.push(bucket.lowest_level);
+    series.level_high.push(bucket.highest_level);
     series.level.push(mastery.and_then(|at| at.level));
     series.mastery.push(mastery.map(|at| at.mean));
     series.mastery_low.push(mastery.map(|at| at.q10));
@@ -105,8 +106,8 @@ pub(super) async fn get_series(
     Path(run): Path<String>,
     Query(query): Query<SeriesQuery>,
 ) -> Result<axum::Json<RunSeries>, Problem> {
-    let run = run_id(&run)?;
-    let mut conn = reader_of_run(&app, &run).await?;
+    let run = parse_run_id(&run)?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let now = app.clock.now();
     let created_at = runs::get(&mut conn, run.as_str()).await?.map_or(now, |row| row.created_at);
     let (from, to) =
@@ -121,7 +122,7 @@ pub(super) async fn get_series(
     let window = HistoryWindow::new(from, to, i64::from(points), now);
     let mut points = history::curve(&mut conn, run.as_str(), window).await?;
     if to >= now {
-        update_last_points(&mut points, &app.writer.query(CurrentStanding { run }).await?);
+        update_last_points(&mut points, &app.writer.query(CurrentMastery { run }).await?);
     }
     let tasks = series_by_task(points, window.width);
     Ok(axum::Json(RunSeries {

@@ -3,8 +3,8 @@
 use api_types::{Strategy, StrategyList, StrategySetting};
 use curriculum::{Hyperparameter, StrategyKind};
 
-use super::super::extract::NoQuery;
-use super::super::problem::Problem;
+use crate::http::extract::NoQuery;
+use crate::http::problem::Problem;
 
 /// List the strategies with their settings.
 #[utoipa::path(
@@ -14,8 +14,8 @@ use super::super::problem::Problem;
 pub(super) async fn list_strategies(_: NoQuery) -> Result<axum::Json<StrategyList>, Problem> {
     let strategy = |kind: StrategyKind| Strategy {
         name: kind.name().to_owned(),
-        about: kind.description().to_owned(),
-        columns: !kind.replays_scenarios(),
+        description: kind.description().to_owned(),
+        supports_columns: !kind.replays_scenarios(),
         settings: kind.hyperparameters().iter().map(strategy_setting).collect(),
     };
     Ok(axum::Json(StrategyList { strategies: StrategyKind::ALL.into_iter().map(strategy).collect() }))
@@ -25,8 +25,8 @@ fn strategy_setting(hyperparameter: &Hyperparameter) -> StrategySetting {
     let Hyperparameter { name, range, description, source } = *hyperparameter;
     StrategySetting {
         name: name.to_owned(),
-        about: description.to_owned(),
-        takes: range.expectation(),
+        description: description.to_owned(),
+        accepts: range.expectation(),
         default: range.default_json(),
         source: source.to_owned(),
     }

@@ -2,10 +2,10 @@
 
 use api_types::{Suite, SuiteList};
 
-use super::super::blocking::run_blocking;
-use super::super::extract::NoQuery;
-use super::super::problem::Problem;
 use crate::evaluation::suite::file::{BUILT_IN_SUITES, DEFAULT_SUITE, built_in};
+use crate::http::blocking::run_blocking;
+use crate::http::extract::NoQuery;
+use crate::http::problem::Problem;
 
 /// List the frozen suites of evaluations.
 #[utoipa::path(
@@ -17,7 +17,7 @@ pub(super) async fn list_suites(_: NoQuery) -> Result<axum::Json<SuiteList>, Pro
     let suites =
         run_blocking(|| Ok(BUILT_IN_SUITES.iter().filter_map(|suite| suite_response(suite.name)).collect()))
             .await?;
-    Ok(axum::Json(SuiteList { usual: DEFAULT_SUITE.to_owned(), suites }))
+    Ok(axum::Json(SuiteList { default: DEFAULT_SUITE.to_owned(), suites }))
 }
 
 fn suite_response(name: &str) -> Option<Suite> {

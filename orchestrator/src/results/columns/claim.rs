@@ -1,5 +1,7 @@
 //! Stores a claim: the results of all episodes of a lease as columns.
 
+use api_types::EvidenceFrom;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -12,7 +14,7 @@ use crate::results::columns::draw::{DrawnGroup, RecipeRange, draw_audit};
 use crate::results::columns::settle::settle;
 use crate::results::columns::status::{ClaimStatus, claim_status_of};
 use crate::results::columns::table::{Columns, MAX_SCORE_GAP, range_episodes, range_totals};
-use crate::runs::settings::{EvidenceFrom, RunSettings};
+use crate::runs::settings::RunSettings;
 use crate::store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
 use crate::store::compacted_leases::{self, CompactedClaim};
 use crate::store::groups::{self, GroupRow, GroupState};
@@ -27,8 +29,8 @@ const MAX_FAILED_SHARE: f64 = 0.1;
 /// the same answer.
 ///
 /// # Errors
-/// Returns [`ServiceError::Invalid`] if the columns do not fit the lease, [`ServiceError::ClaimedOtherwise`] if they differ from the
-/// columns that were sent before, and [`ServiceError::LeaseOver`] if the lease has ended.
+/// Returns [`ServiceError::Invalid`] if the columns do not fit the lease, [`ServiceError::ColumnsConflict`] if they differ from the
+/// columns that were sent before, and [`ServiceError::LeaseClosed`] if the lease has ended.
 pub async fn claim(
     lease_service: &LeaseService,
     run: RunId,
@@ -106,44 +108,53 @@ struct StoreClaim {
 impl Change for StoreClaim {
     type Output = ClaimStatus;
 
-    #[expect(clippy::too_many_lines, reason = "one sequence of writes, to be split with the evidence rules")]
     async fn apply(self, tx: &mut WriteTx) -> Result<ClaimStatus, ServiceError> {
-        let mut lease = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
+        let lease = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
         if let Some(before) = columns::claim(&mut tx.conn, lease.id).await? {
             if before.digest != self.digest {
-                return Err(ServiceError::ClaimedOtherwise(self.lease.to_string()));
+                return Err(ServiceError::ColumnsConflict(self.lease.to_string()));
             }
             return claim_status_of(&mut tx.conn, lease, before).await;
         }
         if lease.is_compacted
             && let Some(compacted) = compacted_leases::get(&mut tx.conn, self.run.as_str(), lease.id).await?
-            && let Some(CompactedClaim { state, episodes, failed }) = compacted.claim
+            && let Some(claim) = compacted.claim
         {
-            // The columns were stored before and are compacted: nothing is left to compare these with.
-            let (policy_version, at) = (lease.policy_version, lease.created_at);
-            let claim = ColumnClaimRow {
-                state,
-                digest: self.digest,
-                policy_version,
-                episodes,
-                failed,
-                why: None,
-                at,
-            };
-            return Ok(ClaimStatus { claim, lease, audited: Vec::new() });
+            return Ok(self.compacted_status(lease, &claim));
         }
         if !lease.is_active() || lease.expires_at <= tx.now {
             let status = if lease.is_active() { LeaseStatus::Expired } else { lease.status };
-            return Err(ServiceError::LeaseOver { lease: self.lease.to_string(), status });
+            return Err(ServiceError::LeaseClosed { lease: self.lease.to_string(), status });
         }
+        self.store(tx, lease).await
+    }
+}
+
+impl StoreClaim {
+    /// Returns the status of a claim that was stored before and is compacted: nothing is left to compare these columns with.
+    fn compacted_status(self, lease: LeaseRow, claim: &CompactedClaim) -> ClaimStatus {
+        let claim = ColumnClaimRow {
+            state: claim.state,
+            digest: self.digest,
+            policy_version: lease.policy_version,
+            episodes: claim.episodes,
+            failed: claim.failed,
+            refusal_reason: None,
+            at: lease.created_at,
+        };
+        ClaimStatus { claim, lease, audited: Vec::new() }
+    }
+
+    /// Stores the first claim of an active lease, and renews the lease for the audit.
+    async fn store(self, tx: &mut WriteTx, mut lease: LeaseRow) -> Result<ClaimStatus, ServiceError> {
         let row = ColumnClaimRow {
             state: ClaimState::Claimed,
-            digest: self.digest,
             policy_version: self.policy_version.map_or(lease.policy_version, i64::from),
             episodes: lease.episodes(),
             failed: self.failed as i64,
-            why: None,
+            refusal_reason: None,
             at: tx.now,
+            digest: self.digest,
         };
         columns::insert_claim(&mut tx.conn, lease.id, &row, &self.body).await?;
         for totals in &self.totals {
@@ -156,21 +167,25 @@ impl Change for StoreClaim {
         insert_audited_groups(conn, &lease, &self.drawn, is_evidence && !is_lossy).await?;
         lease.expires_at = tx.now + lease.ttl_ms;
         leases::set_expiry(&mut tx.conn, lease.id, lease.expires_at).await?;
-        let event = RunEvent::Claim {
-            lease: lease.name(),
-            state: row.state,
-            episodes: row.episodes,
-            failed: row.failed,
-            audited: self.drawn.len() as i64,
-            why: None,
-        };
-        tx.emit(&lease.run, &event)?;
+        tx.emit(&lease.run, &claim_event(&lease, &row, self.drawn.len()))?;
         if self.drawn.is_empty() {
             settle(tx, &lease).await?; // every episode failed: there is nothing to audit
         }
         // The claim may have been settled at once.
         let claim = columns::claim(&mut tx.conn, lease.id).await?.unwrap_or(row);
         claim_status_of(&mut tx.conn, lease, claim).await
+    }
+}
+
+/// Returns the event of a new claim with this number of audited groups.
+fn claim_event(lease: &LeaseRow, claim: &ColumnClaimRow, audited: usize) -> RunEvent<'static> {
+    RunEvent::Claim {
+        lease: lease.name(),
+        state: claim.state,
+        episodes: claim.episodes,
+        failed: claim.failed,
+        audited: audited as i64,
+        reason: None,
     }
 }
 

@@ -59,7 +59,7 @@ struct AuditPool<'a> {
 impl<'a> AuditPool<'a> {
     fn of(columns: &'a Columns, ranges: &'a [RecipeRange], group_size: usize) -> Self {
         let ranges = ranges.iter().map(|RecipeRange { range, recipe }| {
-            let groups = range.first..range.first + range.groups;
+            let groups = range.first_group..range.first_group + range.groups;
             let groups = groups.filter(|group| finished(columns, *group, group_size).next().is_some());
             PoolRange { range, recipe, groups: groups.collect() }
         });

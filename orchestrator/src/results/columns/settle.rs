@@ -27,7 +27,7 @@ struct Settlement<'a> {
     claim: &'a ColumnClaimRow,
     state: ClaimState,
     /// Reason of a refusal.
-    why: Option<&'a str>,
+    reason: Option<&'a str>,
     /// Number of audited groups.
     audited: usize,
 }
@@ -51,18 +51,18 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
     for range in columns::ranges(run.conn, lease.id).await? {
         let audited =
             groups.iter().filter(|group| range.holds(group.number)).map(|group| group.finished).sum();
-        let SeedRangeRow { finished, failed, score, .. } = range;
+        let SeedRangeRow { finished, failed, score_sum: score, .. } = range;
         let counters =
-            ClaimCounters { episodes: finished, audited, failed, score, ..ClaimCounters::default() };
+            ClaimCounters { episodes: finished, audited, failed, score_sum: score, ..ClaimCounters::default() };
         columns::add_counters(run.conn, &lease.run, &range.task, range.level, &counters).await?;
         let history = run.task_counts(&range.task);
-        history.claimed += finished - audited; // audited episodes are counted below, by their replay
+        history.claimed_episodes += finished - audited; // audited episodes are counted below, by their replay
         history.add_level(range.level);
     }
     end(
         tx,
         lease,
-        Settlement { claim: &claim, state: ClaimState::Accepted, why: None, audited: groups.len() },
+        Settlement { claim: &claim, state: ClaimState::Accepted, reason: None, audited: groups.len() },
     )
     .await?;
     for group in &mut groups {
@@ -86,9 +86,9 @@ async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) 
             sum.add(&TaskCounters {
                 episodes: 1,
                 successes: i64::from(success),
-                score,
-                skilled: i64::from(skill.is_some()),
-                skill: skill.unwrap_or(0.0),
+                score_sum: score,
+                episodes_with_skill: i64::from(skill.is_some()),
+                skill_sum: skill.unwrap_or(0.0),
                 ..TaskCounters::default()
             });
         }
@@ -106,16 +106,16 @@ async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) 
 }
 
 /// Refuses a claim: nothing of it counts, and the run gets a warning.
-pub(crate) async fn refuse(tx: &mut WriteTx, lease: &LeaseRow, why: &str) -> Result<(), ServiceError> {
+pub(crate) async fn refuse(tx: &mut WriteTx, lease: &LeaseRow, reason: &str) -> Result<(), ServiceError> {
     let Some(claim) = columns::claim(&mut tx.conn, lease.id).await? else { return Ok(()) };
     if claim.state != ClaimState::Claimed {
         return Ok(());
     }
     let audited = discard_groups(tx, lease).await?;
     count_lost(tx, lease, |episodes| ClaimCounters { refused: episodes, ..ClaimCounters::default() }).await?;
-    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Refused, why: Some(why), audited }).await?;
-    let words = format!("the columns of lease {} were refused: {why}", lease.name());
-    warn(tx, lease, WarningKind::RefusedClaim, &words).await
+    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Refused, reason: Some(reason), audited }).await?;
+    let message = format!("the columns of lease {} were refused: {reason}", lease.name());
+    warn(tx, lease, WarningKind::RefusedClaim, &message).await
 }
 
 /// Ends a lease of columns that expired or was released: a claim that is not proven counts for nothing.
@@ -129,10 +129,10 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
             })
             .await?;
             columns::settle(&mut tx.conn, lease.id, ClaimState::Unproven, None).await?;
-            emit(tx, lease, Settlement { claim: &claim, state: ClaimState::Unproven, why: None, audited })?;
+            emit(tx, lease, Settlement { claim: &claim, state: ClaimState::Unproven, reason: None, audited })?;
             // A trainer that withholds audited logs leaves as plain a trace as one whose logs contradict its claim.
-            let words = format!("of what lease {} claims, logs that were due did not come", lease.name());
-            warn(tx, lease, WarningKind::UnprovenClaim, &words).await
+            let message = format!("of what lease {} claims, logs that were due did not come", lease.name());
+            warn(tx, lease, WarningKind::UnprovenClaim, &message).await
         }
         Some(_) => Ok(()),
         None => {
@@ -147,11 +147,11 @@ async fn warn(
     tx: &mut WriteTx,
     lease: &LeaseRow,
     kind: WarningKind,
-    words: &str,
+    message: &str,
 ) -> Result<(), ServiceError> {
-    let warning = NewWarning { run: &lease.run, kind, lease: Some(lease.id), words };
+    let warning = NewWarning { run: &lease.run, kind, lease: Some(lease.id), message };
     run_warnings::insert(&mut tx.conn, &warning, tx.now).await?;
-    tx.emit(&lease.run, &RunEvent::Health { task: None, words })
+    tx.emit(&lease.run, &RunEvent::Warning { task: None, message })
 }
 
 /// Closes the audited groups without counting them, and returns their number.
@@ -179,21 +179,21 @@ async fn count_lost(
 
 /// Stores and emits the end of a claim, and ends its lease.
 async fn end(tx: &mut WriteTx, lease: &LeaseRow, settlement: Settlement<'_>) -> Result<(), ServiceError> {
-    columns::settle(&mut tx.conn, lease.id, settlement.state, settlement.why).await?;
+    columns::settle(&mut tx.conn, lease.id, settlement.state, settlement.reason).await?;
     leases::set_status(&mut tx.conn, lease.id, LeaseStatus::Done).await?;
     emit(tx, lease, settlement)?;
     tx.emit(&lease.run, &RunEvent::lease(lease, LeaseEvent::Done))
 }
 
 fn emit(tx: &mut WriteTx, lease: &LeaseRow, settlement: Settlement<'_>) -> Result<(), ServiceError> {
-    let Settlement { claim, state, why, audited } = settlement;
+    let Settlement { claim, state, reason, audited } = settlement;
     let event = RunEvent::Claim {
         lease: lease.name(),
         state,
         episodes: claim.episodes,
         failed: claim.failed,
         audited: audited as i64,
-        why,
+        reason,
     };
     tx.emit(&lease.run, &event)
 }

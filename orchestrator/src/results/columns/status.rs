@@ -23,7 +23,7 @@ pub struct ClaimStatus {
 pub struct ClaimedColumns {
     /// State of the claim.
     pub state: ClaimState,
-    /// The columns.
+    /// Columns of the claim.
     pub columns: Columns,
 }
 

@@ -94,18 +94,18 @@ impl Columns {
 /// Returns the indices of a range's episodes in the lease.
 pub(crate) fn range_episodes(range: &SeedRangeRow, group_size: usize) -> std::ops::Range<usize> {
     let at = |group: i64| usize::try_from(group).unwrap_or_default() * group_size;
-    at(range.first)..at(range.first + range.groups)
+    at(range.first_group)..at(range.first_group + range.groups)
 }
 
 /// Returns the totals of the claimed episodes of a range.
 pub(crate) fn range_totals(columns: &Columns, range: &SeedRangeRow, group_size: usize) -> RangeTotals {
-    let mut totals = RangeTotals { number: range.number, finished: 0, failed: 0, score: 0.0 };
+    let mut totals = RangeTotals { number: range.number, finished: 0, failed: 0, score_sum: 0.0 };
     for at in range_episodes(range, group_size) {
         if columns.has_failed(at) {
             totals.failed += 1;
         } else {
             totals.finished += 1;
-            totals.score += f64::from(columns.scores[at]);
+            totals.score_sum += f64::from(columns.scores[at]);
         }
     }
     totals

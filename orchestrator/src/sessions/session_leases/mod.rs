@@ -10,6 +10,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
 
+use api_types::ResultReceipt;
 use parking_lot::Mutex;
 use sqlx::SqliteConnection;
 use tokio::sync::OnceCell;
@@ -25,7 +26,6 @@ use crate::leases::create::CreateLease;
 use crate::leases::find::find_lease;
 use crate::leases::lease_service::LeaseService;
 use crate::leases::renew::RenewLease;
-use crate::results::receipt::Receipt;
 use crate::results::reported::ReportedEpisode;
 use crate::results::store_verdict::StoreVerdict;
 use crate::runs::settings::RunSettings;
@@ -165,7 +165,7 @@ impl SessionLeases {
         &self,
         run: &RunId,
         claims: &[ReportedEpisode],
-    ) -> Result<Vec<Receipt>, ServiceError> {
+    ) -> Result<Vec<ResultReceipt>, ServiceError> {
         let mut retries = 0;
         loop {
             match self.lease_service.submit_results(run.clone(), None, claims.to_vec()).await {
@@ -313,7 +313,7 @@ async fn find_active(
     if row.is_active() {
         Ok(row)
     } else {
-        Err(ServiceError::LeaseOver { lease: lease.to_string(), status: row.status })
+        Err(ServiceError::LeaseClosed { lease: lease.to_string(), status: row.status })
     }
 }
 

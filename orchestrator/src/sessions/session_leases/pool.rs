@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use api_types::Judge;
 use env_core::Scenario;
 use tokio::time::Instant;
 
 use crate::ids::{EpisodeId, LeaseId, RunId};
-use crate::judging::Judge;
 
 /// Lease with the episodes that no session has reserved.
 #[derive(Debug)]

@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
+use api_types::{Judge, ResultReceipt};
 use env_core::{ActionLog, Scenario};
 
 use super::{SessionLeases, SharedPool};
 use crate::engine::error::ServiceError;
 use crate::ids::{EpisodeId, RunId};
-use crate::judging::Judge;
 use crate::leases::end::ReleaseLease;
-use crate::results::receipt::Receipt;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::sessions::session_request::EpisodeSource;
 
@@ -53,7 +52,7 @@ impl EpisodeReservation {
     ///
     /// # Errors
     /// Returns the error of the report if the retries did not help.
-    pub(crate) async fn report(&mut self, log: &ActionLog) -> Result<Receipt, ServiceError> {
+    pub(crate) async fn report(&mut self, log: &ActionLog) -> Result<ResultReceipt, ServiceError> {
         let claim = ReportedEpisode {
             episode: self.episode.to_string(),
             outcome: ReportedOutcome::Logged(log.clone()),

@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
+use api_types::{ResultReceipt, ReceiptStatus};
 use parking_lot::Mutex;
 use serde::Serialize;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::engine::error::ServiceError;
 use crate::ids::RunId;
-use crate::results::receipt::Receipt;
-use crate::results::receipt_status::ReceiptStatus;
 use crate::results::reported::ReportedEpisode;
 use crate::sessions::session_leases::SessionLeases;
 
@@ -22,7 +21,7 @@ const MAX_BATCH_EPISODES: usize = 256;
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct EpisodeTally {
     /// Number of finished episodes.
-    pub flown: u64,
+    pub finished: u64,
     /// Number of episodes whose groups count for mastery.
     pub counted: u64,
     /// Number of episodes that were stored without counting for mastery.
@@ -75,7 +74,7 @@ impl EpisodeReporter {
         let Some(queue) = &self.queue else { return };
         {
             let mut tally = self.tally.lock();
-            tally.flown += claims.len() as u64;
+            tally.finished += claims.len() as u64;
             tally.waiting += claims.len() as u64;
         }
         for claim in claims {
@@ -103,7 +102,7 @@ impl EpisodeReporter {
 }
 
 impl EpisodeTally {
-    fn count(&mut self, episodes: u64, receipts: &Result<Vec<Receipt>, ServiceError>) {
+    fn count(&mut self, episodes: u64, receipts: &Result<Vec<ResultReceipt>, ServiceError>) {
         self.waiting = self.waiting.saturating_sub(episodes);
         let Ok(receipts) = receipts else {
             self.lost += episodes;

@@ -80,7 +80,7 @@ impl DesignContext {
             match self.run_designer(DesignerKind::Llm, &request.run, task).await {
                 Ok(result) => gate = finish.add(result),
                 Err(error) => {
-                    finish.troubles.push(format!("the language model: {error}"));
+                    finish.warnings.push(format!("the language model: {error}"));
                     gate = Gate::new(language, archive);
                 }
             }
@@ -92,7 +92,7 @@ impl DesignContext {
         }
         if request.designer == DesignerKind::Llm {
             let wanted = brief.count;
-            finish.troubles.push(format!(
+            finish.warnings.push(format!(
                 "{admitted} of {wanted} were let through; the procedural designer does the rest"
             ));
         }
@@ -127,7 +127,7 @@ impl FinishDesignRequest {
             level: None,
             made: Vec::new(),
             usage: designer::DesignUsage::default(),
-            troubles: Vec::new(),
+            warnings: Vec::new(),
             error: None,
             elapsed: Duration::ZERO,
         }
@@ -136,7 +136,7 @@ impl FinishDesignRequest {
     /// Adds the result of a designer, and returns its gate.
     fn add(&mut self, DesignResult { designer, outcome, gate }: DesignResult) -> Gate {
         self.made.extend(outcome.judged.into_iter().map(|judged| MadeLayout { designer, judged }));
-        self.troubles.extend(outcome.warnings);
+        self.warnings.extend(outcome.warnings);
         let used = outcome.usage;
         self.usage.model = self.usage.model.take().or(used.model);
         self.usage.prompt = self.usage.prompt.take().or(used.prompt);

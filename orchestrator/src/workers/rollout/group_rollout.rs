@@ -17,8 +17,8 @@ use crate::results::report::StoreResults;
 use crate::rollouts::push::{ModelUsage, PushGroup};
 use crate::rollouts::rollout_lease::{ROLLOUT_TTL_S, ReturnRolloutLease};
 use crate::rollouts::run_episode::{RolloutOutcome, roll_out_built_in, roll_out_chat};
-use crate::rollouts::settings::SetPolicyTrouble;
-use crate::rollouts::trajectory_group::TrajectoryGroup;
+use crate::rollouts::settings::SetPolicyError;
+use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::{RecordingBudget, RolloutError, RolloutGroup};
 use crate::store::run_policies::RunPolicy;
 
@@ -27,9 +27,9 @@ const MAX_STORE_RETRIES: u32 = 40;
 /// Pause between two tries of storing a group.
 const STORE_RETRY_PAUSE: Duration = Duration::from_millis(250);
 
-/// Result of rolling out a group, for the backoff of its run.
+/// Success or failure of rolling out a group, which sets the backoff of its run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum GroupResult {
+pub(super) enum GroupRolloutStatus {
     /// At least one episode finished, or there was nothing to roll out.
     Succeeded,
     /// No episode of the group finished.
@@ -38,17 +38,17 @@ pub(super) enum GroupResult {
 
 impl RolloutWorker {
     /// Leases a group of a run, rolls it out and pushes it.
-    pub(super) async fn roll_out_group(&self, run: RunId) -> GroupResult {
+    pub(super) async fn roll_out_group(&self, run: RunId) -> GroupRolloutStatus {
         let _busy = metrics::BusyGuard::new("rollout");
         let rollout_lease = match self.lease_service.lease_for_rollout(&run).await {
             Ok(rollout_lease) => rollout_lease,
             // Other clients lease the prepared scenarios, or the run was just paused.
             Err(ServiceError::NotReady | ServiceError::Paused(_) | ServiceError::Stopping) => {
-                return GroupResult::Succeeded;
+                return GroupRolloutStatus::Succeeded;
             }
             Err(error) => {
-                self.set_trouble(&run, format!("no scenario could be leased: {error}")).await;
-                return GroupResult::Failed;
+                self.set_error(&run, format!("no scenario could be leased: {error}")).await;
+                return GroupRolloutStatus::Failed;
             }
         };
         let lease = rollout_lease.lease.clone();
@@ -57,13 +57,13 @@ impl RolloutWorker {
             self.roll_out_and_push(Arc::new(group)).await
         };
         match rollout.await {
-            Ok(0) => GroupResult::Failed,
-            Ok(_) | Err(RolloutError::Service(ServiceError::Stopping)) => GroupResult::Succeeded,
+            Ok(0) => GroupRolloutStatus::Failed,
+            Ok(_) | Err(RolloutError::Service(ServiceError::Stopping)) => GroupRolloutStatus::Succeeded,
             Err(error) => {
                 tracing::warn!(%run, %lease, %error, "A group could not be rolled out; its lease is returned.");
-                self.set_trouble(&run, format!("a group could not be rolled out: {error}")).await;
+                self.set_error(&run, format!("a group could not be rolled out: {error}")).await;
                 self.return_lease(lease).await;
-                GroupResult::Failed
+                GroupRolloutStatus::Failed
             }
         }
     }
@@ -75,7 +75,7 @@ impl RolloutWorker {
             outcomes = self.roll_out_episodes(&group, &budget) => outcomes?,
             never = self.keep_renewing(&group) => match never {},
         };
-        let trouble = outcomes.iter().find_map(|outcome| outcome.episode.as_ref().err().cloned());
+        let error = outcomes.iter().find_map(|outcome| outcome.episode.as_ref().err().cloned());
         let lost = outcomes.iter().filter(|outcome| outcome.episode.is_err()).count();
         let finished = outcomes.len() - lost;
         let usage = self.usage(&outcomes);
@@ -85,7 +85,7 @@ impl RolloutWorker {
         let audited = report.episodes.clone();
         let packing = tokio::task::spawn_blocking(move || -> Result<_, RolloutError> {
             let trajectory = group.to_trajectory(outcomes, &audited, &budget)?;
-            Ok(trajectory.map(TrajectoryGroup::pack).transpose()?)
+            Ok(trajectory.map(GroupRecord::pack).transpose()?)
         });
         let packed = packing.await.map_err(|error| RolloutError::Failed(error.to_string()))??;
         let mut retries = 0;
@@ -97,7 +97,7 @@ impl RolloutWorker {
                 packed: packed.clone(),
                 finished,
                 lost,
-                trouble: trouble.clone(),
+                error: error.clone(),
                 usage,
             };
             match self.lease_service.writer.change(push).await {
@@ -164,8 +164,8 @@ impl RolloutWorker {
     }
 
     /// Stores why a run's policy failed.
-    async fn set_trouble(&self, run: &RunId, trouble: String) {
-        let change = SetPolicyTrouble { run: run.to_string(), trouble };
+    async fn set_error(&self, run: &RunId, error: String) {
+        let change = SetPolicyError { run: run.to_string(), error };
         if let Err(error) = self.lease_service.writer.change(change).await {
             tracing::debug!(%run, %error, "The failure of a policy could not be stored.");
         }

@@ -8,13 +8,13 @@ pub(crate) const WINDOW: Hyperparameter = Hyperparameter {
     description: "number of outcomes between two fits of a task, and in each fit",
     source: "Portelas et al. 2019, section 4",
 };
-pub(crate) const LEAST_COMPONENTS: Hyperparameter = Hyperparameter {
+pub(crate) const MIN_COMPONENTS: Hyperparameter = Hyperparameter {
     name: "least_components",
     range: ValueRange::Whole { default: 2, min: 1, max: 20 },
     description: "smallest number of components of a mixture",
     source: "Portelas et al. 2019, section 4",
 };
-pub(crate) const MOST_COMPONENTS: Hyperparameter = Hyperparameter {
+pub(crate) const MAX_COMPONENTS: Hyperparameter = Hyperparameter {
     name: "most_components",
     range: ValueRange::Whole { default: 10, min: 1, max: 20 },
     description: "largest number of components of a mixture",
@@ -27,4 +27,4 @@ pub(crate) const UNIFORM: Hyperparameter = Hyperparameter {
     source: "Portelas et al. 2019, p_rnd",
 };
 
-pub(crate) const ALL: &[Hyperparameter] = &[WINDOW, LEAST_COMPONENTS, MOST_COMPONENTS, UNIFORM];
+pub(crate) const ALL: &[Hyperparameter] = &[WINDOW, MIN_COMPONENTS, MAX_COMPONENTS, UNIFORM];

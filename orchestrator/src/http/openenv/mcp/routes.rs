@@ -23,7 +23,7 @@ use crate::sessions::ClientIdentity;
         (status = 408, body = Object), (status = 413, body = Object)
     )
 )]
-pub(crate) async fn post(
+pub(crate) async fn call_mcp(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
     request: Request,

@@ -4,11 +4,11 @@ use api_types::{CreateDesignRequest, DesignRequestSummary};
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
 
-use super::super::super::extract::{Json, NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::run_id;
-use super::requests::request_summary;
+use super::view::request_summary;
 use crate::designs::request_design::RequestDesign;
+use crate::http::extract::{Json, NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::DesignRequestId;
 
@@ -30,10 +30,10 @@ pub(in crate::http::v1) async fn create_design_request(
     Path(run): Path<String>,
     Json(request): Json<CreateDesignRequest>,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], axum::Json<DesignRequestSummary>), Problem> {
-    let run = run_id(&run)?;
-    let CreateDesignRequest { task, n, designer } = request;
-    let change = RequestDesign { run: run.clone(), task, n, designer, has_llm: app.designers.has_llm() };
+    let run = parse_run_id(&run)?;
+    let CreateDesignRequest { task, count, designer } = request;
+    let change = RequestDesign { run: run.clone(), task, count, designer, has_llm: app.designers.has_llm() };
     let row = app.writer.change(change).await?;
-    let location = format!("/v1/runs/{run}/designs/asks/{}", DesignRequestId(row.id));
+    let location = format!("/v1/runs/{run}/designs/requests/{}", DesignRequestId(row.id));
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], axum::Json(request_summary(row)?)))
 }

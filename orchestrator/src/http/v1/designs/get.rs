@@ -3,12 +3,13 @@
 use api_types::{Design, DesignTransition};
 use axum::extract::State;
 
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::{parse_id, reader_of_run, run_id};
 use super::view::{design_json, design_summary};
 use crate::clock::rfc3339;
 use crate::designs::retire_layout::find_layout;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::ids::{EpisodeId, LeaseId};
 use crate::leases::bracket_view::scenario_bracket;
@@ -30,8 +31,8 @@ pub(in crate::http::v1) async fn get_design(
     State(app): State<AppState>,
     Path((run, layout)): Path<(String, String)>,
 ) -> Result<axum::Json<Design>, Problem> {
-    let (run, layout) = (run_id(&run)?, parse_id("design", &layout)?);
-    let mut conn = reader_of_run(&app, &run).await?;
+    let (run, layout) = (parse_run_id(&run)?, parse_id("design", &layout)?);
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let row = find_layout(&mut conn, &run, layout).await?;
     let (mut scenario_id, mut bracket) = (None, None);
     if let Some(scenario_key) = &row.scenario {
@@ -46,9 +47,9 @@ pub(in crate::http::v1) async fn get_design(
         design: design_json(&row)?,
         scenario_id,
         bracket,
-        turns: transitions
+        transitions: transitions
             .map(|turn| DesignTransition {
-                state: turn.state.to_string(),
+                state: turn.state.into(),
                 reason: turn.reason,
                 at: rfc3339(turn.at),
             })

@@ -3,11 +3,13 @@
 use api_types::{DesignPage, DesignQuery};
 use axum::extract::State;
 
-use super::super::super::extract::{Path, Query};
-use super::super::super::problem::Problem;
-use super::super::failures::tasks_of;
-use super::super::{number_before, page_limit, parse_id, run_id};
-use super::view::{check_failure_mode, design_page, parse_filter_word};
+use super::view::design_page;
+use crate::http::extract::{Path, Query};
+use crate::http::filters::{check_failure_mode, parse_filter_word};
+use crate::http::paging::{number_before, page_limit};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
+use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
 use crate::ids::DesignRequestId;
 use crate::store::layouts::{self, LayoutFilter, LayoutState};
@@ -27,15 +29,16 @@ pub(in crate::http::v1) async fn list_designs(
     Path(run): Path<String>,
     Query(query): Query<DesignQuery>,
 ) -> Result<axum::Json<DesignPage>, Problem> {
-    let run = run_id(&run)?;
-    let DesignQuery { task, state, mode, ask, limit, cursor } = query;
+    let run = parse_run_id(&run)?;
+    let DesignQuery { task, state, mode, request, limit, cursor } = query;
     let state = parse_filter_word("state", state.as_deref(), LayoutState::ALL)?;
-    let ask = ask.map(|ask| parse_id::<DesignRequestId>("ask", &ask)).transpose()?;
+    let request = request.map(|request| parse_id::<DesignRequestId>("request", &request)).transpose()?;
     let (limit, before) = (page_limit(limit)?, number_before(cursor.as_deref())?);
     let mut conn = app.readers.acquire().await?;
-    let tasks = tasks_of(&mut conn, &run, task.as_deref()).await?;
+    let tasks = find_run_tasks(&mut conn, &run, task.as_deref()).await?;
     check_failure_mode("mode", mode.as_ref(), &tasks)?;
-    let filter = LayoutFilter { task, state, mode, request: ask.map(|ask| ask.0), with_refused: true };
+    let filter =
+        LayoutFilter { task, state, mode, request: request.map(|request| request.0), with_refused: true };
     let rows = layouts::of_run(&mut conn, run.as_str(), &filter, before, limit).await?;
     Ok(axum::Json(design_page(&rows, limit)?))
 }

@@ -3,11 +3,11 @@
 use api_types::DesignSummary;
 use axum::extract::State;
 
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::{parse_id, run_id};
 use super::view::design_summary;
 use crate::designs::retire_layout::SetLayoutRetired;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
 /// Retire a layout, so that it is not served again. Leased groups of it are not affected.
@@ -52,7 +52,7 @@ async fn set_retired(
     design: &str,
     retired: bool,
 ) -> Result<axum::Json<DesignSummary>, Problem> {
-    let change = SetLayoutRetired { run: run_id(run)?, layout: parse_id("design", design)?, retired };
+    let change = SetLayoutRetired { run: parse_run_id(run)?, layout: parse_id("design", design)?, retired };
     let row = app.writer.change(change).await?;
     Ok(axum::Json(design_summary(&row)?))
 }

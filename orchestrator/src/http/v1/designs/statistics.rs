@@ -5,11 +5,11 @@ use axum::extract::State;
 use designer::GateCheck;
 use sqlx::Connection;
 
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::run_id;
 use crate::designs::finish_design::ADMITTED;
 use crate::engine::error::ServiceError;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::runs::settings::RunSettings;
 use crate::store::design_counters::{self, GateCount, LayoutCount, TrainingGroups};
@@ -27,7 +27,7 @@ pub(in crate::http::v1) async fn get_design_statistics(
     State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<DesignStatistics>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     let mut conn = app.readers.acquire().await?;
     let mut conn = conn.begin().await?; // one snapshot of all tables
     let row = runs::get(&mut conn, run.as_str()).await?;
@@ -50,8 +50,8 @@ pub(in crate::http::v1) async fn get_design_statistics(
         designers: totals
             .into_iter()
             .map(|totals| DesignerUsage {
-                designer: totals.designer.to_string(),
-                asks: totals.requests,
+                designer: totals.designer.into(),
+                requests: totals.requests,
                 failed: totals.failed,
                 tokens_in: totals.tokens_in,
                 tokens_out: totals.tokens_out,
@@ -71,13 +71,13 @@ fn task_designs(task: &str, layouts: &[LayoutCount], verdicts: &[GateCount]) -> 
     TaskDesigns {
         task: task.to_owned(),
         active: in_state(LayoutState::Active).map(|of| of.count).sum(),
-        retired: in_state(LayoutState::Retired).map(|of| (word(of.reason), of.count)).collect(),
+        retired: in_state(LayoutState::Retired).map(|of| (word(of.retirement_reason), of.count)).collect(),
         admitted: count(ADMITTED),
         refused: GateCheck::ALL
             .iter()
             .map(|check| GateCheckCount {
                 check: check.as_str().to_owned(),
-                about: check.description().to_owned(),
+                description: check.description().to_owned(),
                 count: count(check.as_str()),
             })
             .collect(),

@@ -1,15 +1,14 @@
-//! Conversion of stored designs to responses, and checks of the filters of their lists.
+//! Conversion of stored designs and design requests to responses.
 
-use std::collections::BTreeSet;
-
-use api_types::{DesignAim, DesignPage, DesignResults, DesignSummary};
-use env_core::TaskSpec;
+use api_types::{DesignAim, DesignPage, DesignRequestSummary, DesignResults, DesignSummary};
 use serde_json::Value;
 
-use super::super::super::problem::Problem;
-use super::super::next_cursor;
 use crate::clock::rfc3339;
+use crate::http::paging::{PageCursor, next_cursor};
+use crate::http::problem::Problem;
 use crate::ids::{DesignRequestId, LayoutId};
+use crate::store::StoreError;
+use crate::store::design_requests::{DesignRequestRow, DesignerKind};
 use crate::store::from_json;
 use crate::store::layouts::LayoutRow;
 
@@ -24,31 +23,33 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
         bearing_deg: row.bearing_deg,
         frame: row.frame.clone(),
     });
+    let designer: DesignerKind =
+        row.designer.parse().map_err(|error| StoreError::corrupt("the designer of a layout", error))?;
     Ok(DesignSummary {
         id: LayoutId(row.id).to_string(),
         run: row.run.clone(),
         task: row.task.clone(),
         level: row.level,
         name: row.name.clone(),
-        ask: DesignRequestId(row.request).to_string(),
-        designer: row.designer.clone(),
+        request: DesignRequestId(row.request).to_string(),
+        designer: designer.into(),
         round: row.round,
         aim,
-        claim: row.claim.map(|claim| claim.to_string()),
-        state: row.state.to_string(),
-        why: row.why.map(|why| why.to_string()).or_else(|| row.gate_check.clone()),
-        reason: row.reason.clone(),
+        claim: row.claim.map(Into::into),
+        state: row.state.into(),
+        state_reason: row.retirement_reason.map(|why| why.to_string()).or_else(|| row.gate_check.clone()),
+        refusal_reason: row.refusal_reason.clone(),
         novelty: row.novelty,
-        flown: DesignResults {
+        results: DesignResults {
             groups: row.groups,
             outcomes: row.outcomes,
             episodes: row.episodes,
             successes: row.successes,
             success: mean(row.successes as f64),
-            score: mean(row.score),
-            regret: mean(row.regret),
-            as_aimed: row.as_aimed_share(),
-            recent: from_json("a layout's outcomes", &row.recent)?,
+            score: mean(row.score_sum),
+            regret: mean(row.regret_sum),
+            as_aimed: row.aimed_failure_share(),
+            recent: from_json("a layout's outcomes", &row.recent_success_rates)?,
         },
         created_at: rfc3339(row.created_at),
         served_at: row.served_at.map(rfc3339),
@@ -61,7 +62,7 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
 /// # Errors
 /// Returns an internal problem if the stored outcomes of a layout cannot be read.
 pub(in crate::http::v1) fn design_page(rows: &[LayoutRow], limit: i64) -> Result<DesignPage, Problem> {
-    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.id, "")));
+    let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.id)));
     Ok(DesignPage { designs: rows.iter().map(design_summary).collect::<Result<_, _>>()?, next })
 }
 
@@ -73,39 +74,32 @@ pub(in crate::http::v1) fn design_json(row: &LayoutRow) -> Result<Option<Value>,
     Ok(row.design.as_deref().map(|text| from_json("a design", text)).transpose()?)
 }
 
-/// Parses a word of a query that must be one of `known`.
+/// Converts the row of a request.
 ///
 /// # Errors
-/// Returns a problem with the known words for any other word.
-pub(in crate::http::v1) fn parse_filter_word<T: Copy + std::fmt::Display>(
-    field: &str,
-    word: Option<&str>,
-    known: &[T],
-) -> Result<Option<T>, Problem> {
-    let Some(word) = word else { return Ok(None) };
-    let value = known.iter().copied().find(|value| value.to_string() == word);
-    value.map(Some).ok_or_else(|| unknown_word(field, known.iter().map(ToString::to_string)))
-}
-
-/// Checks that one of the tasks has a failure mode.
-///
-/// # Errors
-/// Returns a problem with the failure modes of the tasks if none has it.
-pub(in crate::http::v1) fn check_failure_mode(
-    field: &str,
-    mode: Option<&String>,
-    tasks: &[&'static dyn TaskSpec],
-) -> Result<(), Problem> {
-    let modes: BTreeSet<&str> =
-        tasks.iter().flat_map(|task| task.failure_modes()).map(|mode| mode.name).collect();
-    match mode {
-        Some(mode) if !modes.contains(mode.as_str()) => {
-            Err(unknown_word(field, modes.into_iter().map(str::to_owned)))
-        }
-        _ => Ok(()),
-    }
-}
-
-fn unknown_word(field: &str, known: impl Iterator<Item = String>) -> Problem {
-    Problem::invalid(field, format!("choose one of {}", known.collect::<Vec<_>>().join(", ")))
+/// Returns an internal problem if its stored warnings cannot be read.
+pub(super) fn request_summary(row: DesignRequestRow) -> Result<DesignRequestSummary, Problem> {
+    Ok(DesignRequestSummary {
+        id: DesignRequestId(row.id).to_string(),
+        warnings: from_json("the warnings of a design request", &row.errors)?,
+        task: row.task,
+        level: row.level,
+        designer: row.designer.into(),
+        requested_by: row.requested_by.into(),
+        state: row.state.into(),
+        wanted: row.wanted,
+        admitted: row.admitted,
+        refused: row.refused,
+        model: row.model,
+        prompt_version: row.prompt_version,
+        rounds: row.rounds,
+        tokens_in: row.tokens_in,
+        tokens_out: row.tokens_out,
+        cost: row.cost,
+        latency_ms: row.latency_ms,
+        criticised: row.criticised,
+        error: row.error,
+        created_at: rfc3339(row.created_at),
+        ended_at: row.ended_at.map(rfc3339),
+    })
 }

@@ -3,11 +3,11 @@
 use api_types::EvaluationSummary;
 use axum::extract::State;
 
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::parse_id;
 use super::view::evaluation_summary;
 use crate::evaluation::cancel::CancelEvaluation;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::parse_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::EvaluationId;
 

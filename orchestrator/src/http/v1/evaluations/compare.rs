@@ -1,48 +1,17 @@
-//! Comparison of evaluations.
+//! Comparison of evaluations of one suite.
 
-use api_types::ComparisonQuery;
+use api_types::{Comparison, ComparisonQuery, ComparisonSide};
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
 
-use super::super::super::blocking::run_blocking;
-use super::super::super::extract::Query;
-use super::super::super::problem::Problem;
 use crate::engine::error::ServiceError;
 use crate::evaluation::read::{
     LoadedEvaluation, MAX_SIDE_EVALUATIONS, SideComparison, compare_sides as compared, load_evaluation,
 };
-use crate::evaluation::report::ComparisonRow;
-use crate::evaluation::seeds::AcrossSeeds;
+use crate::http::blocking::run_blocking;
+use crate::http::extract::Query;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::{EvaluationId, InvalidId};
-
-/// Comparison of two sides, each with one or more evaluations.
-#[derive(Serialize, ToSchema)]
-pub(in crate::http::v1) struct Comparison {
-    /// Suite of all evaluations.
-    suite: String,
-    /// First side.
-    a: ComparisonSide,
-    /// Second side.
-    b: ComparisonSide,
-    /// Differences of the first side to the second on the same scenarios, over all trainings of a side. A row for each task and part is
-    /// `{task, part, scenarios, score, success, skill, improvement}`. The last four are `{mean, low, high, scenarios}` with 95 % bootstrap
-    /// intervals over scenarios. `improvement` is the probability that an episode of the first side scores higher; a tie counts one half.
-    #[schema(value_type = Vec<Object>)]
-    rows: Vec<ComparisonRow>,
-}
-
-/// Side of a comparison.
-#[derive(Serialize, ToSchema)]
-struct ComparisonSide {
-    /// Ids of its evaluations.
-    evaluations: Vec<String>,
-    /// Interquartile means over its trainings of the mean score, success and skill on the suite: `{trainings, score, success, skill}`
-    /// with 95 % bootstrap intervals over trainings. Intervals over fewer than three trainings are not informative.
-    #[schema(value_type = Object)]
-    across: AcrossSeeds,
-}
 
 /// Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
 #[utoipa::path(

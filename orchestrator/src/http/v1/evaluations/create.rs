@@ -1,13 +1,13 @@
 //! Creation of an evaluation.
 
-use api_types::EvaluationSummary;
+use api_types::{EvaluationRequest, EvaluationSummary};
 use axum::extract::State;
 use axum::http::StatusCode;
 
-use super::super::super::extract::{Json, NoQuery};
-use super::super::super::problem::Problem;
 use super::view::evaluation_summary;
-use crate::evaluation::begin::{BeginEvaluation, EvaluationRequest};
+use crate::evaluation::begin::BeginEvaluation;
+use crate::http::extract::{Json, NoQuery};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
 /// Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer leases the scenarios

@@ -1,34 +1,18 @@
 //! One evaluation with its results.
 
-use api_types::EvaluationSummary;
+use api_types::Evaluation;
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
 
-use super::super::super::blocking::run_blocking;
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::parse_id;
 use super::view::evaluation_summary;
 use crate::engine::error::ServiceError;
 use crate::evaluation::read::{load_evaluation, report_evaluation};
-use crate::evaluation::report::ReportRow;
+use crate::http::blocking::run_blocking;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::parse_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::EvaluationId;
 use crate::store::evaluations::{self, EvaluationState};
-
-/// Evaluation with its results.
-#[derive(Serialize, ToSchema)]
-pub(in crate::http::v1) struct Evaluation {
-    /// The evaluation, as lists show it.
-    #[serde(flatten)]
-    summary: EvaluationSummary,
-    /// Results of a complete evaluation and of the blind panel (`blind_panel`); empty before. A row for each task and part is `{task,
-    /// part, policy, scenarios, score, success, skill, lost, fuel_used, cvar10}`. The last six are `{mean, low, high, scenarios}` with 95 %
-    /// bootstrap intervals over scenarios.
-    #[schema(value_type = Vec<Object>)]
-    rows: Vec<ReportRow>,
-}
 
 /// Get an evaluation, with its results if it is complete.
 #[utoipa::path(

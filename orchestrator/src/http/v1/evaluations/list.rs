@@ -1,12 +1,12 @@
-//! List of evaluations.
+//! List of the evaluations of all runs.
 
 use api_types::{EvaluationPage, PageQuery};
 use axum::extract::State;
 
-use super::super::super::extract::Query;
-use super::super::super::problem::Problem;
-use super::super::{next_cursor, number_before, page_limit};
 use super::view::evaluation_summary;
+use crate::http::extract::Query;
+use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::store::evaluations;
 
@@ -23,6 +23,6 @@ pub(in crate::http::v1) async fn list_evaluations(
     let before = number_before(page.cursor.as_deref())?;
     let mut conn = app.readers.acquire().await?;
     let rows = evaluations::page(&mut conn, before, limit).await?;
-    let next = next_cursor(rows.len(), limit, rows.last().map(|row| (row.id, "")));
+    let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.id)));
     Ok(axum::Json(EvaluationPage { evaluations: rows.into_iter().map(evaluation_summary).collect(), next }))
 }

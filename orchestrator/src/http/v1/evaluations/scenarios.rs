@@ -1,15 +1,16 @@
 //! Results of an evaluation by scenario.
 
-use api_types::{EvaluationScenario, EvaluationScenarioPage, PageQuery};
+use api_types::{EvaluationScenario, EvaluationScenarioPage, PageQuery, SuiteSection};
 use axum::extract::State;
 
-use super::super::super::extract::{Path, Query};
-use super::super::super::problem::Problem;
-use super::super::{next_cursor, number_after, page_limit, parse_id};
 use crate::engine::error::ServiceError;
 use crate::evaluation::read::suite_of;
 use crate::evaluation::results::EpisodeMeasures;
 use crate::evaluation::suite::{SuiteEntry, SuitePart};
+use crate::http::extract::{Path, Query};
+use crate::http::paging::{PageCursor, next_cursor, number_after, page_limit};
+use crate::http::path_ids::parse_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::EvaluationId;
 use crate::store::evaluations::{self, EntryEpisodes};
@@ -42,35 +43,35 @@ pub(in crate::http::v1) async fn list_evaluation_scenarios(
         .flat_map(|group| group.entries.iter().map(|entry| (group.level, entry)))
         .collect();
     let mut scenarios = Vec::with_capacity(flown.len());
-    for EntryEpisodes { entry: place, episodes } in flown {
-        let Some((level, entry)) = usize::try_from(place).ok().and_then(|place| all.get(place)) else {
+    for EntryEpisodes { entry: index, episodes } in flown {
+        let Some((level, entry)) = usize::try_from(index).ok().and_then(|index| all.get(index)) else {
             continue;
         };
         let episodes: Option<Vec<EpisodeMeasures>> =
             episodes.as_deref().map(|text| from_json("an evaluation", text)).transpose()?;
-        scenarios.push(evaluation_scenario(place, *level, entry, &episodes.unwrap_or_default()));
+        scenarios.push(evaluation_scenario(index, *level, entry, &episodes.unwrap_or_default()));
     }
-    let next = next_cursor(scenarios.len(), limit, scenarios.last().map(|row| (row.place, "")));
+    let next = next_cursor(scenarios.len(), limit, scenarios.last().map(|row| PageCursor::at(row.index)));
     Ok(axum::Json(EvaluationScenarioPage { scenarios, next }))
 }
 
 fn evaluation_scenario(
-    place: i64,
+    index: i64,
     level: usize,
     entry: &SuiteEntry,
     episodes: &[EpisodeMeasures],
 ) -> EvaluationScenario {
     let EpisodeMeasures { score, success, skill, lost, fuel_used } = EpisodeMeasures::mean_of(episodes);
     let part = match entry.part {
-        SuitePart::Contested => "contested",
-        SuitePart::AsTheyCome => "as_they_come",
+        SuitePart::Contested => SuiteSection::Contested,
+        SuitePart::AsTheyCome => SuiteSection::AsTheyCome,
     };
     EvaluationScenario {
-        place,
+        index,
         scenario_id: entry.scenario.id().to_string(),
         task: entry.scenario.task().id().to_owned(),
         level,
-        part: part.to_owned(),
+        part,
         floor: entry.bracket.floor,
         reference: entry.bracket.reference.score,
         episodes: episodes.len(),

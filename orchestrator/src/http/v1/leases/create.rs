@@ -1,20 +1,19 @@
 //! Creation of a lease.
 
-use api_types::{Lease, LeaseForm, LeasePurpose, LeaseRequest};
+use api_types::{Lease, LeaseForm, LeaseRequest};
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 
-use super::super::super::access::Caller;
-use super::super::super::extract::{Json, NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::run_id;
 use super::view::{lease_from_cache, load_lease};
+use crate::http::access::Caller;
+use crate::http::extract::{Json, NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::ids::EvaluationId;
 use crate::leases::columns::CreateColumnLease;
 use crate::leases::create::{CreateLease, GrantedLease};
-use crate::store::leases::Purpose;
 
 /// Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then returns 503.
 #[utoipa::path(
@@ -37,7 +36,7 @@ pub(in crate::http::v1) async fn create_lease(
 ) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
     let LeaseRequest { groups, group_size, policy_version, ttl_s, purpose, form, refill, evaluation } =
         request;
-    let (run, owner) = (run_id(&run)?, caller.owner_quota(app.client_limits.leases));
+    let (run, owner) = (parse_run_id(&run)?, caller.owner_quota(app.client_limits.leases));
     let evaluation = evaluation.map(|text| text.parse::<EvaluationId>()).transpose();
     let evaluation =
         evaluation.map_err(|error| Problem::invalid("evaluation", error.to_string()))?.map(|id| id.0);
@@ -47,7 +46,7 @@ pub(in crate::http::v1) async fn create_lease(
         group_size,
         policy_version,
         ttl_s,
-        purpose: purpose_from_request(purpose),
+        purpose: purpose.into(),
         owner,
         refill,
         evaluation,
@@ -61,12 +60,4 @@ pub(in crate::http::v1) async fn create_lease(
         None => load_lease(&mut *app.readers.acquire().await?, row, groups).await?,
     };
     Ok((StatusCode::CREATED, axum::Json(lease)))
-}
-
-const fn purpose_from_request(purpose: LeasePurpose) -> Purpose {
-    match purpose {
-        LeasePurpose::Train => Purpose::Train,
-        LeasePurpose::Probe => Purpose::Probe,
-        LeasePurpose::Eval => Purpose::Eval,
-    }
 }

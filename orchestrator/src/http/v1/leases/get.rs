@@ -3,11 +3,11 @@
 use api_types::Lease;
 use axum::extract::State;
 
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::{parse_id, run_id};
 use super::view::load_lease;
 use crate::engine::error::ServiceError;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::find::find_lease;
 use crate::store::groups;
@@ -27,7 +27,7 @@ pub(in crate::http::v1) async fn get_lease(
     State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Lease>, Problem> {
-    let (run, lease) = (run_id(&run)?, parse_id("lease", &lease)?);
+    let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
     let row = find_lease(&mut conn, &run, &lease).await?;
     let groups = groups::of_lease(&mut conn, row.id).await?;

@@ -3,10 +3,10 @@
 use api_types::LeaseSummary;
 use axum::extract::State;
 
-use super::super::super::extract::{NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::{parse_id, run_id};
 use super::view::lease_summary;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::{parse_id, parse_run_id};
+use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::renew::RenewLease;
 
@@ -25,6 +25,6 @@ pub(in crate::http::v1) async fn renew_lease(
     State(app): State<AppState>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<LeaseSummary>, Problem> {
-    let change = RenewLease { run: run_id(&run)?, lease: parse_id("lease", &lease)? };
+    let change = RenewLease { run: parse_run_id(&run)?, lease: parse_id("lease", &lease)? };
     Ok(axum::Json(lease_summary(app.writer.change(change).await?)))
 }

@@ -5,8 +5,8 @@ use env_core::{Recipe, RecipeId};
 use serde_json::Value;
 use sqlx::SqliteConnection;
 
-use super::super::super::problem::Problem;
 use crate::clock::rfc3339;
+use crate::http::problem::Problem;
 use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::scenario_cache::ScenarioCache;
@@ -20,9 +20,9 @@ use crate::store::to_u64;
 pub(super) fn lease_summary(row: LeaseRow) -> LeaseSummary {
     LeaseSummary {
         lease: LeaseId { number: row.id, token: row.token }.to_string(),
-        purpose: row.purpose.to_string(),
-        form: row.form.to_string(),
-        status: row.status.to_string(),
+        purpose: row.purpose.into(),
+        form: row.form.into(),
+        status: row.status.into(),
         groups: row.groups,
         group_size: row.group_size,
         created_at: rfc3339(row.created_at),
@@ -74,9 +74,9 @@ fn build_lease(
     Ok(Lease {
         lease: lease.to_string(),
         run: row.run,
-        purpose: row.purpose.to_string(),
-        form: row.form.to_string(),
-        status: row.status.to_string(),
+        purpose: row.purpose.into(),
+        form: row.form.into(),
+        status: row.status.into(),
         group_size: row.group_size,
         policy_version: row.policy_version,
         expires_at: rfc3339(row.expires_at),
@@ -113,9 +113,16 @@ async fn load_ranges(
     let (mut loader, mut ranges) = (ScenarioLoader::default(), Vec::new());
     for row in columns::ranges(conn, lease).await? {
         let recipe = recipes.insert(&*loader.recipe(conn, &row.recipe).await?);
-        let SeedRangeRow { task, level, role, first, groups, seed, .. } = row;
-        let role = role.to_string();
-        ranges.push(SeedRange { recipe, task, level, role, first, groups, seed: to_u64(seed) });
+        let SeedRangeRow { task, level, role, first_group, groups, first_seed: seed, .. } = row;
+        ranges.push(SeedRange {
+            recipe,
+            task,
+            level,
+            role: role.into(),
+            first_group,
+            groups,
+            seed: to_u64(seed),
+        });
     }
     Ok(ranges)
 }
@@ -140,9 +147,9 @@ fn leased_group(
         bracket: bracket.map(|bracket| scenario_bracket(scenario, bracket)),
         task: group.task,
         level: group.level,
-        role: group.role.to_string(),
+        role: group.role.into(),
         train: group.is_for_training,
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: group.state.to_string(),
+        state: group.state.into(),
     }
 }

@@ -7,13 +7,13 @@ use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, close_code};
 use tokio::time::Instant;
 
-use super::super::super::socket::{
-    ClientGone, Received, close, close_with, receive, run_to_completion, send_message,
-};
 use super::error_message::ErrorMessage;
 use super::open::{OpenedSession, open_or_resume};
 use super::vector::FrameReply;
 use super::{single, vector};
+use crate::http::socket::{
+    ClientGone, Received, close, close_with, receive, run_to_completion, send_message,
+};
 use crate::http::state::AppState;
 use crate::sessions::{
     ClientIdentity, CloseReason, CloseSignal, LEASE_CHECK_INTERVAL, ResumableSession, SessionAttachment,
@@ -49,7 +49,7 @@ fn closing_error(reason: CloseReason) -> ErrorMessage {
     }
 }
 
-/// Serves one connection.
+/// Serves one connection until it closes.
 pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
     let mut closing = app.sessions.close_signal(&who);
     let mut early = None;
@@ -101,7 +101,7 @@ async fn open_session(
             Received::Binary(_) => {
                 ErrorMessage::new("not_open", "the first message opens a session: send it as text")
             }
-            Received::Idle => ErrorMessage::new("silent", "no session was opened in time").ending(),
+            Received::Idle => ErrorMessage::new("idle_timeout", "no session was opened in time").ending(),
             Received::Stop(reason) => closing_error(reason).ending(),
             Received::TooLarge => ErrorMessage::new("too_large", TOO_LARGE).ending(),
             Received::Left | Received::Gone => return None,
@@ -146,15 +146,15 @@ async fn next_input(
 
 /// Reply to a message.
 enum Reply {
-    /// Text message.
+    /// Text message to the client.
     Text(Bytes),
-    /// Binary frame.
+    /// Binary frame to the client.
     Binary(Bytes),
     /// Last text message, after which the connection is closed.
     End(Bytes),
 }
 
-/// Answers a message.
+/// Answers a message of the client.
 async fn reply(attachment: &mut SessionAttachment, received: Received, ttl_s: u64) -> Reply {
     let flow = match (attachment.session(), received) {
         (Some(ResumableSession::Single(single)), Received::Text(text)) => {
@@ -213,7 +213,7 @@ async fn serve_session(
                 drop(attachment);
                 return close_with_error(
                     socket,
-                    &ErrorMessage::new("silent", "the session was idle for too long and has ended"),
+                    &ErrorMessage::new("idle_timeout", "the session was idle for too long and has ended"),
                 )
                 .await;
             }

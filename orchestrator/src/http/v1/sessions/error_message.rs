@@ -4,7 +4,7 @@ use env_core::batch::BatchError;
 use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Value, json};
 
-use super::super::super::problem::{Problem, ProblemParts};
+use crate::http::problem::{Problem, ProblemParts};
 use crate::input::FieldError;
 use crate::limits::QuotaExceeded;
 use crate::sessions::{ResumeError, SessionError, SessionRequestError, VectorError};
@@ -121,7 +121,7 @@ impl From<SessionError> for ErrorMessage {
             SessionError::Action(faults) => action_error(&faults),
             SessionError::Refused(error) => Self::new("invalid_action", error.to_string()).at("action"),
             SessionError::NotStarted => Self::new("not_started", error.to_string()),
-            SessionError::Over => Self::new("over", error.to_string()),
+            SessionError::Over => Self::new("episode_over", error.to_string()),
             SessionError::Scenario(error) => Self::invalid(error.field().to_owned(), error.to_string()),
             SessionError::Service(error) => Problem::from(error).into(),
         }
@@ -138,7 +138,7 @@ impl From<VectorError> for ErrorMessage {
             VectorError::Memory(memory) if memory.is_permanent() => Self::invalid("vector.envs", words),
             VectorError::Memory(_) => Self::new("at_capacity", words).at("vector.envs").retryable(),
             VectorError::Frame(error) => Self::new("invalid_frame", error.reason).at(error.field),
-            VectorError::Sequence { .. } => Self::new("out_of_turn", words).at("sequence"),
+            VectorError::Sequence { .. } => Self::new("out_of_order", words).at("sequence"),
             VectorError::Batch(error) => batch_error(&error),
             VectorError::Lost => Self::new("internal", words).ending(),
         }
@@ -152,7 +152,7 @@ fn batch_error(error: &BatchError) -> ErrorMessage {
         BatchError::Config { field, .. } => ErrorMessage::invalid(format!("vector.{field}"), words),
         BatchError::Unsupported(_) => ErrorMessage::invalid("vector.observe", words),
         BatchError::NotFinite { .. } => ErrorMessage::new("invalid_frame", words).at("actions"),
-        BatchError::Ended { .. } => ErrorMessage::new("over", words).at("actions"),
+        BatchError::Ended { .. } => ErrorMessage::new("episode_over", words).at("actions"),
         BatchError::Size { buffer, .. } => ErrorMessage::new("invalid_frame", words).at(*buffer),
         BatchError::Scenario { source, .. } => {
             ErrorMessage::invalid(source.field().to_owned(), words).ending()

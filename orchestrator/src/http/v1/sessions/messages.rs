@@ -8,7 +8,7 @@ use crate::sessions::{
     EpisodeTally, ReportOutcome, SessionStatus, SingleSession, StepView, VectorSession, VectorSource,
 };
 
-/// Writes `,"name":value`.
+/// Writes a further field of an object, `,"name":value`.
 fn write_field(out: &mut Vec<u8>, name: &str, value: &Value) {
     out.extend_from_slice(b",\"");
     out.extend_from_slice(name.as_bytes());
@@ -86,10 +86,10 @@ pub(super) fn status_message(kind: &str, single: &SingleSession, ttl_s: u64, id:
     out
 }
 
-/// Message of type `began`: another episode has started.
+/// Message of type `started`: another episode has started.
 pub(super) fn began_message(single: &SingleSession, id: u64) -> Vec<u8> {
     let mut out = Vec::with_capacity(8 * 1024);
-    write_type(&mut out, "began");
+    write_type(&mut out, "started");
     write_field(&mut out, "id", &json!(id));
     write_scenario(&mut out, &single.session.status());
     if let Ok(shown) = single.session.view() {
@@ -168,7 +168,7 @@ pub(super) fn vector_status_message(
         VectorSource::Lease { run, lease } => {
             put("run", json!(run.as_str()));
             put("lease_id", json!(lease.to_string()));
-            put("left", json!(vector.remaining_episodes()));
+            put("episodes_left", json!(vector.remaining_episodes()));
         }
     }
     if kind != "opened" {

@@ -18,10 +18,10 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
-use super::super::access::Caller;
-use super::super::extract::NoQuery;
-use super::super::problem::Problem;
-use super::super::socket::limit_frames_to;
+use crate::http::access::Caller;
+use crate::http::extract::NoQuery;
+use crate::http::problem::Problem;
+use crate::http::socket::limit_frames_to;
 use crate::http::state::AppState;
 use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
 

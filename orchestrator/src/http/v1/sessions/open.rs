@@ -15,7 +15,7 @@ use crate::sessions::{ClientIdentity, ResumableSession, ResumeError, SessionAtta
 pub(super) struct OpenedSession {
     /// Attachment of the connection to the session.
     pub(super) attachment: SessionAttachment,
-    /// First text message.
+    /// First text message of a connection.
     pub(super) text: Vec<u8>,
     /// Frame with the first observations of a vector session.
     pub(super) frame: Option<Bytes>,
@@ -23,9 +23,9 @@ pub(super) struct OpenedSession {
     pub(super) is_resumable: bool,
 }
 
-/// Parsed message.
+/// Fields of the parsed message.
 pub(super) struct ClientMessage {
-    /// Field `type`.
+    /// Field `type` of the message.
     pub(super) kind: String,
     /// Field `id`, if it is a number.
     pub(super) id: Option<u64>,
@@ -80,8 +80,11 @@ fn check_version(version: u16) -> Result<(), ErrorMessage> {
     if version == FRAME_VERSION {
         return Ok(());
     }
-    Err(ErrorMessage::new("version", format!("it is {version}; this server supports {FRAME_VERSION}"))
-        .at("version"))
+    Err(ErrorMessage::new(
+        "unsupported_version",
+        format!("it is {version}; this server supports {FRAME_VERSION}"),
+    )
+    .at("version"))
 }
 
 /// Opens or resumes a session, by the type of the first message.

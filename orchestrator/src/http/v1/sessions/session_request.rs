@@ -8,13 +8,13 @@ use env_core::{Scenario, TaskSpec};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::super::super::openenv::{built_in_task, known_tasks, task_by_name};
 use super::error_message::ErrorMessage;
+use crate::http::openenv::{built_in_task, known_tasks, task_by_name};
 use crate::ids::InvalidId;
 use crate::input::from_value;
 use crate::sessions::{EpisodeSource, MAX_NAME_CHARS, SessionRequest, VectorRequest};
 
-/// Default task.
+/// Task of a request that names none.
 const DEFAULT_TASK: &str = "kessler/survival";
 /// Default number of threats that an agent observes.
 const DEFAULT_THREATS: u32 = 8;

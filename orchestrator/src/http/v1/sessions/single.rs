@@ -63,7 +63,7 @@ fn repeated_reply(single: &SingleSession, id: u64) -> Result<Option<Bytes>, Erro
         Some(last) if id < last.id => {
             let words =
                 format!("it is {id}, but {} was answered later, and only the last reply is kept", last.id);
-            Err(ErrorMessage::new("out_of_turn", words).at("id"))
+            Err(ErrorMessage::new("out_of_order", words).at("id"))
         }
         _ => Ok(None),
     }

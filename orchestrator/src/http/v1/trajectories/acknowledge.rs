@@ -3,9 +3,10 @@
 use api_types::{AcknowledgeRequest, AcknowledgeResponse};
 use axum::extract::State;
 
-use super::super::super::extract::{Json, NoQuery, Path};
-use super::super::super::problem::Problem;
-use super::super::{reader_of_run, run_id};
+use crate::http::extract::{Json, NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::rollouts::feed::{AcknowledgeGroups, AcknowledgedGroups};
 
@@ -28,16 +29,17 @@ pub(in crate::http::v1) async fn acknowledge_trajectories(
     Path(run): Path<String>,
     Json(request): Json<AcknowledgeRequest>,
 ) -> Result<axum::Json<AcknowledgeResponse>, Problem> {
-    let run = run_id(&run)?;
+    let run = parse_run_id(&run)?;
     if request.ids.len() > MAX_IDS {
         let detail = format!("{} ids; at most {MAX_IDS} are accepted in one request", request.ids.len());
         return Err(Problem::invalid("ids", detail));
     }
-    drop(reader_of_run(&app, &run).await?);
+    drop(acquire_run_reader(&app, &run).await?);
     let too_large = |at| Problem::invalid(format!("ids.{at}"), "it is larger than any id of a group");
     let ids =
         request.ids.into_iter().enumerate().map(|(at, id)| i64::try_from(id).map_err(|_| too_large(at)));
     let ids = ids.collect::<Result<_, _>>()?;
-    let AcknowledgedGroups { acked, unknown } = app.writer.change(AcknowledgeGroups { run, ids }).await?;
-    Ok(axum::Json(AcknowledgeResponse { acked, unknown }))
+    let AcknowledgedGroups { acknowledged, unknown } =
+        app.writer.change(AcknowledgeGroups { run, ids }).await?;
+    Ok(axum::Json(AcknowledgeResponse { acknowledged, unknown }))
 }

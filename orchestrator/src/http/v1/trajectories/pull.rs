@@ -2,48 +2,25 @@
 
 use std::time::Duration;
 
-use api_types::TrajectoryQuery;
+use api_types::{DeliveredGroup, TrajectoryPage, TrajectoryQuery};
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
-use serde::Serialize;
 use tokio::time::Instant;
-use utoipa::ToSchema;
 
-use super::super::super::content_negotiation::{ResponseFormat, negotiate};
-use super::super::super::extract::{Path, Query};
-use super::super::super::problem::Problem;
-use super::super::{reader_of_run, run_id};
-use super::response::{StoredGroup, feed_response};
+use super::response::{PackedFeedGroup, feed_response};
 use crate::engine::error::ServiceError;
+use crate::http::content_negotiation::{ResponseFormat, negotiate};
+use crate::http::extract::{Path, Query};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::ids::RunId;
 use crate::rollouts::feed::{DeliverGroups, limit_bytes};
-use crate::rollouts::trajectory_group::TrajectoryGroup;
 use crate::store::trajectories::{self, FeedGroup};
 
-/// Groups of a trajectory feed.
-#[derive(Serialize, ToSchema)]
-pub(in crate::http::v1) struct TrajectoryPage {
-    /// Groups, in order of their ids.
-    groups: Vec<DeliveredGroup>,
-    /// Id of the last group, for `after`.
-    next: Option<i64>,
-}
-
-/// Delivered group.
-#[derive(Serialize, ToSchema)]
-pub(in crate::http::v1) struct DeliveredGroup {
-    /// Id of the group, unique and never reused.
-    id: i64,
-    /// Number of deliveries, this one included. If it is above 1, the trainer may have used the group before.
-    deliveries: i64,
-    /// The group.
-    #[serde(flatten)]
-    group: TrajectoryGroup,
-}
-
-/// Validated request.
+/// Validated request for groups of a feed.
 struct PullRequest {
     run: RunId,
     limit: i64,
@@ -82,7 +59,7 @@ impl PullRequest {
             Some(after) => PullMode::After(i64::try_from(after).unwrap_or(i64::MAX)),
         };
         Ok(Self {
-            run: run_id(run)?,
+            run: parse_run_id(run)?,
             limit: i64::from(within("limit", query.limit, 8, 1, 256)?),
             wait: Duration::from_secs(within("wait_s", query.wait_s, 0, 0, 60)?.into()),
             mode,
@@ -164,14 +141,14 @@ pub(in crate::http::v1) async fn pull_trajectories(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let request = PullRequest::from_query(&run, &query)?;
-    drop(reader_of_run(&app, &request.run).await?);
+    drop(acquire_run_reader(&app, &request.run).await?);
     let heads = request.wait(&app).await?;
     let mut groups = Vec::with_capacity(heads.len());
     let mut conn = app.readers.acquire().await.map_err(ServiceError::from)?;
     for head in heads {
         // A group without a body was acknowledged and deleted meanwhile.
         if let Some(body) = trajectories::body(&mut conn, head.id).await? {
-            groups.push(StoredGroup { head, body });
+            groups.push(PackedFeedGroup { head, body });
         }
     }
     let next = match (groups.last(), &request.mode) {

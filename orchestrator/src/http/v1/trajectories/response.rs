@@ -7,19 +7,19 @@ use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
 use futures_util::stream;
 
-use super::super::super::content_negotiation::{LINES, MESSAGE_PACK, ResponseFormat, json_to_messagepack};
+use crate::http::content_negotiation::{LINES, MESSAGE_PACK, ResponseFormat, json_to_messagepack};
 use crate::rollouts::packed_group::unpack;
 use crate::store::trajectories::FeedGroup;
 
-/// Stored group of a feed.
-pub(super) struct StoredGroup {
+/// Group of a feed, compressed as it is stored.
+pub(super) struct PackedFeedGroup {
     /// Id, deliveries and size of the group.
     pub(super) head: FeedGroup,
     /// Compressed JSON of the group.
     pub(super) body: Vec<u8>,
 }
 
-impl StoredGroup {
+impl PackedFeedGroup {
     /// JSON of the group with its id and its number of deliveries.
     fn json(&self) -> anyhow::Result<Vec<u8>> {
         let json = unpack(&self.body, usize::try_from(self.head.bytes).unwrap_or(0))?;
@@ -66,7 +66,7 @@ fn envelope(format: ResponseFormat, count: usize, next: Option<i64>) -> (Vec<u8>
 }
 
 /// Builds the response with these groups.
-pub(super) fn feed_response(format: ResponseFormat, groups: Vec<StoredGroup>, next: Option<i64>) -> Response {
+pub(super) fn feed_response(format: ResponseFormat, groups: Vec<PackedFeedGroup>, next: Option<i64>) -> Response {
     let kind = match format {
         ResponseFormat::Json => "application/json",
         ResponseFormat::Lines => LINES,
@@ -96,7 +96,7 @@ mod tests {
         let stored = |id: i64| {
             let json = json!({"run": "r", "x": [id, 0.1]}).to_string();
             let head = FeedGroup { id, deliveries: 2, bytes: json.len() as i64 };
-            StoredGroup { head, body: zstd::bulk::compress(json.as_bytes(), 3).unwrap() }
+            PackedFeedGroup { head, body: zstd::bulk::compress(json.as_bytes(), 3).unwrap() }
         };
         let body = |format, ids: &'static [i64], next| async move {
             let response = feed_response(format, ids.iter().copied().map(stored).collect(), next);
@@ -122,7 +122,7 @@ mod tests {
         let head = FeedGroup { id: 1, deliveries: 1, bytes: 10 };
         let response = feed_response(
             ResponseFormat::Json,
-            vec![StoredGroup { head, body: b"broken".to_vec() }],
+            vec![PackedFeedGroup { head, body: b"broken".to_vec() }],
             Some(1),
         );
         assert!(axum::body::to_bytes(response.into_body(), usize::MAX).await.is_err());

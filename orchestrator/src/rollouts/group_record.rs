@@ -1,19 +1,23 @@
-//! A finished group of a trajectory feed, as trainers receive it.
+//! A finished group of a trajectory feed, as it is recorded and written.
+//!
+//! Its JSON is that of `api_types::TrajectoryGroup`. Observations stay JSON text, so that they are written once.
 
+use api_types::{
+    ActionStopReason, AgentResult, GroupRole, MessageContent, ObservationContent, ScenarioBracket,
+    TrajectoryMetrics,
+};
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::value::RawValue;
-use utoipa::ToSchema;
 
 use crate::policy::Completion;
-use api_types::ScenarioBracket;
 
 /// Size of a group as JSON, in bytes, above which observations are left out, then conversations.
 pub const MAX_GROUP_BYTES: usize = 16 << 20;
 
 /// A finished group, without its id in the feed and the number of its deliveries.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct TrajectoryGroup {
+#[derive(Debug, Serialize)]
+pub struct GroupRecord {
     /// Id of the run.
     pub run: String,
     /// Id of the lease that the group was rolled out under.
@@ -25,11 +29,10 @@ pub struct TrajectoryGroup {
     /// Level of the scenario, if the task has levels.
     pub level: Option<i64>,
     /// `placement`, `frontier`, `rehearsal`, `sample` or `designed`.
-    pub role: String,
+    pub role: GroupRole,
     /// Id of the layout, if the scenario was designed.
     pub layout: Option<String>,
     /// The scenario without its seed: world, task, params, physics, layout.
-    #[schema(value_type = Object)]
     pub recipe: Value,
     /// The seed that makes the recipe a scenario.
     pub seed: u64,
@@ -44,18 +47,18 @@ pub struct TrajectoryGroup {
     /// Version of the policy.
     pub policy_version: i64,
     /// `telemetry`, `none` (as configured), or `dropped`: with them the group would be larger than 16 MiB.
-    pub observations: &'static str,
+    pub observations: ObservationContent,
     /// `none`: a built-in policy has no conversations; `kept`; or `dropped` like observations.
-    pub messages: &'static str,
+    pub messages: MessageContent,
     /// Episodes that the infrastructure lost: they are not in `episodes`, and do not count.
     pub failed: usize,
     /// Episodes that finished, in order.
-    pub episodes: Vec<TrajectoryEpisode>,
+    pub episodes: Vec<EpisodeRecord>,
 }
 
 /// A finished episode of a group.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct TrajectoryEpisode {
+#[derive(Debug, Serialize)]
+pub struct EpisodeRecord {
     /// Id of the episode.
     pub id: String,
     /// The score, by replay.
@@ -65,33 +68,30 @@ pub struct TrajectoryEpisode {
     /// True if the episode is a success by the run's rule.
     pub success: bool,
     /// Why the agent was stopped: `unparsable`, `too_long` or `too_late`.
-    pub stopped: Option<&'static str>,
+    pub stopped: Option<ActionStopReason>,
     /// Metrics of the language model; left out for a built-in policy.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub metrics: Option<ModelMetrics>,
+    pub metrics: Option<TrajectoryMetrics>,
     /// Steps of the episode, in order.
-    pub steps: Vec<TrajectoryStep>,
+    pub steps: Vec<StepRecord>,
     /// Observation of the agents after the last step, in the wire form.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
     pub last_observation: Option<Box<RawValue>>,
 }
 
 /// One step of an episode.
-#[derive(Debug, Clone, Serialize, ToSchema)]
-pub struct TrajectoryStep {
+#[derive(Debug, Clone, Serialize)]
+pub struct StepRecord {
     /// Observation of the agents before the step, in the wire form.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
     pub observation: Option<Box<RawValue>>,
     /// Actions of the agents, as in results: a list of `[agent, value, …]`. Null if the agent gave none: the episode was stopped at
     /// this step.
-    #[schema(value_type = Option<Vec<Vec<f64>>>)]
     pub action: Option<Value>,
     /// The team's reward. At the step where the episode was stopped: the sum of all that doing nothing earned from there on.
     pub reward: f64,
     /// Every agent that was alive before the step.
-    pub agents: Vec<AgentEnd>,
+    pub agents: Vec<AgentResult>,
     /// True if the episode is over.
     pub done: bool,
     /// Why the agent gave no action.
@@ -99,43 +99,13 @@ pub struct TrajectoryStep {
     pub error: Option<String>,
     /// Calls of the language model for this step: one, or two if its first answer was repaired.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Vec<Object>>)]
     pub completions: Option<Vec<Completion>>,
 }
 
-/// Result of a step for one agent.
-#[derive(Debug, Clone, Copy, Serialize, ToSchema)]
-pub struct AgentEnd {
-    /// Number of the agent.
-    pub agent: u32,
-    /// The agent's own reward.
-    pub reward: f64,
-    /// True if the agent left the episode by the rules of the task.
-    pub terminated: bool,
-    /// True if the episode was cut off by its horizon.
-    pub truncated: bool,
-}
-
-/// Metrics of a language model over an episode, by the names under which trainers log them.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, ToSchema)]
-pub struct ModelMetrics {
-    /// Sampling temperature, if one was set.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub temperature: Option<f64>,
-    /// Number of prompt tokens.
-    pub tokens_in: u64,
-    /// Number of completion tokens.
-    pub tokens_out: u64,
-    /// True if an answer was cut off.
-    pub truncated: bool,
-    /// Answers that were no action.
-    pub invalid_actions: u64,
-}
-
-impl TrajectoryGroup {
+impl GroupRecord {
     /// Removes the observations of every step.
     pub fn drop_observations(&mut self) {
-        self.observations = "dropped";
+        self.observations = ObservationContent::Dropped;
         for episode in &mut self.episodes {
             episode.last_observation = None;
             episode.steps.iter_mut().for_each(|step| step.observation = None);
@@ -144,10 +114,99 @@ impl TrajectoryGroup {
 
     /// Removes the conversations; the model's answers are kept.
     pub fn drop_messages(&mut self) {
-        self.messages = "dropped";
+        self.messages = MessageContent::Dropped;
         let steps = self.episodes.iter_mut().flat_map(|episode| &mut episode.steps);
         for completion in steps.filter_map(|step| step.completions.as_mut()).flatten() {
             completion.messages.clear();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use api_types::TrajectoryGroup;
+    use llm::{Message, Role, TokenDetails};
+    use serde_json::{json, to_value};
+
+    use super::*;
+
+    fn raw(text: &str) -> Option<Box<RawValue>> {
+        RawValue::from_string(text.to_owned()).ok()
+    }
+
+    fn step_with_all_fields() -> StepRecord {
+        let completion = Completion {
+            messages: [Role::System, Role::User, Role::Assistant]
+                .map(|role| Message::new(role, "text"))
+                .to_vec(),
+            text: Some("burn".to_owned()),
+            truncated: true,
+            error: Some("no action".to_owned()),
+            tokens_in: 3,
+            tokens_out: 4,
+            latency_ms: 5,
+            tokens: Some(TokenDetails {
+                prompt: Some(vec![1]),
+                completion: Some(vec![2]),
+                logprobs: Some(vec![-0.5]),
+            }),
+        };
+        StepRecord {
+            observation: raw(r#"{"step":0}"#),
+            action: Some(json!([[0, 0.5, 0.25]])),
+            reward: 0.5,
+            agents: vec![AgentResult { agent: 0, reward: 0.5, terminated: false, truncated: true }],
+            done: true,
+            error: Some("too late".to_owned()),
+            completions: Some(vec![completion]),
+        }
+    }
+
+    /// Group in which every optional field is present.
+    fn group_with_all_fields() -> GroupRecord {
+        let episode = EpisodeRecord {
+            id: "ep_1-abcdef_0".to_owned(),
+            score: 0.5,
+            skill: Some(0.25),
+            success: true,
+            stopped: Some(ActionStopReason::TooLate),
+            metrics: Some(TrajectoryMetrics { temperature: Some(0.5), ..TrajectoryMetrics::default() }),
+            steps: vec![step_with_all_fields()],
+            last_observation: raw(r#"{"step":1}"#),
+        };
+        GroupRecord {
+            run: "r".to_owned(),
+            lease: "1-abcdef".to_owned(),
+            group: 0,
+            task: "kessler/survival".to_owned(),
+            level: Some(1),
+            role: GroupRole::Frontier,
+            layout: Some("layout-1".to_owned()),
+            recipe: json!({"task": "kessler/survival"}),
+            seed: 1,
+            scenario: "s".to_owned(),
+            contested: true,
+            bracket: ScenarioBracket {
+                planner_version: 1,
+                floor: 0.1,
+                hold: 0.1,
+                reference: 0.9,
+                panel_successes: 1,
+                panel_size: 16,
+            },
+            policy: "chat".to_owned(),
+            policy_version: 2,
+            observations: ObservationContent::Telemetry,
+            messages: MessageContent::Kept,
+            failed: 1,
+            episodes: vec![episode],
+        }
+    }
+
+    #[test]
+    fn written_group_is_the_type_of_the_api() {
+        let written = to_value(group_with_all_fields()).unwrap();
+        let group: TrajectoryGroup = serde_json::from_value(written.clone()).unwrap();
+        assert_eq!(to_value(group).unwrap(), written);
     }
 }

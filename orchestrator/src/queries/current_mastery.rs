@@ -2,34 +2,34 @@
 
 use std::collections::BTreeMap;
 
-use crate::engine::change::{Query, ReadTx};
+use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
-use crate::engine::task_history::current_standings;
+use crate::engine::task_history::current_mastery_samples;
 use crate::ids::RunId;
 use crate::store::history::{HistoryPoint, MasterySample};
 
-/// Asks for the current level and mastery of each task of a run.
+/// Query for the current level and mastery of each task of a run.
 #[derive(Debug)]
-pub struct CurrentStanding {
+pub struct CurrentMastery {
     /// Id of the run.
     pub run: RunId,
 }
 
-impl Query for CurrentStanding {
+impl StateQuery for CurrentMastery {
     type Output = BTreeMap<String, MasterySample>;
 
     async fn read(self, tx: &mut ReadTx<'_>) -> Result<Self::Output, ServiceError> {
         let (state, _) = tx.run(self.run.as_str()).await?;
-        Ok(current_standings(state))
+        Ok(current_mastery_samples(state))
     }
 }
 
-/// Sets the standing of each task's last point to the current one: the stored sample may be some seconds older than the last results.
+/// Replaces the mastery of each task's last point by the current one: the stored sample may be some seconds older than the last results.
 pub fn update_last_points(points: &mut [HistoryPoint], current: &BTreeMap<String, MasterySample>) {
     for at in 0..points.len() {
         let is_last = points.get(at + 1).is_none_or(|next| next.task != points[at].task);
-        if let Some(standing) = current.get(&points[at].task).filter(|_| is_last) {
-            points[at].bucket.mastery = Some(*standing);
+        if let Some(sample) = current.get(&points[at].task).filter(|_| is_last) {
+            points[at].bucket.mastery = Some(*sample);
         }
     }
 }

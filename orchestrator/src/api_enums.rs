@@ -1,0 +1,47 @@
+//! Conversions between the enums of the store and those of the API.
+//!
+//! The store's enums are what the database contains, the API's what clients receive; the two change at different times.
+
+use api_types as api;
+
+use crate::store::{
+    columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases,
+    run_warnings, runs,
+};
+
+/// Implements `From` between two enums whose variants have the same names.
+macro_rules! convert_enum {
+    ($from:ty => $to:ty { $($variant:ident),+ $(,)? }) => {
+        impl From<$from> for $to {
+            fn from(value: $from) -> Self {
+                match value {
+                    $(<$from>::$variant => Self::$variant,)+
+                }
+            }
+        }
+    };
+}
+
+convert_enum!(columns::ClaimState => api::ClaimState { Claimed, Accepted, Refused, Unproven });
+convert_enum!(curriculum::LevelMoveKind => api::LevelMoveKind { Placement, Up, Down });
+convert_enum!(design_requests::DesignerKind => api::DesignerKind { Llm, Procedural });
+convert_enum!(design_requests::RequestOrigin => api::DesignRequestOrigin { Worker, User });
+convert_enum!(design_requests::RequestState => api::DesignRequestState { Waiting, Running, Done, Failed });
+convert_enum!(episodes::EpisodeState => api::EpisodeState { Finished, Failed, Late });
+convert_enum!(evaluations::EvaluationState => api::EvaluationState { Open, Running, Complete, Failed });
+convert_enum!(events::EventKind => api::EventKind { Run, Lease, Group, Move, Claim, Failures, Design, Warning });
+convert_enum!(groups::GroupState => api::GroupState { Open, Complete, Partial, Lost });
+convert_enum!(groups::GroupRole => api::GroupRole {
+    Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Designed, Suite,
+});
+convert_enum!(api::GroupRole => groups::GroupRole {
+    Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Designed, Suite,
+});
+convert_enum!(layouts::LayoutState => api::DesignState { Active, Retired, Refused });
+convert_enum!(layouts::LayoutClaim => api::DesignClaim { Threat, Decoy });
+convert_enum!(leases::Purpose => api::LeasePurpose { Train, Probe, Eval });
+convert_enum!(api::LeasePurpose => leases::Purpose { Train, Probe, Eval });
+convert_enum!(leases::LeaseForm => api::LeaseForm { Groups, Columns });
+convert_enum!(leases::LeaseStatus => api::LeaseStatus { Active, Done, Released, Expired });
+convert_enum!(run_warnings::WarningKind => api::RunWarningKind { RefusedClaim, UnprovenClaim });
+convert_enum!(runs::RunStatus => api::RunStatus { Active, Paused });

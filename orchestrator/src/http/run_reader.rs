@@ -1,0 +1,52 @@
+//! Reads that many handlers begin with: a connection for a run that exists, and the tasks of a run.
+
+use env_core::TaskSpec;
+use sqlx::pool::PoolConnection;
+use sqlx::{Sqlite, SqliteConnection};
+
+use super::problem::Problem;
+use super::state::AppState;
+use crate::engine::error::ServiceError;
+use crate::ids::RunId;
+use crate::runs::settings::RunSettings;
+use crate::store::{from_json, runs};
+
+/// Acquires a read connection and checks that the run exists.
+///
+/// # Errors
+/// Returns [`ServiceError::UnknownRun`] as a problem if there is no such run.
+pub(super) async fn acquire_run_reader(
+    app: &AppState,
+    run: &RunId,
+) -> Result<PoolConnection<Sqlite>, Problem> {
+    let mut conn = app.readers.acquire().await?;
+    match runs::get(&mut conn, run.as_str()).await? {
+        Some(_) => Ok(conn),
+        None => Err(ServiceError::UnknownRun(run.to_string()).into()),
+    }
+}
+
+/// Returns the tasks of a run, or only the `wanted` one.
+///
+/// # Errors
+/// Returns a problem if there is no such run or the run has no such task.
+pub(super) async fn find_run_tasks(
+    conn: &mut SqliteConnection,
+    run: &RunId,
+    wanted: Option<&str>,
+) -> Result<Vec<&'static dyn TaskSpec>, Problem> {
+    let row = runs::get(conn, run.as_str()).await?;
+    let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
+    let settings: RunSettings = from_json("a run's settings", &row.settings)?;
+    let known: Vec<_> =
+        settings.curriculum.tasks.iter().filter_map(|plan| env_core::task(&plan.task)).collect();
+    let Some(wanted) = wanted else { return Ok(known) };
+    match known.iter().find(|task| task.id() == wanted) {
+        Some(task) => Ok(vec![*task]),
+        None => {
+            let known: Vec<_> = known.iter().map(|task| task.id()).collect();
+            let detail = format!("it is none of the run's tasks: {}", known.join(", "));
+            Err(Problem::invalid("task", detail))
+        }
+    }
+}
