@@ -1,4 +1,4 @@
-"""A trainer on the fast path: it leases ranges of seeds, claims scores as columns, and reports the logs of audited episodes.
+"""A trainer on the fast path: it leases ranges of seeds, reports scores as columns, and sends the logs of audited episodes.
 
     sparring serve &
     python examples/columns.py --rounds 3 --groups 200
@@ -60,7 +60,7 @@ def main():
     parser.add_argument("--url", default="http://127.0.0.1:8700", help="address of the server (%(default)s)")
     parser.add_argument("--rounds", type=int, default=3, help="number of leases (%(default)s)")
     parser.add_argument("--groups", type=int, default=200, help="scenarios per lease, up to 100 000 (%(default)s)")
-    parser.add_argument("--forge", action="store_true", help="claim higher scores than the real ones, which the audit detects")
+    parser.add_argument("--forge", action="store_true", help="report scores that are too high, which the audit detects")
     args = parser.parse_args()
     api = args.url + "/v1/runs"
     run = request(api, {"tasks": ["kessler/survival"], "placement": False, "audit_groups": 16})["id"]
@@ -88,10 +88,10 @@ def main():
         columns_url = f"{api}/{run}/leases/{lease['lease']}/columns"
         columns = {"score": score_column, "steps": [len(log) for log in logs], "policy_version": version}
         claim = request(columns_url, columns, packed)
-        # The response to the claim says which logs are audited.
+        # The response to the claim names the episodes whose logs the server audits.
         audited = [
             {"episode": episode, "actions": {"steps": logs[entry]}}
-            for group in claim["audit"]
+            for group in claim["audited_groups"]
             for entry, episode in zip(group["entries"], group["episodes"])
         ]
         results = request(f"{api}/{run}/results", {"results": audited})["results"]
@@ -100,7 +100,7 @@ def main():
         print(f"version {version}: {len(scores)} claimed, {len(audited)} audited, {state}", *refused[:1], sep=" ")
     print("best burn:", max(burns, key=mean_score), "scores", round(max(map(mean_score, burns)), 3))
     task = request(f"{api}/{run}/mastery")["tasks"][0]
-    print("level", task["level"], "claimed", json.dumps(task["claimed"]), "replayed", task["plain"]["episodes"])
+    print("level", task["level"], "claimed", json.dumps(task["claimed_results"]), "replayed", task["results"]["episodes"])
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Prints the events of a run, and continues where it was when the connection is lost.
+"""Prints the events of a run; after a lost connection it resumes after the last event.
 
     python examples/events.py --run my-run            # new events; --after 0 for all that the server keeps
 
@@ -54,8 +54,8 @@ def describe(kind, data):
         case "group":
             name = f"{data['task']}: group {data['group']} of {data['lease']}"
             return f"{name} is {data['state']}, {data['successes']} of {data['finished']} succeeded"
-        case "health" | "gap":
-            return data["words"]
+        case "warning" | "gap":
+            return data["message"]
         case _:
             return json.dumps({key: value for key, value in data.items() if key != "at"})
 

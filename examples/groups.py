@@ -3,8 +3,8 @@
     sparring serve &
     python examples/groups.py --rounds 10
 
-It needs only the standard library. It learns two numbers: how near debris may come before a satellite burns, and how hard it
-burns. Both move along the variations with the better scores (evolution strategies, Salimans et al. 2017), weighted by the
+It needs only the standard library. It learns two numbers: the distance of debris at which a satellite burns, and the strength of
+the burn. Both move along the variations with the better scores (evolution strategies, Salimans et al. 2017), weighted by the
 group-relative advantages of GRPO (Shao et al. 2024).
 """
 
@@ -56,19 +56,19 @@ class Api:
         raise SystemExit(f"{method} {path}: the server does not answer")
 
 
-def predict(body):
-    """Returns the free flight of a body over the next steps."""
+def predict_path(body):
+    """Returns the states of a body in free flight over the next steps."""
     states = itertools.accumulate(itertools.repeat(body), lambda state, _: kessler.coast(state))
     return list(itertools.islice(states, 1, LOOK_AHEAD + 1))
 
 
 def choose_burns(episode, distance, strength):
     """Yields a burn for each satellite that debris approaches within `distance` LU."""
-    debris = [predict(body) for body in episode.debris]
+    debris = [predict_path(body) for body in episode.debris]
     for satellite, body in enumerate(episode.satellites):
         if not episode.active[satellite]:
             continue
-        path = predict(body)
+        path = predict_path(body)
         approaches = ((math.dist(own[:2], at[:2]), own, at) for others in debris for own, at in zip(path, others))
         nearest, own, at = min(approaches, default=(math.inf, None, None))
         if nearest < distance:  # a burn along the velocity, forwards or backwards, changes the later position
@@ -87,7 +87,7 @@ def run_episode(recipe, seed, policy):
 
 
 def advantages(scores):
-    """Returns the scores of a group, normalised by its mean and standard deviation."""
+    """Returns the group-relative advantages: scores minus their mean, divided by their standard deviation."""
     deviation = statistics.pstdev(scores)
     return [(score - statistics.mean(scores)) / (deviation + 1e-4) for score in scores]
 
@@ -132,7 +132,7 @@ def train_on_lease(api, run, version, policy, args):
             gradient = [total + weight * draw for total, draw in zip(gradient, variations[episode])]
     mean = statistics.mean(scores.values()) if scores else math.nan
     policy = [value * math.exp(LEARNING_RATE * slope) for value, slope in zip(policy, gradient)]
-    print(f"version {version}: {len(scores)} episodes earn {mean:.3f}; burns {policy[1]:.2f} within {policy[0]:.1f} LU")
+    print(f"version {version}: {len(scores)} episodes, mean score {mean:.3f}; burns {policy[1]:.2f} within {policy[0]:.1f} LU")
     return policy
 
 
@@ -158,8 +158,8 @@ def main():
     for version in range(args.rounds):
         policy = train_on_lease(api, run, version, policy, args)
     task = api.request("GET", f"/{run}/mastery")["tasks"][0]
-    plain = task["plain"]
-    print(f"run {run}: level {task['level']}, {plain['episodes']} episodes, {plain['successes']} of them fair successes")
+    results = task["results"]
+    print(f"run {run}: level {task['level']}, {results['episodes']} episodes, {results['successes']} of them fair successes")
 
 
 if __name__ == "__main__":

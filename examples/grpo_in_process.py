@@ -1,4 +1,4 @@
-"""GRPO with TRL and `sparring.trl`: environments run in the trainer's process, and the curriculum's threads report episodes.
+"""GRPO with TRL and `sparring.trl`: episodes run in the trainer's process, and background threads report them to the server.
 
     pip install 'sparring[trl]'                 # tested with TRL 1.16, transformers 5.24, peft 0.21
     sparring serve &
@@ -6,6 +6,7 @@
     python examples/grpo_in_process.py --tiny --steps 2     # without a model hub: a tiny random model
 
 Without --url a server is started for this training. TensorBoard shows the curriculum's metrics: tensorboard --logdir grpo
+examples/grpo_openenv.py and examples/grpo_websocket.ipynb run the episodes on the server instead.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import sparring.trl
 
 
 def make_tiny_model(envs):
-    """Makes a tiny model that calls the tools at random."""
+    """Makes a tiny model that calls tools at random."""
     import tiny_model
 
     environment = envs()  # only its tools are used
@@ -83,7 +84,7 @@ def train(curriculum, args):
         print(f"{curriculum.run}: {stats['finished']} episodes finished, {stats['counted'] + stats['stored']} counted")
     for row in curriculum.mastery():
         level = "not placed yet" if row["level"] is None else f"level {row['level']}"
-        print(f"{row['task']}: {level}, {row['plain']['episodes']} episodes, mean score {row['plain']['score']:.3f}")
+        print(f"{row['task']}: {level}, {row['results']['episodes']} episodes, mean score {row['results']['score']:.3f}")
 
 
 def main():

@@ -1,12 +1,13 @@
-"""GRPO with TRL and OpenEnv's client: episodes run on the server, and a prompt is a group of episodes of one scenario.
+"""GRPO with TRL and OpenEnv's client: episodes run on the server, and the trainer steps them over a WebSocket of OpenEnv.
 
     pip install trl torch openenv-core          # tested with TRL 1.16, transformers 5.23, openenv-core 0.3.0
     sparring serve &
     python examples/grpo_openenv.py --model Qwen/Qwen3-0.6B --steps 100
 
-The curriculum chooses the scenarios of the run (`run`), gives all members of a group the same one (`group_id`), and gets the
-outcome of an episode with its last step. Steps that a model leaves unused are spent holding, so that a short answer has no
-advantage. examples/grpo_in_process.py runs the environments in the trainer's process instead.
+A prompt is a group of episodes of one scenario. The curriculum chooses the scenarios of the run (`run`), assigns the same one to
+all members of a group (`group_id`), and receives the outcome of an episode with its last step. Steps that a model leaves unused
+are spent holding, so that a short answer has no advantage. examples/grpo_in_process.py runs the episodes in the trainer's process
+instead.
 """
 
 import argparse
@@ -44,12 +45,12 @@ class ToolEnvironment:
         Burns, and lets one step pass.
 
         Args:
-            satellite_id: Which satellite, 0 to 2.
+            satellite_id: Number of the satellite, 0 to 2.
             delta_vx: Change of its velocity in x, -1 to 1.
             delta_vy: Change of its velocity in y, -1 to 1.
 
         Returns:
-            What is seen then.
+            The observation after the last step.
         """
         burn = {"satellite_id": satellite_id, "delta_vx": delta_vx, "delta_vy": delta_vy}
         return self._step([burn], 1)
@@ -59,10 +60,10 @@ class ToolEnvironment:
         Does nothing for some steps.
 
         Args:
-            steps: How many, 1 to 50.
+            steps: Number of steps, 1 to 50.
 
         Returns:
-            What is seen then.
+            The observation after the last step.
         """
         return self._step([], max(1, min(int(steps), HORIZON)))
 

@@ -1,4 +1,4 @@
-"""The task kessler/survival in plain Python, as a reference for ports. Trainers in Python use the compiled one: docs/python.md.
+"""The task kessler/survival in plain Python, as a reference for ports. Trainers should use the package `sparring` instead.
 
 It follows docs/kessler.md only: the same recipe and seed give the same scenario, and the arithmetic is the same, so that the
 server's replay gives the same score. It is slow (about 2 ms a step with 25 pieces of debris), and supports only the default
@@ -8,7 +8,7 @@ physics options.
 import math
 import struct
 
-# Gravitational parameter, radius of the Earth, distance of contact, steps of an episode.
+# Gravitational parameter in LU^3/TU^2, radius of the Earth and contact distance in LU, steps of an episode.
 GM, EARTH, CONTACT, HORIZON = 1000.0, 20.0, 2.0, 50
 TAU = 2 * math.pi
 DEFAULT_PHYSICS = {

@@ -52,7 +52,7 @@ def parse_arguments():
         "--envs", type=int, default=32, help="environments per process, at most 8 with several agents (%(default)s)"
     )
     parser.add_argument("--steps", type=int, help="steps of an environment per update (50 in kessler, 400 in docking)")
-    parser.add_argument("--ray", default="local", help="address of Ray; `auto` for what `ray start` started (%(default)s)")
+    parser.add_argument("--ray", default="local", help="address of Ray; `auto` for the cluster of `ray start` (%(default)s)")
     parser.add_argument("--tensorboard", help="folder for TensorBoard")
     parser.add_argument("--no-evaluation", action="store_true", help="skip the evaluation on kessler's held-out suite")
     args = parser.parse_args()
@@ -154,8 +154,8 @@ def main():
             result = sparring.evaluate(curriculum, policy, policy="rllib-ppo", stochastic=False)
             for task in curriculum.tasks:
                 skill = result.mean(task)
-                shown = "no" if skill is None else f"{skill:.3f}"
-                print(f"{task}: {shown} skill on held-out contested scenarios ({result.id})")
+                skill_text = "no" if skill is None else f"{skill:.3f}"
+                print(f"{task}: {skill_text} skill on held-out contested scenarios ({result.id})")
 
 
 if __name__ == "__main__":

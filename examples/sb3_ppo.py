@@ -23,14 +23,14 @@ TASKS = ["kessler/survival", "kessler/eco_station"]
 # The score covers the whole episode of fifty steps, and fuel left counts at its end: so no discount.
 SETTINGS = {"n_steps": 50, "batch_size": 2400, "n_epochs": 8, "gamma": 1.0, "gae_lambda": 0.95}
 LEARNING_RATE = 5e-4
-# A burn is rarely right and always costs fuel. A policy that burns in every step, as noise on continuous actions does, first
-# learns only that cost. So actions are discrete, and the initial policy holds (action 0) about half of the time.
+# Burns are rarely useful and always cost fuel. With continuous actions, exploration noise is a burn in every step, and the policy
+# first learns only to avoid its cost. So actions are discrete, and the initial policy holds (action 0) about half of the time.
 ACTIONS = "discrete"
 HOLD_BIAS = 3.0
 
 
 class EvaluationCallback(BaseCallback):
-    """Evaluates the policy on the held-out suite every some steps, at the start and at the end, and plots the results."""
+    """Evaluates the policy on the held-out suite every `every` steps, at the start and at the end, and plots the results."""
 
     def __init__(self, curriculum: sparring.Curriculum, every: int, plot_file: str | None) -> None:
         super().__init__()
@@ -61,7 +61,7 @@ class EvaluationCallback(BaseCallback):
 
 
 def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
-    """Trains a model and evaluates it on the way."""
+    """Trains a model and evaluates it at intervals."""
     torch.set_num_threads(1)
     envs = sparring.sb3.vec_env(args.envs, curriculum=curriculum, actions=ACTIONS)
     settings = {**SETTINGS, **sparring.sb3.active_only(envs), "policy_kwargs": {"net_arch": [128, 128]}, "seed": args.seed}
@@ -74,7 +74,7 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
     try:
         model.learn(args.steps, callback=CallbackList([evaluations, sparring.sb3.CurriculumCallback(curriculum)]))
     except KeyboardInterrupt:
-        print("stopped: the model as trained so far is kept", file=sys.stderr)
+        print("stopped: the model keeps what it has learned so far", file=sys.stderr)
     envs.close()
     curriculum.flush()
     if args.save:
@@ -106,9 +106,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1_000_000, help="steps of satellites, as the model counts (%(default)s)")
     parser.add_argument("--envs", type=int, default=64, help="environments with three satellites each (%(default)s)")
     parser.add_argument("--evaluations", type=int, default=10, help="evaluations on the held-out suite (%(default)s)")
-    parser.add_argument(
-        "--strategy", default="uniform", help="strategy of the curriculum (%(default)s)"
-    )
+    parser.add_argument("--strategy", default="uniform", help="strategy of the curriculum (%(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the policy and its sampling (%(default)s)")
     parser.add_argument("--tensorboard", help="folder for TensorBoard")
     parser.add_argument("--plot", help="file for a plot of the evaluations (needs matplotlib)")

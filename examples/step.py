@@ -69,7 +69,9 @@ class Session:
 def choose_burns(observation):
     """Burns away from the debris that comes nearest in the next four steps, if all bodies move in straight lines."""
     burns = []
-    for satellite in (one for one in observation["satellites"] if one["fuel"] > 1.0):
+    for satellite in observation["satellites"]:
+        if satellite["fuel"] <= 1.0:
+            continue
         x, y, vx, vy = (satellite[name] for name in ("x", "y", "vx", "vy"))
         nearest, direction = 5.0, None
         for body in observation["radar_debris"]:

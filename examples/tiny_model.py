@@ -1,4 +1,4 @@
-"""A random model of about 100 000 parameters with its tokenizer, for trials of a trainer without a model hub.
+"""A random model of about 100 000 parameters with its tokenizer, to test trainers without a model hub.
 
 Its text is meaningless. `teach` trains it to give some fixed answers, each of which is one token, so that it calls tools at
 random.
@@ -56,7 +56,7 @@ def teach(model, tokenizer, prompts, answers, tools, steps=80, seed=1):
     """Trains a model to answer any of the prompts, and any tool result, by a random one of the answers.
 
     Returns:
-        The last loss, of which the entropy of the random choice remains.
+        The last loss; its minimum is the entropy of the random choice.
     """
     rng = random.Random(seed)
     optimizer = torch.optim.AdamW(model.parameters(), lr=3e-3)

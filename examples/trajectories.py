@@ -1,4 +1,4 @@
-"""A trainer on trajectories of the server's own rollouts: it pulls groups, computes advantages, and acknowledges the groups.
+"""A trainer on rollouts of the server: it pulls groups of trajectories, computes advantages, and acknowledges the groups.
 
     sparring serve &
     python examples/trajectories.py                     # plain Python
@@ -58,7 +58,7 @@ def advantages(group):
 
 
 def learn(group):
-    """Stands for a trainer's update; returns the number of actions with an advantage."""
+    """Placeholder of a trainer's update; returns the number of actions with an advantage."""
     useful = 0
     for episode, advantage in zip(group["episodes"], advantages(group)):
         assert episode["steps"][-1]["done"]
@@ -78,7 +78,7 @@ def main():
     api = Api(args.url, args.form)
     settings = {"group_size": 8, "tasks": ["kessler/survival"], **({"id": args.run} if args.run else {})}
     run = api.request("POST", "/v1/runs", settings)["id"]
-    api.request("PUT", f"/v1/runs/{run}/policy", {"policy": args.policy, "version": 1, "ahead": 16})
+    api.request("PUT", f"/v1/runs/{run}/policy", {"policy": args.policy, "version": 1, "max_unacknowledged_groups": 16})
     learned, useful = set(), 0
     while len(learned) < args.groups:
         limit = min(4, args.groups - len(learned))
@@ -96,7 +96,7 @@ def main():
         api.request("POST", f"/v1/runs/{run}/trajectories/ack", {"ids": ids})
     policy = api.request("PUT", f"/v1/runs/{run}/policy", {"policy": "off"})
     assert policy["version"] == 1 and policy["failed"] == 0, policy
-    print(f"{len(learned)} groups, {useful} actions worth learning from")
+    print(f"{len(learned)} groups, {useful} actions with an advantage")
 
 
 if __name__ == "__main__":

@@ -89,7 +89,7 @@ def post(base_url, path, body):
 
 
 def linear_policy(weights, rows, cells, agents):
-    """Yields the two values of each agent's action; small values are zero, since a burn costs fuel."""
+    """Yields the two values of each agent's action; values below 0.05 become zero, since a burn costs fuel."""
     for agent in range(agents):
         row = rows[agent * cells : (agent + 1) * cells]
         for axis in (0, 1):
@@ -141,7 +141,7 @@ def main(base_url, leases):
             theta[index] += LEARNING_RATE * gradient / len(variations)
         means.append(mean)
         recent = sum(means[-10:]) / len(means[-10:])
-        episodes = f"{counts['flown']} flown, {counts['counted']} counted"
+        episodes = f"{counts['finished']} finished, {counts['counted']} counted"
         print(f"lease {version}: mean score {mean:.3f}, of the last ten {recent:.3f}, {episodes}")
 
 

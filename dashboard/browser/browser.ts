@@ -11,6 +11,8 @@ export const SCREENSHOT_FOLDER =
   process.env["SPARRING_SHOTS"] ??
   fileURLToPath(new URL("../../target/dashboard-screenshots", import.meta.url));
 mkdirSync(SCREENSHOT_FOLDER, { recursive: true });
+/** Time that an action on a page may take: generous, because machines that run tests are often busy. */
+const ACTION_TIMEOUT_MS = 120_000;
 /** A page is idle if its document has not changed for this long. */
 const QUIET_MS = 200;
 
@@ -52,6 +54,7 @@ export async function openPage(
     colorScheme: dark ? "dark" : "light",
     timezoneId: "America/New_York",
   });
+  context.setDefaultTimeout(ACTION_TIMEOUT_MS);
   const page = await context.newPage();
   return { page, problems: recordProblems(page, url), pending: recordPendingRequests(page) };
 }

@@ -16,7 +16,7 @@ declare module "vitest" {
 
 interface EvaluationState {
   state: string;
-  trouble: string | null;
+  error: string | null;
 }
 
 let server: SparringServer | undefined;
@@ -43,12 +43,12 @@ async function evaluate(server: SparringServer, policy: string) {
     policy,
     suite: "docking-heldout-v1",
   });
-  const { state, trouble } = await waitFor(
+  const { state, error } = await waitFor(
     () => server.get<EvaluationState>(`/v1/evaluations/${id}`),
     (evaluation) => evaluation.state === "complete" || evaluation.state === "failed",
     EVALUATION_TIMEOUT_MS,
   );
-  if (state === "failed") throw new Error(`${id}: ${trouble ?? ""}`);
+  if (state === "failed") throw new Error(`${id}: ${error ?? ""}`);
 }
 
 export async function teardown() {

@@ -36,15 +36,15 @@ test("events appear live and once, also after a restart", async () => {
     .locator("dl div")
     .filter({ hasText: /^Episodes\s*\d/ })
     .locator("dd");
-  await expect.poll(() => episodes.textContent(), { timeout: 60_000 }).toBe("24");
+  await expect.poll(() => episodes.textContent()).toBe("24");
 
   await server.kill();
-  await expect.poll(() => status.textContent(), { timeout: 60_000 }).toContain("not live");
+  await expect.poll(() => status.textContent()).toContain("not live");
   await server.restart();
-  await page.getByText("live", { exact: true }).waitFor({ timeout: 60_000 });
+  await page.getByText("live", { exact: true }).waitFor();
   await reportHeldEpisodes(server, "run", 8);
-  await expect.poll(() => episodes.textContent(), { timeout: 60_000 }).toBe("32");
-  await expect.poll(() => events.count(), { timeout: 60_000 }).toBeGreaterThan(countBefore + 8);
+  await expect.poll(() => episodes.textContent()).toBe("32");
+  await expect.poll(() => events.count()).toBeGreaterThan(countBefore + 8);
   // The stream resumes after the last event: none is shown twice.
   const ids = await events.evaluateAll((lines) =>
     lines.map((line) => (line as HTMLElement).dataset["event"]),

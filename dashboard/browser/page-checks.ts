@@ -15,8 +15,7 @@ export interface PageCase {
 export async function pagesOfTrainedRun(url: string, run: string): Promise<Record<string, PageCase>> {
   const get = async (path: string) => (await (await fetch(url + path)).json()) as Record<string, never>;
   const failures: { episode: string }[] =
-    (await get(`/v1/runs/${run}/failures/list?task=kessler/survival&mode=collision&limit=1`))["failures"] ??
-    [];
+    (await get(`/v1/runs/${run}/failures?task=kessler/survival&mode=collision&limit=1`))["failures"] ?? [];
   const designs: { id: string }[] =
     (await get(`/v1/runs/${run}/designs?limit=1&state=active`))["designs"] ?? [];
   return {
@@ -39,14 +38,14 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
 /** Pages of a server whose only run, `new`, has no episodes. */
 export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
   runs: { route: "/", text: "Leases" },
-  run: { route: "/runs/new", text: "Nothing came back yet" },
-  failures: { route: "/runs/new/failures", text: "Nothing was criticised yet" },
-  episodes: { route: "/runs/new/episodes", text: "Nothing came back yet" },
+  run: { route: "/runs/new", text: "No episodes yet" },
+  failures: { route: "/runs/new/failures", text: "No episode was criticised yet" },
+  episodes: { route: "/runs/new/episodes", text: "No episodes yet" },
   designs: { route: "/runs/new/designs", text: "Nothing was designed" },
   evaluations: { route: "/evaluations", text: "There are none yet" },
 };
 
-/** Creates the run of [`PAGES_OF_EMPTY_RUN`]. */
+/** Creates the run of `PAGES_OF_EMPTY_RUN`, and returns the server. */
 export async function createEmptyRun(server: SparringServer): Promise<SparringServer> {
   await server.post("/v1/runs", { id: "new" });
   return server;

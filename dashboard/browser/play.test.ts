@@ -1,7 +1,7 @@
 /** Checks the page for manual flights: burns are edited by mouse and keyboard, and steps are undone. */
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, inject, test } from "vitest";
-import { launchBrowser, openPage, waitUntilLoaded } from "./browser";
+import { launchBrowser, openPage, waitUntilIdle, waitUntilLoaded } from "./browser";
 
 let browser: Browser;
 const url = inject("url");
@@ -10,13 +10,15 @@ beforeAll(async () => {
 });
 afterAll(() => browser.close());
 
-test("a burn is dragged, priced, executed and undone", async () => {
-  const { page, problems } = await openPage(browser, url);
+test("a dragged burn shows its cost, is executed and undone", async () => {
+  const observed = await openPage(browser, url);
+  const { page, problems } = observed;
   await page.goto(`${url}/web/#/play?task=kessler/survival&seed=7&level=2`);
   await waitUntilLoaded(page);
   await page.locator("canvas").waitFor();
+  await waitUntilIdle(observed); // the canvas has its final position
   const postFlight = (steps: unknown[]) =>
-    fetch(`${url}/v1/flights`, {
+    fetch(`${url}/v1/rollouts`, {
       method: "POST",
       headers: { "content-type": "application/json" },
       body: JSON.stringify({ scenario, steps }),
@@ -67,7 +69,7 @@ test("a burn is dragged, priced, executed and undone", async () => {
   await page.context().close();
 });
 
-test("a typed burn is priced at once and rejected over the limit", async () => {
+test("a typed burn shows its cost and is rejected over the limit", async () => {
   const { page, problems } = await openPage(browser, url);
   await page.goto(`${url}/dashboard/#/play?task=kessler/survival&seed=7&level=2`);
   const burn = page.getByLabel("delta vx of agent 0");
@@ -87,14 +89,17 @@ test("a typed burn is priced at once and rejected over the limit", async () => {
 });
 
 test("the address holds the scenario until the page is left", async () => {
-  const { page, problems } = await openPage(browser, url);
+  const observed = await openPage(browser, url);
+  const { page, problems } = observed;
+  await page.clock.install();
   await page.goto(`${url}/dashboard/#/play`);
   await page.locator("canvas").waitFor();
   await expect.poll(() => page.url()).toMatch(/#\/play\?task=kessler\/survival&level=2&seed=\d+$/);
   await page.getByRole("link", { name: "Runs" }).click();
   await page.getByRole("heading", { name: "Runs" }).waitFor();
-  // Tests the passing of time: a late update of the address would bring the scenario back.
-  await page.waitForTimeout(500);
+  // A late update of the address would bring the scenario back.
+  await waitUntilIdle(observed);
+  await page.clock.runFor(500);
   expect(page.url()).toMatch(/#\/$/);
   expect(problems).toEqual([]);
   await page.context().close();

@@ -1,7 +1,7 @@
 /** Polls of conditions; unlike `expect.poll` they also work outside of tests and return the value. */
 
 const INTERVAL_MS = 100;
-const TIMEOUT_MS = 60_000;
+const TIMEOUT_MS = 120_000;
 
 /**
  * Calls `read` until `isExpected` accepts its result, and returns that result.

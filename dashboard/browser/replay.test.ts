@@ -97,6 +97,7 @@ test("a contact is shown at its step and not before", async () => {
 
 test("a replay plays, pauses and is compared with the reference", async () => {
   const { page, problems } = await openPage(browser, server.url);
+  await page.clock.install();
   await visit(page, server.url, `/runs/run/episodes/${episode}?step=0`);
   await page.getByLabel("Speed").selectOption("20 steps/s");
   await page.getByRole("button", { name: "Play", exact: true }).click();
@@ -105,8 +106,8 @@ test("a replay plays, pauses and is compared with the reference", async () => {
     .toBeGreaterThan(5);
   await page.getByRole("button", { name: "Pause" }).click();
   const pausedAt = await page.locator("output[data-step]").getAttribute("data-step");
-  // Tests the passing of time: at 20 steps/s a replay that is not paused advances by 6 steps.
-  await page.waitForTimeout(300);
+  // At 20 steps/s a replay that is not paused would advance by 6 steps.
+  await page.clock.runFor(300);
   expect(await page.locator("output[data-step]").getAttribute("data-step")).toBe(pausedAt);
   await page.getByLabel("Beside it").selectOption("the reference");
   await expect.poll(() => page.locator("canvas").count()).toBe(2);
@@ -118,7 +119,7 @@ test("a replay plays, pauses and is compared with the reference", async () => {
       .nth(figure)
       .locator(`[data-satellite="${String(KNOWN.satellite)}"]`)
       .getAttribute("data-status");
-  expect(await statusIn(0)).toBe("destroyed");
+  await expect.poll(() => statusIn(0)).toBe("destroyed");
   expect(await statusIn(1)).toBe("active"); // the reference planner saves it
   expect(problems).toEqual([]);
   await page.context().close();

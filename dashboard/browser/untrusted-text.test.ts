@@ -67,7 +67,7 @@ beforeAll(async () => {
     seed: 3,
     tasks: ["kessler/survival"],
   });
-  await server.put("/v1/runs/run/versions/0", {
+  await server.put("/v1/runs/run/policy_versions/0", {
     checkpoint: MARKUP,
     notes: `${MARKUP}${BIDI} ${"n".repeat(1800)}`,
   });
@@ -87,7 +87,7 @@ beforeAll(async () => {
   for (let i = 0; i < 4; i++) {
     const { id } = await server.post<{ id: string }>("/v1/runs/run/designs", { designer: "llm", n: 1 });
     await waitFor(
-      () => server.get<{ state: string }>(`/v1/runs/run/designs/asks/${id}`),
+      () => server.get<{ state: string }>(`/v1/runs/run/designs/requests/${id}`),
       ({ state }) => state === "done" || state === "failed",
     );
   }

@@ -6,9 +6,9 @@ export default defineConfig({
     root: new URL("..", import.meta.url).pathname,
     include: ["browser/**/*.test.ts"],
     globalSetup: ["browser/global-setup.ts"],
-    testTimeout: 300_000,
+    testTimeout: 600_000,
     hookTimeout: 900_000,
     maxWorkers: 2,
-    expect: { poll: { timeout: 60_000 } }, // generous: machines may be loaded
+    expect: { poll: { timeout: 120_000 } }, // generous: machines may be loaded
   },
 });

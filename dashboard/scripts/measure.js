@@ -70,12 +70,12 @@ async function measureScrubbing() {
       ...(await request(`/v1/runs/${run.id}/episodes/${episode}`)),
     })),
   );
-  const found = details.find(({ flown }) => flown?.steps >= 50);
-  if (!found)
+  const longEpisode = details.find(({ flown }) => flown?.steps >= 50);
+  if (!longEpisode)
     throw new Error(
       `no long episode of kessler/survival at level ${LEVEL} is stored; train a learner up to that level`,
     );
-  const { episode } = found;
+  const { episode } = longEpisode;
   const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
   await page.goto(`${url}/dashboard/#/runs/${run.id}/episodes/${episode}`);
   await page.locator("canvas").first().waitFor();
@@ -84,20 +84,20 @@ async function measureScrubbing() {
       new Promise((resolve) => {
         const scrub = document.querySelector("input.scrub");
         const lastStep = Number(scrub.max);
-        let [count, at, begun] = [0, 0, performance.now()];
+        let [count, at, started] = [0, 0, performance.now()];
         requestAnimationFrame(function tick(now) {
           at = (at + 1) % (2 * lastStep);
           scrub.value = String(at > lastStep ? 2 * lastStep - at : at);
           scrub.dispatchEvent(new Event("input", { bubbles: true }));
           count += 1;
-          if (now - begun < durationMs) requestAnimationFrame(tick);
-          else resolve((1000 * count) / (now - begun));
+          if (now - started < durationMs) requestAnimationFrame(tick);
+          else resolve((1000 * count) / (now - started));
         });
       }),
     SCRUB_MS,
   );
   await page.close();
-  return { frames, debris: found.scenario.params.debris };
+  return { frames, debris: longEpisode.scenario.params.debris };
 }
 const { frames, debris } = await measureScrubbing();
 report(`scrubbing a replay of ${debris} debris`, frames, "fps", 50, false);

@@ -51,8 +51,8 @@ class NativeBatch:
         """
     def curriculum_info(self, /) -> "tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]":
         """
-        Returns what the curriculum says of the current episodes: level (-1: none), whether to train on it, and whether the
-        environment is idle since no episode is left for it.
+        Returns, for the current episodes: the level (-1: none), whether to train on the episode, and whether the environment
+        is idle because no episode is left for it.
         """
     def episode(self, /, env: SupportsIndex) -> tuple[NativeScenario, float] | None:
         """
@@ -116,7 +116,7 @@ class NativeBatch:
         """
     def telemetry(self, /, env: SupportsIndex) -> str | None:
         """
-        Returns what the agents of an environment observe, in the wire form (JSON).
+        Returns the observation of an environment's agents in the wire form (JSON).
         """
     @property
     def threads(self, /) -> int:

@@ -9,21 +9,21 @@ from ._native import CurriculumError
 
 
 def read_token(token: str | None) -> str | None:
-    """Returns the token to send: the given one, or `SPARRING_TOKEN`; an empty text means none.
+    """Returns the token to send: the given one, or `SPARRING_TOKEN`; None if it is empty.
 
     Raises:
-        ValueError: The token has characters that no token has; the message does not repeat it.
+        ValueError: The token is not printable ASCII without spaces; the message does not repeat it.
     """
     if token is not None and not isinstance(token, str):
-        raise ValueError("token: must be text")
+        raise ValueError("token: must be a string")
     token = (os.environ.get("SPARRING_TOKEN", "") if token is None else token).strip()
     if not all("!" <= letter <= "~" for letter in token):
-        raise ValueError("token: has characters that no token has")
+        raise ValueError("token: must consist of printable ASCII characters without spaces")
     return token or None
 
 
 def needs_token(url: str) -> bool:
-    """Returns False if the server accepts requests without a token, as if its database has none."""
+    """Returns True if the server rejects requests without a token; it accepts them while its database has no token."""
     try:
         _native.NativeHttpClient(url).request("GET", "/v1/runs?limit=1")
     except CurriculumError:

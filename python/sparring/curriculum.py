@@ -23,7 +23,7 @@ from .server import Server
 
 #: Address of a server with default settings.
 DEFAULT_URL = "http://127.0.0.1:8700"
-#: Seconds that a program without `close` takes at its end to submit results.
+#: Timeout of submitting results when a program exits without `close`, seconds.
 EXIT_TIMEOUT_S = 15.0
 #: Number of environments from which on `form="auto"` uses columns.
 MIN_COLUMN_ENVS = 256
@@ -57,8 +57,9 @@ class Curriculum:
         evaluation: With `purpose="eval"`, id of the evaluation; environments become idle when no scenario is left.
         ahead: Minimum number of episodes that are kept ready, besides two per environment.
         buffer: Maximum number of episodes that wait to be submitted.
-        max_wait_s: Seconds that a step waits for an episode or for room in the buffer before it raises `CurriculumError`.
-        ttl_s: Seconds after which the server offers episodes of a silent client to others; longer than an episode takes.
+        max_wait_s: Seconds that a step waits for an episode or for space in the buffer before it raises `CurriculumError`.
+        ttl_s: Lifetime of a lease without renewal, seconds; must be longer than an episode takes. The server offers episodes
+            of an expired lease to other clients.
 
     A forked process cannot use the curriculum: it makes its own with the same `run`.
 
@@ -98,7 +99,7 @@ class Curriculum:
         if run is None:
             run = str(self.request("POST", "/v1/runs", body)["id"])
         elif settings is not None:
-            raise ValueError("settings: only for a run that is created; this one exists")
+            raise ValueError("settings: apply only to a new run; omit them or `run`")
         self.run = run
         self._run_path = f"/v1/runs/{quote(run, safe='')}"
         summary = self.request("GET", self._run_path)
@@ -116,7 +117,7 @@ class Curriculum:
         }
         self._form, self._lease_groups = ("groups" if purpose == "eval" else form), lease_groups
         self._native: _native.NativeCurriculum | None = None
-        self._version = int(summary["policy_version"])  # a resumed training counts on from the newest version
+        self._version = int(summary["policy_version"])  # a resumed training continues from the newest version
         self._closed = False
         self._server: Server | None = None
         # Submits results when the program ends without close; the weak reference lets an unused curriculum be deleted.
@@ -219,8 +220,8 @@ class Curriculum:
 
     def _supports_columns(self) -> bool:
         strategy = self.request("GET", self._run_path)["settings"]["curriculum"]["strategy"]
-        known = self.request("GET", "/v1/strategies")["strategies"]
-        return any(row["columns"] for row in known if row["name"] == strategy)
+        strategies = self.request("GET", "/v1/strategies")["strategies"]
+        return any(row["supports_columns"] for row in strategies if row["name"] == strategy)
 
     @property
     def policy_version(self) -> int:
@@ -262,14 +263,14 @@ class Curriculum:
         for row in self.mastery():
             task = row["task"]
             # There is no level during placement, nor with strategies without levels.
-            mastery, plain = (row["mastery"] or {}) if row["placed"] else {}, row["plain"]
+            mastery, results = (row["mastery"] or {}) if row["placement_done"] else {}, row["results"]
             values = {
                 "level": row["level"],
                 "mastery": mastery.get("mean"),
                 "mastery_q10": mastery.get("q10"),
                 "mastery_q90": mastery.get("q90"),
-                **{name: plain[name] for name in ("success", "score", "skill")},
-                "zero_variance_share": row["groups"]["zero_variance_share"],
+                **{name: results[name] for name in ("success", "score", "skill")},
+                "zero_variance_share": row["group_counts"]["zero_variance_share"],
                 **{f"params/{name}": value for name, value in row["params"].items()},
             }
             metrics.update({f"{task}/{name}": float(value) for name, value in values.items() if value is not None})
@@ -338,7 +339,7 @@ class Curriculum:
         server.on_exit(functools.partial(_call, weakref.WeakMethod(self._server_exited)))
 
     def _server_exited(self, reason: str) -> None:
-        # Another process may restart its server; this process does not, so waiting for it would be in vain.
+        # This process does not restart its server, so waiting for it is pointless.
         if self._native is not None and not self._closed:
             self._native.server_exited(reason)
 
@@ -347,15 +348,15 @@ class Curriculum:
             raise CurriculumError("the curriculum belongs to another process: a fork makes its own, with the same run")
 
     def _at_exit(self) -> None:
-        # The results of a forked process are its parent's to submit.
+        # A forked process has no results of its own: its parent submits them.
         if self._native is not None and not self._closed and os.getpid() == self._pid:
             try:
                 self.close(EXIT_TIMEOUT_S)
             except CurriculumError as error:
-                print(f"sparring: a curriculum was not closed, and at exit: {error}", file=sys.stderr)
+                print(f"sparring: submitting the results of an unclosed curriculum failed: {error}", file=sys.stderr)
 
     def __del__(self) -> None:
-        # A deleted curriculum submits its results too, as when a notebook runs its cell again.
+        # A deleted curriculum submits its results, too: a notebook deletes it when its cell runs again.
         if hasattr(self, "_exit_hook"):
             self._at_exit()
             atexit.unregister(self._exit_hook)

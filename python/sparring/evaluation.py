@@ -11,12 +11,12 @@ from typing import Any
 from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
 from .vector import VectorEnvironment, make_vec
 
-#: Name of the blind panel, with which a suite's rows compare policies.
+#: Name of the blind panel in the rows of an evaluation.
 BLIND_PANEL = "blind_panel"
-#: Seconds until an evaluation whose episodes are all reported counts as stuck.
+#: Timeout for the server to complete an evaluation after its last episode, seconds.
 COMPLETION_TIMEOUT_S = 120.0
-#: Maximum number of groups of a lease.
-MAX_LEASE_GROUPS = 64
+#: Maximum number of groups of a lease of evaluation episodes.
+MAX_EVALUATION_LEASE_GROUPS = 64
 
 
 @dataclass(frozen=True)
@@ -80,17 +80,17 @@ def evaluate(
     optional = {
         **_choose_suite(curriculum, suite, tasks),
         "rollouts": rollouts,
-        "chance": stochastic,
+        "stochastic": stochastic,
         "training": training,
         "training_seed": training_seed,
     }
     settings = {name: value for name, value in optional.items() if value is not None}
-    settings |= {"run": curriculum.run, "policy": policy, "version": curriculum.policy_version}
+    settings |= {"run": curriculum.run, "policy": policy, "policy_version": curriculum.policy_version}
     evaluation = curriculum.request("POST", "/v1/evaluations", settings)
     try:
         _run_evaluation(curriculum, evaluation, act, num_envs, progress, environment)
     except BaseException:
-        # The rest will not be run, and a server limits the number of open evaluations.
+        # The remaining episodes will not be run, and the server limits the number of open evaluations.
         with contextlib.suppress(CurriculumError):
             curriculum.request("POST", f"/v1/evaluations/{evaluation['id']}/cancel")
         raise
@@ -108,9 +108,9 @@ def _check_arguments(curriculum: Any, policy: str, environment: dict[str, Any]) 
 
 def _choose_suite(curriculum: Curriculum, name: str | None, tasks: Sequence[str] | None) -> dict[str, Any]:
     """Returns the suite and its tasks to evaluate."""
-    wanted = tasks or curriculum.tasks
+    requested = tasks or curriculum.tasks
     for suite in curriculum.request("GET", "/v1/suites")["suites"]:
-        common = [task for task in suite["tasks"] if task in wanted]
+        common = [task for task in suite["tasks"] if task in requested]
         if name not in (None, suite["name"]) or (name is None and not common):
             continue
         if not common and not tasks:
@@ -130,7 +130,7 @@ def _run_evaluation(
     environment: dict[str, Any],
 ) -> None:
     total = evaluation["scenarios"] * evaluation["rollouts"]
-    groups = max(1, min(MAX_LEASE_GROUPS, MAX_GROUP_EPISODES // evaluation["rollouts"]))
+    groups = max(1, min(MAX_EVALUATION_LEASE_GROUPS, MAX_GROUP_EPISODES // evaluation["rollouts"]))
     with curriculum.reopen(purpose="eval", evaluation=evaluation["id"], lease_groups=groups) as held_out:
         envs = make_vec(num_envs=min(num_envs, total), curriculum=held_out, **environment)
         try:
@@ -159,6 +159,6 @@ def _wait_for_result(curriculum: Curriculum, id: str) -> EvaluationResult:
         if evaluation["state"] == "complete":
             return EvaluationResult(id, evaluation["rows"])
         if evaluation["state"] == "failed" or time.monotonic() > deadline:
-            reason = evaluation.get("trouble") or "it did not complete in time"
+            reason = evaluation.get("error") or "it did not complete in time"
             raise CurriculumError(f"the evaluation {id} is {evaluation['state']}: {reason}")
         time.sleep(0.1)

@@ -8,7 +8,7 @@ import gymnasium
 
 from .vector import VectorEnvironment, make_vec
 
-#: Gymnasium's ids and the tasks that they stand for.
+#: Task of each id that is registered with Gymnasium.
 ENVIRONMENTS = {
     "sparring/Survival-v0": "kessler/survival",
     "sparring/EcoStation-v0": "kessler/eco_station",

@@ -11,7 +11,7 @@ MAX_SIDE_PIXELS = 4096
 
 
 class Renderer:
-    """Renders environments as `render_mode` says."""
+    """Renders environments as arrays of pixels, or in a window."""
 
     #: Number of open windows of this process.
     _open_windows = 0

@@ -1,4 +1,4 @@
-"""Resets: options that every kind of environment accepts, and what a reset of a single environment does."""
+"""Resets: the options that all environments accept, and the reset that single and parallel environments share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RESET_OPTIONS = ("scenario", "params", "level")
 
 
 class ResetRequest(NamedTuple):
-    """Scenarios that a reset asks for."""
+    """Recipe and scenario that the options of a reset choose."""
 
     #: Replaces the recipe of this and later episodes.
     recipe: _native.NativeScenario | None = None
@@ -55,12 +55,12 @@ def read_reset_options(settings: Settings, options: Mapping[str, Any] | None) ->
     if isinstance(scenario, Mapping):
         scenario = Scenario.from_dict(scenario)
     if scenario is not None and not isinstance(scenario, Scenario):
-        raise ValueError("options.scenario: neither a sparring.Scenario nor the dict of one")
+        raise ValueError("options.scenario: must be a sparring.Scenario or its dict")
     return ResetRequest(recipe, None if scenario is None else scenario._native)
 
 
 class SingleBatch:
-    """A batch of one environment, as `Environment` and `ParallelEnvironment` use it."""
+    """Batch of one environment: the common part of `Environment` and `ParallelEnvironment`."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings

@@ -101,13 +101,13 @@ def _read_config(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _SharedCurricula:
-    """Curricula of this process: environments with equal arguments share one, and the last of them closes it."""
+    """Curricula of this process, counted by reference: environments with equal arguments share one, and the last closes it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._open: dict[str, tuple[Curriculum, int]] = {}
 
-    def join(self, arguments: Mapping[str, Any]) -> tuple[str, Curriculum]:
+    def acquire(self, arguments: Mapping[str, Any]) -> tuple[str, Curriculum]:
         if not isinstance(arguments, Mapping) or not arguments.get("run"):
             raise ValueError("curriculum: must be a dict with the url of a server and the run that all env runners share")
         key = json.dumps(dict(arguments), sort_keys=True)
@@ -116,7 +116,7 @@ class _SharedCurricula:
             self._open[key] = curriculum, users + 1
         return key, curriculum
 
-    def leave(self, key: str) -> None:
+    def release(self, key: str) -> None:
         with self._lock:
             curriculum, users = self._open.pop(key)
             if users > 1:
@@ -133,11 +133,11 @@ def _with_curriculum(settings: dict[str, Any], make: Callable[..., Any]) -> Any:
     arguments = settings.pop("curriculum", None)
     if arguments is None:
         return make(**settings)
-    key, curriculum = _SHARED_CURRICULA.join(arguments)
+    key, curriculum = _SHARED_CURRICULA.acquire(arguments)
     try:
         env = make(**settings, curriculum=curriculum)
     except BaseException:
-        _SHARED_CURRICULA.leave(key)
+        _SHARED_CURRICULA.release(key)
         raise
     env.curriculum, env._curriculum_key = curriculum, key
     return env
@@ -200,7 +200,7 @@ class TeamVectorEnv(VectorEnv[Any, Any, npt.NDArray[Any]]):
         self.envs.close()
         key, self._curriculum_key = self._curriculum_key, None
         if key is not None:
-            _SHARED_CURRICULA.leave(key)
+            _SHARED_CURRICULA.release(key)
 
 
 def _flatten(space: Any) -> Any:
@@ -212,8 +212,8 @@ def _flatten(space: Any) -> Any:
 class AgentsEnv(MultiAgentEnv):
     """A `sparring.ParallelEnvironment` as RLlib's `MultiAgentEnv`.
 
-    RLlib's own wrapper of PettingZoo takes the agents of the first episode for all agents. It also misses the end of an
-    episode in whose last step some agents terminate and the others are truncated.
+    RLlib's own wrapper of PettingZoo assumes that all episodes have the agents of the first one. It also misses the end of
+    an episode in whose last step some agents terminate and the others are truncated.
     """
 
     #: Shared curriculum, if there is one.
@@ -270,13 +270,13 @@ class AgentsEnv(MultiAgentEnv):
         self.env.close()
         key, self._curriculum_key = self._curriculum_key, None
         if key is not None:
-            _SHARED_CURRICULA.leave(key)
+            _SHARED_CURRICULA.release(key)
 
 
 class CurriculumCallback(RLlibCallback):
     """Sets the policy version of all env runners after each iteration, and adds the curriculum's metrics to the results.
 
-    The version is the number of iterations, counted on from the newest version of the run. Results have `curriculum/…`:
+    The version is the number of iterations, added to the newest version of the run. Results have `curriculum/…`:
     mastery, level, params, skill, the share of zero-variance groups, and the episode counts of all env runners. Episodes that
     the curriculum only measures are removed from the samples.
     """
@@ -324,7 +324,7 @@ class CurriculumCallback(RLlibCallback):
             _set_policy_version(algorithm, self._first_version + algorithm.iteration)
 
     def on_episode_start(self, *, episode: Any, **_: Any) -> None:
-        """Marks an episode that is not learned from."""
+        """Excludes an episode that is not for training from learning."""
         if not _first_info(episode).get("train", True):
             self._excluded.add(episode.id_)
 

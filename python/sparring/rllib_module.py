@@ -29,7 +29,7 @@ def module_spec(task: str, *, hidden: Sequence[int] = (128, 128), log_std: float
         task: A task of the run.
         hidden: Units of each hidden layer.
         log_std: Initial logarithm of the standard deviation of continuous actions; it is learned. Actions are from -1 to 1,
-            most of which is too much.
+            and useful actions are much smaller.
 
     Raises:
         ValueError: The task is unknown.
@@ -50,8 +50,8 @@ def policy_fn(rl_module: TorchRLModule) -> Callable[[npt.NDArray[np.float32]], n
     def act(observations: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
         rows = torch.from_numpy(np.ascontiguousarray(observations).reshape(-1, size))
         outputs = rl_module.forward_inference({Columns.OBS: rows})
-        chosen = distribution.from_logits(outputs[Columns.ACTION_DIST_INPUTS]).to_deterministic().sample()
-        actions: npt.NDArray[Any] = chosen.numpy()
+        mode = distribution.from_logits(outputs[Columns.ACTION_DIST_INPUTS]).to_deterministic().sample()
+        actions: npt.NDArray[Any] = mode.numpy()
         if not isinstance(rl_module.action_space, spaces.Box):
             return actions.reshape(observations.shape[:2])
         return actions.clip(-1.0, 1.0).reshape(*observations.shape[:2], -1)

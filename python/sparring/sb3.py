@@ -103,8 +103,8 @@ class AgentsVecEnv(VecEnv):
         self.render_mode = envs.render_mode
         super().__init__(envs.num_envs * self.agents, row, envs.agent_action_space)
         self._started = time.time()
-        #: For each row of the last step: True if a learner should use it. False for agents that had left, and for episodes
-        #: that the curriculum only measures.
+        #: For each row of the last step: True if the learner should use it. False for agents that have left, and for
+        #: episodes that are not for training.
         self.active = np.zeros(self.num_envs, np.bool_)
         self._next_active = self.active
 
@@ -246,7 +246,7 @@ class CurriculumCallback(BaseCallback):
 
     Args:
         curriculum: Curriculum of the environments.
-        every: Rollouts between two logs.
+        every: Number of rollouts between two logs.
     """
 
     def __init__(self, curriculum: Curriculum, every: int = 5) -> None:
@@ -256,7 +256,7 @@ class CurriculumCallback(BaseCallback):
             raise ValueError(f"every: must be an integer >= 1, got {every!r}")
         self.every = every
         self._rollouts = 0
-        # A resumed run already has versions; this one counts on from the newest.
+        # A resumed run already has versions: this training continues from the newest.
         self._first_version = curriculum.policy_version
 
     def _on_step(self) -> bool:
@@ -268,7 +268,7 @@ class CurriculumCallback(BaseCallback):
             try:
                 metrics = self.curriculum.metrics()
             except CurriculumError:
-                return  # an unreachable server costs a point of the curves, not the training
+                return  # an unreachable server does not end the training
             for name, value in metrics.items():
                 self.logger.record(f"curriculum/{name}", value)
 

@@ -157,7 +157,7 @@ class Bracket:
     #: Outcomes of the blind plans; the first plan is hold.
     panel: tuple[EpisodeOutcome, ...]
     #: Number of blind plans that succeed.
-    panel_success: int
+    panel_successes: int
     #: Score of acting without observations, by the task's rule.
     floor: float
     #: Outcome of the planner, which knows the scenario: a lower bound on the best outcome.
@@ -169,7 +169,7 @@ class Bracket:
     #: True if the reference succeeds and most blind plans do not, so that acting well matters.
     contested: bool
     #: Version of the planner.
-    planner: int
+    planner_version: int
 
     @property
     def hold(self) -> float:

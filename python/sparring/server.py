@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from ._native import CurriculumError
 
-#: Seconds until a server that prints no address counts as failed.
+#: Timeout for a started server to print its address, seconds.
 START_TIMEOUT_S = 60
 #: Lines of the server's output that are kept for error messages.
 KEPT_LINES = 50
@@ -42,7 +42,8 @@ class Server:
         self._output: list[str] = []
         pipe, stdout = subprocess.PIPE, subprocess.STDOUT
         try:
-            # The server ends with this process. A Ctrl-C reaches only this process, which submits its results first.
+            # The server ends with this process. It has its own session, so that Ctrl-C reaches only this process, which
+            # submits its results first.
             self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=stdout, text=True, start_new_session=True)
         except OSError as error:
             raise CurriculumError(f"{program} does not start: {error}") from error
@@ -58,10 +59,10 @@ class Server:
 
     def _read_url(self) -> str | None:
         """Reads the server's output in a thread; returns the address that it prints."""
-        is_known = threading.Event()
+        has_url_or_ended = threading.Event()
         urls: list[str] = []
 
-        # The thread refers to the parts it needs, not to self, so that an unused server is deleted and stops.
+        # The thread does not refer to self, so that a server without references is deleted and stops.
         process, stdout, output, callbacks = self._process, self._process.stdout, self._output, self._exit_callbacks
 
         def read() -> None:
@@ -71,10 +72,10 @@ class Server:
                 match = re.search(r"serves at (http://\S+?)[.,]?(?:\s|$)", line)
                 if match and not urls:
                     urls.append(match[1])
-                    is_known.set()
+                    has_url_or_ended.set()
             if stdout is not None:
                 stdout.close()
-            is_known.set()
+            has_url_or_ended.set()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(10)
                 reason = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
@@ -84,7 +85,7 @@ class Server:
 
         self._reader = threading.Thread(target=read, daemon=True, name="sparring-server")
         self._reader.start()
-        is_known.wait(START_TIMEOUT_S)
+        has_url_or_ended.wait(START_TIMEOUT_S)
         return urls[0] if urls else None
 
     def on_exit(self, callback: Callable[[str], None]) -> None:

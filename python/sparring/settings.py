@@ -23,7 +23,7 @@ Axes = Literal["agent", "world"]
 
 #: Bound of the absolute value of a cell of *tracks*.
 TRACKS_LIMIT = 2.0
-#: Pieces of debris that *telemetry* has room for if a curriculum chooses their number.
+#: Size of the debris array of *telemetry* if a curriculum chooses the number of pieces of debris.
 CURRICULUM_BODIES = 320
 #: Values per satellite in kessler's *telemetry*.
 SATELLITE_VALUES = 6
@@ -37,7 +37,7 @@ DEFAULT_LOOK_AHEAD = 15
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of an environment, except how many of it there are."""
+    """Settings of an environment, except the number of environments."""
 
     task: str | None
     params: Mapping[str, float] | None = None
@@ -91,9 +91,9 @@ class Settings:
         mode = self.observation or default
         if mode not in (default, "telemetry"):
             raise ValueError(f"observation: {mode!r} is none of {default}, telemetry in {self.spec.world}")
-        for name, owner in (("threats", "tracks"), ("look_ahead", "tracks"), ("bodies", "telemetry")):
-            if getattr(self, name) is not None and (mode != owner or default != "tracks"):
-                raise ValueError(f"{name}: applies to {owner} of kessler, not to {mode} of {self.spec.world}")
+        for name, name_mode in (("threats", "tracks"), ("look_ahead", "tracks"), ("bodies", "telemetry")):
+            if getattr(self, name) is not None and (mode != name_mode or default != "tracks"):
+                raise ValueError(f"{name}: applies to {name_mode} of kessler, not to {mode} of {self.spec.world}")
         return mode  # type: ignore[return-value]
 
     def action_axes(self) -> Axes:
@@ -227,7 +227,7 @@ class ObservationLayout:
             return list(observations)
         if not self.is_kessler:
             return [{"deputies": row} for row in observations["deputies"]]
-        # Views of views per environment would dominate steps in which tens of episodes end.
+        # Slicing each environment separately would dominate the time of steps in which tens of episodes end.
         parts = zip(observations["debris"], observations["mask"], observations["satellites"], strict=True)
         return [{"debris": debris, "mask": mask, "satellites": satellites} for debris, mask, satellites in parts]
 

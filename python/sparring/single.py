@@ -78,7 +78,7 @@ class Environment(gymnasium.Env[Any, Any]):
         observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking.
         threats: Pieces of debris that a satellite observes in *tracks* (8).
         look_ahead: Steps over which *tracks* predicts close approaches (15).
-        bodies: Pieces of debris that *telemetry* has room for (by default the maximum for the params).
+        bodies: Size of the debris array of *telemetry* (by default the maximum for the params).
         actions: `continuous`, or `discrete`: for each agent an index into `sparring.task(…).choices`.
         axes: Axes of continuous actions: each `agent`'s own, or the `world`'s.
         curriculum: Source of the scenarios, which receives the outcomes, as in `sparring.make_vec`. It replaces seeds,

@@ -26,7 +26,7 @@ class Param:
     default: float
     #: Direction in which the task gets harder: `up` or `down`.
     harder: str
-    about: str
+    description: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Task:
     id: str
     #: World and its version, as `kessler@1`.
     world: str
-    about: str
+    description: str
     #: Number of steps after which an episode is truncated, with default params.
     horizon: int
     #: Number of agents, with default params.
@@ -56,7 +56,7 @@ class Task:
     #: Actions that `actions="discrete"` chooses from.
     choices: tuple[tuple[float, ...], ...]
     #: Description of these actions.
-    choices_about: str
+    choices_description: str
     #: Names and descriptions of the built-in policies.
     policies: dict[str, str]
 
@@ -92,7 +92,7 @@ def task(id: str) -> Task:
     return Task(
         id=info["id"],
         world=info["world"],
-        about=info["about"],
+        description=info["description"],
         horizon=info["horizon"],
         agents=info["agents"],
         params=tuple(Param(**param) for param in info["params"]),
@@ -103,8 +103,8 @@ def task(id: str) -> Task:
         agent_axes=tuple(info["agent_axes"]) if info["agent_axes"] else None,
         action_range=(actions["low"], actions["high"], actions["unit"]),
         choices=tuple(map(tuple, info["choices"]["rows"])),
-        choices_about=info["choices"]["about"],
-        policies={policy["name"]: policy["about"] for policy in info["policies"]},
+        choices_description=info["choices"]["description"],
+        policies={policy["name"]: policy["description"] for policy in info["policies"]},
     )
 
 

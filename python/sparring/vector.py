@@ -21,6 +21,7 @@ from .settings import Actions, Axes, Observation, ObservationLayout, Settings, a
 #: and truncations.
 StepArrays = tuple[npt.NDArray[np.float32], npt.NDArray[np.float64], npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
 
+#: Name of each autoreset mode in the compiled module.
 AUTORESET_NAMES = {
     AutoresetMode.NEXT_STEP: "next_step",
     AutoresetMode.SAME_STEP: "same_step",
@@ -136,7 +137,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         if not isinstance(seed, Sequence) or isinstance(seed, (str, bytes)):
             first = check_seed(seed)
             return [first + k for k in range(self.num_envs)]
-        seeds = [None if one is None else check_seed(one) for one in seed]
+        seeds = [None if item is None else check_seed(item) for item in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed: {len(seeds)} seeds for {self.num_envs} environments")
         return list(seeds)
@@ -158,7 +159,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         """Runs one step of every environment.
 
         Args:
-            actions: Envs × agents × values (float32 is used as it is, other numbers are converted); discrete actions are
+            actions: Envs × agents × values (float32 is used without conversion); discrete actions are
                 envs × agents.
             out: Arrays that are written and returned: one of `empty_observations()`, and arrays of float64, bool and bool.
 
@@ -248,7 +249,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     @property
     def train(self) -> npt.NDArray[np.bool_]:
-        """With a curriculum: whether to learn from each environment's episode; some strategies only measure scenarios."""
+        """With a curriculum: True for environments whose episode is for training; some strategies only measure scenarios."""
         return self._native.curriculum_info()[1]
 
     @property
@@ -258,7 +259,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def close_extras(self, **_: Any) -> None:
         """Returns unfinished episodes to the curriculum, which its owner closes."""
-        native = getattr(self, "_native", None)  # some versions of Gymnasium also close what failed to be made
+        native = getattr(self, "_native", None)  # some versions of Gymnasium also close an environment whose constructor failed
         if native is not None:
             native.release()
 

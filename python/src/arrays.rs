@@ -99,7 +99,7 @@ pub(crate) fn writable<'py, T: Element>(
         .cast::<PyArrayDyn<T>>()
         .map_err(|_| invalid(field, format!("not a numpy array of dtype {dtype}")))?;
     if array.shape() != shape {
-        return Err(invalid(field, format!("shape {:?}, not {shape:?}", array.shape())));
+        return Err(invalid(field, format!("shape {:?}, expected {shape:?}", array.shape())));
     }
     if !array.is_c_contiguous() {
         return Err(invalid(field, "not C-contiguous"));
@@ -129,7 +129,7 @@ fn numeric_array<'py>(
         return Err(invalid(field, format!("dtype {}, expected {expected}", array.dtype())));
     }
     if array.shape() != shape {
-        return Err(invalid(field, format!("shape {:?}, not {shape:?}", array.shape())));
+        return Err(invalid(field, format!("shape {:?}, expected {shape:?}", array.shape())));
     }
     Ok(array)
 }
@@ -167,7 +167,7 @@ impl<T: Element> ArrayRecycler<T> {
     }
 
     /// Returns an array that no caller holds.
-    pub(crate) fn take<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArrayDyn<T>> {
+    pub(crate) fn acquire<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArrayDyn<T>> {
         #[expect(
             deprecated,
             reason = "the count is meaningless in an interpreter without GIL; abi3 modules do not load there"
@@ -187,7 +187,7 @@ impl<T: Element> ArrayRecycler<T> {
         array
     }
 
-    /// True if no former holder changed the array's shape, dtype or flags in place.
+    /// True if no former holder changed shape, dtype or flags of the array in place.
     fn is_unmodified(&self, array: &Bound<'_, PyArrayDyn<T>>) -> bool {
         array.shape() == self.shape
             && array.is_c_contiguous()

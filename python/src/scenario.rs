@@ -93,9 +93,9 @@ pub(crate) fn bracket<'py>(
     let panel: Vec<Value> =
         bracket.panel.iter().map(|outcome| bracketed_json(scenario, bracket, outcome)).collect();
     let json = json!({
-        "planner": bracket.planner_version,
+        "planner_version": bracket.planner_version,
         "panel": panel,
-        "panel_success": count_panel_successes(scenario, bracket),
+        "panel_successes": count_panel_successes(scenario, bracket),
         "floor": bracket.floor,
         "reference": bracketed_json(scenario, bracket, &bracket.reference),
         "solvable": admission.solvable,
@@ -145,8 +145,8 @@ pub(crate) fn rollout<'py>(
     let scenario = &scenario.0;
     let mut policy =
         scenario.task().policy(policy, scenario, seed).map_err(|error| invalid("policy", error))?;
-    let finished = py.detach(|| rollouts::roll_out(scenario, &mut *policy));
-    let rollout = finished.map_err(|error| invalid("scenario", error))?;
+    let rollout = py.detach(|| rollouts::roll_out(scenario, &mut *policy));
+    let rollout = rollout.map_err(|error| invalid("scenario", error))?;
     Ok((outcome_json(&rollout.outcome).to_string(), log_to_array(py, scenario, &rollout.log)?))
 }
 
@@ -165,7 +165,7 @@ fn parse_json(text: &str) -> PyResult<Value> {
 fn outcome_json(outcome: &EpisodeOutcome) -> Value {
     json!({
         "score": outcome.score,
-        "total_reward": outcome.total,
+        "total_reward": outcome.total_reward,
         "steps": outcome.steps,
         "lost": outcome.lost,
         "goal": outcome.goal,
@@ -219,9 +219,9 @@ fn read_log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&st
         log.end_step();
     }
     log.stopped = stopped
-        .map(|word| {
-            StopReason::from_name(word).ok_or_else(|| {
-                invalid("stopped", format!("{word:?} is none of unparsable, too_long, too_late"))
+        .map(|name| {
+            StopReason::from_name(name).ok_or_else(|| {
+                invalid("stopped", format!("{name:?} is none of unparsable, too_long, too_late"))
             })
         })
         .transpose()?;

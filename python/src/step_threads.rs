@@ -24,7 +24,7 @@ impl StepThreads {
         if let Some(threads) = threads.filter(|threads| !(1..=MAX_THREADS).contains(threads)) {
             return Err(invalid("threads", format!("{threads} is not from 1 to {MAX_THREADS}")));
         }
-        // Handing work over costs tens of microseconds, in which one thread steps a hundred environments.
+        // Dispatching work to threads costs tens of microseconds, in which one thread steps a hundred environments.
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         if envs < MIN_SHARED_ENVS || threads.unwrap_or(cores) == 1 {
             return Ok(Self(None));

@@ -34,7 +34,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
     let info = json!({
         "id": task.id(),
         "world": task.world(),
-        "about": task.about(),
+        "description": task.description(),
         "horizon": task.horizon(&recipe),
         "agents": task.agents(&recipe),
         "params": task.params(),
@@ -46,7 +46,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
         "choices": {
             "axes": if choices.axes == Axes::Agent { "agent" } else { "world" },
             "rows": choices.rows,
-            "about": choices.about,
+            "description": choices.description,
         },
         "policies": task.policies(),
         "threats": DEFAULT_THREATS,

@@ -6,10 +6,11 @@ import pathlib
 import signal
 import threading
 import time
+import urllib.request
 
 import pytest
 from conftest import BINARY, needs_server
-from curriculum_servers import SETTINGS, restarted_server
+from curriculum_servers import SETTINGS, restarted_server, wait_until
 
 import sparring
 from sparring.server import Server
@@ -38,7 +39,7 @@ def test_client_runs_a_whole_training(url):
         for expected in ("counted", "duplicate"):
             reported = client.results.report(run, results=results)["results"]
             assert {result["status"] for result in reported} == {expected}, reported
-        assert client.mastery.get(run)["tasks"][0]["plain"]["episodes"] == 2
+        assert client.mastery.get(run)["tasks"][0]["results"]["episodes"] == 2
         assert [episode["episode"] for episode in client.paginate(client.episodes.list, run, limit=1)]
         assert client.runs.pause(run)["status"] == "paused"
         with pytest.raises(sparring.ApiError) as error:
@@ -101,6 +102,14 @@ def test_requests_and_events_survive_a_restart(tmp_path):
             impatient.runs.list()
 
 
+def count_event_streams(url):
+    """Returns the number of event streams that a server has opened."""
+    with urllib.request.urlopen(f"{url}/metrics", timeout=60) as response:
+        lines = response.read().decode().splitlines()
+    requests = [line for line in lines if line.startswith("sparring_http_requests_total") and "/events" in line]
+    return sum(int(line.rsplit(" ", 1)[1]) for line in requests)
+
+
 def test_listener_without_events_misses_none_in_a_restart(tmp_path):
     db = tmp_path / "run.sqlite3"
     server = Server(db, BINARY)
@@ -114,14 +123,14 @@ def test_listener_without_events_misses_none_in_a_restart(tmp_path):
 
         listener = threading.Thread(target=listen)
         listener.start()
-        time.sleep(1)  # the listener has to be connected, which it does not tell
+        wait_until(lambda: count_event_streams(server.url) == 1)
         server._process.terminate()
         server._process.wait()
         with restarted_server(db, server.url):
             # Both events happen before the listener has reconnected.
             client.runs.pause(run)
             client.runs.resume(run)
-            listener.join(20)
+            listener.join(120)
             assert states == ["paused", "resumed"]
 
 
@@ -132,11 +141,11 @@ def test_idle_listener_survives_a_restart(tmp_path, is_async):
     states = []
 
     def listen(run):
-        with sparring.Client(server.url, retry_timeout_s=2) as client:
+        with sparring.Client(server.url, retry_timeout_s=5) as client:
             states.extend(event.data["state"] for _, event in zip(range(2), client.events(run, after=0), strict=False))
 
     async def listen_async(run):
-        async with sparring.AsyncClient(server.url, retry_timeout_s=2) as client:
+        async with sparring.AsyncClient(server.url, retry_timeout_s=5) as client:
             async for event in client.events(run, after=0):
                 states.append(event.data["state"])
                 if len(states) == 2:
@@ -146,12 +155,13 @@ def test_idle_listener_survives_a_restart(tmp_path, is_async):
         run = client.runs.create(**SETTINGS)["id"]
         listener = threading.Thread(target=(lambda: asyncio.run(listen_async(run))) if is_async else lambda: listen(run))
         listener.start()
-        time.sleep(3)  # longer than retry_timeout_s
+        wait_until(lambda: states == ["created"])
+        time.sleep(6)  # tests the passing of time: the listener is idle for longer than retry_timeout_s
         server._process.terminate()
         server._process.wait()
         with restarted_server(db, server.url):
             client.runs.pause(run)
-            listener.join(20)
+            listener.join(120)
             assert states == ["created", "paused"]
 
 

@@ -107,18 +107,18 @@ def test_truncated_parallel_episode_warns():
 
 def test_closed_batch_returns_episodes_to_others():
     with local_curriculum(form="groups", lease_groups=8, ahead=8) as curriculum:
-        one, two = (sparring.make_vec(num_envs=4, curriculum=curriculum) for _ in range(2))
-        one.reset()
-        two.reset()
-        returned = {one.scenario(env).seed for env in range(4)}
-        one.close()
+        closed, other = (sparring.make_vec(num_envs=4, curriculum=curriculum) for _ in range(2))
+        closed.reset()
+        other.reset()
+        returned = {closed.scenario(env).seed for env in range(4)}
+        closed.close()
         with pytest.raises(sparring.CurriculumError, match="closed"):
-            one.step(np.zeros(one.action_space.shape, np.float32))
-        three = sparring.make_vec(num_envs=4, curriculum=curriculum)
-        three.reset()
-        assert {three.scenario(env).seed for env in range(4)} == returned
-        three.close()
-        two.close()
+            closed.step(np.zeros(closed.action_space.shape, np.float32))
+        new = sparring.make_vec(num_envs=4, curriculum=curriculum)
+        new.reset()
+        assert {new.scenario(env).seed for env in range(4)} == returned
+        new.close()
+        other.close()
 
 
 def test_strategy_without_columns_gets_groups():

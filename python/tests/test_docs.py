@@ -47,7 +47,7 @@ def test_readme_code_runs(tmp_path, monkeypatch):
         for code in code_blocks("README.md"):
             exec(code.replace(URL, curriculum.url), {})
         runs = [run["id"] for run in curriculum.request("GET", "/v1/runs")["runs"]]
-        versions = [row for run in runs for row in curriculum.request("GET", f"/v1/runs/{run}/versions")["versions"]]
+        versions = [row for run in runs for row in curriculum.request("GET", f"/v1/runs/{run}/policy_versions")["versions"]]
     # The trainer takes 20 leases of 8 groups of 4 episodes.
     assert sum(task["episodes"] for row in versions for task in row["tasks"]) == 640
     assert {row["version"] for row in versions} == set(range(20))

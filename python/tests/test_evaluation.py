@@ -44,7 +44,7 @@ def test_evaluation_of_a_failing_policy_is_cancelled():
         with pytest.raises(RuntimeError, match="no policy"):
             sparring.evaluate(curriculum, act)
         evaluations = curriculum.request("GET", "/v1/evaluations")["evaluations"]
-        assert [(one["state"], "cancelled" in one["trouble"]) for one in evaluations] == [("failed", True)]
+        assert [(row["state"], "cancelled" in row["error"]) for row in evaluations] == [("failed", True)]
 
 
 def test_reset_during_an_evaluation_skips_no_scenario():

@@ -50,9 +50,9 @@ def test_episodes_are_deterministic(task):
     actions = [env.action_space.sample() * 0.2 for _ in range(60)]
     first = run_episode(env, 11, actions)
     run_episode(env, 12, actions)
-    again = run_episode(env, 11, actions)
-    other = run_episode(sparring.Environment(task, params=short_episode_params(task)), 11, actions)
-    for repeated in (again, other):
+    same_environment = run_episode(env, 11, actions)
+    new_environment = run_episode(sparring.Environment(task, params=short_episode_params(task)), 11, actions)
+    for repeated in (same_environment, new_environment):
         assert all(bitwise_equal(a, b) for a, b in zip(first[0], repeated[0], strict=True))
         assert first[1] == repeated[1]
 
@@ -160,9 +160,9 @@ def test_scenario_option_runs_once_and_sequence_continues():
     plain, env = sparring.Environment("survival"), sparring.Environment("survival")
     once = sparring.Scenario("survival", params={"debris": 1}, physics={"gravity": "j2"}, seed=99)
     scenarios = []
-    for one, options in ((plain, None), (env, {"scenario": once})):
-        scenarios.append([one.reset(seed=7)[1]["scenario"], one.reset(options=options)[1]["scenario"]])
-        scenarios[-1] += [one.reset()[1]["scenario"] for _ in range(2)]
+    for tested, options in ((plain, None), (env, {"scenario": once})):
+        scenarios.append([tested.reset(seed=7)[1]["scenario"], tested.reset(options=options)[1]["scenario"]])
+        scenarios[-1] += [tested.reset()[1]["scenario"] for _ in range(2)]
     assert scenarios[1] == [scenarios[0][0], once, *scenarios[0][1:3]]
     assert env.reset(seed=5, options={"scenario": once, "level": 2})[1]["scenario"] == once
     assert env.reset()[1]["scenario"] == sparring.Scenario("survival", level=2, seed=5)
@@ -206,10 +206,10 @@ def test_history_has_only_agents_that_take_part():
 def test_copy_has_the_same_settings(copied):
     settings = {"level": 3, "actions": "discrete", "render_mode": "rgb_array", "render_size": (96, 64)}
     env = gymnasium.make("sparring/Survival-v0", **settings).unwrapped
-    again = copied(env)
-    assert bitwise_equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
-    assert again.action_space == env.action_space
-    assert again.render().shape == (64, 96, 3)
+    copied_env = copied(env)
+    assert bitwise_equal(env.reset(seed=3)[0], copied_env.reset(seed=3)[0])
+    assert copied_env.action_space == env.action_space
+    assert copied_env.render().shape == (64, 96, 3)
     envs = copied(sparring.make_vec("docking/single", 3, autoreset_mode="same_step", threads=1))
     assert (envs.num_envs, envs.threads, envs.autoreset_mode) == (3, 1, gymnasium.vector.AutoresetMode.SAME_STEP)
     assert bitwise_equal(envs.reset(seed=1)[0], sparring.make_vec("docking/single", 3).reset(seed=1)[0])

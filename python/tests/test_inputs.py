@@ -110,8 +110,8 @@ def test_overlapping_out_arrays_are_rejected():
 @settings(max_examples=200, deadline=None)
 @given(st.one_of(st.integers(), st.floats(), st.text(), st.lists(st.one_of(st.none(), st.integers()), max_size=4), st.booleans()))
 def test_seed_is_accepted_or_rejected(seed):
-    def is_valid_seed(one):
-        return one is None or (not isinstance(one, bool) and isinstance(one, int) and 0 <= one < 2**51)
+    def is_valid_seed(value):
+        return value is None or (not isinstance(value, bool) and isinstance(value, int) and 0 <= value < 2**51)
 
     if isinstance(seed, list):
         accepted = len(seed) == ENVS and all(map(is_valid_seed, seed))
@@ -245,6 +245,8 @@ def test_threads_step_one_batch_in_turns():
             failures.append(error)
 
     threads = [threading.Thread(target=step) for _ in range(4)]
-    [thread.start() for thread in threads]
-    [thread.join() for thread in threads]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
     assert not failures

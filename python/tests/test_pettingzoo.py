@@ -45,9 +45,9 @@ def test_episodes_are_deterministic(task):
                 rows.append((observations, rewards, terminations, truncations))
         return rows
 
-    first, again = run_episodes(), run_episodes()
+    first, second = run_episodes(), run_episodes()
     assert len(first) > 20
-    for a, b in zip(first, again, strict=True):
+    for a, b in zip(first, second, strict=True):
         if isinstance(a, dict):
             assert bitwise_equal(a, b)
         else:
@@ -83,9 +83,9 @@ def test_invalid_action_names_the_agent():
 
 def test_copy_has_the_same_settings():
     env = sparring.parallel_env("docking/multiagent", level=9)
-    again = copy.deepcopy(env)
-    assert again.possible_agents == env.possible_agents and len(again.possible_agents) == 5
-    assert bitwise_equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
+    copied = copy.deepcopy(env)
+    assert copied.possible_agents == env.possible_agents and len(copied.possible_agents) == 5
+    assert bitwise_equal(env.reset(seed=3)[0], copied.reset(seed=3)[0])
 
 
 def test_infos_have_scenario_and_alerts():

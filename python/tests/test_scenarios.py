@@ -20,8 +20,8 @@ def test_tasks_are_described():
 
 def test_scenario_is_a_value():
     scenario = sparring.Scenario("survival", params={"debris": 40}, physics={"contact": "swept"}, seed=7)
-    again = sparring.Scenario.from_dict(scenario.to_dict())
-    assert scenario == again and hash(scenario) == hash(again) and scenario.id == again.id
+    parsed = sparring.Scenario.from_dict(scenario.to_dict())
+    assert scenario == parsed and hash(scenario) == hash(parsed) and scenario.id == parsed.id
     assert eval(repr(scenario), {"Scenario": sparring.Scenario}) == scenario
     assert pickle.loads(pickle.dumps(scenario)) == copy.deepcopy(scenario) == scenario
     assert scenario != sparring.Scenario("survival", params={"debris": 40}, seed=7)
@@ -35,7 +35,7 @@ def test_bracket_has_the_scores_of_its_plans(task, level):
     )
     bracket = sparring.bracket(scenario)
     assert bracket.floor <= bracket.reference.score + 1e-9
-    assert bracket.panel_success == sum(outcome.success for outcome in bracket.panel)
+    assert bracket.panel_successes == sum(outcome.success for outcome in bracket.panel)
     assert bracket.hold == bracket.panel[0].score == sparring.rollout(scenario, "hold")[0].score
     assert sparring.replay(scenario, bracket.reference_plan).score == bracket.reference.score
     assert sparring.rollout(scenario, "reference")[0].score == bracket.reference.score
@@ -55,7 +55,7 @@ def test_environment_score_equals_its_replay(task):
         outcome = sparring.replay(env.scenario, env.history)
         assert outcome.score == info["score"] and outcome.steps == len(env.history)
         critique = sparring.critique(env.scenario, env.history)
-        assert set(critique) == {"failures", "actions", "judged"} and -1 <= critique["judged"]["value"] <= 1
+        assert set(critique) == {"failures", "actions", "assessment"} and -1 <= critique["assessment"]["value"] <= 1
 
 
 def test_policy_in_environment_equals_rollout(task):
@@ -91,8 +91,8 @@ def test_unknown_name_lists_the_known_ones():
 def test_other_types_than_scenario_are_rejected():
     for function in (
         sparring.bracket,
-        lambda one: sparring.critique(one, []),
-        lambda one: sparring.replay(one, []),
+        lambda scenario: sparring.critique(scenario, []),
+        lambda scenario: sparring.replay(scenario, []),
         sparring.rollout,
     ):
         with pytest.raises(ValueError, match=r"^scenario: "):

@@ -86,9 +86,9 @@ def test_results_do_not_depend_on_batch_size_and_threads(task):
 
     first, hashes = rollout(7, 1)
     for envs, threads in [(256, 1), (256, 2), (256, 5), (70, None)]:
-        again, others = rollout(envs, threads)
-        assert hashes == others
-        assert all(bitwise_equal(a, b) for x, y in zip(first, again, strict=True) for a, b in zip(x, y, strict=True))
+        rows, other_hashes = rollout(envs, threads)
+        assert other_hashes == hashes
+        assert all(bitwise_equal(a, b) for x, y in zip(first, rows, strict=True) for a, b in zip(x, y, strict=True))
 
 
 def test_out_arrays_are_written_in_place():
@@ -104,7 +104,7 @@ def test_out_arrays_are_written_in_place():
     addresses = {envs.step(actions)[0].ctypes.data for _ in range(50)}
     assert len(addresses) <= 2
     kept = [envs.step(actions)[0] for _ in range(10)]
-    assert len({one.ctypes.data for one in kept}) == 10
+    assert len({array.ctypes.data for array in kept}) == 10
 
 
 def test_telemetry_parts_are_views_of_one_array():

@@ -14,6 +14,7 @@ export interface Curve {
 
 /** Labelled time on a chart, for example of a level move. */
 export interface Marker {
+  /** Seconds since 1970. */
   at: number;
   label: string;
   kind: "up" | "down" | "other";

@@ -17,10 +17,10 @@ function collectLeaves(value: unknown, path: string, leaves: Map<string, string>
 
 /** Lists the leaves that differ between two settings objects. */
 export function findDifferences(before: unknown, after: unknown): Difference[] {
-  const [old, current] = [new Map<string, string>(), new Map<string, string>()];
-  collectLeaves(before, "", old);
-  collectLeaves(after, "", current);
-  return [...new Set([...old.keys(), ...current.keys()])]
-    .filter((path) => old.get(path) !== current.get(path))
-    .map((path) => ({ path, before: old.get(path) ?? "–", after: current.get(path) ?? "–" }));
+  const [oldLeaves, newLeaves] = [new Map<string, string>(), new Map<string, string>()];
+  collectLeaves(before, "", oldLeaves);
+  collectLeaves(after, "", newLeaves);
+  return [...new Set([...oldLeaves.keys(), ...newLeaves.keys()])]
+    .filter((path) => oldLeaves.get(path) !== newLeaves.get(path))
+    .map((path) => ({ path, before: oldLeaves.get(path) ?? "–", after: newLeaves.get(path) ?? "–" }));
 }

@@ -9,6 +9,7 @@ import { session } from "./session.svelte";
 export interface RunEvent {
   id: number;
   kind: string;
+  /** Time of the event, ISO 8601. */
   at: string;
   data: Record<string, unknown>;
 }

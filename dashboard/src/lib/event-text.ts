@@ -14,19 +14,21 @@ function text(value: unknown): string {
 const KINDS: Record<string, string> = {
   run: "the run was changed",
   lease: "a lease began or ended",
-  group: "a group came back",
+  group: "a group finished",
   move: "a level moved",
-  claim: "episodes came back in columns",
+  claim: "episodes were claimed in columns",
   failures: "episodes were criticised",
   design: "layouts were designed",
-  health: "its health changed",
-  gap: "events were left out",
+  warning: "a warning was raised",
+  gap: "events are missing",
 };
 
+/** Describes an event by its kind only. */
 export function eventKindText(kind: string): string {
   return KINDS[kind] ?? kind.replaceAll("_", " ");
 }
 
+/** Describes an event with its data. */
 export function eventText({ kind, data }: RunEvent): string {
   const task = typeof data["task"] === "string" ? shortTask(data["task"]) : "";
   switch (kind) {
@@ -44,14 +46,14 @@ export function eventText({ kind, data }: RunEvent): string {
       return `${task}: ${text(data["kind"])} to level ${text(data["to"])}. ${evidence?.sentence ?? ""}`;
     }
     case "claim":
-      return `${count(Number(data["episodes"]))} episodes in columns: ${text(data["state"])} ${text(data["why"])}`;
+      return `${count(Number(data["episodes"]))} episodes in columns: ${text(data["state"])} ${text(data["reason"])}`;
     case "failures":
       return `${task}: ${text(data["criticised"])} episodes criticised`;
     case "design":
       return `${task}: ${text(data["designer"])} designed; ${text(data["admitted"])} admitted, ${text(data["refused"])} refused ${text(data["error"])}`;
-    case "health":
+    case "warning":
     case "gap":
-      return `${task ? `${task}: ` : ""}${text(data["words"])}`;
+      return `${task ? `${task}: ` : ""}${text(data["message"])}`;
     default:
       return text(data);
   }

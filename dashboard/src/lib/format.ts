@@ -29,6 +29,7 @@ export function percent(n: number | null | undefined): string {
     : `${(100 * n).toFixed(n > 0 && n < 0.1 ? 1 : 0)} %`;
 }
 
+/** Formats a date and time. */
 export function time(at: string | number | null | undefined): string {
   return at === null || at === undefined ? "–" : moment.format(new Date(at));
 }
@@ -42,9 +43,9 @@ const UNITS: [Intl.RelativeTimeFormatUnit, number][] = [
 
 /** Formats the time since `at`: "3 hr. ago". */
 export function ago(at: string | number, now: number): string {
-  const passed = new Date(at).getTime() - now;
-  const [unit, length] = UNITS.find(([, length]) => Math.abs(passed) >= length) ?? ["second", 1_000];
-  return relative.format(Math.trunc(passed / length), unit);
+  const difference = new Date(at).getTime() - now;
+  const [unit, length] = UNITS.find(([, length]) => Math.abs(difference) >= length) ?? ["second", 1_000];
+  return relative.format(Math.trunc(difference / length), unit);
 }
 
 /** Formats a duration in its two largest units: "3 d 4 h". */

@@ -12,7 +12,7 @@ export interface Recipe {
 /** Frame of the service with the observation of the agents. The player sees the observation instead of the full state. */
 type ObservedFrame = AnyFrame & { observation: KesslerState | DockingState };
 
-/** Fuel for a burn of 1 LU/TU in kessler, as the description of its param `fuel` says. */
+/** Fuel that a burn of 1 LU/TU costs in kessler. */
 export const FUEL_PER_SPEED = 5;
 
 /** Action space of a task. */
@@ -27,10 +27,12 @@ export function isOutOfRange(value: number | undefined, { low, high }: ActionSpa
   return value !== undefined && (value < low || value > high);
 }
 
-/** The service may be too busy to compute a bracket: number of attempts, and the pause between them. */
+/** Maximum number of requests for a bracket, which a busy service rejects. */
 const MAX_ATTEMPTS = 20;
+/** Pause between these requests. */
 const RETRY_MS = 1500;
 
+/** State of a manual flight; the service simulates each step. */
 export class ManualFlight {
   readonly scenario: Record<string, unknown>;
   frames = $state.raw<AnyFrame[]>([]);
@@ -92,7 +94,7 @@ export class ManualFlight {
     this.busy = true;
     try {
       const flight = await unwrap(
-        client.POST("/v1/flights", { body: { scenario: this.scenario, steps, from, until: 0 } }),
+        client.POST("/v1/rollouts", { body: { scenario: this.scenario, steps, from, until: 0 } }),
       );
       const observed = (flight.frames as unknown as ObservedFrame[]).map((frame) => ({
         ...frame,
@@ -132,7 +134,7 @@ export class ManualFlight {
       } catch (error) {
         const status = error instanceof ApiError ? error.status : 0;
         if (status === 403) {
-          this.unavailable = "only those who may train are told what a scenario is worth";
+          this.unavailable = "needs a token of the role trainer";
           return null;
         }
         if (status !== 503 && status !== 429) {
@@ -142,7 +144,7 @@ export class ManualFlight {
         await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
       }
     }
-    this.unavailable = "the service has no time to work that out now";
+    this.unavailable = "the service is too busy to compute it";
     return null;
   }
 }

@@ -1,10 +1,16 @@
 /** Draws a frame of a docking replay: two projections, and the speed of each deputy with its limit over the distance. */
-import { circle, cross, type Palette } from "./draw-kessler";
+import { agentColour, drawCross, traceCircle, type Palette } from "./canvas-shapes";
 import type { DockingFrame, Deputy } from "./frames";
 
-const AXES: [string, (d: Deputy) => [number, number]][] = [
-  ["radial and in-track, m", (d) => [d.x, d.y]],
-  ["radial and cross-track, m", (d) => [d.x, d.z]],
+/** Projection of positions to a plane. */
+interface Projection {
+  title: string;
+  project: (deputy: Deputy) => [number, number];
+}
+
+const PROJECTIONS: Projection[] = [
+  { title: "radial and in-track, m", project: (deputy) => [deputy.x, deputy.y] },
+  { title: "radial and cross-track, m", project: (deputy) => [deputy.x, deputy.z] },
 ];
 
 /** Largest distances of the deputies in a replay, in metres. */
@@ -15,6 +21,7 @@ export interface Reach {
   away: number;
 }
 
+/** Returns the reach of all frames, with a margin of a tenth. */
 export function maxReach(frames: DockingFrame[]): Reach {
   let [along, away] = [10, 10];
   for (const frame of frames)
@@ -33,8 +40,8 @@ export function heightOf(width: number): number {
   return width < NARROW_WIDTH ? 2.7 * width : Math.max(260, width / 3);
 }
 
-/** Returns the upper left corners of the three squares, and their size. */
-function squares(width: number): { corners: [number, number][]; size: number } {
+/** Returns the upper left corners of the three square pictures, and their size. */
+function pictureSquares(width: number): { corners: [number, number][]; size: number } {
   const [across, down] = width < NARROW_WIDTH ? [1, 3] : [3, 1];
   const [w, h] = [width / across, heightOf(width) / down];
   const size = Math.min(w - 24, h) - 48;
@@ -45,6 +52,7 @@ function squares(width: number): { corners: [number, number][]; size: number } {
   return { corners, size };
 }
 
+/** Draws frame `at` with trails of `trail` steps. */
 export function drawDocking(
   ctx: CanvasRenderingContext2D,
   width: number,
@@ -58,8 +66,8 @@ export function drawDocking(
   if (!frame) return;
   ctx.fillStyle = colours.paper;
   ctx.fillRect(0, 0, width, heightOf(width));
-  const { corners, size } = squares(width);
-  AXES.forEach(([title, place], i) => {
+  const { corners, size } = pictureSquares(width);
+  PROJECTIONS.forEach(({ title, project }, i) => {
     const [left, top] = corners[i] ?? [0, 0];
     const [cx, cy] = [left + size / 2, top + size / 2];
     const scale = size / (2 * reach.along);
@@ -70,23 +78,23 @@ export function drawDocking(
     ctx.fillStyle = colours.soft;
     ctx.fillText(title, left, top - 6);
     drawAxisEnds(ctx, [left, top, size], [`−${edge}`, edge], [`−${edge}`, edge]);
-    circle(ctx, cx, cy, 4);
+    traceCircle(ctx, cx, cy, 4);
     ctx.fillStyle = colours.earth;
     ctx.fill();
     for (const deputy of frame.state.deputies) {
-      const colour = colours.satellite[deputy.id % colours.satellite.length] ?? colours.ink;
+      const colour = agentColour(colours, deputy.id);
       ctx.strokeStyle = colour;
       ctx.lineWidth = 1.5;
       ctx.beginPath();
       for (let k = Math.max(0, at - trail); k <= at; k++) {
-        const then = frames[k]?.state.deputies[deputy.id];
-        if (!then) continue;
-        const [x, y] = place(then);
+        const past = frames[k]?.state.deputies[deputy.id];
+        if (!past) continue;
+        const [x, y] = project(past);
         if (k === Math.max(0, at - trail)) ctx.moveTo(cx + x * scale, cy - y * scale);
         else ctx.lineTo(cx + x * scale, cy - y * scale);
       }
       ctx.stroke();
-      const [x, y] = place(deputy);
+      const [x, y] = project(deputy);
       drawDeputy(ctx, cx + x * scale, cy - y * scale, deputy, colour, colours.bad);
     }
   });
@@ -106,13 +114,13 @@ function drawAxisEnds(
   along: [string, string],
   up: [string, string],
 ) {
-  const before = ctx.textAlign;
+  const previousAlign = ctx.textAlign;
   ctx.fillText(along[0], left, top + size + 14);
   ctx.textAlign = "right";
   ctx.fillText(along[1], left + size, top + size + 14);
   ctx.fillText(up[0], left - 4, top + size);
   ctx.fillText(up[1], left - 4, top + 10);
-  ctx.textAlign = before;
+  ctx.textAlign = previousAlign;
 }
 
 function drawDeputy(
@@ -124,12 +132,12 @@ function drawDeputy(
   bad: string,
 ) {
   if (deputy.status === "active" || deputy.status === "docked") {
-    circle(ctx, x, y, deputy.status === "docked" ? 6 : 4);
+    traceCircle(ctx, x, y, deputy.status === "docked" ? 6 : 4);
     ctx.fillStyle = colour;
     ctx.fill();
     ctx.fillText(String(deputy.id), x + 7, y - 7);
   } else {
-    cross(ctx, x, y, 6, bad);
+    drawCross(ctx, x, y, 6, bad);
   }
 }
 
@@ -163,7 +171,7 @@ function drawSpeedLimit(
   ctx.stroke();
   ctx.setLineDash([]);
   for (const deputy of deputies) {
-    const colour = colours.satellite[deputy.id % colours.satellite.length] ?? colours.ink;
+    const colour = agentColour(colours, deputy.id);
     drawDeputy(ctx, px(deputy.distance), py(deputy.speed), deputy, colour, colours.bad);
   }
 }

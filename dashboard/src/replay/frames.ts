@@ -59,16 +59,21 @@ export function isKessler(frames: AnyFrame[]): frames is KesslerFrame[] {
 export interface Approach {
   satellite: number;
   body: number;
+  /** Steps until then. */
   steps: number;
+  /** Distance in LU. */
   miss: number;
+  /** Position of the satellite then. */
   x: number;
   y: number;
 }
 
+/** Gravitational parameter of the Earth, LU³/TU². */
 const GM = 1000;
-const EARTH = 20;
-/** Contact distance in LU. */
-export const CONTACT = 2;
+/** Radius of the Earth in LU. */
+export const EARTH_RADIUS = 20;
+/** Distance of two bodies below which they are in contact, in LU. */
+export const CONTACT_DISTANCE = 2;
 
 /** Propagates a body by one step, as the world does: semi-implicit Euler around a point mass. */
 function propagate({ x, y, vx, vy }: Body | Satellite): Pick<Body, "x" | "y" | "vx" | "vy"> {
@@ -78,35 +83,35 @@ function propagate({ x, y, vx, vy }: Body | Satellite): Pick<Body, "x" | "y" | "
   return { x: x + ux, y: y + uy, vx: ux, vy: uy };
 }
 
-/** Predicts the positions of a body over the next steps, until it meets the Earth. */
+/** Predicts the positions of a body over the next steps, until it hits the Earth. */
 export function predictPath(body: Body, steps: number): { x: number; y: number }[] {
-  const places = [{ x: body.x, y: body.y }];
-  let at = body;
-  for (let i = 0; i < steps && Math.hypot(at.x, at.y) >= EARTH; i++) {
-    at = { ...at, ...propagate(at) };
-    places.push({ x: at.x, y: at.y });
+  const positions = [{ x: body.x, y: body.y }];
+  let state = body;
+  for (let i = 0; i < steps && Math.hypot(state.x, state.y) >= EARTH_RADIUS; i++) {
+    state = { ...state, ...propagate(state) };
+    positions.push({ x: state.x, y: state.y });
   }
-  return places;
+  return positions;
 }
 
 /** Returns the approaches closer than `near` in the next steps, nearest first. */
 export function closestApproaches(state: KesslerState, steps: number, near: number): Approach[] {
-  const debris = state.radar_debris.map((body) => ({ body, places: predictPath(body, steps) }));
-  const found: Approach[] = [];
+  const debris = state.radar_debris.map((body) => ({ body, path: predictPath(body, steps) }));
+  const approaches: Approach[] = [];
   for (const satellite of state.satellites.filter((satellite) => satellite.status === "active")) {
     const own = predictPath(satellite, steps);
-    for (const { body, places } of debris) {
+    for (const { body, path } of debris) {
       let best: Approach | null = null;
-      for (let i = 1; i < Math.min(own.length, places.length); i++) {
-        const [a, b] = [own[i], places[i]];
+      for (let i = 1; i < Math.min(own.length, path.length); i++) {
+        const [a, b] = [own[i], path[i]];
         if (!a || !b) break;
         const miss = Math.hypot(a.x - b.x, a.y - b.y);
-        if (best !== null && best.miss < CONTACT) break; // contact: later positions are meaningless
+        if (best !== null && best.miss < CONTACT_DISTANCE) break; // contact: later positions are meaningless
         if (miss < near && (best === null || miss < best.miss))
           best = { satellite: satellite.id, body: body.id, steps: i, miss, x: a.x, y: a.y };
       }
-      if (best) found.push(best);
+      if (best) approaches.push(best);
     }
   }
-  return found.sort((a, b) => a.miss - b.miss);
+  return approaches.sort((a, b) => a.miss - b.miss);
 }

@@ -1,20 +1,21 @@
 /** Colours of pictures, read from the style of the page. */
 import { appearance } from "../lib/theme.svelte";
-import type { Palette } from "./draw-kessler";
+import type { Palette } from "./canvas-shapes";
 
-export function palette(): Palette {
+/** Reads the palette of the current colour scheme; effects that call it run again when the scheme changes. */
+export function readPalette(): Palette {
   void appearance.dark; // dependency: redraw when the colour scheme changes
   const css = getComputedStyle(document.documentElement);
-  const of = (name: string) => css.getPropertyValue(name).trim();
+  const colour = (name: string) => css.getPropertyValue(name).trim();
   return {
-    paper: of("--card"),
-    ink: of("--ink"),
-    soft: of("--soft"),
-    line: of("--line"),
-    earth: of("--earth"),
-    satellite: [of("--c0"), of("--c2"), of("--c3"), of("--c4")],
-    debris: of("--soft"),
-    bad: of("--bad"),
-    burn: of("--c1"),
+    paper: colour("--card"),
+    ink: colour("--ink"),
+    soft: colour("--soft"),
+    line: colour("--line"),
+    earth: colour("--earth"),
+    satellite: [colour("--c0"), colour("--c2"), colour("--c3"), colour("--c4")],
+    debris: colour("--soft"),
+    bad: colour("--bad"),
+    burn: colour("--c1"),
   };
 }

@@ -29,7 +29,7 @@ def _segment(text: str) -> str:
 
 
 class Designs:
-    """Layouts designed for what the agent fails at, and asking for more."""
+    """Layouts that are designed for the agent's failures, and requests for more."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -73,7 +73,7 @@ class Designs:
         task: str | None = None,
         state: str | None = None,
         mode: str | None = None,
-        ask: str | None = None,
+        request: str | None = None,
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.DesignPage:
@@ -84,14 +84,14 @@ class Designs:
             task: Id of the task.
             state: State: `active`, `retired` or `refused`.
             mode: Failure mode that the design aims at.
-            ask: Id of the design request.
+            request: Id of the design request.
             limit: Largest number of designs on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
         """
         response: types.DesignPage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/designs",
-            {"task": task, "state": state, "mode": mode, "ask": ask, "limit": limit, "cursor": cursor},
+            {"task": task, "state": state, "mode": mode, "request": request, "limit": limit, "cursor": cursor},
             None,
             is_repeatable=True,
         )
@@ -119,17 +119,17 @@ class Designs:
         """
         response: types.DesignRequestPage = self._send(
             "GET",
-            f"/v1/runs/{_segment(run)}/designs/asks",
+            f"/v1/runs/{_segment(run)}/designs/requests",
             {"task": task, "state": state, "limit": limit, "cursor": cursor},
             None,
             is_repeatable=True,
         )
         return response
 
-    def get_design_request(self, run: str, ask: str) -> types.DesignRequest:
+    def get_design_request(self, run: str, request: str) -> types.DesignRequest:
         """Get a request to a designer with the failure profile that it is based on."""
         response: types.DesignRequest = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/designs/asks/{_segment(ask)}", {}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/designs/requests/{_segment(request)}", {}, None, is_repeatable=True
         )
         return response
 
@@ -165,7 +165,7 @@ class Designs:
 
 
 class Episodes:
-    """Single attempts, and their replay."""
+    """Single episodes and their replays."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -196,7 +196,7 @@ class Episodes:
         ]
         | None = None,
         layout: str | None = None,
-        version: int | None = None,
+        policy_version: int | None = None,
         order: Literal["newest", "oldest", "worst_score", "best_score", "worst_skill", "best_skill"] | None = None,
         limit: int | None = None,
         cursor: str | None = None,
@@ -212,7 +212,7 @@ class Episodes:
             mode: Failure mode of the episode, among the episodes that are kept as its examples.
             role: Role of the group.
             layout: Id of the layout.
-            version: Policy version that ran the episode.
+            policy_version: Policy version that ran the episode.
             order: Order of the episodes (default `newest`).
             limit: Largest number of episodes on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page of the same search.
@@ -228,7 +228,7 @@ class Episodes:
                 "mode": mode,
                 "role": role,
                 "layout": layout,
-                "version": version,
+                "policy_version": policy_version,
                 "order": order,
                 "limit": limit,
                 "cursor": cursor,
@@ -265,7 +265,7 @@ class Episodes:
 
 
 class Evaluations:
-    """Evaluations"""
+    """Evaluations of policies on frozen suites, and their comparison."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -339,7 +339,7 @@ class Evaluations:
 
 
 class Failures:
-    """Why episodes lose score: the critique, and the failure profile of a run."""
+    """Reasons why episodes lose score: critiques, and the failure profile of a run."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -364,7 +364,7 @@ class Failures:
                 newest 64 failures of a cell are kept; several of them may be of one episode.
         """
         response: types.FailureProfiles = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/failures", {"task": task, "examples": examples}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/failure_profiles", {"task": task, "examples": examples}, None, is_repeatable=True
         )
         return response
 
@@ -391,7 +391,7 @@ class Failures:
         """
         response: types.FailurePage = self._send(
             "GET",
-            f"/v1/runs/{_segment(run)}/failures/list",
+            f"/v1/runs/{_segment(run)}/failures",
             {"task": task, "mode": mode, "sector": sector, "band": band, "limit": limit, "cursor": cursor},
             None,
             is_repeatable=True,
@@ -400,7 +400,7 @@ class Failures:
 
 
 class Health:
-    """Whether the server lives and is ready."""
+    """Liveness, readiness and metrics of the server."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -424,7 +424,7 @@ class Health:
 
 
 class Leases:
-    """Groups of scenarios handed to a trainer for a time."""
+    """Groups of scenarios that a trainer holds for a limited time."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -473,7 +473,7 @@ class Leases:
 
 
 class Mastery:
-    """What the agent has mastered, and on what evidence."""
+    """Mastery of a run's tasks, and its evidence."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -518,7 +518,7 @@ class Mastery:
 
 
 class Results:
-    """What was flown, scored by replay."""
+    """Reports of episodes, scored by replay."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -556,7 +556,7 @@ class Results:
 
 
 class Runs:
-    """One agent's training effort each."""
+    """Runs: the training of one agent each."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -580,7 +580,7 @@ class Runs:
         return response
 
     def get(self, run: str) -> types.Run:
-        """Get a run."""
+        """Get a run with its warnings."""
         response: types.Run = self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
         return response
 
@@ -614,6 +614,30 @@ class Runs:
         response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True)
         return response
 
+    def list_policy_versions(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.PolicyVersionPage:
+        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
+        a description only the newest are kept.
+
+        Args:
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
+        """
+        response: types.PolicyVersionPage = self._send(
+            "GET", f"/v1/runs/{_segment(run)}/policy_versions", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
+        )
+        return response
+
+    def describe_policy_version(
+        self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
+    ) -> types.PolicyVersion:
+        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
+        one. A version above the newest becomes the newest.
+        """
+        response: types.PolicyVersion = self._send(
+            "PUT", f"/v1/runs/{_segment(run)}/policy_versions/{_segment(version)}", {}, body, is_repeatable=True
+        )
+        return response
+
     def resume(self, run: str) -> types.RunSummary:
         """Resume a paused or archived run."""
         response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/resume", {}, None, is_repeatable=True)
@@ -638,33 +662,9 @@ class Runs:
         )
         return response
 
-    def list_policy_versions(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.PolicyVersionPage:
-        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
-        a description only the newest are kept.
-
-        Args:
-            limit: Largest number of items on a page, from 1 to 500 (default 50).
-            cursor: Field `next` of the previous page.
-        """
-        response: types.PolicyVersionPage = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/versions", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
-        )
-        return response
-
-    def describe_policy_version(
-        self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
-    ) -> types.PolicyVersion:
-        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
-        one. A version above the newest becomes the newest.
-        """
-        response: types.PolicyVersion = self._send(
-            "PUT", f"/v1/runs/{_segment(run)}/versions/{_segment(version)}", {}, body, is_repeatable=True
-        )
-        return response
-
 
 class Scenarios:
-    """Scenarios by hand: validate, bracket, replay."""
+    """Tasks, and scenarios by hand: check, bracket and replay."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -673,7 +673,7 @@ class Scenarios:
         """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored
         and no bracket is computed; `POST /v1/scenarios` evaluates the result.
         """
-        response: types.Rollout = self._send("POST", "/v1/flights", {}, body, is_repeatable=True)
+        response: types.Rollout = self._send("POST", "/v1/rollouts", {}, body, is_repeatable=True)
         return response
 
     def check(self, **body: Unpack[types.ScenarioRequest]) -> types.ScenarioCheck:
@@ -688,7 +688,7 @@ class Scenarios:
 
 
 class Tasks:
-    """Tasks"""
+    """Strategies of the curriculum, and their settings."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -700,7 +700,7 @@ class Tasks:
 
 
 class Trajectories:
-    """What the server itself flies for a run: its policy, and the feed of finished groups."""
+    """Policies that the server itself rolls out for a run, and the feed of finished groups."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -770,7 +770,7 @@ class Operations:
 
 
 class AsyncDesigns:
-    """Layouts designed for what the agent fails at, and asking for more."""
+    """Layouts that are designed for the agent's failures, and requests for more."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -814,7 +814,7 @@ class AsyncDesigns:
         task: str | None = None,
         state: str | None = None,
         mode: str | None = None,
-        ask: str | None = None,
+        request: str | None = None,
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.DesignPage:
@@ -825,14 +825,14 @@ class AsyncDesigns:
             task: Id of the task.
             state: State: `active`, `retired` or `refused`.
             mode: Failure mode that the design aims at.
-            ask: Id of the design request.
+            request: Id of the design request.
             limit: Largest number of designs on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
         """
         response: types.DesignPage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/designs",
-            {"task": task, "state": state, "mode": mode, "ask": ask, "limit": limit, "cursor": cursor},
+            {"task": task, "state": state, "mode": mode, "request": request, "limit": limit, "cursor": cursor},
             None,
             is_repeatable=True,
         )
@@ -860,17 +860,17 @@ class AsyncDesigns:
         """
         response: types.DesignRequestPage = await self._send(
             "GET",
-            f"/v1/runs/{_segment(run)}/designs/asks",
+            f"/v1/runs/{_segment(run)}/designs/requests",
             {"task": task, "state": state, "limit": limit, "cursor": cursor},
             None,
             is_repeatable=True,
         )
         return response
 
-    async def get_design_request(self, run: str, ask: str) -> types.DesignRequest:
+    async def get_design_request(self, run: str, request: str) -> types.DesignRequest:
         """Get a request to a designer with the failure profile that it is based on."""
         response: types.DesignRequest = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/designs/asks/{_segment(ask)}", {}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/designs/requests/{_segment(request)}", {}, None, is_repeatable=True
         )
         return response
 
@@ -906,7 +906,7 @@ class AsyncDesigns:
 
 
 class AsyncEpisodes:
-    """Single attempts, and their replay."""
+    """Single episodes and their replays."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -937,7 +937,7 @@ class AsyncEpisodes:
         ]
         | None = None,
         layout: str | None = None,
-        version: int | None = None,
+        policy_version: int | None = None,
         order: Literal["newest", "oldest", "worst_score", "best_score", "worst_skill", "best_skill"] | None = None,
         limit: int | None = None,
         cursor: str | None = None,
@@ -953,7 +953,7 @@ class AsyncEpisodes:
             mode: Failure mode of the episode, among the episodes that are kept as its examples.
             role: Role of the group.
             layout: Id of the layout.
-            version: Policy version that ran the episode.
+            policy_version: Policy version that ran the episode.
             order: Order of the episodes (default `newest`).
             limit: Largest number of episodes on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page of the same search.
@@ -969,7 +969,7 @@ class AsyncEpisodes:
                 "mode": mode,
                 "role": role,
                 "layout": layout,
-                "version": version,
+                "policy_version": policy_version,
                 "order": order,
                 "limit": limit,
                 "cursor": cursor,
@@ -1006,7 +1006,7 @@ class AsyncEpisodes:
 
 
 class AsyncEvaluations:
-    """Evaluations"""
+    """Evaluations of policies on frozen suites, and their comparison."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1084,7 +1084,7 @@ class AsyncEvaluations:
 
 
 class AsyncFailures:
-    """Why episodes lose score: the critique, and the failure profile of a run."""
+    """Reasons why episodes lose score: critiques, and the failure profile of a run."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1111,7 +1111,7 @@ class AsyncFailures:
                 newest 64 failures of a cell are kept; several of them may be of one episode.
         """
         response: types.FailureProfiles = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/failures", {"task": task, "examples": examples}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/failure_profiles", {"task": task, "examples": examples}, None, is_repeatable=True
         )
         return response
 
@@ -1138,7 +1138,7 @@ class AsyncFailures:
         """
         response: types.FailurePage = await self._send(
             "GET",
-            f"/v1/runs/{_segment(run)}/failures/list",
+            f"/v1/runs/{_segment(run)}/failures",
             {"task": task, "mode": mode, "sector": sector, "band": band, "limit": limit, "cursor": cursor},
             None,
             is_repeatable=True,
@@ -1147,7 +1147,7 @@ class AsyncFailures:
 
 
 class AsyncHealth:
-    """Whether the server lives and is ready."""
+    """Liveness, readiness and metrics of the server."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1171,7 +1171,7 @@ class AsyncHealth:
 
 
 class AsyncLeases:
-    """Groups of scenarios handed to a trainer for a time."""
+    """Groups of scenarios that a trainer holds for a limited time."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1220,7 +1220,7 @@ class AsyncLeases:
 
 
 class AsyncMastery:
-    """What the agent has mastered, and on what evidence."""
+    """Mastery of a run's tasks, and its evidence."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1265,7 +1265,7 @@ class AsyncMastery:
 
 
 class AsyncResults:
-    """What was flown, scored by replay."""
+    """Reports of episodes, scored by replay."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1305,7 +1305,7 @@ class AsyncResults:
 
 
 class AsyncRuns:
-    """One agent's training effort each."""
+    """Runs: the training of one agent each."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1329,7 +1329,7 @@ class AsyncRuns:
         return response
 
     async def get(self, run: str) -> types.Run:
-        """Get a run."""
+        """Get a run with its warnings."""
         response: types.Run = await self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
         return response
 
@@ -1365,6 +1365,32 @@ class AsyncRuns:
         )
         return response
 
+    async def list_policy_versions(
+        self, run: str, *, limit: int | None = None, cursor: str | None = None
+    ) -> types.PolicyVersionPage:
+        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
+        a description only the newest are kept.
+
+        Args:
+            limit: Largest number of items on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
+        """
+        response: types.PolicyVersionPage = await self._send(
+            "GET", f"/v1/runs/{_segment(run)}/policy_versions", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
+        )
+        return response
+
+    async def describe_policy_version(
+        self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
+    ) -> types.PolicyVersion:
+        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
+        one. A version above the newest becomes the newest.
+        """
+        response: types.PolicyVersion = await self._send(
+            "PUT", f"/v1/runs/{_segment(run)}/policy_versions/{_segment(version)}", {}, body, is_repeatable=True
+        )
+        return response
+
     async def resume(self, run: str) -> types.RunSummary:
         """Resume a paused or archived run."""
         response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/resume", {}, None, is_repeatable=True)
@@ -1389,35 +1415,9 @@ class AsyncRuns:
         )
         return response
 
-    async def list_policy_versions(
-        self, run: str, *, limit: int | None = None, cursor: str | None = None
-    ) -> types.PolicyVersionPage:
-        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
-        a description only the newest are kept.
-
-        Args:
-            limit: Largest number of items on a page, from 1 to 500 (default 50).
-            cursor: Field `next` of the previous page.
-        """
-        response: types.PolicyVersionPage = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/versions", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
-        )
-        return response
-
-    async def describe_policy_version(
-        self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
-    ) -> types.PolicyVersion:
-        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
-        one. A version above the newest becomes the newest.
-        """
-        response: types.PolicyVersion = await self._send(
-            "PUT", f"/v1/runs/{_segment(run)}/versions/{_segment(version)}", {}, body, is_repeatable=True
-        )
-        return response
-
 
 class AsyncScenarios:
-    """Scenarios by hand: validate, bracket, replay."""
+    """Tasks, and scenarios by hand: check, bracket and replay."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1426,7 +1426,7 @@ class AsyncScenarios:
         """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored
         and no bracket is computed; `POST /v1/scenarios` evaluates the result.
         """
-        response: types.Rollout = await self._send("POST", "/v1/flights", {}, body, is_repeatable=True)
+        response: types.Rollout = await self._send("POST", "/v1/rollouts", {}, body, is_repeatable=True)
         return response
 
     async def check(self, **body: Unpack[types.ScenarioRequest]) -> types.ScenarioCheck:
@@ -1441,7 +1441,7 @@ class AsyncScenarios:
 
 
 class AsyncTasks:
-    """Tasks"""
+    """Strategies of the curriculum, and their settings."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1453,7 +1453,7 @@ class AsyncTasks:
 
 
 class AsyncTrajectories:
-    """What the server itself flies for a run: its policy, and the feed of finished groups."""
+    """Policies that the server itself rolls out for a run, and the feed of finished groups."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send

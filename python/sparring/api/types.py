@@ -17,7 +17,7 @@ class AcknowledgeRequest(TypedDict):
 class AcknowledgeResponse(TypedDict):
     """Response to an acknowledgement."""
 
-    acked: list[int]
+    acknowledged: list[int]
     """Ids of groups that are acknowledged, now or before."""
     unknown: list[int]
     """Ids without a group in this run: they never existed or are no longer kept."""
@@ -31,35 +31,24 @@ ActionStopReason: TypeAlias = Literal["unparsable", "too_long", "too_late"]
 """Reason why an action log ends before the episode."""
 
 
-class ActionValue(TypedDict):
-    """Value of an action."""
-
-    agent: int
-    """Index of the agent that acted."""
-    cost: float
-    """Cost, in the world's unit of fuel."""
-    gain: float
-    """Score with the action minus the score without it."""
-    step: int
-    """Step of the action, from 1."""
-    verdict: str
-    """`needed`, `harmless`, `wasteful` or `harmful`."""
+ActionVerdict: TypeAlias = Literal["needed", "harmless", "wasteful", "harmful"]
+"""Verdict on an action, against the same episode without it."""
 
 
-class AgentEnd(TypedDict):
+class AgentResult(TypedDict):
     """Result of a step for one agent."""
 
     agent: int
-    """Number of the agent."""
+    """Index of the agent."""
     reward: float
-    """The agent's own reward."""
+    """Reward of the agent itself."""
     terminated: bool
     """True if the agent left the episode by the rules of the task."""
     truncated: bool
-    """True if the episode was cut off by its horizon."""
+    """True if the horizon truncated the episode."""
 
 
-All: TypeAlias = Literal["all"]
+AllEpisodes: TypeAlias = Literal["all"]
 """The word `all` in JSON."""
 
 
@@ -87,8 +76,8 @@ class AuditLogEntry(TypedDict):
 class AuditLogPage(TypedDict):
     """Page of the audit log."""
 
-    lines: list[AuditLogEntry]
-    """Entries, newest first."""
+    entries: list[AuditLogEntry]
+    """Entries of the page, newest first."""
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
 
@@ -124,6 +113,25 @@ class BearingSector(TypedDict):
     """Number of the sector, from 0."""
 
 
+class BuiltInPolicy(TypedDict):
+    """Built-in policy of a task."""
+
+    description: str
+    """Description in one sentence, without a subject."""
+    name: str
+    """Name of the policy."""
+    stochastic: bool
+    """True if the actions of the policy depend on its seed."""
+
+
+ChatRole: TypeAlias = Literal["system", "user", "assistant"]
+"""Author of a message."""
+
+
+ClaimState: TypeAlias = Literal["claimed", "accepted", "refused", "unproven"]
+"""State of a claim of columns."""
+
+
 class ClaimedColumns(TypedDict):
     """Columns of a claim, as they were submitted."""
 
@@ -131,8 +139,8 @@ class ClaimedColumns(TypedDict):
     """1 for each failed episode, else 0; empty if no episode failed."""
     score: list[float]
     """Score of each episode of the lease."""
-    state: str
-    """`claimed`, `accepted`, `refused` or `unproven`."""
+    state: ClaimState
+    """State of the claim."""
     steps: list[int]
     """Number of steps of each episode; empty if it was not submitted."""
 
@@ -157,9 +165,9 @@ class ClaimedEpisodeCounts(TypedDict):
 class ColumnClaim(TypedDict):
     """Claim of a lease of columns, with the groups that are audited."""
 
-    audit: list[AuditedGroup]
+    audited_groups: list[AuditedGroup]
     """Groups whose logs the server replays."""
-    due: str
+    due_at: str
     """Time until which the logs of audited groups are due as results, RFC 3339."""
     episodes: int
     """Number of claimed episodes."""
@@ -169,10 +177,10 @@ class ColumnClaim(TypedDict):
     """Id of the lease."""
     policy_version: int
     """Policy version that ran the episodes."""
-    state: str
-    """`claimed` (logs are due), `accepted`, `refused` or `unproven` (logs were never reported)."""
-    why: NotRequired[str | None]
+    reason: NotRequired[str | None]
     """Reason of a refusal."""
+    state: ClaimState
+    """State of the claim."""
 
 
 class ColumnsRequest(TypedDict):
@@ -188,28 +196,27 @@ class ColumnsRequest(TypedDict):
     """Number of steps of each episode; optional. `bin`: u32."""
 
 
-class ComparisonSide(TypedDict):
-    """Side of a comparison."""
+class CompletionTokens(TypedDict):
+    """Token ids and log-probabilities of a call."""
 
-    across: dict[str, Any]
-    """
-    Interquartile means over its trainings of the mean score, success and skill on the suite: `{trainings, score, success, skill}`
-    with 95 % bootstrap intervals over trainings. Intervals over fewer than three trainings are not informative.
-    """
-    evaluations: list[str]
-    """Ids of its evaluations."""
+    completion: NotRequired[list[int] | None]
+    """Token ids of the reply."""
+    logprobs: NotRequired[list[float] | None]
+    """Natural logarithm of the probability of each token of the reply."""
+    prompt: NotRequired[list[int] | None]
+    """Token ids of the prompt, as the model read it."""
 
 
 class CritiqueBacklog(TypedDict):
     """Backlog of a run's critique."""
 
+    sampled_share: float
+    """Share of the episodes that is criticised now."""
     sampling: bool
     """
     True if the backlog is so long that only a sample is criticised. The sample depends on the episode id alone, so shares stay
     unbiased; counts are not scaled up for skipped episodes.
     """
-    share: float
-    """Share of the episodes that is criticised now."""
     waiting: int
     """Number of reported episodes that wait for their critique."""
 
@@ -227,7 +234,7 @@ class CritiqueEncounter(TypedDict):
     """The same bearing from +X towards +Y of the inertial frame; null in a world without such a frame."""
     body: int
     """Id of the body that was met, among the bodies of its kind."""
-    cheapest: NotRequired[AvoidingAction | None]
+    cheapest_avoidance: NotRequired[AvoidingAction | None]
     first_visible_step: NotRequired[int | None]
     """First step after which the body was visible, 0 at the start; null if it never was."""
     relative_speed: float
@@ -249,51 +256,16 @@ class DesignAim(TypedDict):
     """Name of the failure mode."""
 
 
-class DesignRequestSummary(TypedDict):
-    """Request to a designer, as lists show it."""
+DesignClaim: TypeAlias = Literal["threat", "decoy"]
+"""Claim of a design about its scenario."""
 
-    admitted: int
-    """Number of layouts that the gate admitted."""
-    asked_by: str
-    """Origin: `worker` (the stock ran low or the failures changed) or `hand` (an API request)."""
-    cost: float
-    """Cost of the tokens, in the currency of the configured prices."""
-    created_at: str
-    """Time of creation, RFC 3339."""
-    criticised: NotRequired[int | None]
-    """Number of criticised episodes behind the failure profile."""
-    designer: str
-    """Designer: `llm` or `procedural`. The procedural designer fills in for what a language model does not deliver."""
-    ended_at: NotRequired[str | None]
-    """Time of its end, RFC 3339."""
-    error: NotRequired[str | None]
-    """Reason of a failure."""
-    id: str
-    """Id of the request."""
-    latency_ms: int
-    """Duration, milliseconds."""
-    level: NotRequired[int | None]
-    """Level to design for; null before the request starts, and under a strategy without levels."""
-    model: NotRequired[str | None]
-    """Language model; null for the procedural designer."""
-    prompt: NotRequired[str | None]
-    """Version of the model's prompt."""
-    refused: int
-    """Number of designs that the gate refused."""
-    rounds: int
-    """Number of rounds of all designers together."""
-    state: str
-    """`waiting`, `running`, `done` or `failed`."""
-    task: str
-    """Id of the task."""
-    tokens_in: int
-    """Number of prompt tokens."""
-    tokens_out: int
-    """Number of completion tokens."""
-    troubles: list[str]
-    """Problems that did not end the request, one sentence each."""
-    wanted: int
-    """Number of layouts wanted."""
+
+DesignRequestOrigin: TypeAlias = Literal["worker", "user"]
+"""Origin of a design request."""
+
+
+DesignRequestState: TypeAlias = Literal["waiting", "running", "done", "failed"]
+"""State of a design request."""
 
 
 class DesignResults(TypedDict):
@@ -319,44 +291,8 @@ class DesignResults(TypedDict):
     """Number of successful episodes."""
 
 
-class DesignSummary(TypedDict):
-    """Design, as lists show it."""
-
-    aim: NotRequired[DesignAim | None]
-    ask: str
-    """Id of the design request."""
-    claim: NotRequired[str | None]
-    """Claim of the design: `threat` or `decoy`; null if it was refused."""
-    created_at: str
-    """Time of creation, RFC 3339."""
-    designer: str
-    """Designer: `llm` or `procedural`."""
-    flown: DesignResults
-    """Results of the agent on the layout."""
-    id: str
-    """Id of the design and of its layout."""
-    level: NotRequired[int | None]
-    """Level that the design is for; null under a strategy without levels."""
-    name: str
-    """Name that the designer gave it."""
-    novelty: NotRequired[float | None]
-    """Distance to the nearest earlier design, from 0 to 1; null for the first."""
-    reason: NotRequired[str | None]
-    """Reason of the refusal in one sentence."""
-    retired_at: NotRequired[str | None]
-    """Time of retirement, RFC 3339."""
-    round: int
-    """Round of the request: 1, plus 1 for each repair."""
-    run: str
-    """Id of the run."""
-    served_at: NotRequired[str | None]
-    """Time of the latest lease, RFC 3339."""
-    state: str
-    """`active`, `retired` or `refused`."""
-    task: str
-    """Id of the task."""
-    why: NotRequired[str | None]
-    """Reason of retirement (`mastered`, `hopeless` or `hand`), or the check of the gate that refused the design."""
+DesignState: TypeAlias = Literal["active", "retired", "refused"]
+"""State of a design."""
 
 
 class DesignTransition(TypedDict):
@@ -366,7 +302,7 @@ class DesignTransition(TypedDict):
     """Time of the change, RFC 3339."""
     reason: str
     """Reason of the change."""
-    state: str
+    state: DesignState
     """State after the change."""
 
 
@@ -374,17 +310,21 @@ DesignerChoice: TypeAlias = Literal["auto", "llm", "procedural", "off"]
 """Choice of the designer of a run."""
 
 
+DesignerKind: TypeAlias = Literal["llm", "procedural"]
+"""Kind of a designer."""
+
+
 class DesignerUsage(TypedDict):
     """Requests to a designer and their cost."""
 
-    asks: int
-    """Number of requests to the designer."""
     cost: float
     """Cost of the tokens, in the currency of the configured prices."""
-    designer: str
-    """Designer: `llm` or `procedural`."""
+    designer: DesignerKind
+    """Designer that the requests are for."""
     failed: int
     """Number of failed requests."""
+    requests: int
+    """Number of requests to the designer."""
     tokens_in: int
     """Number of prompt tokens."""
     tokens_out: int
@@ -405,7 +345,7 @@ class EpisodeActions(TypedDict):
 
 
 class EpisodeCounts(TypedDict):
-    """Results of episodes."""
+    """Numbers of episodes and their mean results."""
 
     episodes: int
     """Number of finished episodes."""
@@ -458,7 +398,7 @@ class EpisodeMetrics(TypedDict):
     positive_value_loss: NotRequired[float | None]
     """Mean positive value loss over the steps, for `plr` and related strategies with `score: positive_value_loss`."""
     temperature: NotRequired[float | None]
-    """Sampling temperature."""
+    """Sampling temperature of the policy."""
     tokens_in: NotRequired[int | None]
     """Number of prompt tokens."""
     tokens_out: NotRequired[int | None]
@@ -479,8 +419,8 @@ class EpisodeOutcome(TypedDict):
     score: float
     """Score that the world computed."""
     steps: int
-    """Number of steps."""
-    total: float
+    """Number of steps of the episode."""
+    total_reward: float
     """Sum of the rewards."""
 
 
@@ -502,91 +442,72 @@ EpisodeResultStatus: TypeAlias = Literal["finished", "failed"]
 """State of a reported episode."""
 
 
+EpisodeState: TypeAlias = Literal["leased", "finished", "failed", "late", "expired"]
+"""State of an episode."""
+
+
+class Estimate(TypedDict):
+    """Mean over scenarios with its 95 % bootstrap interval."""
+
+    high: float
+    """Upper end of the interval."""
+    low: float
+    """Lower end of the interval."""
+    mean: float
+    """Mean or another statistic."""
+    scenarios: int
+    """Number of scenarios that define the quantity."""
+
+
 class EvaluationRequest(TypedDict):
     """Request to start an evaluation."""
 
-    chance: NotRequired[bool | None]
-    """True if the policy is stochastic (true for a trainer's policy; known for a built-in one)."""
     name: NotRequired[str | None]
-    """A name for people (the name of the policy)."""
+    """Name of the evaluation for people (default: the name of the policy)."""
     policy: str
-    """Without `run`, a built-in policy that every task of the suite has: the server rolls it out. With `run`, a name of your choice."""
+    """Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: a name of your choice."""
+    policy_version: NotRequired[int | None]
+    """Version of the run's policy (default: the newest)."""
     rollouts: NotRequired[int | None]
-    """Episodes of each scenario: 1 to 1 024 (1; 8 if the policy is stochastic)."""
+    """Number of episodes of each scenario, from 1 to 1 024 (default 1; 8 if the policy is stochastic)."""
     run: NotRequired[str | None]
-    """The run whose trainer rolls it out, in leases with `purpose: eval` and this evaluation's id."""
+    """Run whose trainer rolls the policy out, in leases with `purpose: eval` and the id of the evaluation."""
     seed: NotRequired[int | None]
-    """Seed of a stochastic built-in policy (0)."""
+    """Seed of a stochastic built-in policy (default 0)."""
+    stochastic: NotRequired[bool | None]
+    """True if the policy is stochastic (default true; not allowed for a built-in policy)."""
     suite: NotRequired[str | None]
-    """A built-in suite (kessler-heldout-v2)."""
+    """Name of a built-in suite (default `kessler-heldout-v2`)."""
     tasks: NotRequired[list[str] | None]
-    """Tasks whose scenarios are evaluated (all), for a policy that supports no others. Needs `run`: the server evaluates whole suites."""
+    """Tasks whose scenarios are evaluated (default: all). It needs `run`: the server evaluates whole suites."""
     training: NotRequired[str | None]
     """Common name of trainings that differ only by their seed."""
     training_seed: NotRequired[int | None]
     """Seed of this training."""
-    version: NotRequired[int | None]
-    """The version of the run's policy (the newest)."""
 
 
-class EvaluationScenario(TypedDict):
-    """Results of a policy on one scenario."""
-
-    episodes: int
-    """Number of finished episodes."""
-    floor: float
-    """Best score of the blind panel."""
-    fuel_used: NotRequired[float | None]
-    """Mean fuel spent by all agents together."""
-    level: int
-    """Level at which the scenario was drawn."""
-    lost: NotRequired[float | None]
-    """Share of agents lost."""
-    part: str
-    """Part of the suite: `contested` or `as_they_come`."""
-    place: int
-    """Index of the scenario in the suite, the same in all evaluations of the suite."""
-    reference: float
-    """Score of the reference planner."""
-    scenario_id: str
-    """Id of the scenario."""
-    score: NotRequired[float | None]
-    """Mean score of the episodes."""
-    skill: NotRequired[float | None]
-    """Mean skill, if the scenario defines one."""
-    success: NotRequired[float | None]
-    """Success rate of the episodes."""
-    task: str
-    """Id of the task."""
-
-
-class EvaluationScenarioPage(TypedDict):
-    """Page of the scenarios of an evaluation."""
-
-    next: NotRequired[str | None]
-    """Cursor of the next page; null on the last page."""
-    scenarios: list[EvaluationScenario]
-    """Scenarios, in the order of the suite."""
+EvaluationState: TypeAlias = Literal["open", "running", "complete", "failed"]
+"""State of an evaluation."""
 
 
 class EvaluationSummary(TypedDict):
     """Evaluation without its results."""
 
-    chance: bool
-    """True if the episodes of a scenario differ by chance."""
     completed_at: NotRequired[str | None]
     """Time at which the last scenario was done, RFC 3339."""
     created_at: str
     """Time of creation, RFC 3339."""
-    flown: int
-    """Number of scenarios that are done."""
+    error: NotRequired[str | None]
+    """Reason of a failure."""
     id: str
     """Id of the evaluation."""
     name: str
     """Name of the evaluation for people."""
     policy: str
     """Name of the policy."""
-    reflown: int
+    policy_version: NotRequired[int | None]
+    """Version of the run's policy."""
+    retries: int
     """
     Number of times a scenario was offered again because its group lost episodes or its lease ended first. Results of such
     groups do not count. If the number is high, check that bad episodes are not the ones that get lost.
@@ -597,8 +518,12 @@ class EvaluationSummary(TypedDict):
     """Run whose trainer runs the episodes; null if the server does."""
     scenarios: int
     """Number of scenarios of the evaluation."""
-    state: str
-    """`open` (the trainer leases scenarios), `flying` (the server runs them), `complete` or `failed`."""
+    scenarios_done: int
+    """Number of scenarios that are done."""
+    state: EvaluationState
+    """State of the evaluation."""
+    stochastic: bool
+    """True if the episodes of a scenario differ by chance."""
     suite: str
     """Name of the suite."""
     suite_hash: str
@@ -609,14 +534,14 @@ class EvaluationSummary(TypedDict):
     """Common name of trainings that differ by their seed."""
     training_seed: NotRequired[int | None]
     """Seed of this training."""
-    trouble: NotRequired[str | None]
-    """Reason of a failure."""
-    version: NotRequired[int | None]
-    """Version of the run's policy."""
+
+
+EventKind: TypeAlias = Literal["run", "lease", "group", "move", "claim", "failures", "design", "warning"]
+"""Subject of an event."""
 
 
 EvidenceFrom: TypeAlias = Literal["train", "probe"]
-"""Leases whose outcomes move mastery."""
+"""Leases whose results move mastery."""
 
 
 class EvidencePoint(TypedDict):
@@ -680,7 +605,7 @@ class FailurePage(TypedDict):
 class FeedStatus(TypedDict):
     """Fill level of a trajectory feed."""
 
-    acked: int
+    acknowledged: int
     """Number of acknowledged groups that can still be read again."""
     bytes: int
     """Size of the unacknowledged groups as stored, bytes."""
@@ -695,12 +620,12 @@ class FeedStatus(TypedDict):
 class GateCheckCount(TypedDict):
     """Number of designs that failed one check of the gate."""
 
-    about: str
-    """Description of the check."""
     check: str
     """Name of the check."""
     count: int
     """Number of refused designs."""
+    description: str
+    """Description of the check."""
 
 
 class GroupCounts(TypedDict):
@@ -718,32 +643,6 @@ class GroupCounts(TypedDict):
     """zero_variance / (complete + partial)."""
 
 
-class GroupReceipt(TypedDict):
-    """Group that a report closed."""
-
-    expired: int
-    """Number of episodes that were never reported."""
-    failed: int
-    """Number of failed episodes."""
-    finished: int
-    """Number of finished episodes."""
-    group: int
-    """Number of the group in its lease, from 0."""
-    lease: str
-    """Id of its lease."""
-    mean_score: NotRequired[float | None]
-    """Mean score of the finished episodes."""
-    state: str
-    """`complete` (all episodes finished), `partial` (at least `min_group` episodes finished) or `lost`."""
-    successes: int
-    """Number of successful episodes."""
-    zero_variance: NotRequired[bool | None]
-    """
-    True if all finished episodes have the same score, so that the group carries no learning signal. Left out if fewer than two
-    episodes finished.
-    """
-
-
 class GroupRefill(TypedDict):
     """Groups that were added to a lease in place of groups with zero variance. `GET` the lease to read them."""
 
@@ -751,6 +650,20 @@ class GroupRefill(TypedDict):
     """Numbers of the added groups in the lease."""
     lease: str
     """Id of the lease."""
+
+
+GroupRole: TypeAlias = Literal[
+    "placement", "frontier", "rehearsal", "sample", "explore", "replay", "edit", "boundary", "designed", "suite"
+]
+"""Role of a group: the role of its proposal in the curriculum, or its origin."""
+
+
+GroupState: TypeAlias = Literal["open", "complete", "partial", "lost"]
+"""State of a group."""
+
+
+HarderDirection: TypeAlias = Literal["up", "down"]
+"""Direction in which a param makes a task harder."""
 
 
 class Health(TypedDict):
@@ -776,14 +689,10 @@ class JudgeAssessment(TypedDict):
 
     case: str
     """Case of the judge's rules."""
+    explanation: str
+    """Description of the assessment in one sentence."""
     value: float
     """Value from −1 to 1."""
-    words: str
-    """Description of the assessment in one sentence."""
-
-
-Keep: TypeAlias = int | All
-"""How many episodes are kept whole."""
 
 
 class LatestEvent(TypedDict):
@@ -791,7 +700,7 @@ class LatestEvent(TypedDict):
 
     at: str
     """Time of the event, RFC 3339."""
-    kind: str
+    kind: EventKind
     """Kind of the event."""
 
 
@@ -830,6 +739,10 @@ class LeaseRequest(TypedDict):
     """Duration of the lease, seconds, from 1 to 86 400 (default 600)."""
 
 
+LeaseStatus: TypeAlias = Literal["active", "done", "released", "expired"]
+"""Status of a lease."""
+
+
 class LeaseSummary(TypedDict):
     """Lease without its groups."""
 
@@ -837,34 +750,47 @@ class LeaseSummary(TypedDict):
     """Time of creation, RFC 3339."""
     expires_at: str
     """Time at which the lease expires, RFC 3339."""
-    form: str
-    """Form of the results: `groups` or `columns`."""
+    form: LeaseForm
+    """Form of the results."""
     group_size: int
     """Number of episodes in each group."""
     groups: int
     """Number of groups in the lease."""
     lease: str
     """Id of the lease."""
-    purpose: str
-    """`train`, `probe` or `eval`."""
-    status: str
-    """`active`, `done`, `released` or `expired`."""
+    purpose: LeasePurpose
+    """Purpose of the lease."""
+    status: LeaseStatus
+    """Status of the lease."""
+
+
+LevelMoveKind: TypeAlias = Literal["placement", "up", "down"]
+"""Direction of a level move."""
 
 
 class LevelTable(TypedDict):
-    """A table of levels in a request."""
+    """Table of levels: the params of each level."""
 
     columns: list[str]
     """Names of the params, one for each column."""
     rows: list[list[float]]
-    """One row for each level, from easy to hard."""
+    """Values of each level in the order of `columns`, from easy to hard."""
+
+
+class ManualPhysicsChoice(TypedDict):
+    """Choice of a physics option that only scenarios made by hand may have."""
+
+    choice: str
+    """Name of the choice."""
+    reason: str
+    """Reason of the restriction, as the end of a sentence."""
 
 
 class MasteryEstimate(TypedDict):
     """Posterior of success: Beta(1, 1) updated by the last 64 contested scenarios."""
 
     level: NotRequired[int | None]
-    """The level."""
+    """Level of the estimate."""
     mean: float
     """Mean of the posterior."""
     n: int
@@ -877,22 +803,15 @@ class MasteryEstimate(TypedDict):
     """Number of scenarios since the start of the run."""
 
 
-class ModelMetrics(TypedDict):
-    """Metrics of a language model over an episode, by the names under which trainers log them."""
-
-    invalid_actions: int
-    """Answers that were no action."""
-    temperature: NotRequired[float | None]
-    """Sampling temperature, if one was set."""
-    tokens_in: int
-    """Number of prompt tokens."""
-    tokens_out: int
-    """Number of completion tokens."""
-    truncated: bool
-    """True if an answer was cut off."""
+MessageContent: TypeAlias = Literal["none", "kept", "dropped"]
+"""Presence of conversations in a trajectory group."""
 
 
-Observations: TypeAlias = Literal["telemetry", "none"]
+ObservationContent: TypeAlias = Literal["telemetry", "none", "dropped"]
+"""Presence of observations in a trajectory group."""
+
+
+ObservationMode: TypeAlias = Literal["telemetry", "none"]
 """Kind of observations in trajectories."""
 
 
@@ -900,11 +819,24 @@ class ParamSeries(TypedDict):
     """Time series of a param."""
 
     high: list[float | None]
-    """Highest value."""
+    """Highest value of each point."""
     low: list[float | None]
-    """Lowest value."""
+    """Lowest value of each point."""
     mean: list[float | None]
-    """Mean value."""
+    """Mean value of each point."""
+
+
+PhysicsOptionType: TypeAlias = Literal["choice"]
+"""Type of a physics option."""
+
+
+class PolicyComparison(TypedDict):
+    """Comparison of one policy with another."""
+
+    improvement: NotRequired[Estimate | None]
+    score: NotRequired[Estimate | None]
+    skill: NotRequired[Estimate | None]
+    success: NotRequired[Estimate | None]
 
 
 class PolicyFault(TypedDict):
@@ -912,51 +844,48 @@ class PolicyFault(TypedDict):
 
     at: str
     """Time of the error, RFC 3339."""
-    words: str
+    message: str
     """Description in one sentence."""
 
 
 class PolicyRequest(TypedDict):
-    """Request to set the policy of a run. A field that is left out gets its default, not its previous value; only `version` stays."""
+    """Request to set the policy of a run. A field that is left out gets its default, except that `version` keeps its value."""
 
-    ahead: NotRequired[int | None]
-    """Maximum number of unacknowledged groups in the feed, 1 to 4 096 (32). No more are rolled out."""
     history: NotRequired[int | None]
-    """Earlier exchanges in the prompt of a `chat` model, 0 to 64 (2)."""
+    """Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2)."""
     max_tokens: NotRequired[int | None]
-    """Maximum tokens of one answer of `chat`, 16 to 131 072 (the setting that the server was started with)."""
-    observations: NotRequired[Observations | None]
+    """Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the server's setting)."""
+    max_unacknowledged_groups: NotRequired[int | None]
+    """Largest number of unacknowledged groups in the feed, from 1 to 4 096 (default 32)."""
+    observations: NotRequired[ObservationMode | None]
     policy: str
     """
     `off`, `chat` (the language model that the server was started with), or a built-in policy that every task of the run
     has (`GET /v1/tasks` lists them).
     """
     refill: NotRequired[bool | None]
-    """True to keep groups whose episodes all have the same score out of the feed, and roll out others in their place (false)."""
+    """True to replace groups whose episodes all have the same score (default false)."""
     temperature: NotRequired[float | None]
-    """Sampling temperature of `chat`, 0 to 5 (the setting that the server was started with, else the endpoint's own)."""
+    """Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else the endpoint's)."""
     version: NotRequired[int | None]
-    """
-    Version of the policy: raise it once the endpoint serves new weights. Groups that start later carry it. It never
-    decreases; if left out, it stays.
-    """
+    """Version of the policy, which groups that start later get. Raise it when the endpoint serves new weights; it never decreases."""
 
 
 class PolicySettings(TypedDict):
     """Settings of a run's policy, complete, as stored."""
 
-    ahead: int
-    """Maximum number of unacknowledged groups in the feed."""
     history: int
-    """Earlier exchanges in the prompt of a `chat` model."""
+    """Number of earlier exchanges in the prompt of `chat`."""
     max_tokens: NotRequired[int | None]
-    """Maximum tokens of one answer of `chat`; `None` uses the server's setting."""
-    observations: Observations
+    """Largest number of tokens of one reply of `chat`; null for the server's setting."""
+    max_unacknowledged_groups: int
+    """Largest number of unacknowledged groups in the feed."""
+    observations: ObservationMode
     """Observations that trajectories have."""
     refill: NotRequired[bool]
-    """True if groups whose episodes all have the same score are kept out of the feed."""
+    """True if groups whose episodes all have the same score are replaced."""
     temperature: NotRequired[float | None]
-    """Sampling temperature of `chat`; `None` uses the endpoint's own."""
+    """Sampling temperature of `chat`; null for the endpoint's default."""
 
 
 class PolicyVersionDescription(TypedDict):
@@ -1009,18 +938,36 @@ class Problem(TypedDict):
     """URN of the kind of problem."""
 
 
+ReceiptStatus: TypeAlias = Literal["counted", "stored", "audited", "failed", "late", "duplicate", "refused"]
+"""Effect of the report of one episode."""
+
+
 RecordedMove = TypedDict(
     "RecordedMove",
     {
         "at": str,
         "evidence": dict[str, Any],
         "from": NotRequired[int | None],
-        "kind": str,
+        "kind": LevelMoveKind,
         "seq": int,
         "task": str,
         "to": int,
     },
 )
+
+
+RefusalCode: TypeAlias = Literal[
+    "bad_id",
+    "unknown_episode",
+    "foreign_episode",
+    "invalid_result",
+    "invalid_log",
+    "conflict",
+    "version_mismatch",
+    "expired",
+    "columns_mismatch",
+]
+"""Reason why a reported episode is refused."""
 
 
 ReplayAvailability: TypeAlias = Literal["available", "expired", "none"]
@@ -1039,12 +986,7 @@ class ReplayedOutcome(EpisodeOutcome):
 class ResultReceipt(TypedDict):
     """Receipt of one reported episode."""
 
-    code: NotRequired[str | None]
-    """
-    Reason of a refusal: `bad_id`, `unknown_episode`, `foreign_episode`, `invalid_result` (its fields), `invalid_log`,
-    `conflict`, `other_version` (an evaluation has one policy version), `expired` (never reported, and the run no longer keeps its
-    scenario), `not_as_claimed` (the columns of the lease said otherwise and are refused).
-    """
+    code: NotRequired[RefusalCode | None]
     detail: NotRequired[str | None]
     """Reason of a refusal for people, one sentence."""
     episode: str
@@ -1053,34 +995,21 @@ class ResultReceipt(TypedDict):
     """Score of the replay."""
     skill: NotRequired[float | None]
     """Skill between floor (0) and reference (1), if the scenario defines one."""
-    status: str
-    """
-    `counted` (the group can move the curriculum: mastery, or the state of the strategy), `stored` (kept as a statistic: an
-    evaluation, a designed layout, or a policy that is too old), `audited` (the replay agrees with the columns; the episode counts
-    once all audited ones are in), `failed`, `late` (the lease was over), `duplicate` (the same result was reported before), `refused`.
-    """
+    status: ReceiptStatus
+    """Effect of the report."""
     success: NotRequired[bool | None]
     """True if the episode was a success by the run's rule."""
 
 
-class ResultsResponse(TypedDict):
-    """Response to a batch of results."""
-
-    groups: list[GroupReceipt]
-    """Groups that these results closed."""
-    moves: list[dict[str, Any]]
-    """Level moves that these results caused."""
-    refills: list[GroupRefill]
-    """Groups that replace groups whose episodes all have the same score (`refill`)."""
-    results: list[ResultReceipt]
-    """One receipt for each result, in order."""
+RetentionLimit: TypeAlias = int | AllEpisodes
+"""Number of episodes that are kept whole."""
 
 
 class RetentionRequest(TypedDict):
-    """Request to keep episodes whole: a number of episodes, or `all`."""
+    """Numbers of episodes that a run keeps whole. Older ones keep their results only."""
 
-    claimed: NotRequired[Keep | None]
-    episodes: NotRequired[Keep | None]
+    claimed: NotRequired[RetentionLimit | None]
+    episodes: NotRequired[RetentionLimit | None]
 
 
 class Rollout(TypedDict):
@@ -1113,7 +1042,7 @@ RolloutRequest = TypedDict(
 
 
 class RunParams(TypedDict):
-    """Params in force."""
+    """Params in force, by task."""
 
     tasks: dict[str, dict[str, float]]
     """Params by name, for each task id."""
@@ -1132,6 +1061,7 @@ class RunPolicyState(PolicySettings):
     """Fill level of the feed."""
     groups: int
     """Number of groups pushed to the feed."""
+    last_error: NotRequired[PolicyFault | None]
     model: NotRequired[str | None]
     """Language model of `chat`. Its endpoint is not disclosed."""
     policy: str
@@ -1140,7 +1070,6 @@ class RunPolicyState(PolicySettings):
     """Number of prompt tokens."""
     tokens_out: int
     """Number of completion tokens."""
-    trouble: NotRequired[PolicyFault | None]
     version: int
     """Version of the policy, which new groups get."""
 
@@ -1150,10 +1079,14 @@ class RunSettingsVersion(TypedDict):
 
     at: str
     """Time from which the settings apply, RFC 3339."""
-    nth: int
+    revision: int
     """Number of the version, from 0."""
     settings: dict[str, Any]
     """Complete settings, as they were stored then."""
+
+
+RunStatus: TypeAlias = Literal["active", "paused"]
+"""Status of a run."""
 
 
 class RunSummary(TypedDict):
@@ -1173,30 +1106,12 @@ class RunSummary(TypedDict):
     """Seed of the run's random streams."""
     settings: dict[str, Any]
     """Complete settings of the run."""
-    status: str
-    """`active` or `paused`."""
+    status: RunStatus
+    """Status of the run."""
 
 
-class RunWarning(TypedDict):
-    """Warning of a run."""
-
-    at: str
-    """Time of the warning, RFC 3339."""
-    kind: str
-    """Kind: `refused_claim` (the columns of a lease contradict its logs)."""
-    lease: NotRequired[str | None]
-    """Id of the lease concerned."""
-    words: str
-    """Description in one sentence."""
-
-
-class RunWarnings(TypedDict):
-    """Warnings of a run."""
-
-    count: int
-    """Number of warnings."""
-    newest: list[RunWarning]
-    """Newest warnings, newest first, at most 20."""
+RunWarningKind: TypeAlias = Literal["refused_claim", "unproven_claim"]
+"""Kind of a warning."""
 
 
 class ScenarioBracket(TypedDict):
@@ -1206,11 +1121,11 @@ class ScenarioBracket(TypedDict):
     """Best score of the blind panel: plans that do not observe the scenario."""
     hold: float
     """Score of the `hold` policy, which never acts."""
-    panel: int
+    panel_size: int
     """Number of blind plans."""
-    panel_success: int
+    panel_successes: int
     """Number of blind plans that succeed."""
-    planner: int
+    planner_version: int
     """Version of the reference planner."""
     reference: float
     """Score of the reference planner, which knows the whole scenario."""
@@ -1239,7 +1154,7 @@ class SeedRange(TypedDict):
     are those of the lease from `(first + i) × group_size` on, named `ep_<lease>_<index>`.
     """
 
-    first: int
+    first_group: int
     """Number of the first group in the lease."""
     groups: int
     """Number of groups in the range."""
@@ -1247,8 +1162,8 @@ class SeedRange(TypedDict):
     """Level of the scenarios."""
     recipe: int
     """Index into the `recipes` of the lease."""
-    role: str
-    """`placement`, `frontier`, `rehearsal` or `sample`."""
+    role: GroupRole
+    """Role of the groups: `placement`, `frontier`, `rehearsal` or `sample`."""
     seed: int
     """Seed of the first group."""
     task: str
@@ -1269,16 +1184,16 @@ SpeedBand = TypedDict(
 class StrategySetting(TypedDict):
     """Setting of a strategy."""
 
-    about: str
-    """Description of its effect."""
+    accepts: str
+    """Accepted values, in words."""
     default: float | str
-    """Default value."""
+    """Default value of the setting."""
+    description: str
+    """Description of its effect."""
     name: str
     """Name of the setting."""
     source: str
     """Source of the default."""
-    takes: str
-    """Accepted values, in words."""
 
 
 SuccessSetting: TypeAlias = Literal["task", "raw"]
@@ -1295,51 +1210,35 @@ class Suite(TypedDict):
     policies: list[str]
     """Built-in policies of every task of the suite, which the server can evaluate."""
     scenarios: int
-    """Number of scenarios."""
+    """Number of scenarios in the suite."""
     tasks: list[str]
     """Ids of their tasks."""
 
 
 class SuiteList(TypedDict):
-    """All suites."""
+    """Suites that the server has."""
 
+    default: str
+    """Name of the default suite."""
     suites: list[Suite]
     """Suites, the newest of each world first."""
-    usual: str
-    """Name of the default suite."""
 
 
-class Task(TypedDict):
-    """Task of a world."""
+SuiteSection: TypeAlias = Literal["contested", "as_they_come", "all"]
+"""Part of a suite that results are about."""
 
-    about: str
-    """Description in one sentence."""
-    actions: dict[str, Any]
-    """Action space of an agent."""
-    agents: int
-    """Number of agents at the start, at default params."""
-    failure_modes: list[dict[str, Any]]
-    """Failure modes: reasons why an episode loses score."""
-    horizon: int
-    """Number of steps after which an episode is truncated, at default params."""
-    id: str
-    """Id of the task: `world/task`."""
-    levels: dict[str, Any]
-    """Table of levels."""
-    params: list[dict[str, Any]]
-    """Parameter space."""
-    physics: list[dict[str, Any]]
-    """Physics options."""
-    policies: list[dict[str, Any]]
-    """Built-in policies: name, description, and whether their actions are random."""
-    reflex: list[str]
-    """Names of the parameters of the trainable reflex policy, each from 0 to 1."""
-    score: dict[str, Any]
-    """Range of the score."""
-    speed_bands: dict[str, Any]
-    """Bands of relative speed: upper edges of all bands but the last."""
-    world: str
-    """World and its version."""
+
+class TaskActionSpace(TypedDict):
+    """Action space of one agent."""
+
+    columns: list[str]
+    """Names of the values of an action, in order."""
+    high: float
+    """Largest value; higher ones are clamped."""
+    low: float
+    """Smallest value; lower ones are clamped."""
+    unit: str
+    """Unit of the values."""
 
 
 class TaskDesigns(TypedDict):
@@ -1352,26 +1251,28 @@ class TaskDesigns(TypedDict):
     refused: list[GateCheckCount]
     """Numbers of refused designs by check of the gate, in the order of the checks, including designs that are not kept."""
     retired: dict[str, int]
-    """Numbers of retired layouts by reason: `mastered`, `hopeless`, `hand`."""
+    """Numbers of retired layouts by reason: `mastered`, `hopeless`, `user`."""
     task: str
     """Id of the task."""
 
 
-class TaskList(TypedDict):
-    """All tasks."""
+class TaskFailureMode(TypedDict):
+    """Failure mode of a task: a reason why an episode loses score."""
 
-    tasks: list[Task]
-    """Tasks, by world."""
+    description: str
+    """Description in one sentence."""
+    name: str
+    """Name of the failure mode."""
 
 
 class TaskMastery(TypedDict):
     """Mastery of one task."""
 
-    claimed: ClaimedEpisodeCounts
+    claimed_results: ClaimedEpisodeCounts
     """Claims of columns: statistics only, except for audited groups, which count above."""
-    designed: EpisodeCounts
+    designed_results: EpisodeCounts
     """Results of the episodes on designed layouts, which aim at the agent's failures."""
-    groups: GroupCounts
+    group_counts: GroupCounts
     """Ends of groups with several episodes; all zeros if groups have one episode."""
     level: NotRequired[int | None]
     """Current level; null during placement and under a strategy without levels."""
@@ -1380,12 +1281,12 @@ class TaskMastery(TypedDict):
     mastery: NotRequired[MasteryEstimate | None]
     params: dict[str, float]
     """Params in force: of the current level, or of the probed one."""
-    placed: bool
+    placement_done: bool
     """True if the first level is set."""
-    plain: EpisodeCounts
-    """Results of all episodes, contested or not, except those on designed layouts."""
-    probing: NotRequired[int | None]
+    probe_level: NotRequired[int | None]
     """Level that placement probes now."""
+    results: EpisodeCounts
+    """Results of all episodes, contested or not, except those on designed layouts."""
     status: dict[str, Any]
     """Progress of the current block, and the conditions of the next level move."""
     task: str
@@ -1409,19 +1310,36 @@ class TaskOverview(TypedDict):
     """Id of the task."""
 
 
-class TaskRequest(TypedDict):
-    """Settings of one task of a run."""
+class TaskParam(TypedDict):
+    """Param of a task: a number that determines its difficulty."""
 
-    levels: NotRequired[LevelTable | None]
-    physics: NotRequired[dict[str, str]]
-    """
-    The physics at every level, as `physics` in a scenario: options by name, those left out at their defaults.
-    `GET /v1/tasks` lists them.
-    """
-    success_threshold: NotRequired[float | None]
-    """The score that is a success under `success: raw` (0.7)."""
-    weight: NotRequired[float | None]
-    """Its weight against the other tasks (1); each task gets at least 5 %."""
+    default: float
+    """Default value of the param."""
+    description: str
+    """Description of the param."""
+    harder: HarderDirection
+    """Direction in which the task becomes harder."""
+    max: float
+    """Largest value that is valid."""
+    min: float
+    """Smallest value that is valid."""
+    name: str
+    """Name of the param."""
+    step: float
+    """Grid of designers; any value is valid unless `whole` is true."""
+    unit: str
+    """Unit of the param; empty for a pure number."""
+    whole: bool
+    """True if only integers are valid."""
+
+
+class TaskScoreRange(TypedDict):
+    """Range of the score of a task."""
+
+    max: float
+    """Upper bound of the score."""
+    min: float
+    """Lower bound of the score."""
 
 
 class TaskSeries(TypedDict):
@@ -1431,27 +1349,27 @@ class TaskSeries(TypedDict):
     """Start of each point, Unix time in seconds."""
     claimed: list[int]
     """Number of episodes of accepted claims of columns."""
-    contested: list[float | None]
-    """Mean success rate on contested scenarios."""
-    contested_n: list[int]
+    contested_scenarios: list[int]
     """Number of these contested scenarios."""
+    contested_success: list[float | None]
+    """Mean success rate on contested scenarios."""
     episodes: list[int]
     """Number of finished episodes."""
-    high: list[int | None]
-    """Highest level of the results."""
     level: list[int | None]
     """Current level at the end of the point."""
+    level_high: list[int | None]
+    """Highest level of the results."""
+    level_low: list[int | None]
+    """Lowest level of the results."""
     lost: list[int]
     """Number of failed and expired episodes."""
-    low: list[int | None]
-    """Lowest level of the results."""
     mastery: list[float | None]
     """Mean of the posterior of success on contested scenarios at that level and time."""
     mastery_high: list[float | None]
     """90 % quantile of the posterior."""
     mastery_low: list[float | None]
     """10 % quantile of the posterior."""
-    panel: list[float | None]
+    panel_success: list[float | None]
     """Mean success rate of the blind panel on some of these scenarios."""
     params: dict[str, ParamSeries]
     """Params of the results, by name."""
@@ -1463,38 +1381,52 @@ class TaskSeries(TypedDict):
     """Success rate of all episodes."""
     task: str
     """Id of the task."""
-    zero_variance: list[float | None]
+    zero_variance_share: list[float | None]
     """Share of the groups of several episodes whose episodes all have the same score."""
 
 
-class TrajectoryStep(TypedDict):
-    """One step of an episode."""
+class TaskSettingsRequest(TypedDict):
+    """Settings of one task of a run."""
 
-    action: NotRequired[list[list[float]] | None]
-    """
-    Actions of the agents, as in results: a list of `[agent, value, …]`. Null if the agent gave none: the episode was stopped at
-    this step.
-    """
-    agents: list[AgentEnd]
-    """Every agent that was alive before the step."""
-    completions: NotRequired[list[dict[str, Any]] | None]
-    """Calls of the language model for this step: one, or two if its first answer was repaired."""
-    done: bool
-    """True if the episode is over."""
-    error: NotRequired[str | None]
-    """Why the agent gave no action."""
-    observation: NotRequired[dict[str, Any] | None]
-    """Observation of the agents before the step, in the wire form."""
-    reward: float
-    """The team's reward. At the step where the episode was stopped: the sum of all that doing nothing earned from there on."""
+    levels: NotRequired[LevelTable | None]
+    physics: NotRequired[dict[str, str]]
+    """Physics options by name, at every level; the others have their defaults. `GET /v1/tasks` lists them."""
+    success_threshold: NotRequired[float | None]
+    """Score from which an episode is a success under `success: raw` (default 0.7)."""
+    weight: NotRequired[float | None]
+    """Weight of the task among the tasks of the run (default 1); each task gets at least 5 %."""
+
+
+class TaskSpeedBands(TypedDict):
+    """Bands of relative speed: the upper edges of all bands but the last."""
+
+    edges: list[float]
+    """Edges in ascending order."""
+    unit: str
+    """Unit of the edges."""
+
+
+class TrajectoryMetrics(TypedDict):
+    """Metrics of a language model over an episode, by the names under which trainers log them."""
+
+    invalid_actions: int
+    """Number of replies that were no action."""
+    temperature: NotRequired[float | None]
+    """Sampling temperature, if one was set."""
+    tokens_in: int
+    """Number of prompt tokens."""
+    tokens_out: int
+    """Number of completion tokens."""
+    truncated: bool
+    """True if a reply was cut off at the maximum number of tokens."""
 
 
 class Trend(TypedDict):
     """Mean or share, over recent episodes and over all."""
 
-    all: float
+    overall: float
     """Value over all criticised episodes."""
-    now: float
+    recent: float
     """Weighted value, over recent episodes."""
 
 
@@ -1504,33 +1436,75 @@ class VerdictCount(TypedDict):
     count: int
     """Number of actions with the verdict."""
     per_episode: NotRequired[Trend | None]
-    verdict: str
-    """`needed`, `harmless`, `wasteful` or `harmful`."""
+    verdict: ActionVerdict
+    """Verdict on the actions."""
 
 
-class Comparison(TypedDict):
-    """Comparison of two sides, each with one or more evaluations."""
-
-    a: ComparisonSide
-    """First side."""
-    b: ComparisonSide
-    """Second side."""
-    rows: list[dict[str, Any]]
+class AcrossSeeds(TypedDict):
     """
-    Differences of the first side to the second on the same scenarios, over all trainings of a side. A row for each task and part is
-    `{task, part, scenarios, score, success, skill, improvement}`. The last four are `{mean, low, high, scenarios}` with 95 % bootstrap
-    intervals over scenarios. `improvement` is the probability that an episode of the first side scores higher; a tie counts one half.
+    Estimates over trainings that differ by their seed, with intervals over trainings. The field `scenarios` of an estimate has the number
+    of trainings.
     """
-    suite: str
-    """Suite of all evaluations."""
+
+    score: NotRequired[Estimate | None]
+    skill: NotRequired[Estimate | None]
+    success: NotRequired[Estimate | None]
+    trainings: int
+    """Number of trainings in the estimate."""
+
+
+class ActionValue(TypedDict):
+    """Value of an action."""
+
+    agent: int
+    """Index of the agent that acted."""
+    cost: float
+    """Cost, in the world's unit of fuel."""
+    gain: float
+    """Score with the action minus the score without it."""
+    step: int
+    """Step of the action, from 1."""
+    verdict: ActionVerdict
+    """Verdict on the action."""
+
+
+class ChatMessage(TypedDict):
+    """Message of a conversation with a language model."""
+
+    content: str
+    """Text of the message."""
+    role: ChatRole
+    """Author of the message."""
+
+
+class ComparisonEstimates(PolicyComparison):
+    """Comparison of two policies on one part of one task."""
+
+    part: SuiteSection
+    """Part of the suite: `contested`, `as_they_come` or `all`."""
+    policy: str
+    """Name of the policy."""
+    scenarios: int
+    """Number of scenarios in the section."""
+    task: str
+    """Id of the task, or `all`."""
+
+
+class ComparisonSide(TypedDict):
+    """Side of a comparison."""
+
+    across: AcrossSeeds
+    """Interquartile means over its trainings; null below three trainings."""
+    evaluations: list[str]
+    """Ids of its evaluations."""
 
 
 class CreateDesignRequest(TypedDict):
     """Request to a designer. All fields are optional."""
 
+    count: NotRequired[int | None]
+    """Number of layouts, from 1 to 32 (default: the run's reserve)."""
     designer: NotRequired[DesignerChoice | None]
-    n: NotRequired[int | None]
-    """Number of layouts, from 1 to 32 (default: the run's stock)."""
     task: NotRequired[str | None]
     """Task of the run to design for (default: the task whose failures weigh most)."""
 
@@ -1541,76 +1515,81 @@ class CritiqueFailure(TypedDict):
     agent: int
     """Index of the agent that failed."""
     encounter: NotRequired[CritiqueEncounter | None]
+    explanation: str
+    """Description of the failure in one sentence."""
     measures: list[FailureMeasure]
     """Further measures of the failure mode."""
     mode: str
     """Name of the failure mode."""
     step: int
     """Step of the failure, from 1."""
-    words: str
-    """Description of the failure in one sentence."""
 
 
-class Design(DesignSummary):
-    """Design with its encounters, its scenario and its history."""
+class DesignRequestSummary(TypedDict):
+    """Request to a designer, as lists show it."""
 
-    bracket: NotRequired[ScenarioBracket | None]
-    design: NotRequired[dict[str, Any] | None]
-    """
-    Design in the language of its world: aim, params and encounters. A refused design is as the designer returned it, an
-    admitted one as the gate read it. Null if it was too long to keep.
-    """
-    episodes: list[str]
-    """Ids of the newest finished episodes on the layout, newest first, at most 16."""
-    scenario_id: NotRequired[str | None]
-    """Id of the scenario; null if the design was refused. `GET /v1/layouts/{layout}` returns the bodies."""
-    turns: list[DesignTransition]
-    """Changes of state, oldest first."""
-
-
-class DesignPage(TypedDict):
-    """Page of designs."""
-
-    designs: list[DesignSummary]
-    """Designs, newest first."""
-    next: NotRequired[str | None]
-    """Cursor of the next page; null on the last page."""
-
-
-class DesignRequest(DesignRequestSummary):
-    """Request to a designer, with the failure profile it is based on."""
-
-    profile: NotRequired[dict[str, Any] | None]
-    """Failure profile at the start of the request; null before."""
-
-
-class DesignRequestPage(TypedDict):
-    """Page of requests to designers."""
-
-    asks: list[DesignRequestSummary]
-    """Requests, newest first."""
-    next: NotRequired[str | None]
-    """Cursor of the next page; null on the last page."""
+    admitted: int
+    """Number of layouts that the gate admitted."""
+    cost: float
+    """Cost of the tokens, in the currency of the configured prices."""
+    created_at: str
+    """Time of creation, RFC 3339."""
+    criticised: NotRequired[int | None]
+    """Number of criticised episodes behind the failure profile."""
+    designer: DesignerKind
+    """Designer. The procedural designer fills in for what a language model does not deliver."""
+    ended_at: NotRequired[str | None]
+    """Time of its end, RFC 3339."""
+    error: NotRequired[str | None]
+    """Reason of a failure."""
+    id: str
+    """Id of the request."""
+    latency_ms: int
+    """Duration of the request, milliseconds."""
+    level: NotRequired[int | None]
+    """Level to design for; null before the request starts, and under a strategy without levels."""
+    model: NotRequired[str | None]
+    """Language model; null for the procedural designer."""
+    prompt_version: NotRequired[str | None]
+    """Version of the model's prompt."""
+    refused: int
+    """Number of designs that the gate refused."""
+    requested_by: DesignRequestOrigin
+    """Origin of the request."""
+    rounds: int
+    """Number of rounds of all designers together."""
+    state: DesignRequestState
+    """State of the request."""
+    task: str
+    """Id of the task."""
+    tokens_in: int
+    """Number of prompt tokens."""
+    tokens_out: int
+    """Number of completion tokens."""
+    wanted: int
+    """Number of layouts wanted."""
+    warnings: list[str]
+    """Problems that did not end the request, one sentence each."""
 
 
 class DesignSettingsRequest(TypedDict):
-    """Request for layouts designed for the agent's failures. Every field may be left out."""
+    """Settings of the layouts that are designed for the agent's failures. Every field may be left out."""
 
     designer: NotRequired[DesignerChoice | None]
     evidence: NotRequired[bool | None]
     """
-    True if outcomes of designed groups move levels and mastery (false). Only those of threats that were designed at the
-    current level do.
+    True if results of designed groups move levels and mastery (default false). Only threats that were designed at the current
+    level count.
     """
     layout_share: NotRequired[float | None]
-    """The share of training groups that one layout may take, above 0, at most 1 (0.05); four groups are always allowed."""
+    """Largest share of training groups for one layout, above 0 and at most 1 (default 0.05); four groups are always allowed."""
+    reserve: NotRequired[int | None]
+    """Number of active layouts near the current level that are kept in reserve for each task, from 1 to 64 (default 8)."""
     share: NotRequired[float | None]
     """
-    The share of training groups that are designed, 0 to 1 (0.3), once there are failures to design for and the task's
-    placement is over. 0: nothing is designed.
+    Share of training groups that are designed, from 0 to 1 (default 0.3), once there are failures and the task's placement
+    is done. 0 turns designs off.
     """
-    stock: NotRequired[int | None]
-    """Number of active layouts near the current level of a task that are kept in stock: 1 to 64 (8)."""
 
 
 class DesignStatistics(TypedDict):
@@ -1634,6 +1613,45 @@ class DesignStatistics(TypedDict):
     """Number of groups leased for training."""
 
 
+class DesignSummary(TypedDict):
+    """Design, as lists show it."""
+
+    aim: NotRequired[DesignAim | None]
+    claim: NotRequired[DesignClaim | None]
+    created_at: str
+    """Time of creation, RFC 3339."""
+    designer: DesignerKind
+    """Designer that made the design."""
+    id: str
+    """Id of the design and of its layout."""
+    level: NotRequired[int | None]
+    """Level that the design is for; null under a strategy without levels."""
+    name: str
+    """Name that the designer gave it."""
+    novelty: NotRequired[float | None]
+    """Distance to the nearest earlier design, from 0 to 1; null for the first."""
+    refusal_reason: NotRequired[str | None]
+    """Reason of the refusal in one sentence."""
+    request: str
+    """Id of the design request."""
+    results: DesignResults
+    """Results of the agent on the layout."""
+    retired_at: NotRequired[str | None]
+    """Time of retirement, RFC 3339."""
+    round: int
+    """Round of the request: 1, plus 1 for each repair."""
+    run: str
+    """Id of the run."""
+    served_at: NotRequired[str | None]
+    """Time of the latest lease, RFC 3339."""
+    state: DesignState
+    """State of the design."""
+    state_reason: NotRequired[str | None]
+    """Reason of retirement (`mastered`, `hopeless` or `user`), or the check of the gate that refused the design."""
+    task: str
+    """Id of the task."""
+
+
 class EpisodeResult(TypedDict):
     """Result of one episode. It has no score: the server replays the actions."""
 
@@ -1652,8 +1670,6 @@ class EpisodeResult(TypedDict):
 class EpisodeSummary(TypedDict):
     """Episode, as lists show it."""
 
-    at: NotRequired[str | None]
-    """Time of the report, RFC 3339."""
     episode: str
     """Id of the episode."""
     layout: NotRequired[str | None]
@@ -1663,30 +1679,40 @@ class EpisodeSummary(TypedDict):
     policy_version: NotRequired[int | None]
     """Policy version that ran the episode."""
     replay: ReplayAvailability
-    """`available`, `expired` (the run no longer keeps the actions) or `none` (the episode has no actions)."""
-    role: str
-    """Role of the group in the curriculum (`frontier`, `replay`, `probe`, …), `designed` or `suite`."""
+    """Availability of the actions for a replay."""
+    reported_at: NotRequired[str | None]
+    """Time of the report, RFC 3339."""
+    role: GroupRole
+    """Role of the group."""
     score: NotRequired[float | None]
     """Score of the replay."""
     skill: NotRequired[float | None]
     """Skill between floor (0) and reference (1), if the scenario defines one."""
-    state: str
-    """`leased`, `finished`, `failed`, `late` or `expired`."""
+    state: EpisodeState
+    """State of the episode."""
     success: NotRequired[bool | None]
     """True if the episode is a success by the run's rule."""
     task: NotRequired[str | None]
     """Id of the task."""
 
 
-class Evaluation(EvaluationSummary):
-    """Evaluation with its results."""
+class EvaluationEstimates(TypedDict):
+    """Estimates for one policy on one part of one task."""
 
-    rows: list[dict[str, Any]]
-    """
-    Results of a complete evaluation and of the blind panel (`blind_panel`); empty before. A row for each task and part is `{task,
-    part, policy, scenarios, score, success, skill, lost, fuel_used, cvar10}`. The last six are `{mean, low, high, scenarios}` with 95 %
-    bootstrap intervals over scenarios.
-    """
+    cvar10: NotRequired[Estimate | None]
+    fuel_used: NotRequired[Estimate | None]
+    lost: NotRequired[Estimate | None]
+    part: SuiteSection
+    """Part of the suite: `contested`, `as_they_come` or `all`."""
+    policy: str
+    """Name of the policy."""
+    scenarios: int
+    """Number of scenarios in the section."""
+    score: NotRequired[Estimate | None]
+    skill: NotRequired[Estimate | None]
+    success: NotRequired[Estimate | None]
+    task: str
+    """Id of the task, or `all`."""
 
 
 class EvaluationPage(TypedDict):
@@ -1698,16 +1724,56 @@ class EvaluationPage(TypedDict):
     """Cursor of the next page; null on the last page."""
 
 
+class EvaluationScenario(TypedDict):
+    """Results of a policy on one scenario."""
+
+    episodes: int
+    """Number of finished episodes."""
+    floor: float
+    """Best score of the blind panel."""
+    fuel_used: NotRequired[float | None]
+    """Mean fuel spent by all agents together."""
+    index: int
+    """Index of the scenario in the suite, the same in all evaluations of the suite."""
+    level: int
+    """Level at which the scenario was drawn."""
+    lost: NotRequired[float | None]
+    """Share of agents lost."""
+    part: SuiteSection
+    """Part of the suite: `contested` or `as_they_come`."""
+    reference: float
+    """Score of the reference planner."""
+    scenario_id: str
+    """Id of the scenario."""
+    score: NotRequired[float | None]
+    """Mean score of the episodes."""
+    skill: NotRequired[float | None]
+    """Mean skill, if the scenario defines one."""
+    success: NotRequired[float | None]
+    """Success rate of the episodes."""
+    task: str
+    """Id of the task."""
+
+
+class EvaluationScenarioPage(TypedDict):
+    """Page of the scenarios of an evaluation."""
+
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+    scenarios: list[EvaluationScenario]
+    """Scenarios, in the order of the suite."""
+
+
 class FailureModeCounts(TypedDict):
     """Failures of one mode."""
 
-    about: str
-    """Description in one sentence."""
     cells: list[FailureCell]
     """Failures by sector and band; empty cells are left out."""
     count: int
     """Number of failures counted here."""
-    inertial: list[InertialSectorCounts]
+    description: str
+    """Description in one sentence."""
+    inertial_sectors: list[InertialSectorCounts]
     """
     The same failures by sector of the inertial frame: sector 0 is centred on +X, 3 on +Y. Empty sectors are left out; empty in
     a world without such a frame.
@@ -1757,6 +1823,32 @@ class FailureProfiles(CritiqueBacklog):
     """One profile for each task of the run."""
 
 
+class GroupReceipt(TypedDict):
+    """Group that a report closed."""
+
+    expired: int
+    """Number of episodes that were never reported."""
+    failed: int
+    """Number of failed episodes."""
+    finished: int
+    """Number of finished episodes."""
+    group: int
+    """Number of the group in its lease, from 0."""
+    lease: str
+    """Id of its lease."""
+    mean_score: NotRequired[float | None]
+    """Mean score of the finished episodes."""
+    state: GroupState
+    """State of the group: `complete`, `partial` or `lost`."""
+    successes: int
+    """Number of successful episodes."""
+    zero_variance: NotRequired[bool | None]
+    """
+    True if all finished episodes have the same score, so that the group carries no learning signal. Left out if fewer than two
+    episodes finished.
+    """
+
+
 class Layout(DesignSummary):
     """Layout with its bodies."""
 
@@ -1764,12 +1856,12 @@ class Layout(DesignSummary):
     """Bracket of the scenario."""
     design: NotRequired[dict[str, Any] | None]
     """Design in the language of its world: aim, params and encounters."""
+    reference_outcome: EpisodeOutcome
+    """Outcome of the reference plan, which shows that the layout is solvable."""
     scenario: dict[str, Any]
     """Complete scenario with its bodies; `POST /v1/scenarios` accepts it unchanged."""
     scenario_id: str
     """Id of the scenario."""
-    witness: EpisodeOutcome
-    """Outcome of the reference plan, which shows that the layout is solvable."""
 
 
 class LeasePage(TypedDict):
@@ -1797,14 +1889,14 @@ class LeasedGroup(TypedDict):
     """Level of the scenario."""
     recipe: int
     """Index into the `recipes` of the lease."""
-    role: str
-    """`placement`, `frontier`, `rehearsal`, `sample`, `explore`, `replay`, `edit`, `boundary`, `designed` or `suite`."""
+    role: GroupRole
+    """Role of the group."""
     scenario: str
     """Id of the scenario."""
     seed: int
     """Seed that makes the recipe a scenario."""
-    state: str
-    """`open`, `complete`, `partial` or `lost`."""
+    state: GroupState
+    """State of the group."""
     task: str
     """Id of the task."""
     train: bool
@@ -1825,19 +1917,36 @@ class LevelMovePage(TypedDict):
     """
 
 
+class PhysicsOption(TypedDict):
+    """Physics option of a world: a choice between named behaviours."""
+
+    choices: list[str]
+    """Names of the choices."""
+    default: str
+    """Name of the default choice."""
+    description: str
+    """Description of the option."""
+    manual_choices: list[ManualPhysicsChoice]
+    """Choices that only scenarios made by hand may have; runs and suites reject them."""
+    name: str
+    """Name of the option."""
+    type: PhysicsOptionType
+    """Type of the option."""
+
+
 class PolicyVersion(TypedDict):
     """Version of a run's policy, with its results."""
 
     checkpoint: NotRequired[str | None]
     """Location of the weights, as the trainer described it."""
+    described_at: NotRequired[str | None]
+    """Time of the description, RFC 3339; null if the version is known from results only."""
     notes: NotRequired[str | None]
     """Notes of the trainer."""
     staleness: int
     """Number of versions between it and the newest."""
     tasks: list[PolicyVersionResults]
     """Results by task, over all episodes except evaluations, contested or not."""
-    told_at: NotRequired[str | None]
-    """Time of the description, RFC 3339; null if the version is known from results only."""
     version: int
     """Number of the policy version."""
 
@@ -1852,7 +1961,7 @@ class PolicyVersionPage(TypedDict):
 
 
 class ResultsRequest(TypedDict):
-    """Batch of results."""
+    """Batch of results of a run."""
 
     policy_version: NotRequired[int | None]
     """Policy version of episodes that do not name one (default: the lease's)."""
@@ -1860,45 +1969,49 @@ class ResultsRequest(TypedDict):
     """Results, at most 5 000 and 16 MiB together. A malformed result is refused on its own if it names its episode."""
 
 
-class Run(RunSummary):
-    """Run with its warnings and the backlog of its critique."""
+class ResultsResponse(TypedDict):
+    """Response to a batch of results."""
 
-    critique: CritiqueBacklog
-    """Backlog of the critique."""
-    marks: RunWarnings
-    """Warnings of the run: their number and the newest ones."""
+    groups: list[GroupReceipt]
+    """Groups that these results closed."""
+    moves: list[dict[str, Any]]
+    """Level moves that these results caused."""
+    refills: list[GroupRefill]
+    """Groups that replace groups whose episodes all have the same score (`refill`)."""
+    results: list[ResultReceipt]
+    """One receipt for each result, in order."""
 
 
 class RunChange(TypedDict):
     """
-    Request to change a run; a field that is left out keeps its value. Tasks keep their level and mastery unless their table or
-    physics change; under another strategy they keep their mastery, and the strategy starts afresh.
+    Request to change a run. A field that is left out keeps its value. Tasks keep their level and mastery unless their levels or
+    physics change. Under another strategy they keep their mastery, and the strategy starts anew.
     """
 
     audit_groups: NotRequired[int | None]
-    """Groups of a lease of columns whose logs are replayed."""
+    """Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024."""
     contested_share: NotRequired[float | None]
     """Share of proposals whose scenario must be contested."""
     evidence_from: NotRequired[EvidenceFrom | None]
     frontier_share: NotRequired[float | None]
     """Share of proposals at the current level."""
     group_size: NotRequired[int | None]
-    """Episodes of one scenario in a group."""
+    """Number of episodes of one scenario in a group, from 1 to 1 024."""
     max_staleness: NotRequired[int | None]
-    """Results older than this many policy versions move nothing."""
+    """Number of policy versions after which results no longer move the curriculum."""
     min_group: NotRequired[int | None]
-    """Finished episodes from which a partial group counts."""
+    """Number of finished episodes from which a partial group counts."""
     name: NotRequired[str | None]
-    """A name for people."""
+    """Name of the run for people."""
     placement: NotRequired[bool | None]
-    """True if new tasks are placed by bisection over the levels."""
+    """True to find the first level of new tasks by bisection over the levels."""
     strategy: NotRequired[str | None]
-    """How proposals are chosen."""
+    """Strategy that chooses the scenarios."""
     strategy_settings: NotRequired[dict[str, float | str]]
     """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
     target: NotRequired[str | None]
     """Target of the ladder: `mastery` or `half`."""
-    task_settings: NotRequired[dict[str, TaskRequest]]
+    task_settings: NotRequired[dict[str, TaskSettingsRequest]]
     """Settings of single tasks, by task id."""
     tasks: NotRequired[list[str] | None]
     """Ids of all tasks: a task of the run that is not among them is removed."""
@@ -1920,7 +2033,7 @@ class RunOverview(TypedDict):
     """Number of finished episodes, columns included."""
     episodes_per_s: float
     """Throughput over the last five minutes, episodes per second."""
-    last: NotRequired[LatestEvent | None]
+    latest_event: NotRequired[LatestEvent | None]
     leases: int
     """Number of active leases."""
     prepared: int
@@ -1936,58 +2049,55 @@ class RunOverview(TypedDict):
 
 
 class RunPage(TypedDict):
-    """Page of runs."""
+    """Page of the list of runs."""
 
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
     runs: list[RunSummary]
-    """Runs, oldest first."""
+    """Runs of the page, oldest first."""
 
 
 class RunRequest(TypedDict):
     """Request to create a run. Every field may be left out."""
 
     audit_groups: NotRequired[int | None]
-    """Groups of a lease of columns whose logs are replayed (64): 1 to 1 024."""
+    """Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024 (default 64)."""
     contested_share: NotRequired[float | None]
-    """Share of proposals whose scenario must be contested (0.5)."""
+    """Share of proposals whose scenario must be contested, from 0 to 1 (default 0.5)."""
     design: NotRequired[DesignSettingsRequest]
-    """Layouts designed for the agent's failures, mixed into its training."""
+    """Settings of the layouts that are designed for the agent's failures."""
     evidence_from: NotRequired[EvidenceFrom | None]
     frontier_share: NotRequired[float | None]
-    """Share of proposals at the current level (0.7)."""
+    """Share of proposals at the current level, from 0 to 1 (default 0.7)."""
     group_size: NotRequired[int | None]
-    """Episodes of one scenario in a group (1)."""
+    """Number of episodes of one scenario in a group, from 1 to 1 024 (default 1)."""
     id: NotRequired[str | None]
-    """An id of your choice: 1 to 64 of a-z, 0-9, - and _. By default the server generates one."""
+    """Id of the run: 1 to 64 characters of a-z, 0-9, - and _ (default: generated)."""
     judge: NotRequired[str | None]
-    """Judge of the steps in sessions of this run: `off`, `deterministic` or `llm` (the server's setting)."""
+    """Judge of the steps in sessions of the run: `off`, `deterministic` or `llm` (default: the server's setting)."""
     max_staleness: NotRequired[int | None]
-    """Results older than this many policy versions move nothing (no limit)."""
+    """Number of policy versions after which results no longer move the curriculum (default: no limit)."""
     min_group: NotRequired[int | None]
-    """Finished episodes from which a partial group counts (half of group_size)."""
+    """Number of finished episodes from which a partial group counts (default: half of group_size)."""
     name: NotRequired[str | None]
-    """A name for people."""
+    """Name of the run for people."""
     placement: NotRequired[bool | None]
-    """True if a new run is placed by bisection over the levels (true)."""
+    """True to find the first level by bisection over the levels (default true)."""
     retention: NotRequired[RetentionRequest]
-    """Episodes that are kept whole."""
+    """Number of episodes that are kept whole."""
     seed: NotRequired[int | None]
-    """The seed of the run's random streams, from 0 to 2^51 − 1. By default the server draws one."""
+    """Seed of the run's random streams, from 0 to 2^51 − 1 (default: drawn by the server)."""
     strategy: NotRequired[str | None]
-    """How proposals are chosen (ladder)."""
+    """Strategy that chooses the scenarios (default `ladder`)."""
     strategy_settings: NotRequired[dict[str, float | str]]
     """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
     success: NotRequired[SuccessSetting | None]
     target: NotRequired[str | None]
-    """Target of the ladder: `mastery`, or `half` (the default when group_size > 1)."""
-    task_settings: NotRequired[dict[str, TaskRequest]]
+    """Target of the ladder: `mastery`, or `half` (default if group_size > 1)."""
+    task_settings: NotRequired[dict[str, TaskSettingsRequest]]
     """Settings of single tasks, by task id."""
     tasks: NotRequired[list[str] | None]
-    """
-    The tasks (those of the first world, kessler). Tasks of several worlds may be mixed where the agent can act in
-    all of them.
-    """
+    """Ids of the tasks (default: all tasks of kessler). Tasks of several worlds can be mixed if the agent can act in all of them."""
 
 
 RunSeries = TypedDict(
@@ -2007,88 +2117,144 @@ class RunSettingsPage(TypedDict):
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
     settings: list[RunSettingsVersion]
-    """Settings, newest first."""
+    """Settings of the page, newest first."""
+
+
+class RunWarning(TypedDict):
+    """Warning of a run."""
+
+    at: str
+    """Time of the warning, RFC 3339."""
+    kind: RunWarningKind
+    """Kind of the warning."""
+    lease: NotRequired[str | None]
+    """Id of the lease concerned."""
+    message: str
+    """Description in one sentence."""
+
+
+class RunWarnings(TypedDict):
+    """Warnings of a run."""
+
+    count: int
+    """Number of all warnings."""
+    newest: list[RunWarning]
+    """Newest warnings, newest first, at most 20."""
 
 
 class Strategy(TypedDict):
     """Strategy of a curriculum."""
 
-    about: str
+    description: str
     """Description in a few words."""
-    columns: bool
-    """True if its episodes can be leased as columns; false if it repeats single scenarios."""
     name: str
     """Name of the strategy."""
     settings: list[StrategySetting]
     """Settings of the strategy: `strategy_settings` of a run."""
+    supports_columns: bool
+    """True if its episodes can be leased as columns; false if it repeats single scenarios."""
 
 
 class StrategyList(TypedDict):
-    """All strategies."""
+    """Strategies of the server."""
 
     strategies: list[Strategy]
     """Strategies, the default first."""
 
 
-class TrajectoryEpisode(TypedDict):
-    """A finished episode of a group."""
+class Task(TypedDict):
+    """Task of a world."""
 
+    actions: TaskActionSpace
+    """Action space of an agent."""
+    agents: int
+    """Number of agents at the start, at default params."""
+    description: str
+    """Description in one sentence."""
+    failure_modes: list[TaskFailureMode]
+    """Failure modes: reasons why an episode loses score."""
+    horizon: int
+    """Number of steps after which an episode is truncated, at default params."""
     id: str
-    """Id of the episode."""
-    last_observation: NotRequired[dict[str, Any] | None]
-    """Observation of the agents after the last step, in the wire form."""
-    metrics: NotRequired[ModelMetrics | None]
-    score: float
-    """The score, by replay."""
-    skill: NotRequired[float | None]
-    """The skill, where the scenario defines one."""
-    steps: list[TrajectoryStep]
-    """Steps of the episode, in order."""
-    stopped: NotRequired[str | None]
-    """Why the agent was stopped: `unparsable`, `too_long` or `too_late`."""
-    success: bool
-    """True if the episode is a success by the run's rule."""
+    """Id of the task: `world/task`."""
+    levels: LevelTable
+    """Default table of levels."""
+    params: list[TaskParam]
+    """Parameter space of the task."""
+    physics: list[PhysicsOption]
+    """Physics options of the world."""
+    policies: list[BuiltInPolicy]
+    """Built-in policies of the task."""
+    reflex_params: list[str]
+    """Names of the parameters of the trainable reflex policy, each from 0 to 1."""
+    score: TaskScoreRange
+    """Range of the score."""
+    speed_bands: TaskSpeedBands
+    """Bands of relative speed in failure profiles."""
+    world: str
+    """World and its version."""
 
 
-class TrajectoryGroup(TypedDict):
-    """A finished group, without its id in the feed and the number of its deliveries."""
+class TaskList(TypedDict):
+    """Tasks of all worlds."""
 
-    bracket: ScenarioBracket
-    """Floor and reference of the scenario. For the trainer, never for the agent."""
-    contested: bool
-    """True if acting well matters on this scenario."""
-    episodes: list[TrajectoryEpisode]
-    """Episodes that finished, in order."""
-    failed: int
-    """Episodes that the infrastructure lost: they are not in `episodes`, and do not count."""
-    group: int
-    """Number of the group in its lease."""
-    layout: NotRequired[str | None]
-    """Id of the layout, if the scenario was designed."""
-    lease: str
-    """Id of the lease that the group was rolled out under."""
-    level: NotRequired[int | None]
-    """Level of the scenario, if the task has levels."""
-    messages: str
-    """`none`: a built-in policy has no conversations; `kept`; or `dropped` like observations."""
-    observations: str
-    """`telemetry`, `none` (as configured), or `dropped`: with them the group would be larger than 16 MiB."""
-    policy: str
-    """The policy that was rolled out."""
-    policy_version: int
-    """Version of the policy."""
-    recipe: dict[str, Any]
-    """The scenario without its seed: world, task, params, physics, layout."""
-    role: str
-    """`placement`, `frontier`, `rehearsal`, `sample` or `designed`."""
-    run: str
-    """Id of the run."""
-    scenario: str
-    """Id of the scenario."""
-    seed: int
-    """The seed that makes the recipe a scenario."""
-    task: str
-    """Id of the task."""
+    tasks: list[Task]
+    """Tasks, ordered by world."""
+
+
+class TrajectoryCompletion(TypedDict):
+    """Call of the language model for one step."""
+
+    error: NotRequired[str | None]
+    """Error of the call, or the reason why the reply is not an action."""
+    latency_ms: int
+    """Duration of the call with its retries, milliseconds."""
+    messages: list[ChatMessage]
+    """Messages of the prompt; empty if `messages` of the group is `dropped`."""
+    text: NotRequired[str | None]
+    """Text of the reply, unchanged; null if the call failed."""
+    tokens: NotRequired[CompletionTokens | None]
+    tokens_in: int
+    """Number of prompt tokens."""
+    tokens_out: int
+    """Number of completion tokens."""
+    truncated: bool
+    """True if the reply was cut off at the maximum number of tokens."""
+
+
+class TrajectoryStep(TypedDict):
+    """Step of an episode."""
+
+    action: NotRequired[list[list[float]] | None]
+    """Actions of the agents, as in results: a list of `[agent, value, …]`. Null if the agent was stopped at this step."""
+    agents: list[AgentResult]
+    """Results of the agents that were alive before the step."""
+    completions: NotRequired[list[TrajectoryCompletion] | None]
+    """Calls of the language model for this step: one, or two if its first reply was repaired."""
+    done: bool
+    """True if the episode is over."""
+    error: NotRequired[str | None]
+    """Reason why the agent gave no action."""
+    observation: NotRequired[dict[str, Any] | None]
+    """Observation of the agents before the step, in the wire form."""
+    reward: float
+    """Reward of the team. At the step where the agent was stopped: the sum of all rewards without actions from there on."""
+
+
+class Comparison(TypedDict):
+    """Comparison of two sides, each with one or more evaluations."""
+
+    a: ComparisonSide
+    """First side of the comparison."""
+    b: ComparisonSide
+    """Second side of the comparison."""
+    rows: list[ComparisonEstimates]
+    """
+    Differences of the first side to the second on the same scenarios, over all trainings of a side. There is one row for each task
+    and part of the suite.
+    """
+    suite: str
+    """Suite of all evaluations."""
 
 
 class Critique(TypedDict):
@@ -2096,19 +2262,52 @@ class Critique(TypedDict):
 
     actions: list[ActionValue]
     """Value of each action against the same episode without it, in order of step."""
+    assessment: JudgeAssessment
+    """Assessment by the deterministic judge."""
     failures: list[CritiqueFailure]
     """Reasons why score was lost, in order of step."""
-    judged: JudgeAssessment
-    """Assessment by the deterministic judge."""
 
 
-class DeliveredGroup(TrajectoryGroup):
-    """Delivered group."""
+class Design(DesignSummary):
+    """Design with its encounters, its scenario and its history."""
 
-    deliveries: int
-    """Number of deliveries, this one included. If it is above 1, the trainer may have used the group before."""
-    id: int
-    """Id of the group, unique and never reused."""
+    bracket: NotRequired[ScenarioBracket | None]
+    design: NotRequired[dict[str, Any] | None]
+    """
+    Design in the language of its world: aim, params and encounters. A refused design is as the designer returned it, an
+    admitted one as the gate read it. Null if it was too long to keep.
+    """
+    episodes: list[str]
+    """Ids of the newest finished episodes on the layout, newest first, at most 16."""
+    scenario_id: NotRequired[str | None]
+    """Id of the scenario; null if the design was refused. `GET /v1/layouts/{layout}` returns the bodies."""
+    transitions: list[DesignTransition]
+    """Changes of state, oldest first."""
+
+
+class DesignPage(TypedDict):
+    """Page of the list of designs."""
+
+    designs: list[DesignSummary]
+    """Designs of the page, newest first."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+
+
+class DesignRequest(DesignRequestSummary):
+    """Request to a designer, with the failure profile it is based on."""
+
+    profile: NotRequired[dict[str, Any] | None]
+    """Failure profile at the start of the request; null before."""
+
+
+class DesignRequestPage(TypedDict):
+    """Page of requests to designers."""
+
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
+    requests: list[DesignRequestSummary]
+    """Requests of the page, newest first."""
 
 
 class Episode(EpisodeSummary):
@@ -2121,9 +2320,9 @@ class Episode(EpisodeSummary):
     """True if the scenario is contested."""
     floor: NotRequired[float | None]
     """Floor at the time of the report."""
-    flown: NotRequired[EpisodeOutcome | None]
     metrics: NotRequired[dict[str, Any] | None]
     """Metrics that the trainer reported."""
+    outcome: NotRequired[EpisodeOutcome | None]
     reason: NotRequired[str | None]
     """Reason of a failure."""
     reference: NotRequired[float | None]
@@ -2152,13 +2351,23 @@ class EpisodePage(TypedDict):
     """Cursor of the next page; null on the last page."""
 
 
+class Evaluation(EvaluationSummary):
+    """Evaluation with its results."""
+
+    rows: list[EvaluationEstimates]
+    """
+    Results of a complete evaluation and of the blind panel (policy `blind_panel`), one row for each task and part of the suite. Empty
+    until the evaluation is complete.
+    """
+
+
 class Lease(TypedDict):
     """Lease of groups. Recipes are listed once; each group refers to a recipe and a seed."""
 
     expires_at: str
     """Time at which the lease expires, RFC 3339."""
-    form: str
-    """Form of the results: `groups` or `columns`."""
+    form: LeaseForm
+    """Form of the results."""
     group_size: int
     """Number of episodes in each group."""
     groups: list[LeasedGroup]
@@ -2167,16 +2376,25 @@ class Lease(TypedDict):
     """Id of the lease."""
     policy_version: int
     """Policy version of the request."""
-    purpose: str
-    """`train`, `probe` or `eval`."""
+    purpose: LeasePurpose
+    """Purpose of the lease."""
     ranges: NotRequired[list[SeedRange] | None]
     """All groups of a lease of columns, as ranges of seeds."""
     recipes: list[dict[str, Any]]
     """Scenarios without their seeds: world, task, params, physics and layout."""
     run: str
     """Id of the run."""
-    status: str
-    """`active`, `done`, `released` or `expired`."""
+    status: LeaseStatus
+    """Status of the lease."""
+
+
+class Run(RunSummary):
+    """Run with its warnings and the backlog of its critique."""
+
+    critique_backlog: CritiqueBacklog
+    """Backlog of the critique."""
+    warnings: RunWarnings
+    """Warnings of the run: their number and the newest ones."""
 
 
 class ScenarioCheck(TypedDict):
@@ -2188,20 +2406,89 @@ class ScenarioCheck(TypedDict):
     critique: NotRequired[Critique | None]
     fair: bool
     """True if no agent is lost before it could act."""
-    flown: NotRequired[ReplayedOutcome | None]
     frames: NotRequired[list[dict[str, Any]] | None]
     """
     With `telemetry` and a fair scenario: the start, then one frame for each step, as in the replay of a run's episode, with
     `observation`, what the agents observed.
     """
+    outcome: NotRequired[ReplayedOutcome | None]
     scenario: dict[str, Any]
     """Complete scenario, with all defaults filled in."""
     scenario_id: str
     """Id of the scenario."""
     solvable: bool
     """True if the reference planner succeeds."""
-    unfair_because: NotRequired[str | None]
+    unfair_reason: NotRequired[str | None]
     """Reason why the scenario is not fair."""
+
+
+class TrajectoryEpisode(TypedDict):
+    """Finished episode of a group."""
+
+    id: str
+    """Id of the episode."""
+    last_observation: NotRequired[dict[str, Any] | None]
+    """Observation of the agents after the last step, in the wire form."""
+    metrics: NotRequired[TrajectoryMetrics | None]
+    score: float
+    """Score of the replay."""
+    skill: NotRequired[float | None]
+    """Skill between floor (0) and reference (1), if the scenario defines one."""
+    steps: list[TrajectoryStep]
+    """Steps of the episode, in order."""
+    stopped: NotRequired[ActionStopReason | None]
+    success: bool
+    """True if the episode is a success by the run's rule."""
+
+
+class TrajectoryGroup(TypedDict):
+    """Finished group, without its id in the feed and the number of its deliveries."""
+
+    bracket: ScenarioBracket
+    """Bracket of the scenario. It is for the trainer, never for the agent."""
+    contested: bool
+    """True if acting well matters on this scenario."""
+    episodes: list[TrajectoryEpisode]
+    """Finished episodes, in order of their index."""
+    failed: int
+    """Number of episodes that the infrastructure lost. They are not in `episodes`, and do not count."""
+    group: int
+    """Number of the group in its lease, from 0."""
+    layout: NotRequired[str | None]
+    """Id of the layout, if the scenario was designed."""
+    lease: str
+    """Id of the lease under which the group was rolled out."""
+    level: NotRequired[int | None]
+    """Level of the scenario, if the task has levels."""
+    messages: MessageContent
+    """Presence of the conversations with the language model."""
+    observations: ObservationContent
+    """Presence of observations in the steps."""
+    policy: str
+    """Name of the policy that was rolled out."""
+    policy_version: int
+    """Version of the policy."""
+    recipe: dict[str, Any]
+    """Scenario without its seed: world, task, params, physics and layout."""
+    role: GroupRole
+    """Role of the group."""
+    run: str
+    """Id of the run."""
+    scenario: str
+    """Id of the scenario."""
+    seed: int
+    """Seed that makes the recipe a scenario."""
+    task: str
+    """Id of the task."""
+
+
+class DeliveredGroup(TrajectoryGroup):
+    """Group of the feed with its delivery."""
+
+    deliveries: int
+    """Number of deliveries, this one included. If it is above 1, the trainer may have used the group before."""
+    id: int
+    """Id of the group, unique and never reused."""
 
 
 class TrajectoryPage(TypedDict):

@@ -103,7 +103,7 @@ def _run(args: argparse.Namespace) -> None:
 
     from . import report, results, runner
 
-    results.check_dependencies()  # before hours of training, not after them
+    results.check_dependencies()  # reports a missing package before hours of training
     if not args.report:
         experiment = record(args.out, _read_experiment(args))
         missing = runner.missing_trainings(args.out, experiment)
@@ -119,7 +119,7 @@ def _run(args: argparse.Namespace) -> None:
             runner.run(args.out, experiment, url=args.url, binary=None, jobs=args.jobs, progress=progress)
     for file in report.write(results.read(args.out), args.out):
         print(file)
-    print((args.out / report.REPORT).read_text())
+    print((args.out / report.REPORT_FILE).read_text())
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class ExperimentError(Exception):
 
 @dataclass(frozen=True)
 class Experiment:
-    """Definition of an experiment. Two runs of equal ones differ only by chance and by the speed of the machine."""
+    """Definition of an experiment. Results of equal experiments differ only by chance and by the speed of the machine."""
 
     arms: tuple[str, ...] = ("ladder", "uniform", "fixed", "target")
     seeds: tuple[int, ...] = (1, 2, 3)
@@ -104,7 +104,7 @@ class ServerAddress:
     """Server that runs an experiment."""
 
     url: str
-    #: Token as `sparring.Curriculum` takes it; empty for a server of the experiment's own, which has no tokens.
+    #: Token, as for `sparring.Curriculum`; empty for a server that the experiment starts, which has no tokens.
     token: str | None = None
 
 

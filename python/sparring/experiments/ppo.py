@@ -87,7 +87,7 @@ class Policy(nn.Module):
         """Loads a saved policy.
 
         Raises:
-            ValueError: The file has something else.
+            ValueError: The file has no saved policy.
         """
         saved = torch.load(file)
         if not isinstance(saved, dict) or not {"sizes", "config", "weights"} <= saved.keys():

@@ -69,8 +69,8 @@ def _run(args: argparse.Namespace, config: ppo.Config) -> None:
             result = sparring.evaluate(curriculum, policy.act, policy="ppo", stochastic=False)
             for task in curriculum.tasks:
                 skill = result.mean(task)
-                shown = "no" if skill is None else format(skill, ".3f")
-                print(f"{task}: {shown} skill on held-out contested scenarios ({result.id})")
+                skill_text = "no" if skill is None else format(skill, ".3f")
+                print(f"{task}: {skill_text} skill on held-out contested scenarios ({result.id})")
     finally:
         log.close()
         if curriculum:
@@ -97,7 +97,7 @@ class _TrainingLog:
             self._writer = SummaryWriter(args.tensorboard)
 
     def report(self, steps: int, policy: ppo.Policy, metrics: dict[str, float]) -> None:
-        """Records a rollout; every tenth one is shown."""
+        """Records a rollout; prints every tenth one and the last."""
         self._policy = policy
         self._rows.append({"steps": steps, **metrics})
         if len(self._rows) % 10 != 1 and steps < self._config.steps:
@@ -115,7 +115,7 @@ class _TrainingLog:
         try:
             metrics = self._curriculum.metrics() if self._curriculum else {}
         except sparring.CurriculumError:
-            return {}  # an unreachable server costs a point of the curves, not the training
+            return {}  # an unreachable server does not end the training
         return {f"curriculum/{name}": value for name, value in metrics.items()}
 
     def close(self) -> None:

@@ -14,14 +14,14 @@ from .experiment import BASELINE, TARGET
 from .results import METRICS, PART, ExperimentResults, read_comparison
 
 #: Name of the report's file.
-REPORT = "report.md"
+REPORT_FILE = "report.md"
 #: Columns of the training curves, and their axis labels.
 CURVES = (("heldout_skill", "held-out skill (contested)"), ("learner_level", "level in training"))
 
 
 def write(results: ExperimentResults, folder: Path) -> list[Path]:
     """Writes the report, the table and the pictures; returns their files."""
-    files = [folder / "trainings.csv", folder / REPORT, folder / "skill.svg", folder / "curves.svg"]
+    files = [folder / "trainings.csv", folder / REPORT_FILE, folder / "skill.svg", folder / "curves.svg"]
     _write_trainings(results, files[0])
     files[1].write_text(_format_report(results, folder))
     _draw_skill(results, files[2])
@@ -39,25 +39,25 @@ def _write_trainings(results: ExperimentResults, file: Path) -> None:
             arm, index = training.arm, results.trainings_of(training.arm).index(training)
             for number, task in enumerate(results.experiment.tasks):
                 values = [results.values(arm, metric)[index, number] for metric in METRICS]
-                zero_variance = next(row["groups"]["zero_variance_share"] for row in done["tasks"] if row["task"] == task)
+                zero_variance = next(row["group_counts"]["zero_variance_share"] for row in done["tasks"] if row["task"] == task)
                 writer.writerow([
                     arm, training.seed, task, *(f"{value:.6f}" for value in values), zero_variance,
                     results.steps_to_threshold(training), done["steps"], round(done["training_s"], 1), done["run"],
                 ])  # fmt: skip
 
 
-ACROSS = """## Across trainings
+TRAININGS_SECTION = """## Across trainings
 
 Interquartile means across training seeds with 95 % stratified bootstrap intervals (rliable). One half of the episodes ranks the
 scenarios, the other half measures the worst tenth. *Zero variance*: share of groups whose episodes all have the same score.
 *Steps*: steps of each training at its first evaluation with a mean held-out skill of {threshold} or more.
 """
-AGAINST = """## Against {baseline}, on the same scenarios
+COMPARISON_SECTION = """## Against {baseline}, on the same scenarios
 
 Differences with 95 % bootstrap intervals over scenarios, with the trainings of an arm pooled. *Improvement*: probability that
 an episode of the arm has a higher score on the same scenario.
 """
-PICTURES = """![Held-out skill of each training](skill.svg)
+PICTURES_SECTION = """![Held-out skill of each training](skill.svg)
 
 ![Training curves](curves.svg)
 """
@@ -69,11 +69,11 @@ def _format_report(results: ExperimentResults, folder: Path) -> str:
     parts = [
         "# Curricula compared\n",
         _format_summary(results),
-        ACROSS.format(threshold=experiment.threshold),
+        TRAININGS_SECTION.format(threshold=experiment.threshold),
         _format_table(head, [*(_arm_row(results, arm) for arm in results.arms()), _blind_row(results)]),
-        AGAINST.format(baseline=BASELINE),
+        COMPARISON_SECTION.format(baseline=BASELINE),
         _format_comparison(results, folder),
-        PICTURES,
+        PICTURES_SECTION,
     ]
     return "\n".join(parts)
 

@@ -104,7 +104,7 @@ class ExperimentResults:
     def zero_variance_share(self, arm: str) -> float | None:
         """Returns the share of an arm's groups whose episodes all have the same score, over tasks and trainings."""
         rows = [row for training in self.trainings_of(arm) for row in self.done[training]["tasks"]]
-        shares = [row["groups"]["zero_variance_share"] for row in rows]
+        shares = [row["group_counts"]["zero_variance_share"] for row in rows]
         known = [share for share in shares if share is not None]
         return float(np.mean(known)) if known else None
 
@@ -113,7 +113,7 @@ def check_dependencies() -> None:
     """Checks that rliable can be imported.
 
     Raises:
-        ExperimentError: It cannot.
+        ExperimentError: The import fails.
     """
     try:
         from rliable import library  # noqa: F401

@@ -109,7 +109,7 @@ def _run_parallel(
                 if future.done():
                     future.result()
         finally:
-            # The pool queues one training more than it has processes, which cannot be cancelled.
+            # The pool has already queued one training that cannot be cancelled; it reads this event.
             stop.set()
             pool.shutdown(cancel_futures=True)
 

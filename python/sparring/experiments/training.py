@@ -78,7 +78,7 @@ class _TrainingMonitor:
         self._next = 0
 
     def after_rollout(self, steps: int, policy: ppo.Policy, metrics: dict[str, float]) -> None:
-        """Evaluates the policy if it is due. The first evaluation is after one rollout, when it has hardly learned."""
+        """Evaluates the policy if an evaluation is due. The first one follows the first rollout, as a baseline."""
         self.progress(steps - self.steps)
         self.steps = steps
         if steps < self._next and steps < self.experiment.budget:

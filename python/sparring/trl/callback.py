@@ -43,7 +43,7 @@ class CurriculumCallback(TrainerCallback):
         """
         if isinstance(self.source, EnvironmentFactory):
             _check_arguments(args, self.source.group_size)
-        # A resumed run already has versions: a new training counts on from the newest.
+        # A resumed run already has versions: a new training continues from the newest.
         self._first_version = max(0, self.source.policy_version - state.global_step)
         self.source.policy_version = self._first_version + state.global_step
         if state.is_world_process_zero and "tensorboard" in args.report_to:
@@ -63,8 +63,8 @@ class CurriculumCallback(TrainerCallback):
         try:
             metrics = {f"curriculum/{name}": value for name, value in self.source.metrics().items()}
         except CurriculumError as error:
-            # An unreachable server costs a point of the curves, not the training.
-            logger.warning("no metrics of the curriculum: %s", error)
+            # An unreachable server does not end the training.
+            logger.warning("the metrics of the curriculum are not available: %s", error)
             return
         logs.update(metrics)
         if state.log_history:

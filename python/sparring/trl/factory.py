@@ -18,16 +18,16 @@ from .tool_environment import ToolEnvironment
 PROMPT = (
     "You fly three satellites around the Earth, which is at (0, 0); distances are in LU, a step is one TU. Debris that comes "
     "nearer than 2 LU destroys a satellite. Call fire_thrusters where something will pass too near: a change of velocity of 0.1 "
-    "some steps before is enough, and costs fuel. Call hold where nothing will. What you leave unflown is flown by holding."
+    "some steps before is enough, and costs fuel. Call hold where nothing will. Steps that you do not use are spent holding."
 )
 
 
 class EnvironmentFactory:
     """Makes environments for `GRPOTrainer(environment_factory=…)`; all members of a group run one scenario.
 
-    The first member of a group to be reset takes a group of the run. Up to `group_size` members with the same `group_id` run
-    its scenario. Environments run in this process; the actions of each episode are submitted when it ends, and the server
-    computes its score. Leases are taken ahead, renewed, and released by `close`.
+    The first member that is reset with a `group_id` begins a group of the run. Up to `group_size` members with this
+    `group_id` run its scenario. Environments run in this process; the actions of each episode are submitted when it ends, and
+    the server computes its score. Groups are leased ahead; `close` releases them.
 
     Args:
         curriculum: Curriculum of a run with tasks of kessler.
@@ -67,11 +67,11 @@ class EnvironmentFactory:
         self.group_size = group_size
         self.reward: Reward = reward
         self.max_debris = max_debris
-        # A separate lease queue: other users of the curriculum would take episodes out of the middle of groups.
-        self._own_curriculum = curriculum.reopen(
+        # A separate queue of episodes: other environments of the curriculum would take episodes of incomplete groups.
+        self._group_curriculum = curriculum.reopen(
             form="groups", group_size=group_size, lease_groups=lease_groups, ttl_s=ttl_s, max_wait_s=max_wait_s
         )
-        self._episodes = GroupEpisodes(self._own_curriculum, group_size)
+        self._episodes = GroupEpisodes(self._group_curriculum, group_size)
 
     def __call__(self) -> ToolEnvironment:
         """Makes one environment for the trainer."""
@@ -90,11 +90,11 @@ class EnvironmentFactory:
     @property
     def policy_version(self) -> int:
         """Policy version of the episodes that begin from now on; `CurriculumCallback` sets it."""
-        return self._own_curriculum.policy_version
+        return self._group_curriculum.policy_version
 
     @policy_version.setter
     def policy_version(self, version: int) -> None:
-        self._own_curriculum.policy_version = version
+        self._group_curriculum.policy_version = version
         self.curriculum.policy_version = version
 
     def metrics(self) -> dict[str, float]:
@@ -103,11 +103,11 @@ class EnvironmentFactory:
         Raises:
             CurriculumError: The server is unreachable.
         """
-        return self._own_curriculum.metrics()
+        return self._group_curriculum.metrics()
 
     def stats(self) -> dict[str, Any]:
         """Returns `Curriculum.stats` of these environments."""
-        return self._own_curriculum.stats()
+        return self._group_curriculum.stats()
 
     def flush(self, timeout_s: float = 60.0) -> None:
         """Waits until all results are submitted.
@@ -115,15 +115,15 @@ class EnvironmentFactory:
         Raises:
             CurriculumError: They are not submitted in time, or the server refused some.
         """
-        self._own_curriculum.flush(timeout_s)
+        self._group_curriculum.flush(timeout_s)
 
     def close(self, timeout_s: float = 60.0) -> None:
-        """Submits results and releases unfinished episodes; the owner of the curriculum closes that.
+        """Submits results and releases unfinished episodes; does not close the curriculum that was passed in.
 
         Raises:
             CurriculumError: Results could not be submitted, or were refused.
         """
-        self._own_curriculum.close(timeout_s)
+        self._group_curriculum.close(timeout_s)
 
     def __enter__(self) -> EnvironmentFactory:
         return self

@@ -1,4 +1,4 @@
-"""Assignment of a curriculum's episodes to the members of GRPO groups."""
+"""Assignment of the curriculum's episodes to the members of GRPO groups."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ class GroupMember(NamedTuple):
 
 
 class GroupEpisodes:
-    """Gives all members of a group the same scenario of the curriculum. Its methods are thread-safe."""
+    """Assigns episodes of one scenario of the curriculum to all members of a group. Its methods are thread-safe."""
 
     def __init__(self, curriculum: Curriculum, group_size: int) -> None:
         self._curriculum = curriculum
         self._group_size = group_size
         self._lock = threading.Lock()
-        self._waiting: dict[str, list[GroupMember]] = {}
+        self._unassigned: dict[str, list[GroupMember]] = {}
         self._idle: list[Environment] = []
 
-    def take(self, group_id: str) -> GroupMember:
+    def acquire(self, group_id: str) -> GroupMember:
         """Returns an environment whose episode has begun for the next member of a group.
 
         Raises:
             CurriculumError: No episode is ready, and the server is unreachable or failed.
         """
         with self._lock:
-            if group_id not in self._waiting:
-                self._waiting[group_id] = self._begin_group()
-            members = self._waiting[group_id]
+            if group_id not in self._unassigned:
+                self._unassigned[group_id] = self._begin_group()
+            members = self._unassigned[group_id]
             member = members.pop()
             if not members:
-                del self._waiting[group_id]
+                del self._unassigned[group_id]
             return member
 
-    def give_back(self, environment: Environment, *, is_over: bool) -> None:
-        """Takes back an environment; abandons its episode if that is not over."""
+    def release(self, environment: Environment, *, is_over: bool) -> None:
+        """Releases an environment for later episodes; abandons its episode unless that is over."""
         with self._lock:
             if is_over:
                 self._idle.append(environment)
@@ -71,6 +71,6 @@ class GroupEpisodes:
         group.clear()
 
     def _abandon(self, environment: Environment) -> None:
-        # An episode that is offered again would be run in the middle of another group.
+        # An episode that is released instead would be offered again in the middle of another group.
         environment.abandon()
         self._idle.append(environment)

@@ -51,9 +51,9 @@ class ToolEnvironment:
             CurriculumError: No episode is ready, and the server is unreachable or failed.
         """
         if self._environment is not None:
-            self._episodes.give_back(self._environment, is_over=self._over)
+            self._episodes.release(self._environment, is_over=self._over)
             self._environment = None
-        self._environment, self._train = self._episodes.take(group_id)
+        self._environment, self._train = self._episodes.acquire(group_id)
         self._over, self._score, self._steps = False, 0.0, 0
         return f"{self._telemetry()['mission_objective']}\n{self._describe(self._max_debris)}"
 
@@ -62,12 +62,12 @@ class ToolEnvironment:
         Changes the velocity of one satellite, and lets one step pass.
 
         Args:
-            satellite_id: Which satellite, 0 to 2.
+            satellite_id: Number of the satellite, 0 to 2.
             delta_vx: Change of its velocity along x, -1 to 1.
             delta_vy: Change of its velocity along y, -1 to 1.
 
         Returns:
-            What is seen then.
+            The observation after the last step.
         """
         if isinstance(satellite_id, bool) or satellite_id not in range(SATELLITES):
             raise ValueError(f"satellite_id: {satellite_id!r} is not 0, 1 or 2")
@@ -82,10 +82,10 @@ class ToolEnvironment:
         Does nothing for some steps.
 
         Args:
-            steps: How many, 1 to 50.
+            steps: Number of steps, 1 to 50.
 
         Returns:
-            What is seen then.
+            The observation after the last step.
         """
         count = _read_number("steps", steps)
         if count < 1:
@@ -95,10 +95,10 @@ class ToolEnvironment:
 
     def telemetry(self) -> str:
         """
-        Looks farther around. No time passes.
+        Describes more debris around each satellite. No time passes.
 
         Returns:
-            What is seen now.
+            The current observation.
         """
         return self._describe(TELEMETRY_DEBRIS)
 

@@ -18,13 +18,13 @@ impl NativeBatch {
     /// Checks that this process can step the batch: a fork copies neither its threads nor those of a curriculum.
     ///
     /// # Errors
-    /// `RuntimeError` in a fork, where a step would wait for ever.
+    /// `RuntimeError` in a fork, where a step would never return.
     pub(super) fn check_process(&self) -> PyResult<()> {
         if self.is_owner_process() || (self.step_threads.is_inline() && self.curriculum.is_none()) {
             return Ok(());
         }
         Err(PyRuntimeError::new_err(
-            "these environments belong to another process, and a fork has none of their threads: make them in the process that steps them",
+            "these environments belong to another process, whose threads a fork does not copy: make them in the process that steps them",
         ))
     }
 
@@ -34,7 +34,7 @@ impl NativeBatch {
     /// `ValueError` if the index is out of range.
     pub(super) fn check_env(&self, env: usize) -> PyResult<()> {
         let envs = self.shape.envs;
-        if env < envs { Ok(()) } else { Err(invalid("env", format!("{env} of {envs}"))) }
+        if env < envs { Ok(()) } else { Err(invalid("env", format!("{env} is not from 0 to {}", envs - 1))) }
     }
 
     /// Reads actions into `target`; discrete actions become the values that they choose.

@@ -7,7 +7,7 @@ use pyo3::sync::MutexExt;
 
 /// Locks a mutex in a thread that has released the interpreter lock.
 pub(super) fn lock_detached<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A panic leaves at worst a batch whose step is half done; that batch rejects further steps by itself.
+    // After a panic in a step, the batch itself rejects further steps.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

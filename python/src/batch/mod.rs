@@ -83,10 +83,10 @@ impl NativeBatch {
             return Err(invalid("num_envs", format!("{envs} is not from 1 to {MAX_ENVS}")));
         }
         let client = curriculum.map(|curriculum| Arc::clone(&curriculum.client));
-        let first = client.as_ref().map(|client| py.detach(|| client.join(envs)));
-        let first = first.transpose().map_err(WaitError::into_py)?;
-        let recipe = match &first {
-            Some(first) => Arc::clone(first.recipe()),
+        let first_scenario = client.as_ref().map(|client| py.detach(|| client.register_envs(envs)));
+        let first_scenario = first_scenario.transpose().map_err(WaitError::into_py)?;
+        let recipe = match &first_scenario {
+            Some(scenario) => Arc::clone(scenario.recipe()),
             None => parse_recipe(recipe)?,
         };
         let task = recipe.task();
@@ -102,10 +102,10 @@ impl NativeBatch {
         };
         check_memory(task, &recipe, config)?;
         let sequences = ScenarioSequences::new(envs, Arc::clone(&recipe), seed);
-        let assigned = first.map(|first| AssignedScenarios::new(envs, &first));
+        let assigned = first_scenario.map(|scenario| AssignedScenarios::new(envs, &scenario));
         let batch = config::make_batch(task, config, assigned.as_ref(), &sequences)?;
         let shape = batch.shape();
-        let lead = if single { &[][..] } else { &[envs][..] };
+        let leading_axes = if single { &[][..] } else { &[envs][..] };
         let action_shape = if discrete { vec![shape.agents] } else { vec![shape.agents, shape.action] };
         let assigner = assigned.map(|assigned| EpisodeAssigner::new(assigned, shape, config.autoreset));
         Ok(Self {
@@ -116,11 +116,11 @@ impl NativeBatch {
             step_threads,
             process: std::process::id(),
             shape,
-            action_shape: [lead, &action_shape].concat(),
+            action_shape: [leading_axes, &action_shape].concat(),
             choices: choices.map(|choices| choices.rows),
             curriculum: client,
             state: Mutex::new(BatchState::new(batch, config.autoreset, assigner)),
-            outputs: Mutex::new(OutputArrays::new(lead, shape, config.observe)),
+            outputs: Mutex::new(OutputArrays::new(leading_axes, shape, config.observe)),
         })
     }
 
@@ -291,8 +291,8 @@ impl NativeBatch {
         Ok(episode.map(|episode| (NativeScenario(episode.scenario), episode.score)))
     }
 
-    /// Returns what the curriculum says of the current episodes: level (-1: none), whether to train on it, and whether the
-    /// environment is idle since no episode is left for it.
+    /// Returns, for the current episodes: the level (-1: none), whether to train on the episode, and whether the environment
+    /// is idle because no episode is left for it.
     #[pyo3(signature = () -> "tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_]]")]
     fn curriculum_info<'py>(&self, py: Python<'py>) -> CurriculumArrays<'py> {
         let state = lock_attached(py, &self.state);
@@ -310,7 +310,7 @@ impl NativeBatch {
             if let Some(curriculum) = self.curriculum.as_ref().filter(|_| self.is_owner_process())
                 && let Some(mut assigner) = lock_detached(&self.state).assigner.take()
             {
-                curriculum.leave(&mut assigner, self.shape.envs);
+                curriculum.unregister_envs(&mut assigner, self.shape.envs);
             }
         });
     }
@@ -332,7 +332,7 @@ impl NativeBatch {
         Ok(lock_attached(py, &self.state).batch.alerts(env))
     }
 
-    /// Returns what the agents of an environment observe, in the wire form (JSON).
+    /// Returns the observation of an environment's agents in the wire form (JSON).
     fn telemetry(&self, py: Python<'_>, env: usize) -> PyResult<Option<String>> {
         self.check_env(env)?;
         Ok(lock_attached(py, &self.state).batch.telemetry(env).map(|value| value.to_string()))
@@ -370,7 +370,7 @@ impl Drop for NativeBatch {
         // No thread that holds the queue waits for the interpreter lock, so this cannot deadlock.
         let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
         if let (Some(curriculum), Some(mut assigner)) = (&self.curriculum, state.assigner.take()) {
-            curriculum.leave(&mut assigner, self.shape.envs);
+            curriculum.unregister_envs(&mut assigner, self.shape.envs);
         }
     }
 }

@@ -50,9 +50,9 @@ pub(super) struct OutputArrays {
 }
 
 impl OutputArrays {
-    /// Creates recyclers for a batch; `lead` is the first axis of observations, empty for a single environment.
+    /// Creates recyclers for a batch; `leading_axes` is the first axis of observations, empty for a single environment.
     pub(super) fn new(
-        lead: &[usize],
+        leading_axes: &[usize],
         BatchShape { envs, agents, observation, .. }: BatchShape,
         observe: ObservationMode,
     ) -> Self {
@@ -61,7 +61,7 @@ impl OutputArrays {
             ObservationMode::All { .. } => vec![observation],
         };
         Self {
-            observations: ArrayRecycler::new(&[lead, &observation_shape].concat()),
+            observations: ArrayRecycler::new(&[leading_axes, &observation_shape].concat()),
             rewards: ArrayRecycler::new(&[envs]),
             terminations: ArrayRecycler::new(&[envs]),
             truncations: ArrayRecycler::new(&[envs]),
@@ -83,7 +83,7 @@ impl NativeBatch {
             Some(out) => {
                 Ok(out.cast::<PyArrayDyn<f32>>().map_err(|_| wrong_dtype("out", "float32"))?.clone())
             }
-            None => Ok(lock_attached(py, &self.outputs).observations.take(py)),
+            None => Ok(lock_attached(py, &self.outputs).observations.acquire(py)),
         }
     }
 
@@ -99,10 +99,10 @@ impl NativeBatch {
         let Some((observations, rewards, terminations, truncations)) = out else {
             let outputs = &mut *lock_attached(py, &self.outputs);
             return Ok(StepArrays {
-                observations: outputs.observations.take(py),
-                rewards: outputs.rewards.take(py),
-                terminations: outputs.terminations.take(py),
-                truncations: outputs.truncations.take(py),
+                observations: outputs.observations.acquire(py),
+                rewards: outputs.rewards.acquire(py),
+                terminations: outputs.terminations.acquire(py),
+                truncations: outputs.truncations.acquire(py),
             });
         };
         Ok(StepArrays {

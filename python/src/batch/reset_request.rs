@@ -76,7 +76,7 @@ impl NativeBatch {
             if request.recipe.is_some() || request.once.is_some() {
                 let scratch = match &mut scratch {
                     Some(scratch) => scratch,
-                    none => none.insert(ScratchEnv::new(self.task, &self.recipe, self.config)?),
+                    empty => empty.insert(ScratchEnv::new(self.task, &self.recipe, self.config)?),
                 };
                 scratch.begin(slot, sequence.clone(), &request)?;
             }
@@ -136,7 +136,7 @@ impl ScratchEnv {
 
     /// Bytes of one such environment, with its observation and its final observation.
     fn bytes(&mut self) -> usize {
-        // An unfair start is reported by the reset that asks for it.
+        // The first reset reports an unfair start.
         let _ = self.batch.reset(None, &mut self.observation);
         self.batch.bytes_per_env() + 2 * size_of_val(self.observation.as_slice())
     }
@@ -145,7 +145,7 @@ impl ScratchEnv {
 /// Number of environments from which on memory is checked.
 const MIN_CHECKED_ENVS: usize = 4096;
 
-/// Checks that there is memory for the environments: an exception is better than a process that is killed.
+/// Checks that there is memory for the environments, so that the process gets an exception and is not killed.
 ///
 /// # Errors
 /// `MemoryError` with the memory that the environments need.

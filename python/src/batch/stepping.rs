@@ -20,7 +20,7 @@ impl NativeBatch {
             let assigner = state.assigner.as_mut().ok_or_else(closed)?;
             // If no episode can be assigned, nothing has changed and the current episodes continue.
             curriculum.assign(assigner, BatchCall::Reset(mask)).map_err(StepError::Curriculum)?;
-            curriculum.give_back(assigner, mask);
+            curriculum.return_running(assigner, mask);
         }
         let reset = self.step_threads.run(|| {
             state.batch.reset(mask, observations)?;

@@ -1,4 +1,4 @@
-//! `CurriculumClient`: what a batch of environments calls to get episodes and to return results.
+//! `CurriculumClient`: the interface through which a batch of environments gets episodes and returns results.
 
 use std::sync::MutexGuard;
 use std::time::{Duration, Instant};
@@ -34,13 +34,13 @@ impl CurriculumClient {
     ///
     /// # Errors
     /// [`WaitError`] if no lease arrives in time, the evaluation is complete, or the curriculum is closed or failed.
-    pub(crate) fn join(&self, envs: usize) -> Result<Scenario, WaitError> {
+    pub(crate) fn register_envs(&self, envs: usize) -> Result<Scenario, WaitError> {
         let until = Instant::now() + self.max_wait;
         let mut queue = self.shared.lock();
         queue.target += EPISODES_PER_ENV * envs;
         self.shared.notify();
         loop {
-            if let Some(first) = queue.first() {
+            if let Some(first) = queue.first_scenario() {
                 return Ok(first);
             }
             queue.check_usable()?;
@@ -65,7 +65,7 @@ impl CurriculumClient {
         let until = Instant::now() + self.max_wait;
         let mut queue = self.shared.lock();
         loop {
-            // A refusal is raised before another episode begins.
+            // A failure is raised before another episode begins.
             queue.check_usable()?;
             assigner.version = queue.policy_version;
             if queue.unsent >= self.max_unsent && assigner.needs_assignment(call) {
@@ -94,7 +94,11 @@ impl CurriculumClient {
     }
 
     /// Returns the unfinished episodes of all environments, or of those in the mask, to the queue.
-    pub(crate) fn give_back(&self, assigner: &mut EpisodeAssigner<LeasedEpisode>, mask: Option<&[bool]>) {
+    pub(crate) fn return_running(
+        &self,
+        assigner: &mut EpisodeAssigner<LeasedEpisode>,
+        mask: Option<&[bool]>,
+    ) {
         assigner.return_running(&mut *self.shared.lock(), mask);
     }
 
@@ -119,7 +123,7 @@ impl CurriculumClient {
     }
 
     /// Unregisters `envs` environments and returns all their episodes to the queue.
-    pub(crate) fn leave(&self, assigner: &mut EpisodeAssigner<LeasedEpisode>, envs: usize) {
+    pub(crate) fn unregister_envs(&self, assigner: &mut EpisodeAssigner<LeasedEpisode>, envs: usize) {
         let mut queue = self.shared.lock();
         assigner.return_all(&mut *queue);
         queue.target = queue.target.saturating_sub(EPISODES_PER_ENV * envs).max(1);

@@ -1,4 +1,4 @@
-//! Queue between the environments and the two threads: leased episodes that are not begun, and results that are not sent.
+//! Queue between the environments and the two threads: leased episodes to begin, and results to send.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -31,7 +31,7 @@ pub(super) struct EpisodeCounts {
     pub(super) duplicate: u64,
     /// Reported after their lease had ended.
     pub(super) late: u64,
-    /// Not run to their end: given back or abandoned.
+    /// Not run to their end: released or abandoned.
     pub(super) unfinished: u64,
     /// Finished, but not submitted when the curriculum was closed.
     pub(super) lost: u64,
@@ -68,10 +68,10 @@ struct GroupLease {
     has_abandoned: bool,
 }
 
-/// Something to send to the server.
+/// Message to send to the server.
 #[derive(Debug)]
 pub(super) enum Submission {
-    /// Claim of a lease of columns, as far as it is finished.
+    /// Claim of the finished episodes of a lease of columns.
     Columns(ColumnLease),
     /// Result of an episode of a lease of groups.
     Result {
@@ -82,7 +82,7 @@ pub(super) enum Submission {
         /// Policy version that ran the episode.
         policy_version: u32,
     },
-    /// Release of the unfinished rest of a lease.
+    /// Release of the unfinished episodes of a lease.
     Release(Arc<Lease>),
 }
 
@@ -110,7 +110,7 @@ pub(super) struct EpisodeQueue {
     /// Policy version of the episodes that begin now.
     pub(super) policy_version: u32,
     leases: VecDeque<LeaseEpisodes>,
-    /// Episodes that were begun and given back.
+    /// Episodes that an environment began and returned.
     returned: Vec<PooledEpisode<LeasedEpisode>>,
     column_leases: BTreeMap<String, ColumnLease>,
     group_leases: BTreeMap<String, GroupLease>,
@@ -125,16 +125,16 @@ pub(super) struct EpisodeQueue {
     pub(super) outage: Option<Outage>,
     /// Error after which nothing more is fetched.
     pub(super) error: Option<String>,
-    /// How the server ended, if this process started it.
+    /// Message about the exit of the server, if this process started it and it has exited.
     pub(super) server_exit: Option<String>,
     /// True if the evaluation has no more episodes.
     pub(super) is_exhausted: bool,
     pub(super) is_closing: bool,
-    /// True while a lease request is under way.
+    /// True while a lease request is in progress.
     pub(super) is_fetching: bool,
-    /// True while a submission is under way.
+    /// True while a submission is in progress.
     pub(super) is_sending: bool,
-    /// True if no caller waits for unsent results any more.
+    /// True once the caller has stopped waiting for unsent results.
     pub(super) is_abandoned: bool,
     /// True if everything was sent after closing.
     pub(super) is_drained: bool,
@@ -172,7 +172,7 @@ impl EpisodeQueue {
         })
     }
 
-    /// Explains why the server gives no episode or takes no result.
+    /// Explains why no episode arrives or no result is accepted.
     pub(super) fn stall_reason(&self) -> String {
         if let Some(reason) = self.server_exit.as_ref().or(self.paused.as_ref()) {
             return reason.clone();
@@ -193,7 +193,7 @@ impl EpisodeQueue {
         (self.outage, self.server_exit) = (None, None);
     }
 
-    /// Begins an outage, unless one is under way.
+    /// Begins an outage, unless one has begun already.
     pub(super) fn begin_outage(&mut self, reason: String) {
         self.outage.get_or_insert_with(|| Outage { since: Instant::now(), reason });
     }
@@ -210,9 +210,9 @@ impl EpisodeQueue {
     /// Scenario of the next episode, which stays in the queue.
     ///
     /// All kessler tasks of a run have one shape, and so have all its docking tasks.
-    pub(super) fn first(&self) -> Option<Scenario> {
+    pub(super) fn first_scenario(&self) -> Option<Scenario> {
         let returned = self.returned.last().map(|episode| episode.scenario.clone());
-        returned.or_else(|| self.leases.front().and_then(LeaseEpisodes::first))
+        returned.or_else(|| self.leases.front().and_then(LeaseEpisodes::first_scenario))
     }
 
     /// Adds the episodes of a new lease.
@@ -234,9 +234,9 @@ impl EpisodeQueue {
 
     /// Records an episode that was run to its end.
     pub(super) fn finish(&mut self, finished: AssignedEpisode<LeasedEpisode>) {
-        let AssignedEpisode { id: episode, scenario, actions, team_return: earned, version } = finished;
+        let AssignedEpisode { id: episode, scenario, actions, team_return, version } = finished;
         let range = scenario.task().score_range();
-        let score = earned.clamp(range.min, range.max);
+        let score = team_return.clamp(range.min, range.max);
         self.counts.finished += 1;
         if !episode.lease.columns {
             if let Some(groups) = self.group_leases.get_mut(&episode.lease.id) {
@@ -276,10 +276,10 @@ impl EpisodeQueue {
         }
     }
 
-    /// Gives up all episodes that are not finished.
+    /// Releases all episodes that are not finished.
     ///
-    /// A lease of columns with results is claimed as far as it is finished; the rest is released.
-    pub(super) fn give_up(&mut self) {
+    /// A lease of columns with results is claimed with the episodes that are finished.
+    pub(super) fn release_unfinished(&mut self) {
         self.leases.clear();
         self.returned.clear();
         for (_, columns) in std::mem::take(&mut self.column_leases) {
@@ -317,7 +317,7 @@ impl EpisodeQueue {
         }
     }
 
-    /// Forgets a lease that has no open episode; releases it if any episode was abandoned.
+    /// Removes a lease that has no open episode; releases it if any episode was abandoned.
     ///
     /// The server ends a lease by itself once all its episodes are reported.
     fn release_if_done(&mut self, lease: &Lease) {
@@ -337,7 +337,7 @@ impl EpisodePool for EpisodeQueue {
             return Some(returned);
         }
         loop {
-            match self.leases.front_mut()?.next() {
+            match self.leases.front_mut()?.take_next() {
                 Some(next) => return Some(next),
                 None => {
                     self.leases.pop_front();

@@ -54,5 +54,5 @@ pub(super) fn curriculum_error(message: String) -> PyErr {
 pub(super) fn deadline(field: &str, seconds: f64) -> PyResult<Instant> {
     let seconds = if seconds == f64::INFINITY { INFINITE_TIMEOUT_S } else { seconds };
     let timeout = Duration::try_from_secs_f64(seconds).map_err(|error| invalid(field, error))?;
-    Instant::now().checked_add(timeout).ok_or_else(|| invalid(field, "longer than a clock can count"))
+    Instant::now().checked_add(timeout).ok_or_else(|| invalid(field, "too large for a timeout"))
 }

@@ -5,13 +5,11 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::episode_queue::SharedQueue;
-use super::http_client::{HttpClient, RequestError};
+use super::http_client::{HttpClient, RETRY_DELAY, RequestError};
 use super::lease::LeaseEpisodes;
 
-/// Delay before a repeated request if the server names none.
-const RETRY_DELAY: Duration = Duration::from_secs(1);
-/// Interval at which an idle thread checks the queue even without a notification.
-const IDLE_CHECK_INTERVAL: Duration = Duration::from_secs(5);
+/// Interval at which the idle fetch thread checks the queue even without a notification.
+const FETCH_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Parameters of all lease requests of a curriculum.
 #[derive(Debug, Clone)]
@@ -70,7 +68,7 @@ fn wait_for_demand(shared: &SharedQueue) -> Option<u32> {
     let mut queue = shared.lock();
     while !queue.is_closing && (queue.ready() >= queue.target || queue.error.is_some() || queue.is_exhausted)
     {
-        queue = shared.wait(queue, IDLE_CHECK_INTERVAL);
+        queue = shared.wait(queue, FETCH_CHECK_INTERVAL);
     }
     if queue.is_closing {
         return None;
@@ -96,7 +94,7 @@ fn handle_response(
             queue.add(episodes);
             if queue.is_closing {
                 // The lease arrived too late to be used and is released with the others.
-                queue.give_up();
+                queue.release_unfinished();
             }
         }
         // A paused run may resume.

@@ -9,6 +9,8 @@ use ureq::http::{Method, Request, Uri};
 
 /// Timeout of one request.
 const TIMEOUT: Duration = Duration::from_secs(60);
+/// Delay before a repeated request if the response has no `Retry-After` header.
+pub(super) const RETRY_DELAY: Duration = Duration::from_secs(1);
 /// Maximum delay that a `Retry-After` header can impose.
 const MAX_RETRY_AFTER: Duration = Duration::from_secs(600);
 /// Problem type of a request that the server gave up: the client cannot know whether it was executed.
@@ -36,14 +38,14 @@ pub(super) enum RequestError {
         kind: Option<String>,
         /// Message for the user.
         message: String,
-        /// Delay that the server asks for.
+        /// Delay that the `Retry-After` header of the response requests.
         retry_after: Option<Duration>,
     },
     /// The server rejects the request, and would reject it again.
     Rejected {
         /// HTTP status; 0 if the request could not be built.
         status: u16,
-        /// Field that the server names.
+        /// Path of the invalid field, if the server names one.
         field: Option<String>,
         /// Last part of the problem type.
         kind: Option<String>,

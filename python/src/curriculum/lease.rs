@@ -40,14 +40,14 @@ impl LeasedEpisode {
     }
 }
 
-/// Episodes of a lease that were not handed out yet.
+/// Episodes of a lease that no environment has taken yet.
 #[derive(Debug)]
 pub(super) struct LeaseEpisodes {
     pub(super) lease: Arc<Lease>,
     group_size: usize,
     ranges: Vec<SeedRange>,
     next: Position,
-    /// Number of episodes that were not handed out yet.
+    /// Number of episodes that no environment has taken yet.
     pub(super) left: usize,
 }
 
@@ -96,7 +96,7 @@ struct GroupResponse {
 struct RangeResponse {
     recipe: usize,
     level: Option<i64>,
-    first: usize,
+    first_group: usize,
     groups: usize,
     seed: u64,
 }
@@ -105,7 +105,7 @@ impl LeaseEpisodes {
     /// Reads the server's response to a lease request.
     ///
     /// # Errors
-    /// Returns a message if the response is malformed, has a recipe that this version does not know, or has evaluation
+    /// Returns a message if the response is malformed, has a recipe that this version does not support, or has evaluation
     /// seeds although `evaluation` is false.
     pub(super) fn read(response: Value, ttl: Duration, evaluation: bool) -> Result<Self, String> {
         let response: LeaseResponse =
@@ -138,13 +138,13 @@ impl LeaseEpisodes {
     }
 
     /// Scenario of the first episode of the lease.
-    pub(super) fn first(&self) -> Option<Scenario> {
+    pub(super) fn first_scenario(&self) -> Option<Scenario> {
         let range = self.ranges.first()?;
         Some(Scenario::new(Arc::clone(&range.recipe), Seed::new(range.first_seed).ok()?))
     }
 
-    /// Hands out the next episode; the episodes of a group are consecutive.
-    pub(super) fn next(&mut self) -> Option<PooledEpisode<LeasedEpisode>> {
+    /// Takes the next episode; the episodes of a group are consecutive.
+    pub(super) fn take_next(&mut self) -> Option<PooledEpisode<LeasedEpisode>> {
         let mut position = self.next;
         if position.member == self.group_size {
             position = Position { group: position.group + 1, member: 0, ..position };
@@ -166,7 +166,9 @@ impl LeaseEpisodes {
 fn read_ranges(response: &LeaseResponse) -> Result<Vec<SeedRange>, String> {
     let recipes = response.recipes.iter().map(Recipe::from_json).map(|recipe| recipe.map(Arc::new));
     let recipes = recipes.collect::<Result<Vec<_>, _>>();
-    let recipes = recipes.map_err(|error| format!("a scenario that this version does not know: {error}"))?;
+    let recipes = recipes.map_err(|error| {
+        format!("the lease has a scenario that this version of sparring does not support: {error}")
+    })?;
     let recipe =
         |index: usize| recipes.get(index).map(Arc::clone).ok_or("the lease refers to a missing recipe");
     let mut seed_ranges = Vec::new();
@@ -175,7 +177,7 @@ fn read_ranges(response: &LeaseResponse) -> Result<Vec<SeedRange>, String> {
             for range in ranges {
                 seed_ranges.push(SeedRange {
                     recipe: recipe(range.recipe)?,
-                    first_group: range.first,
+                    first_group: range.first_group,
                     groups: range.groups,
                     first_seed: range.seed,
                     level: range.level,

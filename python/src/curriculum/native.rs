@@ -145,7 +145,7 @@ impl NativeCurriculum {
             let mut queue = shared.lock();
             if !queue.is_closing {
                 queue.is_closing = true;
-                queue.give_up();
+                queue.release_unfinished();
             }
             shared.notify();
             while !queue.is_drained && queue.server_exit.is_none() && Instant::now() < until {

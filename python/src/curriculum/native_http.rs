@@ -12,7 +12,7 @@ use super::http_client::{HttpClient, RequestError, TIMED_OUT, is_loopback_url};
 use crate::errors::invalid;
 
 /// Interval at which a waiting thread lets Python handle signals.
-const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(100);
+const REQUEST_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Returns true if the host of a URL is this machine.
 #[pyfunction]
@@ -60,7 +60,7 @@ impl NativeHttpClient {
                 Err(RequestError::Unavailable { status: None, .. })
                     if wait_for_server && verb == Method::GET && Instant::now() < until =>
                 {
-                    sleep(py, SIGNAL_CHECK_INTERVAL)?;
+                    sleep(py, REQUEST_POLL_INTERVAL)?;
                 }
                 Err(RequestError::Unavailable { status: None, message, .. }) => {
                     let url = self.0.base_url();
@@ -81,7 +81,7 @@ impl NativeHttpClient {
 }
 
 impl NativeHttpClient {
-    /// Sends one request in a thread of its own, so that Python can handle signals meanwhile.
+    /// Sends one request in a separate thread, so that this thread can handle Python signals while it waits.
     fn send(
         &self,
         py: Python<'_>,
@@ -99,7 +99,7 @@ impl NativeHttpClient {
         })?;
         loop {
             let (response, returned) =
-                py.detach(move || (receiver.recv_timeout(SIGNAL_CHECK_INTERVAL), receiver));
+                py.detach(move || (receiver.recv_timeout(REQUEST_POLL_INTERVAL), receiver));
             receiver = returned;
             match response {
                 Ok(response) => return Ok(response),
@@ -116,7 +116,7 @@ impl NativeHttpClient {
 fn sleep(py: Python<'_>, duration: Duration) -> PyResult<()> {
     let until = Instant::now() + duration;
     while Instant::now() < until {
-        py.detach(|| std::thread::sleep(SIGNAL_CHECK_INTERVAL.min(duration)));
+        py.detach(|| std::thread::sleep(REQUEST_POLL_INTERVAL.min(duration)));
         py.check_signals()?;
     }
     Ok(())

@@ -8,15 +8,13 @@ use env_core::batch::episode_assigner::RecordedActions;
 use serde_json::{Value, json};
 
 use super::episode_queue::{ColumnLease, EpisodeCounts, EpisodeResult, SharedQueue, Submission};
-use super::http_client::{HttpClient, RequestError};
+use super::http_client::{HttpClient, RETRY_DELAY, RequestError};
 use super::lease::Lease;
 
-/// Delay before a repeated request if the server names none.
-const RETRY_DELAY: Duration = Duration::from_secs(1);
-/// Interval at which an idle thread checks the queue even without a notification.
-const IDLE_CHECK_INTERVAL: Duration = Duration::from_secs(1);
+/// Interval at which the idle report thread checks the queue even without a notification.
+const REPORT_CHECK_INTERVAL: Duration = Duration::from_secs(1);
 /// Problem type of a lease that ended before its results arrived.
-const LEASE_OVER: &str = "lease_over";
+const LEASE_CLOSED: &str = "lease_closed";
 /// Maximum number of results in one request.
 const MAX_BATCH_RESULTS: usize = 256;
 /// Maximum number of action values in one request, unless a single episode has more.
@@ -49,7 +47,7 @@ fn wait_for_submissions(shared: &SharedQueue, renewed: Instant) -> Option<Vec<Su
         && (!queue.is_closing || queue.is_fetching)
         && renewed.elapsed() < renewal_interval(&queue.active_leases())
     {
-        queue = shared.wait(queue, IDLE_CHECK_INTERVAL);
+        queue = shared.wait(queue, REPORT_CHECK_INTERVAL);
     }
     if queue.outbox.is_empty() && queue.is_closing && !queue.is_fetching {
         queue.is_drained = true;
@@ -102,7 +100,7 @@ fn record_outcome(
         }
     }
     if queue.is_abandoned && !matches!(outcome, Err(SubmitError::Abandoned(_))) {
-        // The caller did not wait for these results when it closed, but they were submitted after all.
+        // The caller closed the curriculum without these results, but they were submitted later.
         queue.counts.lost = queue.counts.lost.saturating_sub(count as u64);
     }
     match outcome {
@@ -149,7 +147,7 @@ impl RunApi<'_> {
     /// Returns a message if the server refused some of the results.
     ///
     /// # Errors
-    /// [`SubmitError`] if the server took none of it.
+    /// [`SubmitError`] if the server accepted none of it.
     fn submit(&self, submissions: &[Submission]) -> Result<Option<String>, SubmitError> {
         match submissions {
             [Submission::Columns(columns)] => self.claim(columns).map(|()| None),
@@ -181,7 +179,7 @@ impl RunApi<'_> {
                     self.shared.lock().end_outage();
                     return Ok(response);
                 }
-                Err(RequestError::Rejected { kind: Some(kind), .. }) if kind == LEASE_OVER => {
+                Err(RequestError::Rejected { kind: Some(kind), .. }) if kind == LEASE_CLOSED => {
                     return Err(SubmitError::Late);
                 }
                 Err(RequestError::Rejected { status, message, .. }) => {
@@ -276,10 +274,10 @@ fn claim_body(columns: &ColumnLease) -> Value {
     })
 }
 
-/// Ids and actions of the episodes that the response to a claim asks for.
+/// Ids and actions of the episodes that the server audits, by its response to a claim.
 fn audited_episodes<'a>(columns: &'a ColumnLease, claim: &Value) -> Vec<(String, &'a RecordedActions)> {
     let mut audited = Vec::new();
-    for group in claim["audit"].as_array().into_iter().flatten() {
+    for group in claim["audited_groups"].as_array().into_iter().flatten() {
         let entries = group["entries"].as_array().into_iter().flatten().filter_map(Value::as_u64);
         let ids = group["episodes"].as_array().into_iter().flatten().filter_map(Value::as_str);
         for (entry, id) in entries.zip(ids) {

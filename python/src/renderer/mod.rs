@@ -18,7 +18,7 @@ const MARGIN: f32 = 8.0;
 /// Maximum number of alerts in an image.
 const MAX_ALERTS: usize = 4;
 
-/// Color of a mark, with its opacity.
+/// Color with an opacity.
 #[derive(Clone, Copy)]
 struct Rgba {
     red: u8,
@@ -171,8 +171,8 @@ impl Renderer {
     }
 
     fn draw_view(&mut self, number: usize, view: &View, viewport: Viewport) {
-        for mark in &view.primitives {
-            match mark {
+        for primitive in &view.primitives {
+            match primitive {
                 Primitive::Disc { at, radius, style } => {
                     let radius = viewport.length(*radius).max(1.0);
                     self.fill_disc(viewport.position(*at), radius, style_color(*style));

@@ -60,10 +60,10 @@ def test_notebook_runs_and_resumes(tmp_path, monkeypatch):
         print(execute())
         url = f"/v1/runs/{curriculum.run}/episodes"
         episodes = curriculum.request("GET", f"{url}?limit=100")["episodes"]
-        assert curriculum.mastery()[0]["plain"]["episodes"] == len(episodes) == 8
+        assert curriculum.mastery()[0]["results"]["episodes"] == len(episodes) == 8
         assert all(episode["score"] is not None for episode in episodes)
         scenarios = [curriculum.request("GET", f"{url}/{episode['episode']}")["scenario_id"] for episode in episodes]
-        assert sorted(scenarios.count(one) for one in set(scenarios)) == [4, 4]
+        assert sorted(scenarios.count(scenario) for scenario in set(scenarios)) == [4, 4]
         assert {episode["policy_version"] for episode in episodes} == {0, 1}
         assert (tmp_path / "checkpoint-2" / "adapter_model.safetensors").exists()
         # A second execution with one more step resumes from the checkpoint.
@@ -72,7 +72,7 @@ def test_notebook_runs_and_resumes(tmp_path, monkeypatch):
         episodes = curriculum.request("GET", f"{url}?limit=100")["episodes"]
         assert [episode["policy_version"] for episode in episodes].count(2) == 4
         assert len(episodes) == 12
-        versions = curriculum.request("GET", f"/v1/runs/{curriculum.run}/versions")["versions"]
+        versions = curriculum.request("GET", f"/v1/runs/{curriculum.run}/policy_versions")["versions"]
         checkpoints = {row["version"]: row["checkpoint"] for row in versions if row["checkpoint"]}
         assert checkpoints == {2: os.fspath(tmp_path), 3: os.fspath(tmp_path)}
     assert (tmp_path / "adapter_model.safetensors").exists()

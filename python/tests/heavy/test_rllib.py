@@ -83,7 +83,7 @@ def runner_states(algorithm):
 
 def finished_by_version(curriculum):
     """Returns the server's number of episodes by policy version."""
-    versions = curriculum.request("GET", f"/v1/runs/{curriculum.run}/versions")["versions"]
+    versions = curriculum.request("GET", f"/v1/runs/{curriculum.run}/policy_versions")["versions"]
     return {row["version"]: sum(task["episodes"] for task in row["tasks"]) for row in versions}
 
 
@@ -288,27 +288,27 @@ def test_each_deputy_is_an_agent(cluster):
 def test_agent_envs_share_one_curriculum():
     with local_curriculum(["kessler/survival"]) as curriculum:
         config = {"curriculum": {"url": curriculum.url, "run": curriculum.run, "lease_groups": 4}}
-        one, two = (sparring.rllib.agents_env(config) for _ in range(2))
-        assert one.curriculum is two.curriculum is not curriculum
+        first, second = (sparring.rllib.agents_env(config) for _ in range(2))
+        assert first.curriculum is second.curriculum is not curriculum
         other = sparring.rllib.agents_env({"curriculum": {**config["curriculum"], "purpose": "probe"}})
-        assert other.curriculum is not one.curriculum
+        assert other.curriculum is not first.curriculum
         other.close()
-        for env in (one, two):
+        for env in (first, second):
             observations, infos = env.reset()
             assert infos["satellite_0"] == {"scenario": env.env.scenario, "level": 0, "train": True}
             while observations and env.env.agents:
                 observations, *_ = env.step({})
             env.reset()
-        shared = one.curriculum
-        one.close()
+        shared = first.curriculum
+        first.close()
         assert shared.stats()["finished"] == 2 and active_leases(curriculum)
-        two.close()
+        second.close()
         assert sum(finished_by_version(curriculum).values()) == 2
         assert not active_leases(curriculum)
-        again = sparring.rllib.agents_env(config)
-        assert again.curriculum is not shared
-        again.close()
-        again.close()
+        reopened = sparring.rllib.agents_env(config)
+        assert reopened.curriculum is not shared
+        reopened.close()
+        reopened.close()
 
 
 @needs_server

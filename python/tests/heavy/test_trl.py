@@ -138,8 +138,8 @@ def test_group_shares_a_scenario_and_server_scores_match(curriculum):
         assert rewards == [member.get_reward() for member in members]
         assert all(member.over for member in members)
         scenarios = [member.scenario for member in members]
-        again = members[0].reset(group_id="a")
-        assert "Step 0." in again
+        text = members[0].reset(group_id="a")
+        assert "Step 0." in text
         assert members[0].scenario != scenarios[0]
         envs.flush()
         stats = envs.stats()
@@ -182,7 +182,7 @@ def test_unfinished_group_is_released(curriculum):
             member.reset(group_id="a")
         members[0].get_reward()
         unfinished = members[0].scenario
-        # A training stopped in the middle of a group, and another one begins.
+        # A training stops in the middle of a group, and another one begins.
         for member in members:
             member.reset(group_id="b")
         assert len({member.scenario for member in members}) == 1
@@ -190,8 +190,8 @@ def test_unfinished_group_is_released(curriculum):
         for member in members:
             member.get_reward()
         last = members[0].scenario
-        # Another environment takes an episode of a group; the next group is complete all the same.
-        other = sparring.Environment(curriculum=envs._own_curriculum)
+        # Another environment takes an episode of a group; the next group is still complete.
+        other = sparring.Environment(curriculum=envs._group_curriculum)
         other.reset()
         for member in members:
             member.reset(group_id="c")
@@ -297,7 +297,7 @@ def test_model_that_calls_tools_learns(tmp_path):
         assert change > 0
         # The second step has the next policy version.
         assert {episode["policy_version"] for episode in episodes} == {0, 1}
-        assert curriculum.mastery()[0]["plain"]["episodes"] == 32
+        assert curriculum.mastery()[0]["results"]["episodes"] == 32
     events = EventAccumulator(os.fspath(tmp_path / "runs" / "curriculum"))
     events.Reload()
     tags = set(events.Tags()["scalars"])
@@ -308,7 +308,7 @@ def test_model_that_calls_tools_learns(tmp_path):
     assert "curriculum/kessler/survival/mastery" in trainer.state.log_history[0]
 
 
-def test_outage_costs_only_a_point_of_the_curves(envs, caplog):
+def test_unreachable_server_leaves_logs_without_metrics(envs, caplog):
     class Unreachable:
         policy_version = 0
 

@@ -45,20 +45,20 @@ def test_rollout_has_the_environments_observations():
     absent = envs.absent_agents()
     rollout.collect(envs, policy, absent)
     assert rollout.observations.any(axis=(1, 2, 3)).all()
-    again = sparring.make_vec("kessler/survival", 4, level=9, autoreset_mode="same_step")
-    observations, _ = again.reset(seed=1)
-    absent = again.absent_agents()
+    replayed = sparring.make_vec("kessler/survival", 4, level=9, autoreset_mode="same_step")
+    observations, _ = replayed.reset(seed=1)
+    absent = replayed.absent_agents()
     for step in range(60):
         assert (rollout.observations[step] == observations).all()
         assert (rollout.active[step] == ~absent).all()
-        observations, *_, infos = again.step(rollout.actions[step])
-        results = again.agent_results()
+        observations, *_, infos = replayed.step(rollout.actions[step])
+        results = replayed.agent_results()
         absent = results.terminations | results.truncations
         if "_episode" in infos:
-            absent[infos["_episode"]] = again.absent_agents()[infos["_episode"]]
+            absent[infos["_episode"]] = replayed.absent_agents()[infos["_episode"]]
     assert not rollout.active.all(), "no agent left before the others"
     envs.close()
-    again.close()
+    replayed.close()
 
 
 @needs_server

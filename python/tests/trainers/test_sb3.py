@@ -85,14 +85,14 @@ def test_loaded_model_continues_to_learn(tmp_path):
     # A loaded buffer has no environments and uses all rows, unless it gets the arguments again.
     loaded = {name: data[name] for name in ("rollout_buffer_class", "rollout_buffer_kwargs")}
     for arguments in (loaded, sparring.sb3.active_only(envs)):
-        again = PPO("MlpPolicy", envs, n_steps=50, batch_size=200, device="cpu", **arguments)
-        again.learn(600)
-        assert again.rollout_buffer.active.all() == (arguments is loaded)
+        continued = PPO("MlpPolicy", envs, n_steps=50, batch_size=200, device="cpu", **arguments)
+        continued.learn(600)
+        assert continued.rollout_buffer.active.all() == (arguments is loaded)
     if int(torch.__version__.split(".")[0]) >= 2:  # Stable-Baselines3 cannot load files with an older version
-        again = PPO.load(tmp_path / "model", env=envs, device="cpu", **sparring.sb3.active_only(envs))
+        loaded_model = PPO.load(tmp_path / "model", env=envs, device="cpu", **sparring.sb3.active_only(envs))
         rows = envs.reset()
-        assert (again.predict(rows, deterministic=True)[0] == model.predict(rows, deterministic=True)[0]).all()
-        again.learn(600)
+        assert (loaded_model.predict(rows, deterministic=True)[0] == model.predict(rows, deterministic=True)[0]).all()
+        loaded_model.learn(600)
     with pytest.raises(ValueError, match="envs"):
         sparring.sb3.active_only(DummyVecEnv([lambda: gymnasium.make("sparring/Survival-v0")]))
 
