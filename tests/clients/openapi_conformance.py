@@ -179,7 +179,7 @@ def create_resources(url):
     for run in ("real", "spare"):
         request_json(url, "POST", "/v1/runs", {"id": run, "seed": 1, "group_size": 2, "placement": False, "tasks": [TASK]})
     at = "/v1/runs/real"
-    request_json(url, "PUT", at + "/policy", {"policy": "random", "ahead": 64})  # the random policy fails, so that the designer has failures to aim at
+    request_json(url, "PUT", at + "/policy", {"policy": "random", "max_unacknowledged_groups": 64})  # the random policy fails, so that the designer has failures to aim at
     leases = [request_json(url, "POST", at + "/leases", {"groups": 2, "ttl_s": 86400}) for _ in range(2)]
     reported = leases[0]["groups"][0]["episodes"]
     request_json(url, "POST", at + "/results", {"results": [{"episode": name, "actions": {"steps": [[]] * 50}} for name in reported]})
@@ -187,7 +187,7 @@ def create_resources(url):
     request_json(url, "POST", f"{at}/leases/{columns[0]['lease']}/columns", {"score": [0.5] * 4})
     wait_for("trajectory", lambda: request_json(url, "GET", at + "/trajectories?after=0&limit=1")["groups"])
     designs = wait_for("design", lambda: request_json(url, "GET", at + "/designs")["designs"])
-    asked = request_json(url, "POST", at + "/designs", {"n": 2})
+    asked = request_json(url, "POST", at + "/designs", {"count": 2})
     request_json(url, "POST", f"{at}/designs/{designs[0]['id']}/retire")
     flown = request_json(url, "GET", at + "/episodes?limit=4")["episodes"]
     request_json(url, "POST", "/reset", {"task": "survival", "seed": 7})
@@ -199,7 +199,7 @@ def create_resources(url):
     actions = {"steps": [[[0, 0.1, 0.0]]] + [[]] * 49}
     scenario = {"task": TASK, "seed": 7}
     return {
-        "run": ["real"], "ask": [asked["id"]], "lease": [lease["lease"] for lease in leases + columns],
+        "run": ["real"], "request": [asked["id"]], "lease": [lease["lease"] for lease in leases + columns],
         "episode": reported + group["episodes"] + [episode["episode"] for episode in flown],
         "design": [design["id"] for design in designs[:4]], "layout": [design["id"] for design in designs[:4]],
         "evaluation": evaluations, "version": [1, 2, 3],

@@ -4,6 +4,7 @@
 //! the crash test ([`crash`]) and a scripted language model ([`mock_llm`]). The tests themselves are in `tests/system`.
 
 pub mod crash;
+mod incomplete_post;
 pub mod mock_llm;
 mod polling;
 mod process;
@@ -15,9 +16,12 @@ use env_core::rollout::{Rollout, roll_out};
 use env_core::{ActionLog, EpisodeOutcome, Recipe, Scenario, Seed};
 use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-pub use self::polling::{wait_for, wait_until};
+pub use self::incomplete_post::IncompletePost;
+use self::polling::Polling;
+pub use self::polling::{try_wait_for, wait_for, wait_until};
 pub use self::process::{ServerProcess, native_module, sparring_binary};
 pub use self::websocket::{Received, TestSocket};
 
@@ -140,6 +144,15 @@ impl ApiResponse {
         assert_eq!(self.status, status, "{}", self.body);
         self.body
     }
+
+    /// Parses the body as a type of the API after a check of the status.
+    ///
+    /// # Errors
+    /// Returns an error with the body if the status is not a success or the body has another type.
+    pub fn parse<T: DeserializeOwned>(self) -> anyhow::Result<T> {
+        anyhow::ensure!((200..300).contains(&self.status), "status {}: {}", self.status, self.body);
+        Ok(serde_json::from_value(self.body)?)
+    }
 }
 
 impl ApiClient {
@@ -221,12 +234,20 @@ impl ApiClient {
         self.request(method, path, "application/json", body.to_string()).await
     }
 
-    /// Leases groups of `run`.
+    /// Leases groups of `run`; repeats the request while the server is still preparing scenarios.
     ///
     /// # Panics
     /// Panics if the server rejects the request.
     pub async fn lease(&self, run: &str, request: Value) -> Lease {
-        Lease(self.post(&format!("/v1/runs/{run}/leases"), request).await.expect(201))
+        let path = format!("/v1/runs/{run}/leases");
+        let polling = Polling::start("scenarios are prepared");
+        loop {
+            let response = self.post(&path, request.clone()).await;
+            if response.body["type"] != "urn:sparring:problem:not_ready" {
+                return Lease(response.expect(201));
+            }
+            polling.pause().await.expect("the server prepares scenarios");
+        }
     }
 
     /// Reports results to `run` and returns the response with one receipt a result.

@@ -1,9 +1,14 @@
-//! Chat completion endpoint that returns scripted responses.
+//! Chat completion endpoints for tests: with scripted responses, with responses that the test releases, and a closed port.
 
 use std::collections::VecDeque;
-use std::sync::Mutex;
+use std::future::IntoFuture;
+use std::sync::{Arc, Mutex};
 
+use axum::routing::post;
+use axum::{Json, Router};
 use serde_json::{Value, json};
+use tokio::net::{TcpListener, TcpSocket};
+use tokio::sync::{Semaphore, watch};
 use wiremock::matchers::{header, method, path};
 use wiremock::{Mock, MockServer, Request, Respond, ResponseTemplate};
 
@@ -12,13 +17,80 @@ pub const API_KEY: &str = "sk-f00dfacecafe1234567890";
 /// Action of the kessler worlds that does nothing.
 pub const HOLD_ACTION: &str = r#"{"burns": []}"#;
 
-/// Returns the URL of a local port without a listener.
-///
-/// # Panics
-/// Panics if no port is free.
-pub async fn unused_url() -> String {
-    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
-    format!("http://{}", listener.local_addr().expect("the socket is bound"))
+/// Local port that refuses every connection. No other process can listen at the port while this value exists.
+#[derive(Debug)]
+pub struct ClosedPort(TcpSocket);
+
+impl ClosedPort {
+    /// Reserves a free port without listening at it.
+    ///
+    /// # Panics
+    /// Panics if no port is free.
+    #[must_use]
+    pub fn reserve() -> Self {
+        let socket = TcpSocket::new_v4().expect("a socket");
+        socket.bind(([127, 0, 0, 1], 0).into()).expect("a port is free");
+        Self(socket)
+    }
+
+    /// URL of the port.
+    ///
+    /// # Panics
+    /// Panics if the operating system does not return the port of the socket.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}", self.0.local_addr().expect("the socket is bound"))
+    }
+}
+
+/// Endpoint that holds its responses back until the test releases them, so that tests do not depend on delays.
+#[derive(Debug)]
+pub struct GatedEndpoint {
+    url: String,
+    received: watch::Receiver<usize>,
+    released: Arc<Semaphore>,
+}
+
+impl GatedEndpoint {
+    /// Starts an endpoint whose responses all have the message `content`.
+    ///
+    /// # Panics
+    /// Panics if no port is free.
+    pub async fn start(content: &'static str) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
+        let url = format!("http://{}", listener.local_addr().expect("the socket is bound"));
+        let (received_sender, received) = watch::channel(0);
+        let released = Arc::new(Semaphore::new(0));
+        let gate = Arc::clone(&released);
+        let respond = async move || {
+            received_sender.send_modify(|requests| *requests += 1);
+            gate.acquire().await.expect("the gate is never closed").forget();
+            Json(chat_completion(content))
+        };
+        let router = Router::new().route("/v1/chat/completions", post(respond));
+        tokio::spawn(axum::serve(listener, router).into_future());
+        Self { url, received, released }
+    }
+
+    /// URL of the endpoint, without the path `/v1`.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// Waits until the endpoint has received `requests` requests since its start.
+    ///
+    /// # Panics
+    /// Panics if the endpoint has stopped.
+    pub async fn wait_for_requests(&self, requests: usize) {
+        let mut received = self.received.clone();
+        received.wait_for(|count| *count >= requests).await.expect("the endpoint runs");
+    }
+
+    /// Releases that many responses: those that are held back, then later ones.
+    pub fn release(&self, responses: usize) {
+        self.released.add_permits(responses);
+    }
 }
 
 /// Returns true if the bytes contain [`API_KEY`].

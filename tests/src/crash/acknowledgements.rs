@@ -140,8 +140,8 @@ impl AcknowledgementLog {
         };
         let finished = state.episodes.iter().filter(|episode| episode["state"] == "finished").count() as u64;
         // Logs of a claim that never became complete are stored, but count for nothing.
-        let counted = sum("plain", "episodes") + sum("designed", "episodes");
-        let (claimed, accepted) = (sum("claimed", "episodes"), log.columns.values().sum::<u64>());
+        let counted = sum("results", "episodes") + sum("designed_results", "episodes");
+        let (claimed, accepted) = (sum("claimed_results", "episodes"), log.columns.values().sum::<u64>());
         if counted > finished {
             faults.push(format!("{counted} episodes are counted, but only {finished} are stored"));
         }

@@ -11,7 +11,7 @@ use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::Message;
 
 use super::{AcknowledgementLog, RUN};
-use crate::{ApiClient, ApiResponse, Lease, episode_result, run_policy};
+use crate::{ApiClient, ApiResponse, Lease, episode_result, run_policy, try_wait_for};
 
 /// Pause between two attempts of a request.
 const RETRY_INTERVAL: Duration = Duration::from_millis(30);
@@ -104,7 +104,7 @@ impl Trainer {
                 continue; // the lease expired while the server was down
             }
             ensure!(claim.status == 200, "claim rejected: {}", claim.body);
-            let groups = claim.body["audit"].as_array().context("no audit")?;
+            let groups = claim.body["audited_groups"].as_array().context("no audit")?;
             let audited: Vec<&Value> =
                 groups.iter().flat_map(|group| group["episodes"].as_array().into_iter().flatten()).collect();
             let index = |episode: &Value| -> anyhow::Result<usize> {
@@ -190,18 +190,28 @@ fn column_scenarios(lease: &Lease) -> anyhow::Result<Vec<env_core::Scenario>> {
     Ok(scenarios)
 }
 
-/// Pulls all groups that are still in the feed. Server rollouts must be off.
+/// Pulls every group that is in the feed without an acknowledgement. Server rollouts must be off.
+///
+/// A group that was delivered to a trainer returns to the feed after its TTL, so this function pulls until it has all.
 pub(super) async fn drain_feed(api: &ApiClient, run: &str) -> anyhow::Result<Vec<Value>> {
-    // Tests the passing of time: groups that were delivered but not acknowledged return after their TTL.
-    tokio::time::sleep(Duration::from_millis(1000 * DELIVERY_TTL_S + 100)).await;
     let mut groups = Vec::new();
-    loop {
-        let pulled = api.get(&format!("/v1/runs/{run}/trajectories?limit=64&ttl_s=600&wait_s=0")).await;
-        ensure!(pulled.status == 200, "no trajectories: {}", pulled.body);
-        let page = pulled.body["groups"].as_array().context("no groups")?;
-        if page.is_empty() {
-            return Ok(groups);
+    let drained = try_wait_for("every group without an acknowledgement is delivered", async || {
+        match pull_remaining(api, run, &mut groups).await {
+            Ok(true) => Some(Ok(())),
+            Ok(false) => None,
+            Err(error) => Some(Err(error)),
         }
-        groups.extend(page.iter().cloned());
-    }
+    });
+    drained.await??;
+    Ok(groups)
+}
+
+/// Appends the groups that the feed delivers now; returns true if these are all groups without an acknowledgement.
+async fn pull_remaining(api: &ApiClient, run: &str, groups: &mut Vec<Value>) -> anyhow::Result<bool> {
+    let pulled = api.get(&format!("/v1/runs/{run}/trajectories?limit=64&ttl_s=600&wait_s=0")).await;
+    ensure!(pulled.status == 200, "no trajectories: {}", pulled.body);
+    groups.extend(pulled.body["groups"].as_array().context("no groups")?.iter().cloned());
+    let feed = api.get(&format!("/v1/runs/{run}/policy")).await.body["feed"].clone();
+    let count = |field: &str| feed[field].as_u64().with_context(|| format!("no number of {field} groups"));
+    Ok(groups.len() as u64 == count("waiting")? + count("delivered")?)
 }

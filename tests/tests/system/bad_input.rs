@@ -1,7 +1,7 @@
 //! Invalid input: every request is rejected with a clear problem, and has no effect.
 
 use serde_json::{Value, json};
-use system_tests::{ApiResponse, Server};
+use system_tests::{ApiResponse, IncompletePost, Server};
 
 fn problem_line(response: &ApiResponse) -> String {
     assert_eq!(response.content_type, "application/problem+json", "{response:?}");
@@ -11,88 +11,100 @@ fn problem_line(response: &ApiResponse) -> String {
     format!("{} {problem}{field}: {}", response.status, response.body["detail"].as_str().unwrap())
 }
 
-#[expect(clippy::too_many_lines, reason = "a table: one line a request")]
+const JSON: &str = "application/json";
+
+/// Request that the server must reject.
+struct InvalidRequest {
+    method: &'static str,
+    path: &'static str,
+    content_type: &'static str,
+    body: &'static str,
+}
+
+const fn post(path: &'static str, body: &'static str) -> InvalidRequest {
+    InvalidRequest { method: "POST", path, content_type: JSON, body }
+}
+
+const fn get(path: &'static str) -> InvalidRequest {
+    InvalidRequest { method: "GET", path, content_type: JSON, body: "" }
+}
+
+const INVALID_REQUESTS: [InvalidRequest; 57] = [
+    post("/v1/runs", "{"),
+    post("/v1/runs", r#"{"seed": NaN}"#),
+    post("/v1/runs", r#"{"contested_share": 1e999}"#),
+    post("/v1/runs", r#"{"sed": 1}"#),
+    post("/v1/runs", r#"{"seed": -1}"#),
+    post("/v1/runs", r#"{"seed": 9007199254740992}"#),
+    post("/v1/runs", r#"{"id": "run"}"#),
+    post("/v1/runs", r#"{"id": "Über Run"}"#),
+    post("/v1/runs", r#"{"strategy": "magic"}"#),
+    post("/v1/runs", r#"{"contested_share": 1.5}"#),
+    post("/v1/runs", r#"{"group_size": 0}"#),
+    post("/v1/runs", r#"{"group_size": 4, "min_group": 5}"#),
+    post("/v1/runs", r#"{"tasks": []}"#),
+    post("/v1/runs", r#"{"tasks": ["kessler/golf"]}"#),
+    post("/v1/runs", r#"{"tasks": ["kessler/survival", "kessler/survival"]}"#),
+    post(
+        "/v1/runs",
+        r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[100], []]}}}}"#,
+    ),
+    post(
+        "/v1/runs",
+        r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[-1]]}}}}"#,
+    ),
+    post("/v1/runs", r#"[1, 2]"#),
+    post("/v1/runs", "null"),
+    post("/v1/runs", ""),
+    post("/v1/runs", r#"{"seed": 1, "seed": 2}"#),
+    post("/v1/runs", r#"{"seed": 2251799813685248}"#),
+    post("/v1/runs", r#"{"success_threshold": 1e300}"#),
+    post("/v1/runs", r#"{"task_settings": {"kessler/survival": [1]}}"#),
+    post("/v1/runs", "[]"),
+    post("/v1/runs", r#"{} {}"#),
+    InvalidRequest { method: "POST", path: "/v1/runs", content_type: "text/plain", body: r#"{}"# },
+    get("/v1/runs/unknown"),
+    get("/v1/runs/NOBODY"),
+    get("/v1/runs/unknown/episodes"),
+    get("/v1/runs/unknown/leases"),
+    get("/v1/runs/unknown/mastery"),
+    get("/v1/runs/unknown/mastery/history"),
+    get("/v1/runs?limit=0"),
+    get("/v1/runs?limit=many"),
+    get("/v1/runs?limit=1&limit=2"),
+    get("/v1/runs?limt=1"),
+    get("/v1/runs?limit=%ff"),
+    get("/v1/runs?cursor=7"),
+    post("/v1/runs/unknown/leases", r#"{"groups": 1}"#),
+    post("/v1/runs/run/leases", r#"{}"#),
+    post("/v1/runs/run/leases", r#"{"groups": 0}"#),
+    post("/v1/runs/run/leases", r#"{"groups": 4294967296}"#),
+    post("/v1/runs/run/leases", r#"{"groups": 1024, "group_size": 1024}"#),
+    post("/v1/runs/run/leases", r#"{"groups": 1, "ttl_s": 0}"#),
+    post("/v1/runs/run/leases", r#"{"groups": 1, "purpose": "fun"}"#),
+    get("/v1/runs/run/leases/42"),
+    get("/v1/runs/run/leases/42-abcdef"),
+    get("/v1/runs/run/episodes/ep_42-abcdef_0"),
+    get("/v1/runs/run/episodes/42"),
+    post("/v1/runs/run/results", r#"{"results": [{"episode": 3, "actions": []}]}"#),
+    post("/v1/runs/run/results", r#"{"results": [{"score": 1.0}]}"#),
+    post("/v1/runs/run/results", r#"{"results": [["x", "failed"]]}"#),
+    post(
+        "/v1/runs/run/results",
+        r#"{"results": [{"episode": "x", "actions": {"steps": [[{"a": 1, "a": 2}]]}}]}"#,
+    ),
+    post("/v1/runs/unknown/results", r#"{"results": []}"#),
+    get("/v1/nothing"),
+    InvalidRequest { method: "DELETE", path: "/v1/runs", content_type: JSON, body: "" },
+];
+
 #[tokio::test]
 async fn invalid_requests_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run", "seed": 1})).await.expect(201);
     let mut problems = Vec::new();
-    let json = "application/json";
-    for (method, path, content_type, body) in [
-        ("POST", "/v1/runs", json, "{"),
-        ("POST", "/v1/runs", json, r#"{"seed": NaN}"#),
-        ("POST", "/v1/runs", json, r#"{"contested_share": 1e999}"#),
-        ("POST", "/v1/runs", json, r#"{"sed": 1}"#),
-        ("POST", "/v1/runs", json, r#"{"seed": -1}"#),
-        ("POST", "/v1/runs", json, r#"{"seed": 9007199254740992}"#),
-        ("POST", "/v1/runs", json, r#"{"id": "run"}"#),
-        ("POST", "/v1/runs", json, r#"{"id": "Über Run"}"#),
-        ("POST", "/v1/runs", json, r#"{"strategy": "magic"}"#),
-        ("POST", "/v1/runs", json, r#"{"contested_share": 1.5}"#),
-        ("POST", "/v1/runs", json, r#"{"group_size": 0}"#),
-        ("POST", "/v1/runs", json, r#"{"group_size": 4, "min_group": 5}"#),
-        ("POST", "/v1/runs", json, r#"{"tasks": []}"#),
-        ("POST", "/v1/runs", json, r#"{"tasks": ["kessler/golf"]}"#),
-        ("POST", "/v1/runs", json, r#"{"tasks": ["kessler/survival", "kessler/survival"]}"#),
-        (
-            "POST",
-            "/v1/runs",
-            json,
-            r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[100], []]}}}}"#,
-        ),
-        (
-            "POST",
-            "/v1/runs",
-            json,
-            r#"{"task_settings": {"kessler/survival": {"levels": {"columns": ["fuel"], "rows": [[-1]]}}}}"#,
-        ),
-        ("POST", "/v1/runs", json, r#"[1, 2]"#),
-        ("POST", "/v1/runs", json, "null"),
-        ("POST", "/v1/runs", json, ""),
-        ("POST", "/v1/runs", json, r#"{"seed": 1, "seed": 2}"#),
-        ("POST", "/v1/runs", json, r#"{"seed": 2251799813685248}"#),
-        ("POST", "/v1/runs", json, r#"{"success_threshold": 1e300}"#),
-        ("POST", "/v1/runs", json, r#"{"task_settings": {"kessler/survival": [1]}}"#),
-        ("POST", "/v1/runs", json, "[]"),
-        ("POST", "/v1/runs", json, r#"{} {}"#),
-        ("POST", "/v1/runs", "text/plain", r#"{}"#),
-        ("GET", "/v1/runs/unknown", json, ""),
-        ("GET", "/v1/runs/NOBODY", json, ""),
-        ("GET", "/v1/runs/unknown/episodes", json, ""),
-        ("GET", "/v1/runs/unknown/leases", json, ""),
-        ("GET", "/v1/runs/unknown/mastery", json, ""),
-        ("GET", "/v1/runs/unknown/mastery/history", json, ""),
-        ("GET", "/v1/runs?limit=0", json, ""),
-        ("GET", "/v1/runs?limit=many", json, ""),
-        ("GET", "/v1/runs?limit=1&limit=2", json, ""),
-        ("GET", "/v1/runs?limt=1", json, ""),
-        ("GET", "/v1/runs?limit=%ff", json, ""),
-        ("GET", "/v1/runs?cursor=7", json, ""),
-        ("POST", "/v1/runs/unknown/leases", json, r#"{"groups": 1}"#),
-        ("POST", "/v1/runs/run/leases", json, r#"{}"#),
-        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 0}"#),
-        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 4294967296}"#),
-        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 1024, "group_size": 1024}"#),
-        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 1, "ttl_s": 0}"#),
-        ("POST", "/v1/runs/run/leases", json, r#"{"groups": 1, "purpose": "fun"}"#),
-        ("GET", "/v1/runs/run/leases/42", json, ""),
-        ("GET", "/v1/runs/run/leases/42-abcdef", json, ""),
-        ("GET", "/v1/runs/run/episodes/ep_42-abcdef_0", json, ""),
-        ("GET", "/v1/runs/run/episodes/42", json, ""),
-        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"episode": 3, "actions": []}]}"#),
-        ("POST", "/v1/runs/run/results", json, r#"{"results": [{"score": 1.0}]}"#),
-        ("POST", "/v1/runs/run/results", json, r#"{"results": [["x", "failed"]]}"#),
-        (
-            "POST",
-            "/v1/runs/run/results",
-            json,
-            r#"{"results": [{"episode": "x", "actions": {"steps": [[{"a": 1, "a": 2}]]}}]}"#,
-        ),
-        ("POST", "/v1/runs/unknown/results", json, r#"{"results": []}"#),
-        ("GET", "/v1/nothing", json, ""),
-        ("DELETE", "/v1/runs", json, ""),
-    ] {
+    for InvalidRequest { method, path, content_type, body } in INVALID_REQUESTS {
         let response = api.request(method, path, content_type, body.to_owned()).await;
         problems.push(format!("{method} {path} {body}\n    {}", problem_line(&response)));
     }
@@ -154,7 +166,7 @@ async fn scenario_endpoint_returns_bracket_and_replay() {
     let checked = server.api().post("/v1/scenarios", body).await.expect(200);
     assert_eq!(checked["fair"], true);
     let (hold, reference) = (&checked["bracket"]["hold"], checked["bracket"]["reference"].as_f64().unwrap());
-    assert_eq!(&checked["flown"]["score"], hold, "an empty log is a holding policy");
+    assert_eq!(&checked["outcome"]["score"], hold, "an empty log is a holding policy");
     assert!(reference >= hold.as_f64().unwrap());
     // The returned scenario is complete: it has the same id when it is sent again.
     let repeated = json!({"scenario": checked["scenario"]});
@@ -227,7 +239,7 @@ async fn unknown_query_parameters_are_rejected() {
         "runs/run",
         "runs/run/mastery",
         "runs/run/params",
-        "runs/run/failures",
+        "runs/run/failure_profiles",
         "runs/run/leases",
     ] {
         let _ = api.get(&format!("/v1/{path}")).await.expect(200);
@@ -241,31 +253,18 @@ async fn unknown_query_parameters_are_rejected() {
 /// An incomplete body is rejected after a timeout, and other requests are served meanwhile.
 #[tokio::test]
 async fn incomplete_body_is_rejected_after_a_timeout() {
-    use tokio::io::{AsyncReadExt, AsyncWriteExt};
-
     let server = Server::start().await;
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
-    let send_half = async |path: &str| {
-        let address = api.base().strip_prefix("http://").unwrap();
-        let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
-        let head = format!(
-            "POST {path} HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{{"
-        );
-        stream.write_all(head.as_bytes()).await.unwrap();
-        let mut response = [0; 4096];
-        let length = stream.read(&mut response).await.unwrap();
-        String::from_utf8_lossy(&response[..length]).into_owned()
-    };
-    let all = futures_util::future::join_all(
-        ["/v1/runs", "/v1/scenarios", "/v1/runs/run/leases", "/v1/runs/run/results"].map(send_half),
-    );
-    let others = async {
-        // Tests the passing of time: by now the server waits for the four bodies.
-        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
-        assert_eq!(api.get("/v1/tasks").await.status, 200);
-    };
-    for response in tokio::join!(all, others).0 {
-        assert!(response.starts_with("HTTP/1.1 408") && response.contains("slow_body"), "{response}");
+    let mut incomplete = Vec::new();
+    for path in ["/v1/runs", "/v1/scenarios", "/v1/runs/run/leases", "/v1/runs/run/results"] {
+        let mut post = IncompletePost::send_head(&api, path, 500).await;
+        post.send_first_byte().await;
+        incomplete.push(post);
+    }
+    assert_eq!(api.get("/v1/tasks").await.status, 200);
+    for post in incomplete {
+        let response = post.response().await;
+        assert!(response.starts_with("HTTP/1.1 408") && response.contains("body_timeout"), "{response}");
     }
 }

@@ -52,7 +52,7 @@ async fn kills_during_compaction_lose_nothing() {
     let report = crash(&db, 12, true).await;
     let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
     let folded: i64 =
-        sqlx::query_scalar("SELECT sum(episodes) FROM folds").fetch_one(&mut conn).await.unwrap();
+        sqlx::query_scalar("SELECT sum(episodes) FROM compacted_leases").fetch_one(&mut conn).await.unwrap();
     assert!(folded > 200, "only {folded} episodes were compacted: {report}");
 }
 

@@ -1,6 +1,6 @@
 //! Unusable databases: the server exits with code 2 and one sentence that says what to do, and leaves the file unchanged.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use sqlx::Connection;
@@ -182,82 +182,4 @@ fn public_address_without_tokens_is_rejected() {
     assert_eq!(process.status.code(), Some(2));
     let error = String::from_utf8(process.stderr).unwrap();
     assert!(error.contains("the server has no tokens"), "{error}");
-}
-
-/// Unpacks a database with schema 8.
-fn unpack_old_database(folder: &Path) -> PathBuf {
-    let db = folder.join("old.sqlite3");
-    let stored = include_bytes!("../../fixtures/schema-8.sqlite3.gz");
-    let mut file = std::fs::File::create(&db).unwrap();
-    std::io::copy(&mut flate2::read::GzDecoder::new(&stored[..]), &mut file).unwrap();
-    db
-}
-
-async fn query_number(db: &Path, statement: &'static str) -> i64 {
-    let options = SqliteConnectOptions::new().filename(db).read_only(true);
-    let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
-    sqlx::query_scalar(statement).fetch_one(&mut conn).await.unwrap()
-}
-
-const SCHEMA_VERSION_SQL: &str = "SELECT max(version) FROM _sqlx_migrations";
-
-/// A database is copied before a migration. If the copy fails, the database is unchanged.
-#[tokio::test]
-async fn older_database_is_copied_before_migration() {
-    let folder = tempfile::tempdir().unwrap();
-    let db = unpack_old_database(folder.path());
-    let copy = folder.path().join("old.sqlite3.schema-8");
-    let before = std::fs::read(&db).unwrap();
-    // A folder with the name of the copy makes the copy fail.
-    std::fs::create_dir_all(copy.join("full")).unwrap();
-    let error = serve_error(&db);
-    assert!(error.contains("DB has an older schema (8), and a copy of it could not be made"), "{error}");
-    assert_eq!(query_number(&db, SCHEMA_VERSION_SQL).await, 8);
-    assert_eq!(std::fs::read(&db).unwrap(), before);
-    assert!(!folder.path().join("old.sqlite3.schema-8.unfinished").exists());
-    std::fs::remove_dir_all(&copy).unwrap();
-    // The rest of an interrupted attempt is overwritten.
-    std::fs::write(folder.path().join("old.sqlite3.schema-8.unfinished"), "half").unwrap();
-    drop(ServerProcess::start(&db));
-    assert!(query_number(&db, SCHEMA_VERSION_SQL).await > 8);
-    assert_eq!(
-        (
-            query_number(&copy, SCHEMA_VERSION_SQL).await,
-            query_number(&copy, "SELECT count(*) FROM action_logs").await
-        ),
-        (8, 2)
-    );
-    // A current database is not copied.
-    std::fs::remove_file(&copy).unwrap();
-    drop(ServerProcess::start(&db));
-    let files = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name());
-    assert!(files.into_iter().all(|name| !name.to_string_lossy().contains("schema-")));
-}
-
-/// A run of an older version, with other encodings of logs and brackets, continues.
-#[tokio::test]
-async fn older_database_is_migrated_and_usable() {
-    let folder = tempfile::tempdir().unwrap();
-    let db = unpack_old_database(folder.path());
-    let server = ServerProcess::start(&db);
-    let api = server.api();
-    let run = api.get("/v1/runs").await.expect(200)["runs"][0]["id"].as_str().unwrap().to_owned();
-    let leases = api.get(&format!("/v1/runs/{run}/leases")).await.expect(200);
-    assert_eq!(leases["leases"].as_array().unwrap().len(), 2);
-    for lease in leases["leases"].as_array().unwrap() {
-        let id = lease["lease"].as_str().unwrap();
-        let shown = api.get(&format!("/v1/runs/{run}/leases/{id}")).await.expect(200);
-        let bracket = &shown["groups"][0]["bracket"];
-        assert!(bracket["floor"].as_f64().unwrap() < bracket["reference"].as_f64().unwrap(), "{bracket}");
-        let path = format!("/v1/runs/{run}/episodes/ep_{id}_0");
-        let episode = api.get(&path).await.expect(200);
-        assert_eq!(episode["actions"]["steps"].as_array().unwrap().len(), 50, "{episode}");
-        assert_eq!(api.get(&format!("{path}/critique")).await.status, 200);
-        // A repeated log is a duplicate.
-        let result = serde_json::json!({"episode": format!("ep_{id}_0"), "actions": episode["actions"]});
-        let receipt = &api.report(&run, vec![result]).await["results"][0];
-        assert_eq!((&receipt["status"], &receipt["score"]), (&"duplicate".into(), &episode["score"]));
-    }
-    let _ = api.lease(&run, serde_json::json!({"groups": 8})).await;
-    server.kill();
 }

@@ -51,22 +51,22 @@ async fn info_check_backup_and_export_work_on_a_live_database() {
 
     let info: Value = serde_json::from_slice(&db(&file, &["info", "--format", "json"]).stdout).unwrap();
     let run = &info["runs"][0];
-    assert_eq!(run["whole"].as_i64().unwrap() + run["folded"].as_i64().unwrap(), 24, "{info}");
-    assert!(run["folded"].as_i64().unwrap() > 0 && info["bytes"].as_i64().unwrap() > 0);
+    assert_eq!(run["whole"].as_i64().unwrap() + run["compacted"].as_i64().unwrap(), 24, "{info}");
+    assert!(run["compacted"].as_i64().unwrap() > 0 && info["bytes"].as_i64().unwrap() > 0);
     assert!(output_text(&db(&file, &["info"])).contains("table, with its indexes"));
     let checked = db(&file, &["check"]);
     assert_eq!(checked.status.code(), Some(0), "{}", output_text(&checked));
 
     assert_eq!(db(&file, &["backup", copy.to_str().unwrap()]).status.code(), Some(0));
     let second = db(&file, &["backup", copy.to_str().unwrap()]);
-    assert_output(&second, 2, "exists already");
-    assert_output(&db(&file, &["backup", "/nowhere/copy.sqlite3"]), 2, "no copy was made");
+    assert_output(&second, 2, "already exists");
+    assert_output(&db(&file, &["backup", "/nowhere/copy.sqlite3"]), 2, "could not be written");
 
     assert_export_is_complete(&file, &folder.path().join("lines.ndjson"));
 
     assert_output(&db(&file, &["vacuum"]), 2, "stop the other server");
     assert_eq!(server.terminate(), Some(0));
-    assert_output(&db(&file, &["vacuum"]), 0, "before it had");
+    assert_output(&db(&file, &["vacuum"]), 0, ", before ");
     // A server can continue from the copy.
     assert_eq!(db(&copy, &["check"]).status.code(), Some(0));
     let server = ServerProcess::start(&copy);
@@ -103,16 +103,16 @@ async fn check_finds_each_kind_of_damage() {
     let file = folder.path().join("db.sqlite3");
     assert_eq!(serve_compacted_run(&file).await.terminate(), Some(0));
     for (damage, found) in [
-        ("UPDATE episodes SET score = 0.123 WHERE flown IS NOT NULL", "replays to"),
+        ("UPDATE episodes SET score = 0.123 WHERE outcome IS NOT NULL", "replays to"),
         ("DELETE FROM action_logs", "has no actions"),
-        ("UPDATE task_sums SET episodes = episodes + 1", "sums up"),
+        ("UPDATE task_counters SET episodes = episodes + 1", "counts"),
         (
-            "INSERT INTO claimed_sums VALUES ('run', 'kessler/survival', 0, 3, 1.5, 0, 0, 0, 0, 0)",
-            "sums up columns as",
+            "INSERT INTO claim_counters VALUES ('run', 'kessler/survival', 0, 3, 1.5, 0, 0, 0, 0, 0)",
+            "counts claims as",
         ),
         ("UPDATE groups SET finished = finished + 1", "finished episodes, and has"),
-        ("UPDATE folds SET body = x'0102'", "cannot be read"),
-        ("UPDATE curriculum_snapshots SET body = '{}'", "cannot be brought back"),
+        ("UPDATE compacted_leases SET body = x'0102'", "cannot be read"),
+        ("UPDATE curriculum_snapshots SET body = '{}'", "cannot be loaded"),
         ("PRAGMA foreign_keys = OFF; DELETE FROM scenarios", "refers to a row of scenarios"),
     ] {
         let damaged = folder.path().join("harmed.sqlite3");

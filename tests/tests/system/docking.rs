@@ -21,8 +21,11 @@ async fn heuristic_policy_is_promoted_in_docking() {
     for _ in 0..5 {
         let lease = api.lease("dock", json!({"groups": 32})).await;
         for group in lease.0["groups"].as_array().unwrap() {
-            assert_eq!((&group["contested"], &group["bracket"]["panel_success"]), (&json!(true), &json!(0)));
-            assert!(group["bracket"]["panel"].as_u64().unwrap() >= 1);
+            assert_eq!(
+                (&group["contested"], &group["bracket"]["panel_successes"]),
+                (&json!(true), &json!(0))
+            );
+            assert!(group["bracket"]["panel_size"].as_u64().unwrap() >= 1);
         }
         let episodes = lease.episodes();
         let results =
@@ -47,7 +50,7 @@ async fn heuristic_policy_is_promoted_in_docking() {
     let PolicyRollout { outcome, log } = run_policy(&scenario, "heuristic");
     api.report("dock", vec![json!({"episode": name, "actions": log_to_json(&log)})]).await;
     let shown = api.get(&format!("/v1/runs/dock/episodes/{name}")).await.expect(200);
-    assert_eq!(shown["flown"]["steps"], outcome.steps);
+    assert_eq!(shown["outcome"]["steps"], outcome.steps);
     assert_eq!(shown["actions"]["steps"], log_to_json(&log)["steps"], "the log is returned as it was sent");
     let replay = api.get(&format!("/v1/runs/dock/episodes/{name}/replay")).await.expect(200);
     assert_eq!(replay["frames"].as_array().unwrap().len(), outcome.steps as usize + 1);
@@ -68,7 +71,7 @@ async fn holding_policy_never_docks() {
     }
     let mastery = api.get("/v1/runs/hold/mastery").await.expect(200);
     for task in mastery["tasks"].as_array().unwrap() {
-        assert_eq!((&task["level"], &task["plain"]["success"]), (&json!(0), &json!(0.0)), "{task}");
+        assert_eq!((&task["level"], &task["results"]["success"]), (&json!(0), &json!(0.0)), "{task}");
     }
 }
 
@@ -140,7 +143,7 @@ async fn tasks_are_described_and_default_to_the_first_world() {
     let api = server.api();
     let tasks = api.get("/v1/tasks").await.expect(200)["tasks"].as_array().unwrap().clone();
     for task in &tasks {
-        for field in ["policies", "reflex", "failure_modes"] {
+        for field in ["policies", "reflex_params", "failure_modes"] {
             assert!(!task[field].as_array().unwrap().is_empty(), "{field} of {task}");
         }
         assert!(task["agents"].as_u64() >= Some(1) && task["horizon"].as_u64() >= Some(50), "{task}");

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 
 use env_core::critique::{Critique, bearing_sector};
 use env_core::{ActionLog, Scenario};
@@ -14,7 +13,7 @@ use sqlx::Connection;
 use sqlx::sqlite::SqliteConnectOptions;
 use system_tests::{ApiClient, Lease, Server, ServerProcess, log_to_json, run_policy};
 
-use crate::design::wait_for_critiques;
+use crate::design::{wait_for_critiques, wait_for_response};
 
 const TASK: &str = "kessler/survival";
 
@@ -33,7 +32,7 @@ async fn wait_for_profile(api: &ApiClient) -> Value {
 
 async fn finished_episodes(api: &ApiClient) -> u64 {
     let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
-    mastery["tasks"][0]["plain"]["episodes"].as_u64().unwrap()
+    mastery["tasks"][0]["results"]["episodes"].as_u64().unwrap()
 }
 
 fn number(profile: &Value, name: &str) -> u64 {
@@ -79,7 +78,7 @@ fn without_server_fields(mut body: Value) -> Value {
             encounter.remove("band").unwrap();
         }
     }
-    json!({"failures": body["failures"], "actions": body["actions"], "judged": body["judged"]})
+    json!({"failures": body["failures"], "actions": body["actions"], "assessment": body["assessment"]})
 }
 
 /// Reports a lease, its first episode as failed. Returns the failures of the others and the sum of their judged values.
@@ -93,7 +92,7 @@ async fn report_lease(api: &ApiClient, lease: &Lease) -> (Cells, f64) {
         let log = run_policy(&scenario, if i % 3 == 0 { "random" } else { "hold" }).log;
         let critique = compute_critique(&scenario, &log);
         count_failures(&mut cells, &scenario, &critique);
-        judged += critique.judged.value;
+        judged += critique.assessment.value;
         results.push(json!({"episode": episode, "actions": log_to_json(&log)}));
     }
     api.report("run", results).await;
@@ -104,8 +103,7 @@ async fn report_lease(api: &ApiClient, lease: &Lease) -> (Cells, f64) {
 async fn count_listed_failures(api: &ApiClient) -> u64 {
     let (mut cursor, mut listed) = (String::new(), 0);
     loop {
-        let page =
-            api.get(&format!("/v1/runs/run/failures/list?task={TASK}&limit=7{cursor}")).await.expect(200);
+        let page = api.get(&format!("/v1/runs/run/failures?task={TASK}&limit=7{cursor}")).await.expect(200);
         for failure in page["failures"].as_array().unwrap() {
             listed += 1;
             let path = format!("/v1/runs/run/episodes/{}/critique", failure["episode"].as_str().unwrap());
@@ -141,7 +139,8 @@ async fn assert_examples_are_distinct(api: &ApiClient) {
         let names = |cell: &Value| serde_json::from_value(cell["episodes"].clone()).unwrap();
         cells.map(|cell| (names(cell), cell["count"].as_u64().unwrap())).collect()
     };
-    let request = async |n: usize| api.get(&format!("/v1/runs/run/failures?task={TASK}&examples={n}")).await;
+    let request =
+        async |n: usize| api.get(&format!("/v1/runs/run/failure_profiles?task={TASK}&examples={n}")).await;
     let whole = cells(&request(64).await.expect(200));
     let twice = |(names, count): &&(Vec<String>, u64)| names.len() > 3 && *count > names.len() as u64;
     assert!(
@@ -176,7 +175,7 @@ async fn profile_equals_the_critiques_of_the_episodes() {
     assert_eq!((number(&profile, "skipped"), number(&profile, "failed")), (0, 0));
     assert_eq!(finished_episodes(&api).await, 47);
     assert_eq!(profile_cells(&profile), cells);
-    let mean = profile["judge"]["all"].as_f64().unwrap();
+    let mean = profile["judge"]["overall"].as_f64().unwrap();
     assert!((mean - judged / 47.0).abs() < 1e-12, "the mean of 47 judged values is {mean}");
 
     assert_examples_are_distinct(&api).await;
@@ -184,8 +183,7 @@ async fn profile_equals_the_critiques_of_the_episodes() {
     assert_eq!(count_listed_failures(&api).await, cells.values().sum::<u64>());
     let ((mode, encounter), of_cell) = cells.iter().find(|((_, encounter), _)| encounter.is_some()).unwrap();
     let (sector, band) = encounter.unwrap();
-    let path =
-        format!("/v1/runs/run/failures/list?task={TASK}&mode={mode}&sector={sector}&band={band}&limit=500");
+    let path = format!("/v1/runs/run/failures?task={TASK}&mode={mode}&sector={sector}&band={band}&limit=500");
     assert_eq!(api.get(&path).await.expect(200)["failures"].as_array().unwrap().len() as u64, *of_cell);
 
     // The critique of an evaluation episode is available, and does not change the profile.
@@ -229,7 +227,7 @@ async fn kills_lose_no_critique_and_count_none_twice() {
     let mut process = ServerProcess::start(&db);
     create(&process.api(), 2).await;
     let (mut cells, mut max_waiting) = (Cells::new(), 0);
-    for round in 0..8u64 {
+    for round in 0..8 {
         let api = process.api();
         let lease = api.lease("run", json!({"groups": 32})).await;
         let mut results = Vec::new();
@@ -239,8 +237,12 @@ async fn kills_lose_no_critique_and_count_none_twice() {
             results.push(json!({"episode": episode, "actions": log_to_json(&log)}));
         }
         api.report("run", results).await;
-        // Tests the passing of time: the delay varies the moment of the kill.
-        tokio::time::sleep(Duration::from_millis(4 * round)).await;
+        // Each round kills the server later: from all 64 episodes waiting for their critique to none.
+        let max_left = 64 - 64 * round / 7;
+        wait_for_response(&api, "/v1/runs/run", |run| {
+            run["critique_backlog"]["waiting"].as_u64().is_some_and(|waiting| waiting <= max_left)
+        })
+        .await;
         process.kill();
         max_waiting = max_waiting.max(execute_sql(&db, "SELECT sum(episodes) FROM critique_queue").await);
         process = ServerProcess::start(&db);
@@ -253,7 +255,7 @@ async fn kills_lose_no_critique_and_count_none_twice() {
     assert_eq!(profile_cells(&profile), cells, "{max_waiting} critiques waited at a kill");
 }
 
-/// A database from before critiques existed, with more episodes than the queue takes: some are skipped, and counted as such.
+/// More episodes than the queue takes wait when the server starts: some are skipped, and counted as such.
 #[tokio::test]
 async fn long_critique_queue_is_sampled() {
     let mut server = Server::start().await;
@@ -263,11 +265,16 @@ async fn long_critique_queue_is_sampled() {
     server.api().report("run", lease.episodes().into_iter().map(hold).collect()).await;
     server.stop().await;
     for statement in [
-        "DROP TABLE failure_examples",
-        "DROP TABLE failure_profile",
-        "DROP TABLE critique_sums",
-        "DROP TABLE critique_queue",
-        "DELETE FROM _sqlx_migrations WHERE version = 2",
+        "DELETE FROM failure_examples",
+        "DELETE FROM failure_cells",
+        "DELETE FROM failure_inertial_sectors",
+        "DELETE FROM critique_counters",
+        "DELETE FROM critique_queue",
+        "INSERT INTO critique_queue (run, task, lease, numbers, episodes)
+         SELECT l.run, g.task, e.lease, json_group_array(e.number), count(*)
+         FROM leases l JOIN groups g ON g.lease = l.id
+         JOIN episodes e ON e.lease = l.id AND e.number / l.group_size = g.number
+         WHERE e.state = 'finished' GROUP BY e.lease, g.task, e.number / 64",
     ] {
         execute_sql(&server.db_path(), statement).await;
     }
@@ -289,7 +296,7 @@ async fn responses() {
     create(&api, 1).await;
     // The world defines the modes; the snapshot has the first one only.
     let modes = env_core::task(TASK).unwrap().failure_modes();
-    let mut nothing_yet = api.get("/v1/runs/run/failures").await.expect(200);
+    let mut nothing_yet = api.get("/v1/runs/run/failure_profiles").await.expect(200);
     let modes_shown = nothing_yet["tasks"][0]["modes"].as_array_mut().unwrap();
     assert!(modes_shown.iter().map(|mode| &mode["mode"]).eq(modes.iter().map(|mode| mode.name)));
     modes_shown.truncate(1);
@@ -298,21 +305,21 @@ async fn responses() {
     let (pending_episode, _) = lease.episodes().into_iter().next().unwrap();
     let mut problems = Vec::new();
     for path in [
-        "unknown/failures",
-        "NOBODY/failures",
+        "unknown/failure_profiles",
+        "NOBODY/failure_profiles",
+        "run/failure_profiles?task=kessler/nothing",
+        "run/failure_profiles?task=kessler/rendezvous",
+        "run/failure_profiles?examples=65",
+        "run/failure_profiles?examples=many",
+        "run/failure_profiles?page=2",
+        "run/failures",
         "run/failures?task=kessler/nothing",
-        "run/failures?task=kessler/rendezvous",
-        "run/failures?examples=65",
-        "run/failures?examples=many",
-        "run/failures?page=2",
-        "run/failures/list",
-        "run/failures/list?task=kessler/nothing",
-        "run/failures/list?task=kessler/survival&mode=boredom",
-        "run/failures/list?task=kessler/survival&sector=12",
-        "run/failures/list?task=kessler/survival&band=9",
-        "run/failures/list?task=kessler/survival&limit=0",
-        "run/failures/list?task=kessler/survival&cursor=4.zz",
-        "unknown/failures/list?task=kessler/survival",
+        "run/failures?task=kessler/survival&mode=boredom",
+        "run/failures?task=kessler/survival&sector=12",
+        "run/failures?task=kessler/survival&band=9",
+        "run/failures?task=kessler/survival&limit=0",
+        "run/failures?task=kessler/survival&cursor=4.zz",
+        "unknown/failures?task=kessler/survival",
         "run/episodes/nonsense/critique",
         &format!("run/episodes/{pending_episode}/critique"),
     ] {

@@ -17,7 +17,7 @@ async fn evaluation_and_stale_results_are_only_stored() {
     }
     assert_eq!(statuses(&api.report(&id, lease.results("hold")).await), ["stored"; 4]);
     let mastery = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
-    assert_eq!(mastery["tasks"][0]["plain"]["episodes"], 0);
+    assert_eq!(mastery["tasks"][0]["results"]["episodes"], 0);
 
     let lease = api.lease(&id, json!({"groups": 4, "policy_version": 5})).await;
     for group in lease.0["groups"].as_array().unwrap() {

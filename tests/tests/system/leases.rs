@@ -68,7 +68,7 @@ async fn repeated_results_are_duplicates_with_own_receipts() {
         "a duplicate has the same score"
     );
 
-    let episodes = |v: &Value| v["tasks"][0]["plain"]["episodes"].as_u64().unwrap();
+    let episodes = |v: &Value| v["tasks"][0]["results"]["episodes"].as_u64().unwrap();
     let after = api.get("/v1/runs/mine/mastery").await.expect(200);
     assert_eq!((episodes(&before), episodes(&after)), (3, 4), "nothing counts twice");
     // The same episode twice in one batch.
@@ -101,7 +101,7 @@ async fn concurrent_repeated_batches_count_each_episode_once() {
     }
     assert_eq!(counted, sent.len());
     let task = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200)["tasks"][0].clone();
-    assert_eq!(task["plain"]["episodes"].as_u64(), Some(sent.len() as u64));
+    assert_eq!(task["results"]["episodes"].as_u64(), Some(sent.len() as u64));
 }
 
 #[tokio::test]
@@ -173,7 +173,7 @@ async fn late_results_are_stored_but_not_counted() {
     );
     assert_eq!(lease_after_expiry["groups"][1]["state"], "lost");
     let before = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
-    assert_eq!(before["tasks"][0]["plain"]["expired"], 4);
+    assert_eq!(before["tasks"][0]["results"]["expired"], 4);
     let late = api.report(&id, results).await;
     assert_eq!(
         statuses(&late),
@@ -279,7 +279,7 @@ async fn failed_episodes_do_not_lower_mastery() {
         api.report(&id, results).await;
     }
     let task = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200)["tasks"][0].clone();
-    assert!(task["plain"]["failed"].as_u64().unwrap() > 30);
+    assert!(task["results"]["failed"].as_u64().unwrap() > 30);
     assert!(task["mastery"]["mean"].as_f64().unwrap() > 0.9, "{}", task["mastery"]);
     assert_eq!(task["level"], 0, "no block counts if a third of the episodes failed");
     assert!(!task["warnings"].as_array().unwrap().is_empty(), "the run has a warning");

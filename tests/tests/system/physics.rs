@@ -56,7 +56,7 @@ async fn run_options_apply_from_lease_to_critique() {
     for ((id, scenario), receipt) in episodes.iter().zip(response["results"].as_array().unwrap()) {
         let PolicyRollout { outcome, log } = run_policy(scenario, "random");
         assert_eq!(receipt["score"].as_f64(), Some(outcome.score), "equal to the bit");
-        assert_replay_matches(&api, id, scenario, outcome.total).await;
+        assert_replay_matches(&api, id, scenario, outcome.total_reward).await;
         let critique = api.get(&format!("/v1/runs/swept/episodes/{id}/critique")).await.expect(200);
         let expected = scenario.task().critique(scenario, &log).unwrap();
         assert_eq!(critique["failures"].as_array().unwrap().len(), expected.failures.len(), "{critique}");
@@ -225,7 +225,8 @@ async fn tasks_list_every_accepted_option() {
     // Runs accept every listed choice, except those that are for single scenarios only.
     for option in of(SURVIVAL)["physics"].as_array().unwrap() {
         for choice in option["choices"].as_array().unwrap() {
-            let by_hand = option["by_hand"].as_array().unwrap().iter().any(|kept| kept["choice"] == *choice);
+            let by_hand =
+                option["manual_choices"].as_array().unwrap().iter().any(|kept| kept["choice"] == *choice);
             let options = json!({option["name"].as_str().unwrap(): choice});
             let scenario = json!({"scenario": {"task": SURVIVAL, "seed": 1, "physics": options}});
             let _ = server.api().post("/v1/scenarios", scenario).await.expect(200);
@@ -259,7 +260,7 @@ async fn scenario_endpoint_returns_telemetry() {
         .await
         .expect(200);
     assert_eq!(held["frames"], same["frames"], "without actions the agents hold");
-    assert!(held["flown"].is_null() && same["flown"].is_object());
+    assert!(held["outcome"].is_null() && same["outcome"].is_object());
     let frames = held["frames"].as_array().unwrap();
     let warnings: usize =
         frames.iter().map(|f| f["observation"]["conjunctions"].as_array().unwrap().len()).sum();
@@ -272,7 +273,7 @@ async fn scenario_endpoint_returns_telemetry() {
     let flown = request_scenario(json!({"telemetry": true, "actions": actions})).await.expect(200);
     assert_eq!(flown["frames"][1]["actions"], json!([[0, 0.1, 0.0]]));
     let total = flown["frames"].as_array().unwrap().last().unwrap()["observation"]["total_score"].clone();
-    assert_eq!(total, flown["flown"]["total"]);
+    assert_eq!(total, flown["outcome"]["total_reward"]);
 
     let unfair = json!({"mode": "extend", "bodies": {"satellites": [[60, 0, 0, 4], [0, 60, -4, 0], [-60, 0, 0, -4]],
                                                      "debris": [[60, 0, 0, 4]]}});

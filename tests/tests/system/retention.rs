@@ -77,7 +77,7 @@ async fn query_number(server: &Server, sql: &'static str) -> i64 {
 /// Waits until the server keeps no more episodes in full than the settings say.
 async fn wait_for_compaction(server: &Server) {
     let full = "SELECT coalesce(sum(groups * group_size), 0) FROM leases
-                WHERE folded = 0 AND status <> 'active' AND purpose <> 'eval'";
+                WHERE is_compacted = 0 AND status <> 'active' AND purpose <> 'eval'";
     wait_until("old leases are compacted", async || query_number(server, full).await <= KEPT_EPISODES).await;
 }
 
@@ -212,7 +212,7 @@ async fn assert_compacted_episodes(api: &ApiClient, listed: &[Value], reports: &
             let renewed = api.post(&format!("/v1/runs/run/leases/{lease}/renew"), json!({})).await;
             assert_eq!(
                 (renewed.status, renewed.body["type"].as_str()),
-                (409, Some("urn:sparring:problem:lease_over"))
+                (409, Some("urn:sparring:problem:lease_closed"))
             );
             let released =
                 api.post(&format!("/v1/runs/run/leases/{lease}/release"), json!({})).await.expect(200);
@@ -238,7 +238,7 @@ async fn assert_dependencies_are_kept(server: &Server) {
         let first = parts.iter().map(|part| part["first"].as_i64().unwrap()).min().unwrap();
         let n: i64 = parts.iter().map(|part| part["n"].as_i64().unwrap()).sum();
         let kept: i64 = sqlx::query_scalar(
-            "SELECT count(*) FROM groups g WHERE task = ? AND proposal >= ? AND proposal < ? AND contested AND evidence
+            "SELECT count(*) FROM groups g WHERE task = ? AND proposal >= ? AND proposal < ? AND is_contested AND is_evidence
              AND role IN ('placement', 'frontier')
              AND (SELECT count(*) FROM action_logs a WHERE a.lease = g.lease AND a.number / 2 = g.number) = 2
              AND EXISTS (SELECT 1 FROM scenarios s WHERE s.id = g.scenario)",
@@ -269,7 +269,7 @@ async fn assert_dependencies_are_kept(server: &Server) {
 async fn wait_for_removal_of_the_rest(server: &Server) {
     let sql = "SELECT count(*) FROM leases l JOIN episodes e ON e.lease = l.id
         JOIN groups g ON g.lease = l.id AND g.number = e.number / l.group_size
-        WHERE l.folded = 1 AND NOT EXISTS (SELECT 1 FROM failure_examples x WHERE x.lease = e.lease AND x.number = e.number)
+        WHERE l.is_compacted = 1 AND NOT EXISTS (SELECT 1 FROM failure_examples x WHERE x.lease = e.lease AND x.number = e.number)
           AND NOT EXISTS (
             SELECT 1 FROM level_moves m WHERE m.task = g.task AND m.seq > g.proposal AND g.proposal >= (
                 SELECT min(part.value ->> 'first') FROM (

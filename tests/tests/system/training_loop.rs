@@ -44,7 +44,7 @@ async fn heuristic_policy_is_promoted_and_scores_are_replayed() {
     let mastery = api.get("/v1/runs/good/mastery").await.expect(200);
     let task = &mastery["tasks"][0];
     assert!(task["level"].as_u64().unwrap() >= 1);
-    assert_eq!(task["plain"]["episodes"], 164);
+    assert_eq!(task["results"]["episodes"], 164);
     let levels = task["levels"].as_array().unwrap();
     assert!(levels.iter().any(|l| l["level"] == 0 && l["mean"].as_f64().unwrap() > 0.9), "{levels:?}");
     assert_ne!(params(&api.get("/v1/runs/good/params").await.expect(200)), before);
@@ -74,7 +74,7 @@ async fn holding_policy_is_not_promoted() {
     let task = server.api().get("/v1/runs/hold/mastery").await.expect(200)["tasks"][0].clone();
     assert_eq!(task["level"], 0);
     // Measured: holding succeeds on 95 % of all scenarios, and on a third of the contested ones.
-    assert!(task["plain"]["success"].as_f64().unwrap() > 0.5);
+    assert!(task["results"]["success"].as_f64().unwrap() > 0.5);
     assert!(task["mastery"]["mean"].as_f64().unwrap() < 0.6);
 }
 
@@ -193,13 +193,13 @@ async fn episode_can_be_read_and_replayed() {
     api.report("r", vec![json!({"episode": episodes[0].0, "actions": log_to_json(&log)})]).await;
     let shown = api.get(&path).await.expect(200);
     assert_eq!(shown["state"], "finished");
-    assert_eq!(shown["flown"]["total"].as_f64(), Some(outcome.total));
+    assert_eq!(shown["outcome"]["total_reward"].as_f64(), Some(outcome.total_reward));
     assert_eq!(shown["scenario"], episodes[0].1.to_json());
     let replay = api.get(&format!("{path}/replay")).await.expect(200);
     let frames = replay["frames"].as_array().unwrap();
     assert_eq!(frames.len() as u32, outcome.steps + 1);
     let sum: f64 = frames.iter().map(|f| f["reward"].as_f64().unwrap()).sum();
-    assert_eq!(sum, outcome.total);
+    assert_eq!(sum, outcome.total_reward);
     assert_eq!(frames[0]["state"]["satellites"].as_array().unwrap().len(), 3);
     let list = api.get("/v1/runs/r/episodes").await.expect(200);
     assert_eq!(list["episodes"].as_array().unwrap().len(), 1);

@@ -101,7 +101,7 @@ async fn each_role_reaches_only_its_operations() {
         let concrete = concrete
             .replace("{design}", "layout-1")
             .replace("{layout}", "layout-1")
-            .replace("{request_status}", "ask-1");
+            .replace("{request}", "ask-1");
         for (rank, api) in &callers {
             if path.ends_with("/events") && rank.is_some() {
                 continue; // the stream never ends; assert_undocumented_routes tests it

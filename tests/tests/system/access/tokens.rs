@@ -1,6 +1,6 @@
 //! Creation, expiry and revocation of tokens, the audit log, and open connections of a revoked token.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::SinkExt;
 use orchestrator::service::Config;
@@ -44,12 +44,12 @@ async fn tokens_can_be_managed_while_a_server_runs() {
     assert!(listed.contains("admin") && listed.contains("expired") && !listed.contains(&admin), "{listed}");
     assert_eq!(run_sparring(&db, &["token", "revoke", "1"]).0, Some(0));
     let (code, _, output) = run_sparring(&db, &["token", "revoke", "1"]);
-    assert_eq!((code, output.contains("was revoked before")), (Some(2), true), "{output}");
+    assert_eq!((code, output.contains("was already revoked")), (Some(2), true), "{output}");
     let (code, _, output) = run_sparring(&db, &["token", "revoke", "9"]);
-    assert_eq!((code, output.contains("is not there")), (Some(2), true), "{output}");
+    assert_eq!((code, output.contains("does not exist")), (Some(2), true), "{output}");
     let (code, _, output) =
         run_sparring(&db, &["token", "create", "x", "--role", "viewer", "--expires", "soon"]);
-    assert_eq!((code, output.contains("say it as 90d")), (Some(2), true), "{output}");
+    assert_eq!((code, output.contains("use a form such as 90d")), (Some(2), true), "{output}");
     wait_until_rejected(&api.clone().with_token(&admin)).await; // a revoked token works for 5 s at most
     drop(process);
     // Only the hash of a token is stored.
@@ -64,6 +64,7 @@ async fn tokens_can_be_managed_while_a_server_runs() {
 async fn audit_log_has_changes_and_denials() {
     let (server, tokens) = start_with_tokens(|config| config).await;
     let api = server.api();
+    let start = Instant::now();
     let admin = api.clone().with_token(&tokens["admin"]);
     let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let _ = admin.post("/v1/runs/run/pause", json!({})).await.expect(200);
@@ -79,7 +80,7 @@ async fn audit_log_has_changes_and_denials() {
     let changed = admin.get("/v1/audit").await.expect(200);
     let denied = admin.get("/v1/audit?denied=true").await.expect(200);
     let audit = json!({"changed": changed, "denied": denied});
-    let entries = |log: &Value| log["lines"].as_array().unwrap().clone();
+    let entries = |log: &Value| log["entries"].as_array().unwrap().clone();
     let lines = [entries(&changed), entries(&denied)].concat();
     let line =
         |line: &Value| format!("{} {} {}", line["operation"].as_str().unwrap(), line["status"], line["name"]);
@@ -90,7 +91,9 @@ async fn audit_log_has_changes_and_denials() {
     assert!(log.iter().any(|line| line.ends_with("401 null")), "{log:?}");
     assert_eq!(log.iter().filter(|line| *line == "sparring token create 200 null").count(), 3, "{log:?}");
     let denials = log.iter().filter(|line| line.contains(" 40")).count();
-    assert!((1..8).contains(&denials), "repeated denials do not fill the log: {log:?}");
+    // The server logs at most two denials of an address at once and one a second, and the pause of an unknown run.
+    let max_denials = 3 + start.elapsed().as_secs() as usize;
+    assert!((1..=max_denials).contains(&denials), "repeated denials do not fill the log: {log:?}");
     assert!(
         lines
             .iter()
@@ -138,7 +141,7 @@ async fn revoked_token_loses_its_connections() {
     let number = tokens["trainer"].split('_').nth(1).unwrap().to_owned();
     let revoked = tokio::task::spawn_blocking(move || run_sparring(&db, &["token", "revoke", &number]).0);
     assert_eq!(revoked.await.unwrap(), Some(0));
-    let deadline = Duration::from_secs(15);
+    let deadline = Duration::from_secs(120);
     let reply = tokio::time::timeout(deadline, next_message(&mut session))
         .await
         .expect("the connection is closed in time");

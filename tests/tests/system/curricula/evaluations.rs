@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Server, episode_result, wait_for};
 
-use super::{SURVIVAL, lease};
+use super::SURVIVAL;
 
 /// Waits until an evaluation is complete; fails if it ends in any other state.
 async fn wait_for_completion(api: &ApiClient, id: &str) -> Value {
@@ -11,7 +11,7 @@ async fn wait_for_completion(api: &ApiClient, id: &str) -> Value {
         let evaluation = api.get(&format!("/v1/evaluations/{id}")).await.expect(200);
         match evaluation["state"].as_str() {
             Some("complete") => Some(evaluation),
-            Some("flying" | "open") => None,
+            Some("running" | "open") => None,
             _ => panic!("{evaluation}"),
         }
     })
@@ -38,7 +38,7 @@ async fn built_in_policies_are_evaluated_and_compared() {
     let api = server.api();
     let (held, flown) = (wait_for_completion(&api, &hold).await, wait_for_completion(&api, &heuristic).await);
     assert_eq!(
-        (&held["scenarios"], &held["flown"], &held["rollouts"]),
+        (&held["scenarios"], &held["scenarios_done"], &held["rollouts"]),
         (&json!(768), &json!(768), &json!(1))
     );
     let success = |evaluation: &Value, policy: &str| {
@@ -82,10 +82,10 @@ async fn evaluation_of_one_task_uses_its_part_of_the_suite() {
     let request =
         json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", request).await.expect(201);
-    let request = json!({"suite": SUITE, "policy": "mine", "run": "run", "rollouts": 1, "chance": false, "tasks": ["docking/single"]});
+    let request = json!({"suite": SUITE, "policy": "mine", "run": "run", "rollouts": 1, "stochastic": false, "tasks": ["docking/single"]});
     let own_evaluation = create_evaluation(&api, request).await;
     let request = json!({"groups": 500, "purpose": "eval", "evaluation": own_evaluation});
-    let all = lease(&api, "run", request).await;
+    let all = api.lease("run", request).await;
     let episodes = all.episodes();
     assert_eq!(episodes.len(), 192, "half of the suite");
     assert!(episodes.iter().all(|(_, scenario)| scenario.task().id() == "docking/single"));
@@ -147,27 +147,27 @@ async fn trainer_evaluates_its_policy_in_leases() {
     let api = server.api();
     let request = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", request).await.expect(201);
-    let own_request = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1, "chance": false,
+    let own_request = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1, "stochastic": false,
                       "training": "kind", "training_seed": 1});
     let own_evaluation = create_evaluation(&api, own_request).await;
     let request = json!({"groups": 100, "purpose": "eval", "evaluation": own_evaluation});
     // One lease is released: its scenarios are offered again.
-    let given_up = lease(&api, "run", request.clone()).await;
+    let given_up = api.lease("run", request.clone()).await;
     assert!(
         given_up.0["groups"].as_array().unwrap().iter().all(|g| g["role"] == "suite" && g["train"] == false)
     );
     let _ = api.post(&format!("/v1/runs/run/leases/{}/release", given_up.id()), json!({})).await.expect(200);
     // A result of another policy version is rejected.
-    let other = lease(&api, "run", request.clone()).await;
+    let other = api.lease("run", request.clone()).await;
     let (id, scenario) = other.episodes().swap_remove(0);
     let mut by_another = episode_result(&id, &scenario, "hold");
     by_another["policy_version"] = json!(7);
     let response = api.report("run", vec![by_another]).await;
-    assert_eq!(response["results"][0]["code"], "other_version", "{response}");
+    assert_eq!(response["results"][0]["code"], "version_mismatch", "{response}");
     let _ = api.post(&format!("/v1/runs/run/leases/{}/release", other.id()), json!({})).await.expect(200);
     let mut flown = 0;
     while flown < 384 {
-        let lease = lease(&api, "run", request.clone()).await;
+        let lease = api.lease("run", request.clone()).await;
         let episodes = lease.episodes();
         flown += episodes.len();
         let results =
@@ -180,7 +180,7 @@ async fn trainer_evaluates_its_policy_in_leases() {
     }
     let evaluation = wait_for_completion(&api, &own_evaluation).await;
     assert_eq!(flown, 384, "each scenario once");
-    assert_eq!(evaluation["reflown"], 200, "two leases of 100 groups were released");
+    assert_eq!(evaluation["retries"], 200, "two leases of 100 groups were released");
     let nothing = api.post("/v1/runs/run/leases", request).await.expect(422);
     assert!(nothing["detail"].as_str().unwrap().contains("flown"), "{nothing}");
     // The same policy evaluated by the server has the same results.
@@ -215,17 +215,14 @@ async fn cancelled_evaluation_stores_results_but_stays_failed() {
         json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", request).await.expect(201);
     let suite = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1,
-                       "chance": false, "tasks": ["docking/single"]});
+                       "stochastic": false, "tasks": ["docking/single"]});
     let own_evaluation = create_evaluation(&api, suite).await;
     let request = json!({"groups": 500, "purpose": "eval", "evaluation": own_evaluation});
-    let all = lease(&api, "run", request.clone()).await.episodes();
+    let all = api.lease("run", request.clone()).await.episodes();
     let cancel = format!("/v1/evaluations/{own_evaluation}/cancel");
     for _ in 0..2 {
         let response = api.post(&cancel, json!({})).await.expect(200);
-        assert_eq!(
-            (&response["state"], &response["trouble"]),
-            (&json!("failed"), &json!("it was cancelled"))
-        );
+        assert_eq!((&response["state"], &response["error"]), (&json!("failed"), &json!("it was cancelled")));
     }
     let rejected = api.post("/v1/runs/run/leases", request).await.expect(422);
     assert!(rejected["detail"].as_str().unwrap().contains("cancelled"), "{rejected}");
@@ -239,13 +236,13 @@ async fn cancelled_evaluation_stores_results_but_stays_failed() {
         );
     }
     let evaluation = api.get(&format!("/v1/evaluations/{own_evaluation}")).await.expect(200);
-    assert_eq!((&evaluation["state"], &evaluation["flown"]), (&json!("failed"), &json!(192)));
+    assert_eq!((&evaluation["state"], &evaluation["scenarios_done"]), (&json!("failed"), &json!(192)));
     let server_evaluation =
         create_evaluation(&api, json!({"suite": "docking-heldout-v1", "policy": "hold"})).await;
     let _ = wait_for_completion(&api, &server_evaluation).await;
     let rejected =
         api.post(&format!("/v1/evaluations/{server_evaluation}/cancel"), json!({})).await.expect(409);
-    assert_eq!(rejected["type"], "urn:sparring:problem:evaluation_over");
+    assert_eq!(rejected["type"], "urn:sparring:problem:evaluation_ended");
     let unknown = api.post("/v1/evaluations/eval-99/cancel", json!({})).await.expect(404);
     assert_eq!(unknown["type"], "urn:sparring:problem:unknown_evaluation");
 }
@@ -260,7 +257,7 @@ async fn invalid_evaluations_are_rejected() {
         (json!({"policy": "hold", "suite": "kessler-heldout-v9"}), "suite"),
         (json!({"policy": "hold", "suite": "../../etc/passwd"}), "suite"),
         (json!({"policy": "hold", "rollouts": 0}), "rollouts"),
-        (json!({"policy": "hold", "version": 3}), "version"),
+        (json!({"policy": "hold", "policy_version": 3}), "policy_version"),
         (json!({"policy": "mine", "run": "NO"}), "run"),
         (json!({"policy": ""}), "policy"),
         (json!({"policy": "hold", "tasks": [SURVIVAL]}), "tasks"),

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::{Value, json};
 use system_tests::{Lease, Server, episode_result, wait_for};
 
-use super::{SURVIVAL, groups, lease};
+use super::{SURVIVAL, groups};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn zero_variance_groups_are_refilled_once() {
@@ -14,7 +14,7 @@ async fn zero_variance_groups_are_refilled_once() {
     let settings =
         json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "group_size": 2, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
-    let leased = lease(&api, "run", json!({"groups": 4, "refill": true})).await;
+    let leased = api.lease("run", json!({"groups": 4, "refill": true})).await;
     let path = format!("/v1/runs/run/leases/{}", leased.id());
     // A deterministic policy gives both episodes of a group the same score.
     let same = |lease: &Lease, from: usize| -> Vec<Value> {
@@ -50,7 +50,7 @@ async fn zero_variance_groups_are_refilled_once() {
     let done = api.get(&path).await.expect(200);
     assert_eq!((&done["status"], done["groups"].as_array().unwrap().len()), (&json!("done"), 8));
     let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
-    let counted = &mastery["tasks"][0]["groups"];
+    let counted = &mastery["tasks"][0]["group_counts"];
     assert_eq!(
         (&counted["complete"], &counted["zero_variance"], &counted["zero_variance_share"]),
         (&json!(8), &json!(8), &json!(1.0))
@@ -63,7 +63,7 @@ async fn groups_with_variance_are_not_refilled() {
     let api = server.api();
     let settings = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "group_size": 4, "min_group": 2, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
-    let leased = lease(&api, "run", json!({"groups": 2, "refill": true})).await;
+    let leased = api.lease("run", json!({"groups": 2, "refill": true})).await;
     let episodes = leased.episodes();
     // One episode of the first group fails, so that the group is partial and counts.
     let mut results: Vec<Value> = Vec::new();
@@ -100,7 +100,7 @@ async fn feed_with_refill_has_no_zero_variance_groups() {
     for (run, refill) in [("all", false), ("some", true)] {
         let settings = json!({"id": run, "seed": 4, "tasks": [SURVIVAL], "group_size": 2, "design": {"designer": "off"}});
         let _ = api.post("/v1/runs", settings).await.expect(201);
-        let policy = json!({"policy": "random", "refill": refill, "ahead": 24});
+        let policy = json!({"policy": "random", "refill": refill, "max_unacknowledged_groups": 24});
         let _ = api.send_json("PUT", &format!("/v1/runs/{run}/policy"), policy).await.expect(200);
         let mut zero_variance = 0;
         let mut pulled = 0;

@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Server};
 
-use super::{ECO, SURVIVAL, groups, lease};
+use super::{ECO, SURVIVAL, groups};
 
 async fn train_once(api: &ApiClient, run: &str, policy: &str) -> Vec<Value> {
-    let lease = lease(api, run, json!({"groups": 16})).await;
+    let lease = api.lease(run, json!({"groups": 16})).await;
     let _ = api.report(run, lease.results(policy)).await;
     groups(&lease)
 }
@@ -69,7 +69,7 @@ async fn changed_strategy_keeps_mastery_after_a_restart() {
     assert!(seen(&before) > 10, "{before}");
 
     // Results of a lease from before the change do not count for mastery.
-    let old = lease(&api, "run", json!({"groups": 4})).await;
+    let old = api.lease("run", json!({"groups": 4})).await;
     let changed = api
         .send_json("PATCH", "/v1/runs/run", json!({"strategy": "plr", "strategy_settings": {"filled": 6}}))
         .await;

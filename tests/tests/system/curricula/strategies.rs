@@ -5,13 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Server, episode_result, wait_until};
 
-use super::{ECO, SURVIVAL, groups, lease};
+use super::{ECO, SURVIVAL, groups};
 
 /// Leases 16 groups `leases` times and reports their results; returns each group with its recipe.
 async fn train(api: &ApiClient, run: &str, leases: usize) -> Vec<(Value, Value)> {
     let mut all = Vec::new();
     for number in 0..leases {
-        let lease = lease(api, run, json!({"groups": 16})).await;
+        let lease = api.lease(run, json!({"groups": 16})).await;
         let policy = if number % 2 == 0 { "hold" } else { "heuristic" };
         let report = api.report(run, lease.results(policy)).await;
         let counted = report["results"].as_array().unwrap().iter().all(|one| one["status"] == "counted");
@@ -98,7 +98,7 @@ async fn accel_replays_and_edits_earlier_scenarios() {
     }
     assert!(edits > 20 && with_role(&leased, "replay").len() > 60, "{edits} edits");
     let mastery = api.get("/v1/runs/accel/mastery").await.expect(200);
-    let rules = mastery["explanation"]["tasks"][0]["now"].as_str().unwrap();
+    let rules = mastery["explanation"]["tasks"][0]["current_state"].as_str().unwrap();
     assert!(rules.contains("kept"), "{rules}");
 }
 
@@ -115,7 +115,7 @@ async fn plr_prefers_the_highest_reported_metric() {
     let mut reported_values = BTreeMap::<String, f64>::new();
     let mut replays = Vec::new();
     for _ in 0..14 {
-        let lease = lease(&api, "plr", json!({"groups": 16})).await;
+        let lease = api.lease("plr", json!({"groups": 16})).await;
         let all = groups(&lease);
         for group in &all {
             assert_eq!(group["train"], true);
@@ -180,7 +180,7 @@ async fn replayed_scenarios_outlive_retention() {
         }
         if round % 10 == 0 {
             wait_until("retention compacts all leases but the newest", async || {
-                let sql = "SELECT count(*) FROM leases WHERE folded = 0";
+                let sql = "SELECT count(*) FROM leases WHERE is_compacted = 0";
                 sqlx::query_scalar::<_, i64>(sql).fetch_one(&mut conn).await.unwrap() <= 1
             })
             .await;

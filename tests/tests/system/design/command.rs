@@ -43,7 +43,7 @@ async fn layouts_aim_at_the_failures_of_a_run() {
     let process = run_design(run_args(&["--dry-run"])).await;
     assert!(process.status.success(), "{process:?}");
     let output: Value = serde_json::from_slice(&process.stdout).unwrap();
-    let profile = server.api().get("/v1/runs/run/failures").await.expect(200)["tasks"][0].clone();
+    let profile = server.api().get("/v1/runs/run/failure_profiles").await.expect(200)["tasks"][0].clone();
     assert_eq!((&output["task"], &output["level"]), (&json!(TASK), &json!(0)));
     assert_eq!(output["recipe"]["physics"]["contact"], "swept");
     assert_eq!(output["profile"]["criticised"], profile["criticised"]);
@@ -78,8 +78,8 @@ async fn layouts_aim_at_the_failures_of_a_run() {
 /// Checks that the gate and the prompt know the layouts that the run already has.
 async fn known_layouts_are_excluded(api: &ApiClient, run_args: impl Fn(&[&str]) -> Vec<String>) {
     let created =
-        api.post("/v1/runs/run/designs", json!({"n": 3, "designer": "procedural"})).await.expect(202);
-    let path = format!("/v1/runs/run/designs/asks/{}", created["id"].as_str().unwrap());
+        api.post("/v1/runs/run/designs", json!({"count": 3, "designer": "procedural"})).await.expect(202);
+    let path = format!("/v1/runs/run/designs/requests/{}", created["id"].as_str().unwrap());
     wait_for_response(api, &path, |request| request["state"] == "done").await;
     let process = run_design(run_args(&["--n", "2"])).await;
     let output: Value = serde_json::from_slice(&process.stdout).unwrap();

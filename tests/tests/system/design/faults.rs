@@ -30,18 +30,18 @@ async fn designer_faults_do_not_stop_the_run() {
         (Behaviour::Invalid, "blah"),
     ] {
         script.set_llm(behaviour);
-        let request = request_design(&api, json!({"n": 2, "designer": "llm"})).await;
+        let request = request_design(&api, json!({"count": 2, "designer": "llm"})).await;
         assert_eq!(
             (&request["state"], &request["admitted"]),
             (&json!("done"), &json!(2)),
             "{behaviour:?}: {request}"
         );
-        let troubles = request["troubles"].as_array().unwrap();
-        assert!(troubles.iter().any(|t| t.as_str().unwrap().contains(trouble)), "{behaviour:?}: {request}");
+        let warnings = request["warnings"].as_array().unwrap();
+        assert!(warnings.iter().any(|t| t.as_str().unwrap().contains(trouble)), "{behaviour:?}: {request}");
         if behaviour == Behaviour::Invalid {
             assert_eq!((&request["refused"], &request["cost"]), (&json!(100), &json!(0.0)));
             let path = format!(
-                "/v1/runs/run/designs?state=refused&ask={}&limit=500",
+                "/v1/runs/run/designs?state=refused&request={}&limit=500",
                 request["id"].as_str().unwrap()
             );
             let stored = api.get(&path).await.expect(200);
@@ -58,13 +58,13 @@ async fn designer_faults_do_not_stop_the_run() {
     }
     // A fault of the procedural designer fails the request, and nothing else.
     script.set_procedural(Behaviour::Panic);
-    let request = request_design(&api, json!({"n": 2, "designer": "procedural"})).await;
+    let request = request_design(&api, json!({"count": 2, "designer": "procedural"})).await;
     assert_eq!(request["state"], "failed", "{request}");
     assert!(request["error"].as_str().unwrap().contains("nonsense"));
     let lease = api.lease("run", json!({"groups": 4})).await;
     api.report("run", lease.results("hold")).await;
     script.set_procedural(Behaviour::Normal);
-    let request = request_design(&api, json!({"designer": "procedural", "n": 1})).await;
+    let request = request_design(&api, json!({"designer": "procedural", "count": 1})).await;
     assert_eq!(request["state"], "done", "{request}");
 }
 
@@ -77,11 +77,11 @@ async fn interrupted_design_request_fails_and_the_next_one_runs() {
     report_losses(&server.api()).await;
     wait_for_critiques(&server.api()).await;
     let response =
-        server.api().post("/v1/runs/run/designs", json!({"designer": "llm", "n": 1})).await.expect(202);
-    let path = format!("/v1/runs/run/designs/asks/{}", response["id"].as_str().unwrap());
+        server.api().post("/v1/runs/run/designs", json!({"designer": "llm", "count": 1})).await.expect(202);
+    let path = format!("/v1/runs/run/designs/requests/{}", response["id"].as_str().unwrap());
     wait_for_response(&server.api(), &path, |request| request["state"] == "running").await;
     // Requests run one at a time: the next one waits.
-    let next = server.api().post("/v1/runs/run/designs", json!({"n": 1, "designer": "procedural"})).await;
+    let next = server.api().post("/v1/runs/run/designs", json!({"count": 1, "designer": "procedural"})).await;
     let next = next.expect(202);
     let lease = server.api().lease("run", json!({"groups": 4})).await;
     server.api().report("run", lease.results("hold")).await;
@@ -91,7 +91,7 @@ async fn interrupted_design_request_fails_and_the_next_one_runs() {
     let request = api.get(&path).await.expect(200);
     assert_eq!(request["state"], "failed");
     assert!(request["error"].as_str().unwrap().starts_with("interrupted"), "{request}");
-    let path = format!("/v1/runs/run/designs/asks/{}", next["id"].as_str().unwrap());
+    let path = format!("/v1/runs/run/designs/requests/{}", next["id"].as_str().unwrap());
     let next = wait_for_response(&api, &path, |request| request["ended_at"].is_string()).await;
     assert_eq!((&next["state"], &next["admitted"]), (&json!("done"), &json!(1)), "{next}");
 }
@@ -100,32 +100,32 @@ async fn interrupted_design_request_fails_and_the_next_one_runs() {
 const INVALID_REQUESTS: [(&str, &str); 13] = [
     ("run", "{}"),
     ("run", "[]"),
-    ("run", r#"{"n": 0, "designer": "auto"}"#),
-    ("run", r#"{"n": 33, "designer": "auto"}"#),
-    ("run", r#"{"n": "many"}"#),
+    ("run", r#"{"count": 0, "designer": "auto"}"#),
+    ("run", r#"{"count": 33, "designer": "auto"}"#),
+    ("run", r#"{"count": "many"}"#),
     ("run", r#"{"designer": "llm"}"#),
     ("run", r#"{"designer": "off"}"#),
     ("run", r#"{"designer": "chance"}"#),
     ("run", r#"{"designer": "auto", "task": "kessler/rendezvous"}"#),
     ("run", r#"{"layouts": 3}"#),
-    ("run", r#"{"n": 1, "n": 2}"#),
-    ("docks", r#"{"n": 1}"#),
-    ("unknown", r#"{"n": 1}"#),
+    ("run", r#"{"count": 1, "count": 2}"#),
+    ("docks", r#"{"count": 1}"#),
+    ("unknown", r#"{"count": 1}"#),
 ];
 
 /// Paths with invalid queries and unknown resources.
 const INVALID_PATHS: [&str; 18] = [
     "/v1/runs/run/designs?state=lost",
     "/v1/runs/run/designs?task=kessler/rendezvous",
-    "/v1/runs/run/designs?ask=7",
+    "/v1/runs/run/designs?request=7",
     "/v1/runs/run/designs?limit=0",
     "/v1/runs/run/designs?cursor=x",
     "/v1/runs/run/designs?page=2",
     "/v1/runs/unknown/designs",
     "/v1/runs/run/designs/7",
     "/v1/runs/run/designs/layout-7",
-    "/v1/runs/run/designs/asks?state=admitted",
-    "/v1/runs/run/designs/asks/ask-7",
+    "/v1/runs/run/designs/requests?state=admitted",
+    "/v1/runs/run/designs/requests/ask-7",
     "/v1/runs/run/designs/summary?task=x",
     "/v1/layouts?state=refused",
     "/v1/layouts?task=kessler/golf",
@@ -157,8 +157,8 @@ async fn invalid_bodies_and_queries_are_rejected() {
     for design in [
         json!({"share": 1.5}),
         json!({"layout_share": 0}),
-        json!({"stock": 0}),
-        json!({"stock": 65}),
+        json!({"reserve": 0}),
+        json!({"reserve": 65}),
         json!({"designer": "unknown"}),
         json!({"shares": 0.5}),
         json!("off"),

@@ -18,8 +18,10 @@ async fn wait_for_stock(api: &ApiClient, layouts: u64) {
         summary["tasks"][0]["active"].as_u64() >= Some(layouts)
     })
     .await;
-    wait_for_response(api, "/v1/runs/run/designs/asks", |page| {
-        page["asks"].as_array().is_some_and(|asks| asks.iter().all(|request| request["ended_at"].is_string()))
+    wait_for_response(api, "/v1/runs/run/designs/requests", |page| {
+        page["requests"]
+            .as_array()
+            .is_some_and(|requests| requests.iter().all(|request| request["ended_at"].is_string()))
     })
     .await;
 }
@@ -59,7 +61,7 @@ fn expected_layouts(
 async fn leases_serve_layouts_as_drawn() {
     let mut server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 0.5, "layout_share": 1.0, "stock": 4})).await;
+    create(&api, json!({"share": 0.5, "layout_share": 1.0, "reserve": 4})).await;
     let before = report_losses(&api).await;
     assert_eq!(layouts_of(&before), vec![None; 24], "no layout is in stock yet");
     wait_for_stock(&api, 4).await;
@@ -105,14 +107,14 @@ async fn assert_layouts_are_published(api: &ApiClient, stock: &[String]) {
         assert_eq!((&checked["fair"], &checked["solvable"]), (&json!(true), &json!(true)));
         assert_eq!(checked["contested"], layout["claim"] == "threat");
         assert_eq!(checked["bracket"], layout["bracket"]);
-        assert_eq!(layout["witness"]["score"], layout["bracket"]["reference"]);
+        assert_eq!(layout["reference_outcome"]["score"], layout["bracket"]["reference"]);
         let design = api.get(&format!("/v1/runs/run/designs/{id}")).await.expect(200);
         assert_eq!(design["design"], layout["design"]);
         assert_eq!(design["design"]["aim"]["mode"], design["aim"]["mode"]);
-        assert_eq!(design["turns"][0]["state"], "active");
-        let request = design["ask"].as_str().unwrap();
-        let request = api.get(&format!("/v1/runs/run/designs/asks/{request}")).await.expect(200);
-        assert_eq!((&request["state"], &request["asked_by"]), (&json!("done"), &json!("worker")));
+        assert_eq!(design["transitions"][0]["state"], "active");
+        let request = design["request"].as_str().unwrap();
+        let request = api.get(&format!("/v1/runs/run/designs/requests/{request}")).await.expect(200);
+        assert_eq!((&request["state"], &request["requested_by"]), (&json!("done"), &json!("worker")));
         let profile: FailureProfile = serde_json::from_value(request["profile"].clone()).unwrap();
         assert_eq!(request["criticised"], profile.criticised);
     }
@@ -137,7 +139,7 @@ async fn failure_profile_matches_the_critiques() {
     let answer = wait_for_critiques(&api).await;
     let profile = FailureProfile::parse(&answer.to_string(), Some(TASK)).unwrap();
     let shown = profile.modes.iter().flat_map(|mode| {
-        mode.inertial.iter().map(|at| ((mode.mode.clone(), u64::from(at.sector)), at.count))
+        mode.inertial_sectors.iter().map(|at| ((mode.mode.clone(), u64::from(at.sector)), at.count))
     });
     assert_eq!(shown.collect::<BTreeMap<_, _>>(), sectors);
     assert!(sectors.len() > 2, "the test needs failures from several sides");
@@ -154,7 +156,7 @@ async fn failure_profile_matches_the_critiques() {
 async fn curriculum_state(api: &ApiClient) -> Value {
     let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
     let task = &mastery["tasks"][0];
-    json!([mastery["explanation"], task["status"], task["levels"], task["plain"]])
+    json!([mastery["explanation"], task["status"], task["levels"], task["results"]])
 }
 
 #[tokio::test]
@@ -162,7 +164,7 @@ async fn designed_groups_are_evidence_only_if_enabled() {
     for evidence in [false, true] {
         let server = Server::start().await;
         let api = server.api();
-        create(&api, json!({"share": 1.0, "layout_share": 1.0, "evidence": evidence, "stock": 6})).await;
+        create(&api, json!({"share": 1.0, "layout_share": 1.0, "evidence": evidence, "reserve": 6})).await;
         report_losses(&api).await;
         wait_for_stock(&api, 6).await;
         let before = curriculum_state(&api).await;
@@ -186,7 +188,7 @@ async fn designed_groups_are_evidence_only_if_enabled() {
             assert_eq!(after, before);
         }
         let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
-        assert_eq!(mastery["tasks"][0]["designed"]["episodes"], 20);
+        assert_eq!(mastery["tasks"][0]["designed_results"]["episodes"], 20);
         let profile = wait_for_critiques(&api).await;
         assert_eq!(
             profile["tasks"][0]["criticised"],
@@ -194,7 +196,7 @@ async fn designed_groups_are_evidence_only_if_enabled() {
             "designed episodes are in the failure profile"
         );
         let stock = api.get("/v1/runs/run/designs?state=active").await.expect(200);
-        let stock = stock["designs"].as_array().unwrap().iter().map(|design| (design, &design["flown"]));
+        let stock = stock["designs"].as_array().unwrap().iter().map(|design| (design, &design["results"]));
         let served: Vec<_> = stock.filter(|(_, results)| results["episodes"].as_u64() > Some(0)).collect();
         assert_eq!(served.iter().map(|(_, results)| results["episodes"].as_u64().unwrap()).sum::<u64>(), 20);
         for (design, results) in served.iter().filter(|(design, _)| design["claim"] == "threat") {
@@ -213,26 +215,26 @@ async fn assert_release_is_neutral(api: &ApiClient) {
     let ids: Vec<String> = layouts_of(&lease).into_iter().flatten().collect();
     assert_eq!(ids.len(), 2);
     let path = format!("/v1/runs/run/designs/{}", ids[0]);
-    let before = api.get(&path).await.expect(200)["flown"].clone();
+    let before = api.get(&path).await.expect(200)["results"].clone();
     let _ = api.post(&format!("/v1/runs/run/leases/{}/release", lease.id()), json!({})).await.expect(200);
-    assert_eq!(api.get(&path).await.expect(200)["flown"], before);
+    assert_eq!(api.get(&path).await.expect(200)["results"], before);
     let shown = api.get(&format!("/v1/runs/run/leases/{}", lease.id())).await.expect(200);
     assert!(shown["groups"].as_array().unwrap().iter().all(|group| group["state"] == "lost"));
     let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
-    assert_eq!(mastery["tasks"][0]["designed"]["expired"], 4);
+    assert_eq!(mastery["tasks"][0]["designed_results"]["expired"], 4);
 }
 
 #[tokio::test]
 async fn retired_layout_is_not_served_until_revived() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 1.0, "stock": 2})).await;
+    create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 2})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 2).await;
     let stock = active_layouts(&api).await;
     let path = |verb: &str| format!("/v1/runs/run/designs/{}/{verb}", stock[0]);
     let retired = api.post(&path("retire"), json!({})).await.expect(200);
-    assert_eq!((&retired["state"], &retired["why"]), (&json!("retired"), &json!("hand")));
+    assert_eq!((&retired["state"], &retired["state_reason"]), (&json!("retired"), &json!("user")));
     assert_eq!(
         api.post(&path("retire"), json!({})).await.expect(200),
         retired,
@@ -249,7 +251,7 @@ async fn retired_layout_is_not_served_until_revived() {
     assert!(layouts_of(&lease).contains(&Some(stock[0].clone())));
     let shown = api.get(&format!("/v1/runs/run/designs/{}", stock[0])).await.expect(200);
     let states: Vec<&str> =
-        shown["turns"].as_array().unwrap().iter().map(|t| t["state"].as_str().unwrap()).collect();
+        shown["transitions"].as_array().unwrap().iter().map(|t| t["state"].as_str().unwrap()).collect();
     assert_eq!(states, ["active", "retired", "active"]);
     assert_eq!(api.post("/v1/runs/run/designs/layout-99999/retire", json!({})).await.status, 404);
 }
@@ -258,7 +260,7 @@ async fn retired_layout_is_not_served_until_revived() {
 async fn mastered_layout_retires_and_returns_if_forgotten() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 1.0, "stock": 1})).await;
+    create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 1})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 1).await;
     let first = active_layouts(&api).await.remove(0);
@@ -276,8 +278,8 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
         api.report("run", lease.episodes().into_iter().map(replay_plan).collect()).await;
     }
     let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
-    assert_eq!((&shown["state"], &shown["why"]), (&json!("retired"), &json!("mastered")), "{shown}");
-    assert_eq!(shown["flown"]["recent"], json!(vec![1.0; 8]));
+    assert_eq!((&shown["state"], &shown["state_reason"]), (&json!("retired"), &json!("mastered")), "{shown}");
+    assert_eq!(shown["results"]["recent"], json!(vec![1.0; 8]));
     assert_eq!(shown["episodes"].as_array().unwrap().len(), 16);
     assert_eq!(design_summary(&api).await["tasks"][0]["retired"]["mastered"], 1);
 
@@ -295,14 +297,14 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
     api.report("run", lease.results("hold")).await;
     let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
     assert_eq!(shown["state"], "active", "{shown}");
-    assert!(shown["turns"][2]["reason"].as_str().unwrap().contains("forgotten"), "{shown}");
+    assert!(shown["transitions"][2]["reason"].as_str().unwrap().contains("forgotten"), "{shown}");
 }
 
 #[tokio::test]
 async fn layout_stays_within_its_share() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 0.1, "stock": 1})).await;
+    create(&api, json!({"share": 1.0, "layout_share": 0.1, "reserve": 1})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 1).await;
     let first = active_layouts(&api).await.remove(0);
@@ -318,6 +320,13 @@ async fn layout_stays_within_its_share() {
     assert!(served >= 4, "a layout may always be served four times");
 }
 
+/// Reports episodes of a holding policy on 24 scenarios that holding fails, and waits for their critiques.
+async fn report_losses_of(api: &ApiClient, run: &str) {
+    let lease = api.lease(run, json!({"groups": 24})).await;
+    api.report(run, lease.results("hold")).await;
+    wait_for_response(api, &format!("/v1/runs/{run}"), |run| run["critique_backlog"]["waiting"] == 0).await;
+}
+
 #[tokio::test]
 async fn nothing_is_designed_if_designs_are_off() {
     let server = Server::start().await;
@@ -331,15 +340,21 @@ async fn nothing_is_designed_if_designs_are_off() {
     }
     let docking = json!({"id": "docks", "seed": 1, "tasks": ["docking/single"]});
     let _ = api.post("/v1/runs", docking).await.expect(201);
-    for id in ["none", "off"] {
-        let lease = api.lease(id, json!({"groups": 24})).await;
-        api.report(id, lease.results("hold")).await;
-    }
-    // Tests the passing of time: the worker had time for a design request, and made none.
-    tokio::time::sleep(std::time::Duration::from_secs(3)).await;
+    report_losses_of(&api, "none").await;
+    report_losses_of(&api, "off").await;
+    // The worker checks the runs in the order of their ids: when it has made a request for the last one, it has checked all.
+    let on = json!({
+        "id": "on", "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "tasks": [TASK]
+    });
+    let _ = api.post("/v1/runs", on).await.expect(201);
+    report_losses_of(&api, "on").await;
+    wait_for_response(&api, "/v1/runs/on/designs/requests", |page| {
+        page["requests"].as_array().is_some_and(|requests| !requests.is_empty())
+    })
+    .await;
     for id in ["none", "off", "docks"] {
-        let asks = api.get(&format!("/v1/runs/{id}/designs/asks")).await.expect(200);
-        assert_eq!(asks["asks"], json!([]), "{id}");
+        let page = api.get(&format!("/v1/runs/{id}/designs/requests")).await.expect(200);
+        assert_eq!(page["requests"], json!([]), "{id}");
         let summary = api.get(&format!("/v1/runs/{id}/designs/summary")).await.expect(200);
         assert_eq!(summary["designed_groups"], 0);
     }
@@ -349,8 +364,8 @@ async fn nothing_is_designed_if_designs_are_off() {
     // Placement serves no layouts, although one is in stock.
     let placing = json!({"id": "placing", "seed": 1, "tasks": [TASK], "design": {"share": 1.0}});
     let _ = api.post("/v1/runs", placing).await.expect(201);
-    let created = api.post("/v1/runs/placing/designs", json!({"n": 1})).await.expect(202);
-    let path = format!("/v1/runs/placing/designs/asks/{}", created["id"].as_str().unwrap());
+    let created = api.post("/v1/runs/placing/designs", json!({"count": 1})).await.expect(202);
+    let path = format!("/v1/runs/placing/designs/requests/{}", created["id"].as_str().unwrap());
     let request = wait_for_response(&api, &path, |request| request["ended_at"].is_string()).await;
     assert_eq!(request["admitted"], 1, "{request}");
     let lease = api.lease("placing", json!({"groups": 8})).await;

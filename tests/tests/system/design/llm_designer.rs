@@ -44,7 +44,9 @@ async fn start_server(model: &MockServer) -> Server {
 /// Returns all responses about designs and all bytes that the server has stored.
 async fn all_responses_and_files(api: &ApiClient, server: &Server) -> Vec<u8> {
     let mut bytes_read = Vec::new();
-    for path in ["designs", "designs/summary", "designs/asks", "failures", "episodes", "leases", ""] {
+    for path in
+        ["designs", "designs/summary", "designs/requests", "failure_profiles", "episodes", "leases", ""]
+    {
         let path = format!("/v1/runs/run/{path}");
         bytes_read.extend(api.get(path.trim_end_matches('/')).await.expect(200).to_string().into_bytes());
     }
@@ -77,17 +79,23 @@ async fn model_designs_layouts_and_its_key_is_never_exposed() {
 
     // The endpoint rejects the key, then returns prose four times: the procedural designer takes over.
     for wanted in ["401", "holds no layouts"] {
-        let request = request_design(&api, json!({"n": 2, "designer": "llm"})).await;
+        let request = request_design(&api, json!({"count": 2, "designer": "llm"})).await;
         assert_eq!((&request["state"], &request["admitted"]), (&json!("done"), &json!(2)), "{request}");
-        assert!(request["troubles"].to_string().contains(wanted), "{wanted}: {request}");
+        assert!(request["warnings"].to_string().contains(wanted), "{wanted}: {request}");
     }
     // The model designs: two layouts are admitted, the third is rejected.
-    let request = request_design(&api, json!({"n": 2, "designer": "llm"})).await;
-    assert_eq!((&request["model"], &request["prompt"]), (&json!("mock"), &json!("kessler-1")), "{request}");
+    let request = request_design(&api, json!({"count": 2, "designer": "llm"})).await;
+    assert_eq!(
+        (&request["model"], &request["prompt_version"]),
+        (&json!("mock"), &json!("kessler-1")),
+        "{request}"
+    );
     assert_eq!((&request["tokens_in"], &request["tokens_out"]), (&json!(1500), &json!(300)), "{request}");
     assert!((request["cost"].as_f64().unwrap() - 0.0021).abs() < 1e-12, "{request}");
-    let list =
-        api.get(&format!("/v1/runs/run/designs?ask={}", request["id"].as_str().unwrap())).await.expect(200);
+    let list = api
+        .get(&format!("/v1/runs/run/designs?request={}", request["id"].as_str().unwrap()))
+        .await
+        .expect(200);
     let of_model: Vec<_> =
         list["designs"].as_array().unwrap().iter().filter(|design| design["designer"] == "llm").collect();
     let admitted = of_model.iter().filter(|design| design["state"] == "active").count();
@@ -115,5 +123,5 @@ async fn model_designs_layouts_and_its_key_is_never_exposed() {
     server.restart().await;
     let summary = design_summary(&server.api()).await;
     let usage = summary["designers"].as_array().unwrap().iter().find(|d| d["designer"] == "llm").unwrap();
-    assert!(usage["tokens_in"].as_i64().unwrap() >= 1500 && usage["asks"] == 3, "{summary}");
+    assert!(usage["tokens_in"].as_i64().unwrap() >= 1500 && usage["requests"] == 3, "{summary}");
 }

@@ -34,8 +34,8 @@ pub(crate) async fn wait_for_response(api: &ApiClient, path: &str, is_met: impl 
 
 /// Waits until every episode of the run has its critique, and returns the failure profile.
 pub(crate) async fn wait_for_critiques(api: &ApiClient) -> Value {
-    wait_for_response(api, "/v1/runs/run", |run| run["critique"]["waiting"] == 0).await;
-    api.get("/v1/runs/run/failures").await.expect(200)
+    wait_for_response(api, "/v1/runs/run", |run| run["critique_backlog"]["waiting"] == 0).await;
+    api.get("/v1/runs/run/failure_profiles").await.expect(200)
 }
 
 pub(crate) async fn design_summary(api: &ApiClient) -> Value {

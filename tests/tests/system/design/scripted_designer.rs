@@ -16,7 +16,7 @@ use super::wait_for_response;
 /// Requests a design over the API and waits for the end of the request.
 pub(crate) async fn request_design(api: &ApiClient, request: Value) -> Value {
     let response = api.post("/v1/runs/run/designs", request).await.expect(202);
-    let path = format!("/v1/runs/run/designs/asks/{}", response["id"].as_str().expect("an id"));
+    let path = format!("/v1/runs/run/designs/requests/{}", response["id"].as_str().expect("an id"));
     wait_for_response(api, &path, |request| request["ended_at"].is_string()).await
 }
 

@@ -51,7 +51,7 @@ impl ColumnClaim {
     /// Returns the results that the audit of a claim requires.
     pub(crate) fn audited_results(&self, claim: &Value) -> Vec<Value> {
         let mut results = Vec::new();
-        for audit in claim["audit"].as_array().unwrap() {
+        for audit in claim["audited_groups"].as_array().unwrap() {
             let entries = audit["entries"].as_array().unwrap();
             for (entry, episode) in entries.iter().zip(audit["episodes"].as_array().unwrap()) {
                 let log = &self.logs[entry.as_u64().unwrap() as usize];
@@ -73,7 +73,7 @@ pub(crate) fn scenarios(lease: &Lease) -> Vec<Scenario> {
     for range in lease.0["ranges"].as_array().unwrap() {
         let recipe = &lease.0["recipes"][range["recipe"].as_u64().unwrap() as usize];
         let recipe = Arc::new(Recipe::from_json(recipe).unwrap());
-        assert_eq!(range["first"].as_u64().unwrap() as usize, all.len(), "ranges follow each other");
+        assert_eq!(range["first_group"].as_u64().unwrap() as usize, all.len(), "ranges follow each other");
         let seed = range["seed"].as_u64().unwrap();
         for group in 0..range["groups"].as_u64().unwrap() {
             all.push(Scenario::new(Arc::clone(&recipe), Seed::new(seed + group).unwrap()));

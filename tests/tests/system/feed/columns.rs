@@ -27,9 +27,12 @@ async fn audited_episodes_count_and_claimed_ones_are_statistics() {
 
     let claim = trainer.claim(&api).await;
     assert_eq!((&claim["state"], &claim["episodes"]), (&json!("claimed"), &json!(300)));
-    assert_eq!(claim["audit"].as_array().unwrap().len(), 40);
+    assert_eq!(claim["audited_groups"].as_array().unwrap().len(), 40);
     let before = task_mastery(&api, "run").await;
-    assert_eq!((&before["plain"]["episodes"], &before["claimed"]["episodes"]), (&json!(0), &json!(0)));
+    assert_eq!(
+        (&before["results"]["episodes"], &before["claimed_results"]["episodes"]),
+        (&json!(0), &json!(0))
+    );
 
     // Results arrive in two parts, the first twice: the claim counts once, when the audit is complete.
     let due = trainer.audited_results(&claim);
@@ -38,15 +41,15 @@ async fn audited_episodes_count_and_claimed_ones_are_statistics() {
         let report = api.report("run", due[..50].to_vec()).await;
         assert!(statuses(&report).iter().all(|status| ["audited", "duplicate"].contains(status)), "{report}");
         assert_eq!(trainer.claim_state(&api).await["state"], "claimed");
-        assert_eq!(task_mastery(&api, "run").await["plain"]["episodes"], 0);
+        assert_eq!(task_mastery(&api, "run").await["results"]["episodes"], 0);
     }
     assert_eq!(statuses(&api.report("run", due[50..].to_vec()).await), ["audited"; 30]);
     assert_eq!(trainer.claim_state(&api).await["state"], "accepted");
     let after = task_mastery(&api, "run").await;
-    assert_eq!(after["plain"]["episodes"], 80);
-    assert_eq!(after["claimed"]["episodes"], 300);
+    assert_eq!(after["results"]["episodes"], 80);
+    assert_eq!(after["claimed_results"]["episodes"], 300);
     let mean = trainer.scores.iter().sum::<f64>() / 300.0;
-    assert!((after["claimed"]["score"].as_f64().unwrap() - mean).abs() < 1e-6);
+    assert!((after["claimed_results"]["score"].as_f64().unwrap() - mean).abs() < 1e-6);
     // Audited episodes are part of the claimed ones: the overview counts them once.
     let overview = api.get("/v1/runs/run/overview").await.expect(200);
     assert_eq!(overview["episodes"], 300);
@@ -66,7 +69,7 @@ async fn audited_episodes_count_and_claimed_ones_are_statistics() {
     // Audited episodes have a replay.
     let episode = groups[0]["episodes"][0].as_str().unwrap();
     let _ = api.get(&format!("/v1/runs/run/episodes/{episode}/replay")).await.expect(200);
-    assert_eq!(api.get("/v1/runs/run").await.expect(200)["marks"]["count"], 0);
+    assert_eq!(api.get("/v1/runs/run").await.expect(200)["warnings"]["count"], 0);
 }
 
 /// If one audited log has another score than claimed, nothing of the claim counts and the run has a warning.
@@ -84,29 +87,31 @@ async fn forged_score_refuses_the_whole_claim() {
     let due = trainer.audited_results(&claim);
     let report = api.report("run", due.clone()).await;
     let results = report["results"].as_array().unwrap();
-    let mismatches: Vec<&Value> = results.iter().filter(|r| r["code"] == "not_as_claimed").collect();
+    let mismatches: Vec<&Value> = results.iter().filter(|r| r["code"] == "columns_mismatch").collect();
     assert!(!mismatches.is_empty(), "{report}");
     assert!(mismatches[0]["detail"].as_str().unwrap().contains("0.999000 was claimed"), "{}", mismatches[0]);
     let state = trainer.claim_state(&api).await;
     assert_eq!(state["state"], "refused");
-    assert!(state["why"].as_str().unwrap().contains(mismatches[0]["episode"].as_str().unwrap()));
+    assert!(state["reason"].as_str().unwrap().contains(mismatches[0]["episode"].as_str().unwrap()));
     let after = task_mastery(&api, "run").await;
-    assert_eq!((&after["plain"]["episodes"], &after["claimed"]["refused"]), (&json!(0), &json!(60)));
-    assert_eq!(after["claimed"]["episodes"], 0);
+    assert_eq!(
+        (&after["results"]["episodes"], &after["claimed_results"]["refused"]),
+        (&json!(0), &json!(60))
+    );
+    assert_eq!(after["claimed_results"]["episodes"], 0);
     let run = api.get("/v1/runs/run").await.expect(200);
-    assert_eq!(run["marks"]["count"], 1, "{run}");
-    assert_eq!(run["marks"]["newest"][0]["kind"], "refused_claim");
-    assert_eq!(run["marks"]["newest"][0]["lease"], trainer.lease.id());
+    assert_eq!(run["warnings"]["count"], 1, "{run}");
+    assert_eq!(run["warnings"]["newest"][0]["kind"], "refused_claim");
+    assert_eq!(run["warnings"]["newest"][0]["lease"], trainer.lease.id());
     // A refused claim cannot be replaced.
     trainer.scores = honest;
     let repeated = api.post(&trainer.path(), json!({"score": trainer.scores})).await.expect(409);
-    assert_eq!(repeated["type"], "urn:sparring:problem:claimed_otherwise");
+    assert_eq!(repeated["type"], "urn:sparring:problem:columns_conflict");
     // An episode that was claimed as finished cannot be reported as failed in the audit.
     let trainer = ColumnClaim::new(&api, "run", json!({"groups": 30}), "hold").await;
     let claim = trainer.claim(&api).await;
-    let failed_result =
-        json!({"episode": claim["audit"][0]["episodes"][0], "status": "failed", "reason": "disk full"});
-    assert_eq!(api.report("run", vec![failed_result]).await["results"][0]["code"], "not_as_claimed");
+    let failed_result = json!({"episode": claim["audited_groups"][0]["episodes"][0], "status": "failed", "reason": "disk full"});
+    assert_eq!(api.report("run", vec![failed_result]).await["results"][0]["code"], "columns_mismatch");
     assert_eq!(trainer.claim_state(&api).await["state"], "refused");
 }
 
@@ -136,7 +141,7 @@ async fn unproven_claim_counts_for_nothing() {
     let _ = api.post(&path, json!({})).await.expect(200);
     assert_eq!(released.claim_state(&api).await["state"], "unproven");
     // Withheld audits add warnings to the run.
-    let warnings = api.get("/v1/runs/run").await.expect(200)["marks"].clone();
+    let warnings = api.get("/v1/runs/run").await.expect(200)["warnings"].clone();
     assert_eq!(
         (&warnings["count"], &warnings["newest"][0]["kind"]),
         (&json!(2), &json!("unproven_claim")),
@@ -146,13 +151,15 @@ async fn unproven_claim_counts_for_nothing() {
     let unclaimed = ColumnClaim::new(&api, "run", json!({"groups": 20, "ttl_s": 100}), "hold").await;
     clock_ms.fetch_add(101_000, Ordering::SeqCst);
     let over = api.post(&unclaimed.path(), json!({"score": unclaimed.scores})).await.expect(409);
-    assert_eq!(over["type"], "urn:sparring:problem:lease_over");
-    wait_until("the lease expires", async || task_mastery(&api, "run").await["claimed"]["expired"] == 20)
-        .await;
+    assert_eq!(over["type"], "urn:sparring:problem:lease_closed");
+    wait_until("the lease expires", async || {
+        task_mastery(&api, "run").await["claimed_results"]["expired"] == 20
+    })
+    .await;
     let after = task_mastery(&api, "run").await;
-    let claimed = &after["claimed"];
+    let claimed = &after["claimed_results"];
     assert_eq!((&claimed["unproven"], &claimed["expired"]), (&json!(40), &json!(20)), "{claimed}");
-    assert_eq!((&claimed["episodes"], &after["plain"]["episodes"]), (&json!(0), &json!(0)));
+    assert_eq!((&claimed["episodes"], &after["results"]["episodes"]), (&json!(0), &json!(0)));
 }
 
 #[tokio::test]
@@ -177,21 +184,28 @@ async fn failed_episodes_of_a_claim_are_not_low_scores() {
         (&kept["state"], &kept["failed"], &kept["steps"]),
         (&json!("claimed"), &json!(failed), &json!([]))
     );
-    let audited: Vec<u64> =
-        claim["audit"].as_array().unwrap().iter().map(|a| a["entries"][0].as_u64().unwrap()).collect();
+    let audited: Vec<u64> = claim["audited_groups"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|a| a["entries"][0].as_u64().unwrap())
+        .collect();
     assert!(audited.iter().all(|at| at % 5 != 0), "failed episodes are not audited: {audited:?}");
     let _ = api.report("run", trainer.audited_results(&claim)).await;
     assert_eq!(trainer.claim_state(&api).await["state"], "accepted");
     let after = task_mastery(&api, "run").await;
-    assert_eq!((&after["claimed"]["episodes"], &after["claimed"]["failed"]), (&json!(48), &json!(12)));
-    assert_eq!(after["plain"]["failed"], 0);
+    assert_eq!(
+        (&after["claimed_results"]["episodes"], &after["claimed_results"]["failed"]),
+        (&json!(48), &json!(12))
+    );
+    assert_eq!(after["results"]["failed"], 0);
     assert_eq!(after["mastery"]["seen"], 0, "12 of 60 is more than a tenth: {after}");
     // If every episode failed, nothing is audited and the claim is accepted.
     let trainer = ColumnClaim::new(&api, "run", json!({"groups": 5}), "hold").await;
     let all = json!({"score": trainer.scores, "failed": [1, 1, 1, 1, 1]});
     let report = api.post(&trainer.path(), all).await.expect(200);
     assert_eq!(
-        (&report["state"], &report["audit"]),
+        (&report["state"], &report["audited_groups"]),
         (&json!("accepted"), &json!([])),
         "the claim is accepted at once"
     );
@@ -207,7 +221,7 @@ async fn partly_failed_groups_are_audited() {
     let failed: Vec<u8> = (0..80).map(|at| u8::from(at % 4 == 1)).collect();
     let claim_scores = async |claim: &ColumnClaim, scores: &[f64]| {
         let response = api.post(&claim.path(), json!({"score": scores, "failed": failed})).await.expect(200);
-        let audit = response["audit"].as_array().unwrap();
+        let audit = response["audited_groups"].as_array().unwrap();
         assert_eq!(audit.len(), 12);
         for group in audit {
             let entries: Vec<u64> =
@@ -220,8 +234,8 @@ async fn partly_failed_groups_are_audited() {
     let honest = ColumnClaim::new(&api, "run", json!({"groups": 20}), "hold").await;
     let claim = claim_scores(&honest, &honest.scores).await;
     // A failed episode may be reported as failed again.
-    let first = claim["audit"][0]["group"].as_u64().unwrap() * 4;
-    let name = claim["audit"][0]["episodes"][0].as_str().unwrap();
+    let first = claim["audited_groups"][0]["group"].as_u64().unwrap() * 4;
+    let name = claim["audited_groups"][0]["episodes"][0].as_str().unwrap();
     let failed_episode = name.replace(&format!("_{first}"), &format!("_{}", first + 1));
     let failed_result = json!({"episode": failed_episode, "status": "failed", "reason": "disk full"});
     assert_eq!(statuses(&api.report("run", vec![failed_result]).await), ["failed"]);
@@ -235,8 +249,8 @@ async fn partly_failed_groups_are_audited() {
     let few = ColumnClaim::new(&api, "run", json!({"groups": 20}), "hold").await;
     let failed: Vec<u8> = (0..80).map(|at| u8::from(at != 33)).collect();
     let claim = api.post(&few.path(), json!({"score": few.scores, "failed": failed})).await.expect(200);
-    assert_eq!(claim["audit"].as_array().unwrap().len(), 1);
-    assert_eq!(claim["audit"][0]["entries"], json!([33]));
+    assert_eq!(claim["audited_groups"].as_array().unwrap().len(), 1);
+    assert_eq!(claim["audited_groups"][0]["entries"], json!([33]));
 }
 
 #[tokio::test]
@@ -251,7 +265,7 @@ async fn repeated_claim_after_a_restart_has_the_same_audit() {
     let mut other = trainer.scores.clone();
     other[3] = 0.5;
     let rejected = api.post(&trainer.path(), json!({"score": other})).await.expect(409);
-    assert_eq!(rejected["type"], "urn:sparring:problem:claimed_otherwise");
+    assert_eq!(rejected["type"], "urn:sparring:problem:columns_conflict");
     assert_eq!(statuses(&api.report("run", trainer.audited_results(&claim)).await), ["audited"; 10]);
     assert_eq!(trainer.claim_state(&api).await["state"], "accepted");
     // The next lease equals that of a server that was not restarted.
@@ -273,7 +287,12 @@ async fn audit_is_unpredictable() {
         let trainer = ColumnClaim::new(&server.api(), "run", json!({"groups": 300}), "hold").await;
         let claim = trainer.claim(&server.api()).await;
         audits.insert(
-            claim["audit"].as_array().unwrap().iter().map(|a| a["group"].to_string()).collect::<Vec<_>>(),
+            claim["audited_groups"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|a| a["group"].to_string())
+                .collect::<Vec<_>>(),
         );
     }
     assert_eq!(audits.len(), 3);

@@ -47,7 +47,7 @@ impl EventStream {
                     data: serde_json::from_str(data).unwrap(),
                 });
             }
-            let chunk = tokio::time::timeout(Duration::from_secs(20), self.response.chunk()).await;
+            let chunk = tokio::time::timeout(Duration::from_secs(120), self.response.chunk()).await;
             self.text.push_str(std::str::from_utf8(&chunk.expect("an event in time").ok()??).unwrap());
         }
     }
@@ -75,7 +75,7 @@ async fn events_are_ordered_and_can_be_resumed() {
     let lease = api.lease("run", json!({"groups": 2})).await;
     let _ = api.lease("other", json!({"groups": 1})).await;
     let taken = stream.next().await.unwrap();
-    assert_eq!((taken.kind.as_str(), &taken.data["state"]), ("lease", &json!("taken")));
+    assert_eq!((taken.kind.as_str(), &taken.data["state"]), ("lease", &json!("created")));
     assert_eq!(taken.data["lease"], lease.id());
     let renew = format!("/v1/runs/run/leases/{}/renew", lease.id());
     let _ = api.post(&renew, json!({})).await.expect(200);
@@ -118,10 +118,10 @@ async fn refused_claim_emits_claim_and_health_events() {
     trainer.scores.iter_mut().for_each(|score| *score = 0.01);
     let claim = trainer.claim(&api).await;
     let _ = api.report("run", trainer.audited_results(&claim)).await;
-    let events = stream.until("health").await;
+    let events = stream.until("warning").await;
     let states: Vec<&Value> = events.iter().filter(|h| h.kind == "claim").map(|h| &h.data["state"]).collect();
     assert_eq!(states, ["claimed", "refused"]);
-    assert!(events.last().unwrap().data["words"].as_str().unwrap().contains("refused"));
+    assert!(events.last().unwrap().data["message"].as_str().unwrap().contains("refused"));
     assert!(!events.iter().any(|event| event.kind == "group" || event.kind == "move"));
 }
 
@@ -135,8 +135,8 @@ async fn removed_events_are_reported_as_a_gap() {
         let path = format!("sqlite://{}", server.db_path().display());
         let mut connection = sqlx::SqliteConnection::connect(&path).await.unwrap();
         for sql in [
-            "INSERT INTO run_events (id, run, kind, body, at) VALUES (5000, 'run', 'health', '{\"words\": \"old\"}', 0)",
-            "INSERT INTO forgotten_events (run, last) VALUES ('run', 4000)",
+            "INSERT INTO run_events (id, run, kind, body, at) VALUES (5000, 'run', 'warning', '{\"message\": \"old\"}', 0)",
+            "INSERT INTO deleted_run_events (run, last_id) VALUES ('run', 4000)",
         ] {
             sqlx::query(sql).execute(&mut connection).await.unwrap();
         }
@@ -145,7 +145,7 @@ async fn removed_events_are_reported_as_a_gap() {
     let mut late = EventStream::new(&server.api(), "/v1/runs/run/events", Some(17)).await;
     let gap = late.next().await.unwrap();
     assert_eq!((gap.kind.as_str(), gap.id, &gap.data["up_to"]), ("gap", 4000, &json!(4000)));
-    assert_eq!(late.next().await.unwrap().data["words"], "old");
+    assert_eq!(late.next().await.unwrap().data["message"], "old");
 }
 
 /// An id that the server never issued, for example of another database, is reported as a gap.
@@ -158,7 +158,7 @@ async fn unknown_event_id_is_reported_as_a_gap() {
     let gap = lost.next().await.unwrap();
     assert_eq!((gap.kind.as_str(), &gap.data["after"]), ("gap", &json!(5_000)), "{gap:?}");
     let _ = api.lease("run", json!({"groups": 1})).await;
-    assert_eq!(lost.next().await.unwrap().data["state"], "taken");
+    assert_eq!(lost.next().await.unwrap().data["state"], "created");
 }
 
 /// The number of stored events of a run is bounded.

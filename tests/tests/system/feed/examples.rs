@@ -61,7 +61,11 @@ async fn groups_example_reports_and_renews() {
     // The example renews its lease of one second between groups.
     let args = ["--url", api.base(), "--rounds", "2", "--groups", "4", "--group-size", "3", "--ttl", "1"];
     let stdout = successful_stdout(&run_example(Path::new("python3"), "groups.py", &args).await);
-    assert_eq!(stdout.lines().filter(|line| line.contains("12 episodes earn 0.")).count(), 2, "{stdout}");
+    assert_eq!(
+        stdout.lines().filter(|line| line.contains("12 episodes, mean score 0.")).count(),
+        2,
+        "{stdout}"
+    );
     let last = stdout.lines().last().unwrap();
     assert!(last.contains(": level 0, 24 episodes, "), "{stdout}");
     let run = last.split(' ').nth(1).unwrap().trim_end_matches(':');

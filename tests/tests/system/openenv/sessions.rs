@@ -267,7 +267,7 @@ async fn concurrent_sessions_end_and_the_server_stops_gracefully() {
 
 #[tokio::test]
 async fn idle_session_is_closed() {
-    let idle = Some(std::time::Duration::from_millis(200));
+    let idle = Some(std::time::Duration::from_secs(1));
     let sessions =
         orchestrator::sessions::SessionLimits { max_sessions: 4, idle_timeout: idle, ..Default::default() };
     let server = Server::with_config(move |config| Config { sessions, ..config }).await;

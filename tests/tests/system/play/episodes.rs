@@ -36,7 +36,7 @@ async fn tasks_run_in_order_on_both_kinds_of_servers() {
             assert_eq!(end["rewards"], json!(rewards), "{id}");
             assert!((end["score"].as_f64().unwrap() - outcome.score).abs() < 1e-12, "{end}"); // sums in another order
         }
-        assert!(output.stderr.contains("3 of 3 episodes were flown to their end."), "{}", output.stderr);
+        assert!(output.stderr.contains("3 of 3 episodes were run to their end."), "{}", output.stderr);
     }
 }
 
@@ -68,7 +68,7 @@ async fn missing_task_is_one_error_sentence() {
     assert_eq!((output.code, output.stdout.as_str()), (Some(2), ""), "{output:?}");
     assert_eq!(
         output.stderr,
-        "sparring: the environment flies no kessler/formation: after 4 resets its goals were SURVIVAL, ECO-STATION, \
+        "sparring: the environment does not offer kessler/formation: in 4 resets its goals were SURVIVAL, ECO-STATION, \
          RENDEZVOUS, SURVIVAL\n"
     );
 }
@@ -186,7 +186,7 @@ async fn invalid_action_is_repaired_once_then_replaced_by_hold() {
         20 * requests.len()
     );
     assert!(
-        output.stderr.contains(&tokens) && output.stderr.contains("3 answers were no action, 1 steps"),
+        output.stderr.contains(&tokens) && output.stderr.contains("3 answers were invalid, 1 steps"),
         "{}",
         output.stderr
     );
@@ -200,7 +200,7 @@ async fn action_rejected_by_the_server_becomes_hold() {
     let steps = output.lines("[STEP]");
     assert!(
         steps[0].starts_with(
-            r#"[STEP] step=1 action={"burns":[]} reward=0.02 done=false error=the environment refused: "#
+            r#"[STEP] step=1 action={"burns":[]} reward=0.02 done=false error=the environment rejected the request: "#
         ) && steps[0].ends_with("burns.0.mood: Field required (VALIDATION_ERROR)"),
         "{}",
         steps[0]
@@ -230,7 +230,7 @@ async fn lines_of_concurrent_episodes_do_not_interleave() {
         .into_iter()
         .flat_map(|task| (1..=6).map(move |seed| (Some(task), Some(seed))));
     assert_eq!(seeds, wanted.collect::<Vec<_>>());
-    assert!(output.stderr.contains("Mean score (of episodes): survival 0."), "{}", output.stderr);
+    assert!(output.stderr.contains("Mean score (number of episodes): survival 0."), "{}", output.stderr);
     assert!(output.stderr.contains(" (6), formation 0."), "{}", output.stderr);
 }
 

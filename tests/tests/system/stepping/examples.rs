@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
-use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -43,7 +42,7 @@ async fn step_example_reports_its_episodes() {
 #[tokio::test(flavor = "multi_thread")]
 async fn vector_example_reports_its_episodes() {
     let Some(stdout) = run_example("vector.py", &["2"]).await else { return };
-    assert_eq!(stdout.lines().filter(|line| line.ends_with("32 flown, 32 counted")).count(), 2, "{stdout}");
+    assert_eq!(stdout.lines().filter(|line| line.ends_with("32 finished, 32 counted")).count(), 2, "{stdout}");
 }
 
 /// A killed and restarted server costs the trainer its current episode, but no result.
@@ -51,11 +50,10 @@ async fn vector_example_reports_its_episodes() {
 async fn step_example_survives_server_kills() {
     const EPISODES: usize = 60;
     let Some(mut command) = example_command("step.py") else { return };
-    // A port that was free a moment ago.
-    let bind = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("s.db");
-    let mut server = ServerProcess::start_at(&bind, &db, &[]);
+    let mut server = ServerProcess::start(&db);
+    let bind = server.address().to_owned();
     command.arg(format!("http://{bind}")).arg(EPISODES.to_string()).stdout(Stdio::piped());
     let mut trainer = command.spawn().unwrap();
     let mut lines = BufReader::new(trainer.stdout.take().unwrap()).lines();

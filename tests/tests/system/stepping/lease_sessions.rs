@@ -1,7 +1,7 @@
 //! Vector sessions on a lease.
 
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Server};
+use system_tests::{ApiClient, Server, wait_until};
 
 use super::client::{SessionSocket, StepFrame, VectorSession, open_message, uniform};
 use super::single::create_run;
@@ -54,7 +54,7 @@ async fn every_episode_of_a_lease_runs_and_counts_once() {
         );
         let closed = vector.socket.request(&json!({"type": "close", "id": 1})).await;
         assert_eq!(
-            (&closed["reported"]["flown"], &closed["reported"]["counted"]),
+            (&closed["reported"]["finished"], &closed["reported"]["counted"]),
             (&json!(18), &json!(18)),
             "{closed}"
         );
@@ -73,7 +73,7 @@ async fn every_episode_of_a_lease_runs_and_counts_once() {
             SessionSocket::connect(&api).await.request(&open_message(open_options(id, 2, mode))).await;
         assert_eq!(
             (&rejected["type"], &rejected["code"]),
-            (&json!("error"), &json!("lease_over")),
+            (&json!("error"), &json!("lease_closed")),
             "{rejected}"
         );
     }
@@ -119,7 +119,11 @@ async fn reopened_lease_skips_reported_episodes() {
         .await
         .request(&open_message(open_options(lease.id(), 4, "disabled")))
         .await;
-    assert_eq!((&rejected["type"], &rejected["code"]), (&json!("error"), &json!("lease_over")), "{rejected}");
+    assert_eq!(
+        (&rejected["type"], &rejected["code"]),
+        (&json!("error"), &json!("lease_closed")),
+        "{rejected}"
+    );
 }
 
 /// A connected session renews its lease, also if the trainer pauses for longer than the lease's time to live.
@@ -128,10 +132,18 @@ async fn idle_session_renews_its_lease() {
     let server = Server::start().await;
     let api = server.api();
     create_run(&api, "run").await;
-    let lease = api.lease("run", json!({"groups": 1, "ttl_s": 2})).await;
+    const TTL_S: i64 = 5;
+    let lease = api.lease("run", json!({"groups": 1, "ttl_s": TTL_S})).await;
     let (mut vector, first) = VectorSession::open(&api, open_options(lease.id(), 2, "next_step")).await;
-    // Tests the passing of time: the pause is longer than the `ttl_s` of the lease.
-    tokio::time::sleep(std::time::Duration::from_secs(5)).await;
+    let expires_at =
+        |lease: &Value| lease["expires_at"].as_str().unwrap().parse::<jiff::Timestamp>().unwrap().as_second();
+    // A renewal sets the deadline to `ttl_s` from then: twice `ttl_s` is set after the first deadline.
+    wait_until("the session renews the lease after its first deadline", async || {
+        let now = api.get(&format!("/v1/runs/run/leases/{}", lease.id())).await.expect(200);
+        assert_eq!(now["status"], "active");
+        expires_at(&now) > expires_at(&lease.0) + TTL_S
+    })
+    .await;
     let _ = step_until_idle(&mut vector, first).await;
     let closed = vector.socket.request(&json!({"type": "close", "id": 1})).await;
     assert_eq!(
@@ -160,7 +172,7 @@ async fn unfinished_episodes_are_returned_to_the_lease() {
     let none = other.request(&open_message(open_options(lease.id(), 1, "disabled"))).await;
     assert_eq!((&none["code"], &none["field"]), (&json!("invalid"), &json!("lease_id")), "{none}");
     let closed = vector.socket.request(&json!({"type": "close"})).await;
-    assert_eq!(closed["reported"]["flown"], 0, "{closed}");
+    assert_eq!(closed["reported"]["finished"], 0, "{closed}");
     let (mut vector, first) = VectorSession::open(&api, open_options(lease.id(), 2, "next_step")).await;
     assert_eq!(first.episodes, [0, 1]);
     let _ = step_until_idle(&mut vector, first).await;

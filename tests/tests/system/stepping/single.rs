@@ -74,10 +74,13 @@ async fn episode_runs_to_its_end_and_the_next_one_starts() {
     assert_eq!(last["score"], json!(outcome.score));
     assert!((rewards - outcome.score).abs() < 1e-3);
     let over = socket.step(1000, &burn(0)).await;
-    assert_eq!((&over["type"], &over["code"], &over["id"]), (&json!("error"), &json!("over"), &json!(1000)));
+    assert_eq!(
+        (&over["type"], &over["code"], &over["id"]),
+        (&json!("error"), &json!("episode_over"), &json!(1000))
+    );
     // A reset without options repeats the scenario; with options it starts another one.
     let restarted = socket.request(&json!({"type": "reset", "id": 1001})).await;
-    assert_eq!((&restarted["type"], &restarted["observation"]), (&json!("began"), &opened["observation"]));
+    assert_eq!((&restarted["type"], &restarted["observation"]), (&json!("started"), &opened["observation"]));
     let other =
         socket.request(&json!({"type": "reset", "id": 1002, "task": "docking/multiagent", "seed": 4})).await;
     assert_eq!(other["observation"]["deputies"].as_array().unwrap().len(), 3);
@@ -144,7 +147,7 @@ async fn repeated_id_repeats_the_reply_without_a_step() {
     let second = socket.step(8, &burn(2)).await;
     assert_eq!(second["step"], 2);
     let outdated = socket.step(7, &burn(1)).await;
-    assert_eq!((&outdated["code"], &outdated["field"]), (&json!("out_of_turn"), &json!("id")));
+    assert_eq!((&outdated["code"], &outdated["field"]), (&json!("out_of_order"), &json!("id")));
     // A rejected step changes nothing, and its id can be used again.
     let rejected =
         socket.step(9, &json!({"burns": [{"satellite_id": 0, "delta_vx": "NaN", "delta_vy": 0}]})).await;
@@ -163,7 +166,7 @@ fn invalid_open_messages() -> InvalidMessages {
     vec![
         (json!({"type": "step", "id": 1, "action": {}}), "unknown_type", "type"),
         (json!({"type": "open"}), "invalid", "version"),
-        (json!({"type": "open", "version": 2}), "version", "version"),
+        (json!({"type": "open", "version": 2}), "unsupported_version", "version"),
         (json!({"version": 1}), "invalid", "type"),
         (json!([1]), "invalid", "message"),
         (open_message(json!({"sede": 1})), "invalid", "sede"),

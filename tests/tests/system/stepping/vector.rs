@@ -168,7 +168,7 @@ async fn autoreset_modes_follow_gymnasium() {
                 let frame = vector.action_frame(51, &hold);
                 vector.socket.send_bytes(&frame).await;
                 let error = vector.socket.receive_text().await;
-                assert_eq!((&error["code"], &error["id"]), (&json!("over"), &json!(51)), "{error}");
+                assert_eq!((&error["code"], &error["id"]), (&json!("episode_over"), &json!(51)), "{error}");
                 let restarted = vector.reset(&[0, 1]).await;
                 let half = vector.opened_number("observation");
                 assert_eq!(
@@ -212,8 +212,8 @@ async fn repeated_frame_repeats_the_reply_and_invalid_ones_do_nothing() {
         (modified(4, 9), "invalid_frame", "version"),
         (modified(6, 2), "invalid_frame", "kind"),
         (modified(12, 4), "invalid_frame", "envs"),
-        (modified(8, 4), "out_of_turn", "sequence"),
-        (modified(8, 0), "out_of_turn", "sequence"),
+        (modified(8, 4), "out_of_order", "sequence"),
+        (modified(8, 0), "out_of_order", "sequence"),
         (modified(0, b'S')[..80].to_vec(), "invalid_frame", "length"),
         ([modified(0, b'S'), vec![0; 4]].concat(), "invalid_frame", "length"),
         (nan, "invalid_frame", "actions"),

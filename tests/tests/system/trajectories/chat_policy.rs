@@ -19,13 +19,13 @@ use super::{
 
 pub(crate) const BURN: &str = r#"{"burns":[{"satellite_id":1,"delta_vx":0.2,"delta_vy":-0.1}]}"#;
 
-/// Configuration of a client for the endpoint at `base`, with short timeouts.
+/// Configuration of a client for the endpoint at `base`, with a timeout that no response on a busy machine exceeds.
 pub(crate) fn model_config(base: &str) -> LlmConfig {
     let mut config = LlmConfig::new(format!("{base}/v1"), "mock", WallClock::new(|| 0));
     config.key = Some(API_KEY.to_owned().into());
     config.retries = 0;
     config.backoff = Duration::from_millis(20);
-    config.timeout = Duration::from_secs(2);
+    config.timeout = Duration::from_secs(60);
     config.concurrency = 8;
     config
 }
@@ -55,7 +55,7 @@ async fn conversations_are_stored_with_their_tokens() {
     let api = server.api();
     // The judge of the run applies to sessions, not to server rollouts.
     create_run(&api, "run", json!({"group_size": 2, "judge": "deterministic"})).await;
-    let settings = json!({"policy": "chat", "version": 7, "ahead": 1, "history": 1, "max_tokens": 99});
+    let settings = json!({"policy": "chat", "version": 7, "max_unacknowledged_groups": 1, "history": 1, "max_tokens": 99});
     assert_eq!(put_policy(&api, "run", settings).await.expect(200)["model"], "mock");
     let groups = pull(&api, "run", "wait_s=50").await;
     let group = &groups[0];
@@ -79,7 +79,7 @@ async fn conversations_are_stored_with_their_tokens() {
             assert_eq!(calls.len(), 1);
             let call = &calls[0];
             assert_eq!(
-                (&call["text"], &call["cut"], &call["error"]),
+                (&call["text"], &call["truncated"], &call["error"]),
                 (&json!(BURN), &json!(false), &Value::Null)
             );
             assert_eq!(
@@ -120,8 +120,13 @@ async fn token_details_are_off_by_default() {
     let server = start_server(model_config(&mock.uri())).await;
     let api = server.api();
     create_run(&api, "run", json!({"group_size": 1})).await;
-    let _ =
-        put_policy(&api, "run", json!({"policy": "chat", "ahead": 1, "temperature": 0.0})).await.expect(200);
+    let _ = put_policy(
+        &api,
+        "run",
+        json!({"policy": "chat", "max_unacknowledged_groups": 1, "temperature": 0.0}),
+    )
+    .await
+    .expect(200);
     let groups = pull(&api, "run", "wait_s=50").await;
     assert!(!groups[0].to_string().contains("logprobs"));
     for request in received_bodies(&mock).await {
@@ -160,7 +165,9 @@ async fn faults_of_the_model_count() {
         let server = start_server(model_config(&mock.uri())).await;
         let api = server.api();
         create_run(&api, "run", json!({"group_size": 1})).await;
-        let _ = put_policy(&api, "run", json!({"policy": "chat", "ahead": 1})).await.expect(200);
+        let _ = put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1}))
+            .await
+            .expect(200);
         let groups = pull(&api, "run", "wait_s=50").await;
         assert_group_replays(&groups[0]);
         let episode = &groups[0]["episodes"][0];
@@ -170,7 +177,7 @@ async fn faults_of_the_model_count() {
         assert_eq!(steps[1]["action"], Value::Null);
         assert!(steps[1]["error"].as_str().unwrap().contains("no action"), "{}", steps[1]["error"]);
         assert_eq!(steps[1]["completions"].as_array().unwrap().len(), 2, "repaired once");
-        assert_eq!(steps[1]["completions"][0]["cut"], stopped == "too_long");
+        assert_eq!(steps[1]["completions"][0]["truncated"], stopped == "too_long");
         assert_eq!(episode["metrics"]["invalid_actions"], 2);
         let now = policy(&api, "run").await;
         assert_eq!((number(&now["failed"]), number(&now["episodes"])), (0, 1));
@@ -184,7 +191,7 @@ async fn faults_of_the_model_count() {
 /// A timeout counts as the model's fault if the endpoint responds to other requests meanwhile.
 #[tokio::test]
 async fn timeout_of_one_request_counts_as_the_models_fault() {
-    let slow = chat_response(HOLD_ACTION).set_delay(Duration::from_secs(6));
+    let slow = chat_response(HOLD_ACTION).set_delay(Duration::from_secs(300));
     let mock = start_endpoint([
         chat_response(BURN),
         chat_response(BURN),
@@ -194,10 +201,12 @@ async fn timeout_of_one_request_counts_as_the_models_fault() {
         chat_response(BURN),
     ])
     .await;
-    let server = start_server(model_config(&mock.uri())).await;
+    let timeout = Duration::from_secs(10);
+    let server = start_server(LlmConfig { timeout, ..model_config(&mock.uri()) }).await;
     let api = server.api();
     create_run(&api, "run", json!({"group_size": 2})).await;
-    let _ = put_policy(&api, "run", json!({"policy": "chat", "ahead": 1})).await.expect(200);
+    let _ =
+        put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1})).await.expect(200);
     let groups = pull(&api, "run", "wait_s=50").await;
     assert_group_replays(&groups[0]);
     let episodes = groups[0]["episodes"].as_array().unwrap();
@@ -224,7 +233,8 @@ async fn stored_messages_equal_the_sent_ones() {
     let server = start_server(model_config(&mock.uri())).await;
     let api = server.api();
     create_run(&api, "run", json!({"group_size": 1})).await;
-    let _ = put_policy(&api, "run", json!({"policy": "chat", "ahead": 1})).await.expect(200);
+    let _ =
+        put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1})).await.expect(200);
     let groups = pull(&api, "run", "wait_s=50").await;
     let requests = received_bodies(&mock).await;
     let messages = &groups[0]["episodes"][0]["steps"][0]["completions"][0]["messages"];

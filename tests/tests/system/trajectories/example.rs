@@ -29,7 +29,7 @@ async fn example_trains_in_json_and_msgpack() {
         assert_eq!(last[..2], ["12", "groups,"], "{stdout}");
         let policy_state: Value = policy(&server.api(), format).await;
         assert!(
-            number(&policy_state["groups"]) >= 12 && number(&policy_state["feed"]["acked"]) >= 12,
+            number(&policy_state["groups"]) >= 12 && number(&policy_state["feed"]["acknowledged"]) >= 12,
             "{policy_state}"
         );
         assert_eq!(policy_state["policy"], "off");

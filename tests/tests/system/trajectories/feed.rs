@@ -21,9 +21,11 @@ async fn unacknowledged_groups_are_delivered_again() {
     let api = server.api();
     create_run(&api, "run", json!({})).await;
     create_run(&api, "other", json!({})).await;
-    let _ = put_policy(&api, "run", json!({"policy": "hold", "ahead": 4})).await.expect(200);
+    let _ =
+        put_policy(&api, "run", json!({"policy": "hold", "max_unacknowledged_groups": 4})).await.expect(200);
     wait_for_full_feed(&api, "run").await;
-    let _ = put_policy(&api, "run", json!({"policy": "off", "ahead": 4})).await.expect(200);
+    let _ =
+        put_policy(&api, "run", json!({"policy": "off", "max_unacknowledged_groups": 4})).await.expect(200);
     let first = pull(&api, "run", "limit=3&ttl_s=60").await;
     assert_eq!(first.len(), 3);
     assert!(first.iter().all(|group| group["deliveries"] == 1));
@@ -32,7 +34,7 @@ async fn unacknowledged_groups_are_delivered_again() {
     let [a, b, c] = <[i64; 3]>::try_from(ids(&first)).unwrap();
     assert!(a < b && b < c && c < ids(&second)[0]);
     assert!(pull(&api, "run", "").await.is_empty());
-    assert_eq!(ack(&api, "run", &[a]).await, json!({"acked": [a], "unknown": []}));
+    assert_eq!(ack(&api, "run", &[a]).await, json!({"acknowledged": [a], "unknown": []}));
     clock_ms.fetch_add(61_000, Ordering::SeqCst);
     let redelivered = pull(&api, "run", "ttl_s=60").await;
     assert_eq!(ids(&redelivered), [b, c]);
@@ -47,8 +49,8 @@ async fn unacknowledged_groups_are_delivered_again() {
         first[1..].iter().map(same).collect::<Vec<_>>()
     );
     // Acknowledging twice is allowed; ids of other runs and unused ids are unknown.
-    assert_eq!(ack(&api, "run", &[a, b, 999]).await, json!({"acked": [a, b], "unknown": [999]}));
-    assert_eq!(ack(&api, "other", &[c]).await, json!({"acked": [], "unknown": [c]}));
+    assert_eq!(ack(&api, "run", &[a, b, 999]).await, json!({"acknowledged": [a, b], "unknown": [999]}));
+    assert_eq!(ack(&api, "other", &[c]).await, json!({"acknowledged": [], "unknown": [c]}));
     clock_ms.fetch_add(200_000, Ordering::SeqCst);
     assert_eq!(ids(&pull(&api, "run", "").await), [c, ids(&second)[0]]);
     // A group can also be acknowledged after its delivery timed out.
@@ -71,18 +73,25 @@ async fn newest_acknowledged_groups_are_kept() {
     let server = Server::start().await;
     let api = server.api();
     create_run(&api, "run", json!({"group_size": 1})).await;
-    let _ = put_policy(&api, "run", json!({"policy": "hold", "ahead": 300, "observations": "none"}))
-        .await
-        .expect(200);
+    let _ = put_policy(
+        &api,
+        "run",
+        json!({"policy": "hold", "max_unacknowledged_groups": 300, "observations": "none"}),
+    )
+    .await
+    .expect(200);
     wait_for_full_feed(&api, "run").await;
     let _ = put_policy(&api, "run", json!({"policy": "off"})).await.expect(200);
     let mut all = ids(&pull(&api, "run", "limit=256").await);
     all.extend(ids(&pull(&api, "run", "limit=256").await));
     assert_eq!(all.len(), 300);
     ack(&api, "run", &all).await;
-    assert_eq!(number(&policy(&api, "run").await["feed"]["acked"]), 256);
+    assert_eq!(number(&policy(&api, "run").await["feed"]["acknowledged"]), 256);
     assert_eq!(ids(&pull(&api, "run", "after=0&limit=256").await), all[44..]);
-    assert_eq!(ack(&api, "run", &all[43..45]).await, json!({"acked": [all[44]], "unknown": [all[43]]}));
+    assert_eq!(
+        ack(&api, "run", &all[43..45]).await,
+        json!({"acknowledged": [all[44]], "unknown": [all[43]]})
+    );
 }
 
 #[tokio::test]
@@ -94,9 +103,10 @@ async fn long_polls_wake_for_pushes_and_redeliveries() {
         let api = api.clone();
         async move { (pull(&api, "run", "wait_s=50&ttl_s=2").await, Instant::now()) }
     });
-    // Tests the passing of time: the long poll has started before the group is pushed.
-    tokio::time::sleep(Duration::from_millis(300)).await;
-    let _ = put_policy(&api, "run", json!({"policy": "hold", "ahead": 1})).await.expect(200);
+    // The spawned task sends its request before this one: both run on one thread. The rollout takes longer still.
+    tokio::task::yield_now().await;
+    let _ =
+        put_policy(&api, "run", json!({"policy": "hold", "max_unacknowledged_groups": 1})).await.expect(200);
     wait_for_policy(&api, "run", "a group is pushed", |policy| number(&policy["groups"]) == 1).await;
     let pushed = Instant::now();
     let (groups, woken) = waiting.await.unwrap();

@@ -17,7 +17,9 @@ async fn all_formats_have_the_same_content() {
     let server = Server::start().await;
     let api = server.api();
     create_run(&api, "run", json!({})).await;
-    let _ = put_policy(&api, "run", json!({"policy": "random", "ahead": 3})).await.expect(200);
+    let _ = put_policy(&api, "run", json!({"policy": "random", "max_unacknowledged_groups": 3}))
+        .await
+        .expect(200);
     wait_for_full_feed(&api, "run").await;
     let url = |path: &str| format!("{}/v1/runs/{path}", api.base());
     let (_, content_type, json) = request_with_accept(&url("run/trajectories?after=0"), "*/*").await;
@@ -55,7 +57,7 @@ async fn bodies_match_snapshots() {
     let api = server.api();
     create_run(&api, "run", json!({"group_size": 2, "seed": 9})).await;
     insta::assert_json_snapshot!("no_policy", super::policy(&api, "run").await);
-    let request = json!({"policy": "hold", "version": 2, "ahead": 1, "temperature": 0.5, "history": 1, "max_tokens": 64});
+    let request = json!({"policy": "hold", "version": 2, "max_unacknowledged_groups": 1, "temperature": 0.5, "history": 1, "max_tokens": 64});
     let set = put_policy(&api, "run", request).await.expect(200);
     insta::assert_json_snapshot!("policy", set, {".changed_at" => "[time]", ".groups" => "[n]", ".episodes" => "[n]",
         ".feed" => "[feed]"});
@@ -99,7 +101,7 @@ async fn invalid_requests_are_rejected_with_a_reason() {
         json!({"policy": "hold", "temperature": 5.1}),
         json!({"policy": "hold", "history": 65}),
         json!({"policy": "hold", "max_tokens": 1}),
-        json!({"policy": "hold", "ahead": 0}),
+        json!({"policy": "hold", "max_unacknowledged_groups": 0}),
         json!({"policy": "hold", "observations": "tracks"}),
     ] {
         let response = put_policy(&api, "run", request.clone()).await;

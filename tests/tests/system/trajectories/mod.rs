@@ -92,7 +92,7 @@ pub(crate) fn ids(groups: &[Value]) -> Vec<i64> {
 /// Returns the number of episodes that count for the mastery of a run.
 pub(crate) async fn counted_episodes(api: &ApiClient, id: &str) -> i64 {
     let mastery = api.get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
-    mastery["tasks"].as_array().unwrap().iter().map(|task| number(&task["plain"]["episodes"])).sum()
+    mastery["tasks"].as_array().unwrap().iter().map(|task| number(&task["results"]["episodes"])).sum()
 }
 
 /// Builds the scenario of a group.
@@ -121,7 +121,7 @@ pub(crate) fn assert_group_replays(group: &Value) {
         let steps = episode["steps"].as_array().unwrap();
         let total: f64 = steps.iter().map(|step| step["reward"].as_f64().unwrap()).sum();
         // Sums of the same numbers, in another order if the episode stopped early.
-        assert!((total - outcome.total).abs() < 1e-12, "{total} {}", outcome.total);
+        assert!((total - outcome.total_reward).abs() < 1e-12, "{total} {}", outcome.total_reward);
         let done: Vec<bool> = steps.iter().map(|step| step["done"].as_bool().unwrap()).collect();
         assert!(done.iter().rev().skip(1).all(|done| !done) && *done.last().unwrap(), "{done:?}");
         for step in steps {

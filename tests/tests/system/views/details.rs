@@ -15,7 +15,7 @@ async fn flight_frames_are_the_same_for_any_range() {
         for (key, value) in options.as_object().unwrap() {
             request[key] = value.clone();
         }
-        api.post("/v1/flights", request)
+        api.post("/v1/rollouts", request)
     };
     let steps = json!([[[0, 0.1, 0.0]], [], [[0, 0.0, -0.05]]]);
     let whole = fly(json!({"steps": steps, "until": 50})).await.expect(200);
@@ -45,7 +45,7 @@ async fn evaluation_lists_every_scenario() {
     let server = Server::start().await;
     let api = server.api();
     let suites = api.get("/v1/suites").await.expect(200);
-    let usual = suites["usual"].as_str().unwrap();
+    let usual = suites["default"].as_str().unwrap();
     let suite = suites["suites"].as_array().unwrap().iter().find(|suite| suite["name"] == usual).unwrap();
     assert!(suite["policies"].as_array().unwrap().contains(&json!("hold")));
     let created = api.post("/v1/evaluations", json!({"policy": "hold"})).await.expect(201);
@@ -63,7 +63,7 @@ async fn evaluation_lists_every_scenario() {
         cursor = format!("&cursor={next}");
     }
     assert_eq!(all.len() as u64, suite["scenarios"].as_u64().unwrap());
-    assert!(all.iter().enumerate().all(|(i, row)| row["place"] == i && row["episodes"].as_u64() > Some(0)));
+    assert!(all.iter().enumerate().all(|(i, row)| row["index"] == i && row["episodes"].as_u64() > Some(0)));
     // The floor is the score of holding, except for tasks whose floor is a blind plan.
     let blind = ["kessler/survival", "kessler/eco_station"].map(Value::from);
     let held: Vec<&Value> = all.iter().filter(|row| !blind.contains(&row["task"])).collect();
@@ -88,8 +88,11 @@ async fn earlier_settings_are_kept_and_archived_runs_are_hidden() {
     let history = api.get("/v1/runs/run/settings").await.expect(200);
     let settings = history["settings"].as_array().unwrap();
     assert_eq!(settings.len(), 2);
-    assert_eq!((&settings[0]["nth"], &settings[0]["settings"]["max_staleness"]), (&json!(1), &json!(3)));
-    assert_eq!((&settings[1]["nth"], &settings[1]["settings"]["max_staleness"]), (&json!(0), &Value::Null));
+    assert_eq!((&settings[0]["revision"], &settings[0]["settings"]["max_staleness"]), (&json!(1), &json!(3)));
+    assert_eq!(
+        (&settings[1]["revision"], &settings[1]["settings"]["max_staleness"]),
+        (&json!(0), &Value::Null)
+    );
 
     let listed = |all: Value| -> Vec<Value> {
         all["runs"].as_array().unwrap().iter().map(|run| run["id"].clone()).collect()

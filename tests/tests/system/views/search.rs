@@ -87,7 +87,7 @@ async fn every_filter_excludes_other_episodes() {
         ("state=finished", |e| e["state"] == "finished"),
         ("success=true", |e| e["success"] == true),
         ("success=false", |e| e["success"] == false),
-        ("version=7", |e| e["policy_version"] == 7),
+        ("policy_version=7", |e| e["policy_version"] == 7),
         ("role=frontier&level=0", |e| e["role"] == "frontier" && e["level"] == 0),
         ("task=kessler/survival&role=rehearsal", |e| e["role"] == "rehearsal"),
     ];
@@ -102,7 +102,7 @@ async fn every_filter_excludes_other_episodes() {
         assert_eq!(episode_ids(&found).into_iter().collect::<BTreeSet<_>>(), expected, "{query}");
     }
     assert_eq!(search(&api, "state=failed", 500).await.len(), 8);
-    assert_eq!(search(&api, "version=7", 500).await.len(), 4);
+    assert_eq!(search(&api, "policy_version=7", 500).await.len(), 4);
 }
 
 #[tokio::test]

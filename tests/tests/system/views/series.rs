@@ -68,7 +68,7 @@ async fn buckets_sum_to_all_results() {
     })
     .await;
     let mastery = api.get("/v1/runs/run/mastery").await.expect(200)["tasks"][0].clone();
-    let plain = &mastery["plain"];
+    let plain = &mastery["results"];
     let count = |key: &str| plain[key].as_i64().expect("a count");
     assert_eq!(count("episodes") + count("failed"), reported);
     assert_eq!(count("expired"), 4);
@@ -147,7 +147,7 @@ async fn series_is_hourly_after_a_week() {
         use sqlx::{Connection, Row};
         let options = sqlx::sqlite::SqliteConnectOptions::new().filename(&db).read_only(true);
         let mut conn = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
-        let row = sqlx::query("SELECT count(*) FILTER (WHERE width = 60000), count(*) FILTER (WHERE width = 3600000) FROM history")
+        let row = sqlx::query("SELECT count(*) FILTER (WHERE width = 60000), count(*) FILTER (WHERE width = 3600000) FROM task_history")
             .fetch_one(&mut conn)
             .await
             .unwrap();
