@@ -1,4 +1,4 @@
-# An OpenEnv space: OpenEnv's routes on port 8000 and nothing else, for anybody. Built from the sources beside it:
+# Image of an OpenEnv space: serves only OpenEnv's routes, on port 8000 and without tokens. Build and run it:
 #   docker build -t sparring . && docker run -p 8000:8000 sparring
 FROM rust:1.95-slim-trixie AS build
 WORKDIR /src

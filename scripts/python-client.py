@@ -74,8 +74,8 @@ def signature(operation, path_parameters, query_parameters, body):
         required = [parameter for parameter in query_parameters if parameter.get("required")]
         optional = [parameter for parameter in query_parameters if not parameter.get("required")]
         parameters.append("*")
-        parameters += [f"{python_name(one['name'])}: {query_type(one['schema'])}" for one in required]
-        parameters += [f"{python_name(one['name'])}: {query_type(one['schema'])} | None = None" for one in optional]
+        parameters += [f"{python_name(query['name'])}: {query_type(query['schema'])}" for query in required]
+        parameters += [f"{python_name(query['name'])}: {query_type(query['schema'])} | None = None" for query in optional]
     if body:
         parameters.append(f"**body: Unpack[types.{body.rsplit('/', 1)[1]}]")
     return ", ".join(["self", *parameters])
@@ -105,7 +105,7 @@ def method(verb, path, operation, tag, is_async):
     path_source = repr(path)
     if path_parameters:
         path_source = "f" + repr(path.replace("{", "{_segment(").replace("}", ")}"))
-    query = ", ".join(f"{one['name']!r}: {python_name(one['name'])}" for one in query_parameters)
+    query = ", ".join(f"{parameter['name']!r}: {python_name(parameter['name'])}" for parameter in query_parameters)
     is_repeatable = not (verb == "post" and path in NOT_REPEATABLE)
     arguments = f"{verb.upper()!r}, {path_source}, {{{query}}}, {'body' if body else None}, is_repeatable={is_repeatable}"
     return f"""
