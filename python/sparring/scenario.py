@@ -242,7 +242,7 @@ def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = N
         stopped: As for `replay`.
 
     Returns:
-        A dict with `failures` and their geometry, `actions` with a verdict on each, and `judged`, the deterministic
+        A dict with `failures` and their geometry, `actions` with a verdict on each, and `assessment`, the deterministic
         judge's value from -1 to 1.
 
     Raises:

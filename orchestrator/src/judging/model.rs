@@ -23,7 +23,7 @@ const DEADLINE_MARGIN: Duration = Duration::from_millis(250);
 const MAX_TOKENS: u32 = 300;
 /// Maximum length of a stored reasoning, in characters.
 const MAX_REASONING_CHARS: usize = 1000;
-/// Payer of the tokens for episodes that belong to no run.
+/// Budget account of verdicts on episodes that belong to no run.
 const NO_RUN_ACCOUNT: &str = "openenv";
 
 static SCHEMA: LazyLock<Arc<Value>> = LazyLock::new(|| {

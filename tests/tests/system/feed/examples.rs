@@ -58,16 +58,16 @@ async fn columns_example_is_accepted_unless_forged() {
 async fn groups_example_reports_and_renews() {
     let server = Server::start().await;
     let api = server.api();
-    // The example renews its lease of one second between groups.
-    let args = ["--url", api.base(), "--rounds", "2", "--groups", "4", "--group-size", "3", "--ttl", "1"];
+    // A lease takes about as long as its time to live, so that the example renews it; a group takes an eighth of that.
+    let args = ["--url", api.base(), "--rounds", "2", "--groups", "6", "--group-size", "40", "--ttl", "4"];
     let stdout = successful_stdout(&run_example(Path::new("python3"), "groups.py", &args).await);
     assert_eq!(
-        stdout.lines().filter(|line| line.contains("12 episodes, mean score 0.")).count(),
+        stdout.lines().filter(|line| line.contains("240 episodes, mean score 0.")).count(),
         2,
         "{stdout}"
     );
     let last = stdout.lines().last().unwrap();
-    assert!(last.contains(": level 0, 24 episodes, "), "{stdout}");
+    assert!(last.contains(": level 0, 480 episodes, "), "{stdout}");
     let run = last.split(' ').nth(1).unwrap().trim_end_matches(':');
     let leases = api.get(&format!("/v1/runs/{run}/leases")).await.expect(200);
     let states: Vec<&Value> =
