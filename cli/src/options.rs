@@ -33,7 +33,8 @@ impl std::fmt::Display for ChosenOption {
 /// # Errors
 /// Returns a message if the form, the scope, the name or the choice is unknown.
 pub(super) fn parse(text: &str) -> Result<ChosenOption, String> {
-    let wanted = "an option must be NAME=CHOICE, such as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE";
+    let wanted =
+        "an option must be NAME=CHOICE, such as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE";
     let (left, choice) = text.split_once('=').ok_or(wanted)?;
     let (of, name) = match left.split_once(':') {
         Some((of, name)) => (Some(of), name),
@@ -187,7 +188,7 @@ mod tests {
         let refused =
             ["contact", "=", "contact=", "contact=hard", "drag=on", "docking:contact=swept", "golf:a=b"];
         insta::assert_snapshot!(refused.map(|text| parse(text).unwrap_err()).join("\n"), @r#"
-        an option is NAME=CHOICE, as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE
+        an option must be NAME=CHOICE, such as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE
         there is no option ""; known are start, compat, contact, gravity, risk, warnings
         contact is ""; choose one of end_of_step, swept
         contact is "hard"; choose one of end_of_step, swept
@@ -216,8 +217,8 @@ mod tests {
             refuse(&["kessler/rendezvous:contact=swept"], &both),
             refuse(&["kessler:risk=pc", "kessler/survival:risk=contact"], &both),
         ].join("\n"), @r#"
-        option contact=swept: docking/single has none of that name; say which are meant, as WORLD:contact=…
-        option kessler/rendezvous:contact=swept: no task of kessler/rendezvous is here
+        option contact=swept: docking/single has no such option; restrict it to tasks that have it, as WORLD:contact=…
+        option kessler/rendezvous:contact=swept: none of the tasks is kessler/rendezvous
         option risk is given twice for kessler/survival
         "#);
     }

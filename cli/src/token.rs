@@ -125,7 +125,10 @@ fn check_name(name: &str) -> anyhow::Result<()> {
         (1..=MAX_NAME_CHARS).contains(&name.chars().count()),
         "a token's name must have 1 to {MAX_NAME_CHARS} characters"
     );
-    ensure!(!name.chars().any(char::is_control), "a token's name must not contain tabs, line ends or other control characters");
+    ensure!(
+        !name.chars().any(char::is_control),
+        "a token's name must not contain tabs, line ends or other control characters"
+    );
     Ok(())
 }
 

@@ -8,7 +8,6 @@ use axum::http::{Method, StatusCode};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use serde::Serialize;
 
-
 /// Event in the life of a lease: the `state` of its events, and the label of `sparring_leases_total`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

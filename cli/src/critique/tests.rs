@@ -74,7 +74,8 @@ fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
             explanation: "Debris that was seen hit a satellite.".to_owned(),
         },
     };
-    let flown = EpisodeOutcome { score: 0.441, total_reward: 0.44, steps: 50, lost: 2, goal: None, fuel_used: 3.5 };
+    let flown =
+        EpisodeOutcome { score: 0.441, total_reward: 0.44, steps: 50, lost: 2, goal: None, fuel_used: 3.5 };
     CritiqueReport { scenario: scenario(), flown, bracket: None, critique }
 }
 
@@ -87,9 +88,9 @@ fn people_read_a_table() {
     let few = vec![action(1, Verdict::Needed, 0.31), action(9, Verdict::Harmful, -0.125)];
     insta::assert_snapshot!("few_actions", shown(few).tables());
     let many = (1..=40).map(|step| action(step, Verdict::Harmless, f64::from(step) / 1000.0)).collect();
-    let told = shown(many).tables();
-    assert!(told.contains("16 more that mattered less; --format json has all of them."), "{told}");
-    assert!(!told.contains("+0.016") && told.contains("+0.017"), "the smallest gains are left out: {told}");
+    let text = shown(many).tables();
+    assert!(text.contains("16 more with less effect; --format json lists all of them."), "{text}");
+    assert!(!text.contains("+0.016") && text.contains("+0.017"), "the smallest gains are left out: {text}");
     assert!(shown(Vec::new()).tables().contains("No actions were taken."));
 }
 

@@ -115,7 +115,8 @@ async fn write_all(
         if sink.is_closed {
             break;
         }
-        let row = runs::get(conn, run).await?.with_context(|| format!("run {run} does not exist any more"))?;
+        let row =
+            runs::get(conn, run).await?.with_context(|| format!("run {run} does not exist any more"))?;
         sink.write(&ExportLine::run(row)?)?;
         let mut after = -1;
         loop {

@@ -71,7 +71,8 @@ fn words(info: &Info) -> String {
     ];
     let mut runs = output::table(&header, 3);
     for run in &info.runs {
-        let counts = [run.active, run.whole + run.compacted, run.compacted, run.claimed, run.moves, run.layouts];
+        let counts =
+            [run.active, run.whole + run.compacted, run.compacted, run.claimed, run.moves, run.layouts];
         let words = [run.run.clone(), run.status.to_string(), rfc3339(run.created_at)];
         runs.add_row(words.into_iter().chain(counts.map(|count| count.to_string())));
     }

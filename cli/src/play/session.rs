@@ -62,8 +62,8 @@ impl ServerAddress {
     /// # Errors
     /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment.
     pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
-        let base =
-            Url::parse(text).with_context(|| "it must be an address such as http://127.0.0.1:8700".to_owned())?;
+        let base = Url::parse(text)
+            .with_context(|| "it must be an address such as http://127.0.0.1:8700".to_owned())?;
         let secure = match base.scheme() {
             "http" | "ws" => false,
             "https" | "wss" => true,

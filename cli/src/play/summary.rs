@@ -30,8 +30,7 @@ pub(super) fn text(
     let (all, broken) = (results.len(), results.iter().flatten().count() - ended);
     // Writing to a string cannot fail.
     let _ = write!(text, "{ended} of {all} episodes were run to their end");
-    let _ =
-        write!(text, "{}", if broken > 0 { format!(", {broken} were aborted") } else { String::new() });
+    let _ = write!(text, "{}", if broken > 0 { format!(", {broken} were aborted") } else { String::new() });
     let left = all - ended - broken;
     let _ = write!(text, "{}", if left > 0 { format!(", {left} were not started") } else { String::new() });
     let _ = writeln!(text, ". Mean score (number of episodes): {}.", of_task.join(", "));

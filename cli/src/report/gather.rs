@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use api_types::EvaluationEstimates;
 use anyhow::{Context, bail};
+use api_types::EvaluationEstimates;
 use env_core::TaskSpec;
 use sqlx::{Acquire, SqliteConnection};
 
@@ -11,8 +11,8 @@ use ::curriculum::{Explanation, Mastery, TaskStatus};
 use orchestrator::clock::Millis;
 use orchestrator::engine::task_history::mastery_samples;
 use orchestrator::evaluation::read;
-use orchestrator::queries::run_progress::RunProgress;
 use orchestrator::queries::current_mastery::update_last_points;
+use orchestrator::queries::run_progress::RunProgress;
 use orchestrator::store::curriculum::{self, LevelMoveRow};
 use orchestrator::store::evaluations::{self, EvaluationRow, EvaluationState};
 use orchestrator::store::failures::{self, FailureCell};

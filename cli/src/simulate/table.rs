@@ -70,7 +70,11 @@ fn in_full(one: &CompletedSimulation, episodes: u64) -> String {
                 of_task.iter().copied().filter(|sample| (from..to).contains(&sample.episodes_before));
             table.add_row(row(to, &within.collect::<Vec<_>>()));
         }
-        let now = explanation.tasks.iter().find(|task| task.task == status.task).map_or("", |task| &task.current_state);
+        let now = explanation
+            .tasks
+            .iter()
+            .find(|task| task.task == status.task)
+            .map_or("", |task| &task.current_state);
         text.push_str(&format!("\n{}: {now}\n{table}\n", status.task));
         let moves = one.track.moves.iter().filter(|made| made.level_move.task == status.task);
         moves.for_each(|made| {

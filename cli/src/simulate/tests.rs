@@ -91,7 +91,10 @@ fn one_is_told_in_full_and_several_in_a_line_each() {
     insta::assert_snapshot!("in_full", table::tables(&simulate_all(&one, &|| ()).unwrap(), one.episodes));
     let several =
         Args { strategies: vec![ALL.to_owned()], episodes: 8000, ..args("all", &["fast", "drops"]) };
-    insta::assert_snapshot!("lines", table::tables(&simulate_all(&several, &|| ()).unwrap(), several.episodes));
+    insta::assert_snapshot!(
+        "lines",
+        table::tables(&simulate_all(&several, &|| ()).unwrap(), several.episodes)
+    );
 }
 
 #[test]

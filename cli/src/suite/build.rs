@@ -112,7 +112,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let suite = build(&plan, &bar)?;
     bar.finish_and_clear();
     let text = file::write_suite(&suite)?;
-    let hash = file::parse_suite(text.as_bytes()).context("the suite that was built cannot be read back")?.hash;
+    let hash =
+        file::parse_suite(text.as_bytes()).context("the suite that was built cannot be read back")?.hash;
     std::fs::write(&args.out, &text).with_context(|| format!("{} cannot be written", args.out.display()))?;
     output::print(&format!(
         "{}: {} scenarios, {} bytes, hash {hash}",

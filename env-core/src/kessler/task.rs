@@ -39,14 +39,7 @@ const fn metadata(
     params: &'static [ParamSpec],
     levels: &'static LazyLock<Levels>,
 ) -> TaskMetadata {
-    TaskMetadata {
-        id,
-        world: WORLD_ID,
-        description,
-        params,
-        options: &spaces::KESSLER_OPTIONS,
-        levels,
-    }
+    TaskMetadata { id, world: WORLD_ID, description, params, options: &spaces::KESSLER_OPTIONS, levels }
 }
 
 /// All tasks, in the order in which the docs list them.

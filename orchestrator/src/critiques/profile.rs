@@ -208,7 +208,9 @@ mod tests {
         }
         let all = total_weight(5000);
         // 5 000 multiplications and additions, each off by at most half a unit in the last place of 3 000.
-        for now in [sums.judgement.recent, sums.verdicts[0].recent, sums.verdicts[2].recent / 2.0, cell.weight] {
+        for now in
+            [sums.judgement.recent, sums.verdicts[0].recent, sums.verdicts[2].recent / 2.0, cell.weight]
+        {
             assert!((now - all).abs() < 1e-8, "{now} is not {all}");
         }
         assert_eq!((cell.count, cell.avoidable, cell.steps_left), (5000, 5000, 35_000));

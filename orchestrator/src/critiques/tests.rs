@@ -209,7 +209,11 @@ async fn findings_read_back_and_a_job_is_stored_once() {
     let numbers: Vec<i64> = all.iter().map(|k| k.example.number).collect();
     assert_eq!(numbers, (36..100).rev().collect::<Vec<_>>());
     let last = all[9].clone();
-    let before = FailureCursor { episode_ordinal: last.example.episode_ordinal, cell: last.cell, ordinal: last.example.ordinal };
+    let before = FailureCursor {
+        episode_ordinal: last.example.episode_ordinal,
+        cell: last.cell,
+        ordinal: last.example.ordinal,
+    };
     let wanted = FailureFilter { before: Some(before), ..FailureFilter::default() };
     assert_eq!(writer.change(ReadExamples(wanted, 5)).await.unwrap(), all[10..15]);
     let elsewhere = FailureFilter { sector: Some(4), ..FailureFilter::default() };

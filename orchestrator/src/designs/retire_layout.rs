@@ -37,7 +37,8 @@ impl Change for SetLayoutRetired {
             return Ok(row);
         }
         if !self.retired {
-            layout_outcomes::reset_success_rates(conn, row.id, &to_json(&LayoutHistory::new().recent)?).await?;
+            layout_outcomes::reset_success_rates(conn, row.id, &to_json(&LayoutHistory::new().recent)?)
+                .await?;
         }
         layout_transitions::change_state(conn, row.id, &target.transition(reason.to_owned()), now).await?;
         find_layout(conn, &self.run, self.layout).await

@@ -95,7 +95,8 @@ pub(crate) async fn choose_layouts(
         return Ok(none);
     }
     let run = state.run.as_str();
-    let placed: Vec<_> = state.curriculum.status().into_iter().filter(|status| status.placement_done).collect();
+    let placed: Vec<_> =
+        state.curriculum.status().into_iter().filter(|status| status.placement_done).collect();
     let fits = |task: &str, level: Option<i64>| {
         placed.iter().any(|s| s.task == task && is_near(level.and_then(|l| u32::try_from(l).ok()), s.level))
     };
@@ -129,8 +130,9 @@ impl LayoutChooser {
             return Ok(Some(retired));
         }
         let (share, now) = (self.settings.layout_share, self.train_groups);
-        let may =
-            |layout: &ServableLayout| is_within_share(layout.groups, now - layout.training_groups_at_creation, share);
+        let may = |layout: &ServableLayout| {
+            is_within_share(layout.groups, now - layout.training_groups_at_creation, share)
+        };
         let mut eligible: Vec<&mut ServableLayout> =
             self.active.iter_mut().filter(|layout| may(layout)).collect();
         let Some(at) = pick_index(drawn.pick, eligible.len()) else { return Ok(None) };
@@ -155,7 +157,8 @@ impl LayoutChooser {
                 let Some(found) = servable_layouts::nth_retired(conn, run, task, *level, nth).await? else {
                     return Ok(None);
                 };
-                let (share, since) = (self.settings.layout_share, self.train_groups - found.training_groups_at_creation);
+                let (share, since) =
+                    (self.settings.layout_share, self.train_groups - found.training_groups_at_creation);
                 let groups = self.probed.entry(found.id).or_insert(found.groups);
                 let may = is_within_share(*groups, since, share);
                 *groups += i64::from(may);

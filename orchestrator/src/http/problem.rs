@@ -5,7 +5,6 @@ use std::borrow::Cow;
 use api_types::ProblemDetails;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
@@ -13,11 +12,9 @@ use crate::engine::error::ServiceError;
 use crate::limits::{ConcurrencyError, LimitClosed, RateLimited, TooManyLongPolls};
 
 /// Error response: problem details, and the time after which the client may retry.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct Problem {
-    #[serde(flatten)]
     details: ProblemDetails,
-    #[serde(skip)]
     retry_after_s: Option<u32>,
 }
 

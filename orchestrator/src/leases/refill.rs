@@ -36,10 +36,8 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<GroupRefill
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         groups::insert(run.conn, id, &rows).await?;
         refills::add_given(run.conn, PendingRefill { lease: id, groups: rows.len() as i64 }).await?;
-        granted.push(GroupRefill {
-            lease: lease.name(),
-            groups: rows.iter().map(|row| row.number).collect(),
-        });
+        granted
+            .push(GroupRefill { lease: lease.name(), groups: rows.iter().map(|row| row.number).collect() });
         proposal_queue::fill(run, QUEUE_TARGET).await?;
     }
     Ok(granted)

@@ -112,8 +112,10 @@ impl TaskPrompt {
 /// Returns the goal and the rules of a task.
 pub(crate) fn task_rules(task: &dyn TaskSpec) -> String {
     let rules = if kessler::is_kessler(task) {
-        let goal =
-            KESSLER_GOALS.iter().find(|(id, _)| *id == task.id()).map_or(task.description(), |(_, goal)| goal);
+        let goal = KESSLER_GOALS
+            .iter()
+            .find(|(id, _)| *id == task.id())
+            .map_or(task.description(), |(_, goal)| goal);
         let goal = fill_template(goal.trim_end(), &[("steps", kessler::STEPS.to_string())]);
         fill_template(KESSLER_RULES, &[("goal", goal)])
     } else {

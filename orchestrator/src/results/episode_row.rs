@@ -1,6 +1,6 @@
 //! Rows of audited episodes, and the comparison of a repeated report with the stored row.
 
-use api_types::{ResultReceipt, ReceiptStatus, RefusalCode};
+use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
 
 use crate::engine::error::ServiceError;
 use crate::results::audit_outcome::{AuditOutcome, ReplayedEpisode};

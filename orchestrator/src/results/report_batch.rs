@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use api_types::{ResultReceipt, ReceiptStatus, RefusalCode};
+use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
@@ -106,10 +106,7 @@ impl ReportBatch {
         let Some(lease) = lease.filter(|lease| self.accepts(lease, key.number)) else {
             // The lease was compacted after the lookup.
             let compacted = compacted_leases::get(&mut tx.conn, &self.run, key.lease).await?;
-            return Ok(unstored_receipt(
-                episode,
-                AuditOutcome::of_compacted(compacted.as_ref(), key.number),
-            ));
+            return Ok(unstored_receipt(episode, AuditOutcome::of_compacted(compacted.as_ref(), key.number)));
         };
         let is_late = !lease.is_active() || lease.expires_at <= tx.now;
         let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);

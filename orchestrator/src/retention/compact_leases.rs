@@ -182,7 +182,13 @@ impl CompactionBatch {
             return;
         }
         let sum = group.successes as f64 / group.finished as f64;
-        let of_group = ProgressSpan { at: closed_at, lowest_level: group.level, highest_level: group.level, groups: 1, success_rate_sum: sum };
+        let of_group = ProgressSpan {
+            at: closed_at,
+            lowest_level: group.level,
+            highest_level: group.level,
+            groups: 1,
+            success_rate_sum: sum,
+        };
         self.progress.entry(group.task.clone()).and_modify(|span| span.join(&of_group)).or_insert(of_group);
     }
 

@@ -18,10 +18,10 @@ use crate::clock::{Clock, Millis};
 use crate::engine::error::ServiceError;
 use crate::ids::RunId;
 use crate::leases::lease_service::LeaseService;
+use crate::rollouts::Endpoint;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
 use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
 use crate::rollouts::settings::SetPolicyError;
-use crate::rollouts::Endpoint;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
 use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
@@ -168,7 +168,8 @@ impl RolloutWorker {
         let health = endpoint.llm.health();
         if health.retry_in_s.is_some_and(|left| left > 0.0) {
             drop(conn);
-            let error = format!("calls of the model are paused: {}", health.breaker_error.unwrap_or_default());
+            let error =
+                format!("calls of the model are paused: {}", health.breaker_error.unwrap_or_default());
             return self.pause(active, row, error).await;
         }
         // A few more episodes than concurrent calls, so that no call waits for the slowest episode of a group.

@@ -74,7 +74,12 @@ fn pair_failure(trajectory: &DockingTrajectory, deputy: usize, other: usize, ste
 
 /// The cheapest additional second of thrust along one axis that keeps the two apart until [`CLEAR_STEPS`] after the
 /// contact. Motion is linear, so an additional thrust adds its response to the recorded trajectory.
-fn cheapest_avoidance(trajectory: &DockingTrajectory, deputy: usize, other: usize, contact: u32) -> Option<Remedy> {
+fn cheapest_avoidance(
+    trajectory: &DockingTrajectory,
+    deputy: usize,
+    other: usize,
+    contact: u32,
+) -> Option<Remedy> {
     let bound = trajectory.sim.setup().thrust_bound;
     let relative = relative_path(trajectory, deputy, other, contact);
     let mut best: Option<Remedy> = None;

@@ -60,12 +60,14 @@ fn satellites_lost(
 ) -> Judgement {
     let worst = |case, explanation| Judgement { value: -1.0, case, explanation };
     if hold.lost == 0 && analysis.outcome().goal.is_none() {
-        let explanation = format!("{} lost after a burn; holding would have lost no satellite.", subject(losses));
+        let explanation =
+            format!("{} lost after a burn; holding would have lost no satellite.", subject(losses));
         return worst("harmful_burn", explanation);
     }
     let avoidable: Vec<&SatelliteLoss> = losses.iter().filter(|loss| loss.avoidable == Some(true)).collect();
     if !avoidable.is_empty() {
-        let explanation = format!("{} lost although the threat was visible and avoidable.", subject(avoidable));
+        let explanation =
+            format!("{} lost although the threat was visible and avoidable.", subject(avoidable));
         return worst("threat_missed", explanation);
     }
     if analysis.verdicts.iter().any(|v| v.verdict == Verdict::Harmful) {
@@ -81,7 +83,8 @@ fn satellites_lost(
     let squandered: Vec<&SatelliteLoss> =
         losses.iter().filter(|loss| starved.contains(&(loss.satellite as u32))).filter(has_spent).collect();
     if !squandered.is_empty() {
-        let explanation = format!("{} lost for lack of fuel that had been spent before.", subject(squandered));
+        let explanation =
+            format!("{} lost for lack of fuel that had been spent before.", subject(squandered));
         return worst("fuel_squandered", explanation);
     }
     Judgement {

@@ -12,7 +12,8 @@ const PENDING_STEPS: u32 = 3;
 pub(super) fn judge(analysis: &EpisodeAnalysis<'_>, losses: &[SatelliteLoss], now: u32) -> Judgement {
     let mut burns = analysis.verdicts.iter().filter(|verdict| verdict.step == now);
     if let Some(burn) = burns.find(|burn| burn.verdict == Verdict::Harmful) {
-        let explanation = format!("The outcome would be better without the burn of satellite {}.", burn.agent);
+        let explanation =
+            format!("The outcome would be better without the burn of satellite {}.", burn.agent);
         return Judgement { value: -1.0, case: "harmful_burn", explanation };
     }
     if let Some(judgement) = lost_now(losses, now) {

@@ -307,7 +307,14 @@ fn write_entry(entry: &SuiteEntry) -> Result<String, serde_json::Error> {
 
 impl OutcomeRow {
     const fn of(outcome: &EpisodeOutcome) -> Self {
-        Self(outcome.score, outcome.total_reward, outcome.steps, outcome.lost, outcome.goal, outcome.fuel_used)
+        Self(
+            outcome.score,
+            outcome.total_reward,
+            outcome.steps,
+            outcome.lost,
+            outcome.goal,
+            outcome.fuel_used,
+        )
     }
 
     const fn into_outcome(self) -> EpisodeOutcome {

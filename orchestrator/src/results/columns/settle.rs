@@ -52,8 +52,13 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
         let audited =
             groups.iter().filter(|group| range.holds(group.number)).map(|group| group.finished).sum();
         let SeedRangeRow { finished, failed, score_sum: score, .. } = range;
-        let counters =
-            ClaimCounters { episodes: finished, audited, failed, score_sum: score, ..ClaimCounters::default() };
+        let counters = ClaimCounters {
+            episodes: finished,
+            audited,
+            failed,
+            score_sum: score,
+            ..ClaimCounters::default()
+        };
         columns::add_counters(run.conn, &lease.run, &range.task, range.level, &counters).await?;
         let history = run.task_counts(&range.task);
         history.claimed_episodes += finished - audited; // audited episodes are counted below, by their replay
@@ -113,7 +118,8 @@ pub(crate) async fn refuse(tx: &mut WriteTx, lease: &LeaseRow, reason: &str) -> 
     }
     let audited = discard_groups(tx, lease).await?;
     count_lost(tx, lease, |episodes| ClaimCounters { refused: episodes, ..ClaimCounters::default() }).await?;
-    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Refused, reason: Some(reason), audited }).await?;
+    end(tx, lease, Settlement { claim: &claim, state: ClaimState::Refused, reason: Some(reason), audited })
+        .await?;
     let message = format!("the columns of lease {} were refused: {reason}", lease.name());
     warn(tx, lease, WarningKind::RefusedClaim, &message).await
 }
@@ -129,7 +135,11 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
             })
             .await?;
             columns::settle(&mut tx.conn, lease.id, ClaimState::Unproven, None).await?;
-            emit(tx, lease, Settlement { claim: &claim, state: ClaimState::Unproven, reason: None, audited })?;
+            emit(
+                tx,
+                lease,
+                Settlement { claim: &claim, state: ClaimState::Unproven, reason: None, audited },
+            )?;
             // A trainer that withholds audited logs leaves as plain a trace as one whose logs contradict its claim.
             let message = format!("of what lease {} claims, logs that were due did not come", lease.name());
             warn(tx, lease, WarningKind::UnprovenClaim, &message).await

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use api_types::{ResultReceipt, ReceiptStatus};
+use api_types::{ReceiptStatus, ResultReceipt};
 use parking_lot::Mutex;
 use serde::Serialize;
 use tokio::sync::{mpsc, oneshot};

@@ -14,11 +14,11 @@ use crate::ids::{LeaseId, RunId};
 use crate::leases::renew::RenewLease;
 use crate::metrics;
 use crate::results::report::StoreResults;
+use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::push::{ModelUsage, PushGroup};
 use crate::rollouts::rollout_lease::{ROLLOUT_TTL_S, ReturnRolloutLease};
 use crate::rollouts::run_episode::{RolloutOutcome, roll_out_built_in, roll_out_chat};
 use crate::rollouts::settings::SetPolicyError;
-use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::{RecordingBudget, RolloutError, RolloutGroup};
 use crate::store::run_policies::RunPolicy;
 

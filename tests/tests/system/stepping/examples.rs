@@ -42,7 +42,11 @@ async fn step_example_reports_its_episodes() {
 #[tokio::test(flavor = "multi_thread")]
 async fn vector_example_reports_its_episodes() {
     let Some(stdout) = run_example("vector.py", &["2"]).await else { return };
-    assert_eq!(stdout.lines().filter(|line| line.ends_with("32 finished, 32 counted")).count(), 2, "{stdout}");
+    assert_eq!(
+        stdout.lines().filter(|line| line.ends_with("32 finished, 32 counted")).count(),
+        2,
+        "{stdout}"
+    );
 }
 
 /// A killed and restarted server costs the trainer its current episode, but no result.

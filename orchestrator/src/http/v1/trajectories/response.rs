@@ -66,7 +66,11 @@ fn envelope(format: ResponseFormat, count: usize, next: Option<i64>) -> (Vec<u8>
 }
 
 /// Builds the response with these groups.
-pub(super) fn feed_response(format: ResponseFormat, groups: Vec<PackedFeedGroup>, next: Option<i64>) -> Response {
+pub(super) fn feed_response(
+    format: ResponseFormat,
+    groups: Vec<PackedFeedGroup>,
+    next: Option<i64>,
+) -> Response {
     let kind = match format {
         ResponseFormat::Json => "application/json",
         ResponseFormat::Lines => LINES,
