@@ -85,7 +85,7 @@ beforeAll(async () => {
     name: `${MARKUP}${BIDI}`,
   });
   for (let i = 0; i < 4; i++) {
-    const { id } = await server.post<{ id: string }>("/v1/runs/run/designs", { designer: "llm", n: 1 });
+    const { id } = await server.post<{ id: string }>("/v1/runs/run/designs", { designer: "llm", count: 1 });
     await waitFor(
       () => server.get<{ state: string }>(`/v1/runs/run/designs/requests/${id}`),
       ({ state }) => state === "done" || state === "failed",

@@ -5,6 +5,7 @@ type Schema = components["schemas"];
 
 export type Comparison = Schema["Comparison"];
 export type ComparisonSide = Schema["ComparisonSide"];
+export type CreateDesignRequest = Schema["CreateDesignRequest"];
 export type Design = Schema["Design"];
 export type DesignRequestSummary = Schema["DesignRequestSummary"];
 export type DesignStatistics = Schema["DesignStatistics"];
