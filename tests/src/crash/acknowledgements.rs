@@ -116,6 +116,15 @@ impl AcknowledgementLog {
         self.lock().acknowledged.extend(ids);
     }
 
+    /// Returns the number of acknowledged or delivered episodes of the interface that has the fewest.
+    pub(super) fn fewest_episodes(&self) -> usize {
+        let log = self.lock();
+        let reported =
+            |interface| log.results.values().filter(|result| result.interface == interface).count();
+        let delivered = log.delivered.values().map(Vec::len).sum();
+        ["results", "columns", "steps"].map(reported).into_iter().fold(delivered, usize::min)
+    }
+
     pub(super) fn summary_line(&self) -> String {
         let log = self.lock();
         format!(

@@ -27,8 +27,14 @@ const RUN: &str = "survivor";
 /// When the test stops to kill servers.
 #[derive(Debug, Clone, Copy)]
 pub enum StopCondition {
-    /// Stops after this many kills.
-    Kills(u32),
+    /// Stops after `kills` kills, but not before each interface has acknowledged `episodes` episodes: a busy machine
+    /// needs more kills for as many.
+    Kills {
+        /// Least number of kills.
+        kills: u32,
+        /// Least number of acknowledged episodes of each interface.
+        episodes: usize,
+    },
     /// Stops after this time.
     Time(Duration),
 }
@@ -81,7 +87,7 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
 
     let (mut exits, start, mut last_progress) = (ServerExits::default(), Instant::now(), Instant::now());
     let should_continue = |kills: u32| match plan.until {
-        StopCondition::Kills(count) => kills < count,
+        StopCondition::Kills { kills: least, episodes } => kills < least || log.fewest_episodes() < episodes,
         StopCondition::Time(duration) => start.elapsed() < duration,
     };
     while should_continue(exits.kills) {
